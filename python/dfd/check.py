@@ -1,0 +1,116 @@
+"""Checks of what comes in at the public door: coerce once, name the argument, say what was found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["array", "number", "vertex_indices"]
+
+
+def _describe(shape: Sequence[int | str | None]) -> str:
+    names = ["*" if size is None else str(size) for size in shape]
+    return f"({', '.join(names)}{',' if len(names) == 1 else ''})"
+
+
+def array(
+    function: str,
+    name: str,
+    value: Any,
+    shape: Sequence[int | str | None],
+    *,
+    dtype: Any = np.float32,
+    finite: bool = True,
+) -> NDArray[Any]:
+    """Return `value` as a C-contiguous array of `dtype`, copied only when it must be.
+
+    `shape` lists the wanted sizes: a number is exact, a name such as ``"V"`` or ``None`` stands for any size.
+
+    Raises
+    ------
+    ValueError
+        If `value` is not numeric, has another shape, or (with `finite`) holds NaN or infinity.
+    """
+    if hasattr(value, "detach"):  # a torch tensor: its memory is shared when it lies on the CPU
+        value = value.detach().cpu()
+    try:
+        result = np.asarray(value)
+        if result.dtype.kind not in "fiub":
+            raise TypeError
+    except (TypeError, ValueError):
+        raise ValueError(f"{function}: `{name}` must be a numeric array, got {_kind(value)}") from None
+    if result.ndim != len(shape) or any(
+        isinstance(want, int) and want != have for want, have in zip(shape, result.shape, strict=True)
+    ):
+        raise ValueError(f"{function}: `{name}` must have shape {_describe(shape)}, got {result.shape}")
+    if finite and result.dtype.kind == "f" and not np.isfinite(result).all():
+        where = tuple(int(i) for i in np.argwhere(~np.isfinite(result))[0])
+        raise ValueError(
+            f"{function}: `{name}` must be finite, got {result[where]} at {list(where) if where else 'its value'}"
+        )
+    with np.errstate(over="ignore"):
+        coerced = np.ascontiguousarray(result, dtype=dtype)
+    if finite and coerced.dtype.kind == "f" and coerced is not result and not np.isfinite(coerced).all():
+        raise ValueError(f"{function}: `{name}` has values too large for {np.dtype(dtype).name}")
+    return coerced
+
+
+def number(
+    function: str,
+    name: str,
+    value: Any,
+    *,
+    minimum: float | None = None,
+    maximum: float | None = None,
+    exclusive: bool = False,
+) -> float:
+    """Return `value` as a finite float within [minimum, maximum] (or strictly above the minimum)."""
+    try:
+        result = float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"{function}: `{name}` must be a number, got {_kind(value)}") from None
+    if not np.isfinite(result):
+        raise ValueError(f"{function}: `{name}` must be finite, got {result}")
+    if minimum is not None and (result <= minimum if exclusive else result < minimum):
+        bound = "above" if exclusive else "at least"
+        raise ValueError(f"{function}: `{name}` must be {bound} {minimum:g}, got {result:g}")
+    if maximum is not None and result > maximum:
+        raise ValueError(f"{function}: `{name}` must be at most {maximum:g}, got {result:g}")
+    return result
+
+
+def vertex_indices(
+    function: str, name: str, value: Any, vertex_count: int, *, unique: bool = False
+) -> NDArray[np.int64]:
+    """Return `value` as int64 vertex indices, each in [0, `vertex_count`).
+
+    Raises
+    ------
+    ValueError
+        If an index is not a whole number, lies out of range or (with `unique`) occurs twice.
+    """
+    indices = np.asarray(value)
+    if indices.size == 0 and indices.ndim == 1:
+        return np.zeros(0, np.int64)
+    if indices.ndim != 1 or indices.dtype.kind not in "iu":
+        raise ValueError(
+            f"{function}: `{name}` must be a list of vertex indices, got {_kind(value)} of shape {indices.shape}"
+        )
+    outside = (indices < 0) | (indices >= vertex_count)
+    if outside.any():
+        raise ValueError(
+            f"{function}: `{name}` must lie in 0 … {vertex_count - 1}, got {int(indices[outside][0])}"
+        )
+    if unique:
+        values, counts = np.unique(indices, return_counts=True)
+        if (counts > 1).any():
+            raise ValueError(f"{function}: `{name}` names vertex {int(values[counts > 1][0])} more than once")
+    return np.ascontiguousarray(indices, dtype=np.int64)
+
+
+def _kind(value: Any) -> str:
+    dtype = getattr(value, "dtype", None)
+    return f"{type(value).__name__} of {dtype}" if dtype is not None else type(value).__name__

@@ -1,0 +1,56 @@
+"""Stages of a long call: a bar with the time left for people, a stopwatch for everyone."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Protocol
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+__all__ = ["Stages"]
+
+
+class Advance(Protocol):
+    """Called with the number of finished items, 1 if left out."""
+
+    def __call__(self, count: int = 1) -> None: ...
+
+
+class Stages:
+    """Times every stage of a call and, when asked to, draws its bar on standard error.
+
+    `seconds` maps each stage's name to its wall time, in the order in which stages ended.
+    """
+
+    def __init__(self, show: bool = True) -> None:
+        self.seconds: dict[str, float] = {}
+        self._show = show
+
+    @contextmanager
+    def stage(self, name: str, total: int | None = None) -> Iterator[Advance]:
+        """Time the block under `name`; `total` items make the bar full."""
+        start = time.perf_counter()
+        try:
+            if self._show:
+                with _bar() as bar:
+                    task = bar.add_task(name, total=total)
+                    yield lambda count=1: bar.advance(task, count)
+                    bar.update(task, total=total or 1, completed=total or 1)
+            else:
+                yield lambda count=1: None
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+
+def _bar() -> Progress:
+    columns: list[TextColumn | BarColumn | MofNCompleteColumn | TimeElapsedColumn | TimeRemainingColumn] = [
+        TextColumn("{task.description:<10}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    ]
+    return Progress(*columns, console=Console(stderr=True))
