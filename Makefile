@@ -1,0 +1,38 @@
+# One virtual environment for everything; `make VENV=/elsewhere test` puts it elsewhere.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+
+.PHONY: demo test lint bench clean
+
+demo: $(VENV)/installed
+	$(BIN)/dfd demo
+
+test: $(VENV)/installed-test lint
+	PATH="$(abspath $(BIN)):$$PATH" cmake --preset dev
+	PATH="$(abspath $(BIN)):$$PATH" cmake --build --preset dev
+	PATH="$(abspath $(BIN)):$$PATH" ctest --preset dev
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/installed-test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+# Rebuilt whenever a source that ends up in the package changes.
+SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find cpp python -name '*.[chp]*' -not -name '*.pyc')
+
+$(VENV)/bin/python:
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/installed: $(SOURCES) | $(VENV)/bin/python
+	$(INSTALL) ".[offline]"
+	touch $@
+
+$(VENV)/installed-test: $(SOURCES) | $(VENV)/bin/python
+	$(INSTALL) ".[offline,test]"
+	touch $(VENV)/installed $@
+
+clean:
+	rm -rf $(VENV) build dist demo

@@ -1,0 +1,205 @@
+"""The neural feature field: a small network that gives a unit feature for any point of space."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, cast, overload
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike, NDArray
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import nn
+
+from dfd import check
+from dfd.files import atomic_write
+
+if TYPE_CHECKING:
+    from dfd.mesh import Mesh
+
+__all__ = ["Field"]
+
+FORMAT = "dfd-field"
+VERSION = 1
+# Activations of one batch stay within a few megabytes, so that they live in the cache between two layers.
+BATCH = 8192
+
+
+class Field(nn.Module):
+    """Φ: points in a mesh's own units to unit feature rows.
+
+    The network is the paper's (supplement L): hidden layers of `width` neurons, each a linear map, a ReLU and a
+    LayerNorm, then a linear map to `dimension` numbers and division by their length. Points are first brought to
+    (p − `center`) · `scale`, the normalisation of the mesh that the field was distilled from: it belongs to the
+    field, never to the mesh.
+
+    Parameters
+    ----------
+    dimension
+        Width D of a feature row.
+    width, layers
+        Neurons of a hidden layer, and how many hidden layers.
+    center
+        (3,) in mesh units, the point that becomes the origin.
+    scale
+        Factor per mesh unit; with the longest side of the box s it is 2/s.
+    settings
+        How the field came to be (encoder, views, seed, …), kept with it in its file; JSON values.
+    """
+
+    center: torch.Tensor  # (3,) float64, mesh units
+    scale: torch.Tensor  # () float64, per mesh unit
+
+    def __init__(
+        self,
+        dimension: int,
+        *,
+        width: int = 256,
+        layers: int = 4,
+        center: ArrayLike = (0.0, 0.0, 0.0),
+        scale: float = 1.0,
+        settings: Mapping[str, Any] | None = None,
+    ) -> None:
+        super().__init__()
+        for name, value in (("dimension", dimension), ("width", width), ("layers", layers)):
+            if not isinstance(value, int | np.integer) or value < 1:
+                raise ValueError(f"Field: `{name}` must be a whole number of at least 1, got {value!r}")
+        self.dimension, self.width, self.layers = int(dimension), int(width), int(layers)
+        self.settings = dict(settings or {})
+        self.register_buffer("center", torch.from_numpy(check.array("Field", "center", center, (3,), dtype=np.float64)))
+        factor = check.number("Field", "scale", scale, minimum=0.0, exclusive=True)
+        self.register_buffer("scale", torch.tensor(factor, dtype=torch.float64))
+        hidden: list[nn.Module] = []
+        for layer in range(self.layers):
+            hidden += [nn.Linear(self.width if layer else 3, self.width), nn.ReLU(), nn.LayerNorm(self.width)]
+        self.network = nn.Sequential(*hidden, nn.Linear(self.width, self.dimension))
+
+    def forward(self, points: torch.Tensor) -> torch.Tensor:
+        """Features of (N, 3) points in mesh units, (N, D) unit rows; differentiable in the points."""
+        normalized = (points.to(self.center.dtype) - self.center) * self.scale
+        return self.from_normalized(normalized.to(torch.float32))
+
+    def from_normalized(self, points: torch.Tensor) -> torch.Tensor:
+        """Features of (N, 3) float32 points that are normalised already."""
+        return nn.functional.normalize(self.network(points), dim=-1)
+
+    @overload  # type: ignore[override]
+    def __call__(self, points: torch.Tensor) -> torch.Tensor: ...
+    @overload
+    def __call__(self, points: ArrayLike) -> NDArray[np.float32]: ...
+    def __call__(self, points: Any) -> Any:
+        """Features of `points`.
+
+        Parameters
+        ----------
+        points
+            (N, 3) in mesh units, anywhere in space: an array, or a torch tensor.
+
+        Returns
+        -------
+        (N, D) float32 unit rows, an array for an array (evaluated in batches, so that memory stays at the size of
+        the result) and a tensor, with its gradient, for a tensor.
+
+        Raises
+        ------
+        ValueError
+            If `points` is not (N, 3) or, in an array, not finite.
+        """
+        if isinstance(points, torch.Tensor):
+            if points.ndim != 2 or points.shape[1] != 3:
+                raise ValueError(f"Field: `points` must have shape (N, 3), got {tuple(points.shape)}")
+            return super().__call__(points)
+        array = check.array("Field", "points", points, ("N", 3), dtype=np.float64)
+        features = np.empty((len(array), self.dimension), np.float32)
+        with torch.inference_mode():
+            for start in range(0, len(array), BATCH):
+                batch = torch.from_numpy(array[start : start + BATCH]).to(self.center.device)
+                features[start : start + BATCH] = self.forward(batch).cpu().numpy()
+        return features
+
+    def features(self, mesh: Mesh) -> NDArray[np.float32]:
+        """Features of every vertex of `mesh`, (V, D) float32 unit rows: what `dfd.bind` reads."""
+        return cast("NDArray[np.float32]", self(mesh.vertices))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the field to `path` (.safetensors), whole or not at all.
+
+        Raises
+        ------
+        OSError
+            If `path` cannot be written; a file that was there stays as it was.
+        """
+        metadata = {
+            "format": FORMAT,
+            "version": str(VERSION),
+            "network": json.dumps({"dimension": self.dimension, "width": self.width, "layers": self.layers}),
+            "settings": json.dumps(self.settings, sort_keys=True),
+        }
+        tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in self.state_dict().items()}
+        with atomic_write(path) as temporary:
+            try:
+                save_file(tensors, temporary, metadata)
+            except SafetensorError as error:  # how safetensors reports a full disk or a lost folder
+                raise OSError(None, str(error)) from error
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Field:
+        """Read a field from `path`.
+
+        Raises
+        ------
+        OSError
+            If `path` does not exist or cannot be read.
+        ValueError
+            If it is no field, cut short, of another version, or does not hold the tensors that it promises.
+        """
+        if not os.path.isfile(path):
+            raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is no file")
+        try:
+            with safe_open(path, framework="pt") as file:
+                metadata = file.metadata() or {}
+                _check_header(path, metadata)
+                network = json.loads(metadata["network"])
+                settings = json.loads(metadata["settings"])
+                tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118  # no mapping
+        except SafetensorError as error:
+            raise ValueError(f"Field.load: `path` {os.fspath(path)} is cut short or no field: {error}") from error
+        except (KeyError, json.JSONDecodeError) as error:
+            raise ValueError(f"Field.load: `path` {os.fspath(path)} has an unreadable header: {error}") from error
+        with torch.random.fork_rng(devices=()):  # the initial weights are thrown away: leave the caller's seed alone
+            field = cls(**network, settings=settings)
+        _check_tensors(path, field.state_dict(), tensors)
+        field.load_state_dict(tensors)
+        return field.eval().requires_grad_(False)
+
+
+def _check_header(path: str | os.PathLike[str], metadata: Mapping[str, str]) -> None:
+    if metadata.get("format") != FORMAT:
+        raise ValueError(f"Field.load: `path` {os.fspath(path)} is a safetensors file but no field")
+    if metadata.get("version") != str(VERSION):
+        raise ValueError(
+            f"Field.load: `path` {os.fspath(path)} has version {metadata.get('version')}, this dfd reads {VERSION}"
+        )
+
+
+def _check_tensors(
+    path: str | os.PathLike[str], wanted: Mapping[str, torch.Tensor], found: Mapping[str, torch.Tensor]
+) -> None:
+    def shapes(tensors: Mapping[str, torch.Tensor], names: Sequence[str]) -> str:
+        return ", ".join(f"{name} {tuple(tensors[name].shape)}" for name in names)
+
+    odd = [name for name in wanted if name not in found or found[name].shape != wanted[name].shape]
+    if odd:
+        have = shapes(found, [name for name in odd if name in found]) or "nothing"
+        raise ValueError(f"Field.load: `path` {os.fspath(path)} must hold {shapes(wanted, odd)}, found {have}")
+    unknown = [name for name in found if name not in wanted]
+    if unknown:
+        raise ValueError(f"Field.load: `path` {os.fspath(path)} holds an unknown tensor {unknown[0]}")
+    for name, tensor in found.items():
+        if not torch.isfinite(tensor).all():
+            raise ValueError(f"Field.load: `path` {os.fspath(path)} holds numbers that are not finite in {name}")
+    if float(found["scale"]) <= 0:
+        raise ValueError(f"Field.load: `path` {os.fspath(path)} has scale {float(found['scale'])}, not above 0")

@@ -1,0 +1,163 @@
+"""The field: unit rows at any point, the mesh's units inside, and a file that is whole or refused."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import resource
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors import safe_open
+from safetensors.torch import save_file
+
+from dfd import Field
+
+
+@pytest.fixture
+def field() -> Field:
+    torch.manual_seed(1)
+    return Field(12, width=16, layers=2, center=(1.0, 2.0, 3.0), scale=0.5, settings={"encoder": "test", "views": 3})
+
+
+def points(count: int = 100) -> np.ndarray:
+    return np.random.default_rng(0).normal(size=(count, 3)) * 3
+
+
+def test_rows_are_unit_float32(field: Field) -> None:
+    features = field(points())
+    assert features.shape == (100, 12)
+    assert features.dtype == np.float32
+    np.testing.assert_allclose(np.linalg.norm(features, axis=1), 1, atol=1e-6)
+
+
+def test_array_and_tensor_agree_and_only_tensors_carry_gradients(field: Field) -> None:
+    tensor = torch.from_numpy(points()).requires_grad_()
+    features = field(tensor)
+    np.testing.assert_allclose(features.detach().numpy(), field(points()), atol=1e-6)
+    features[:, 0].sum().backward()
+    assert tensor.grad is not None
+    assert tensor.grad.abs().sum() > 0
+
+
+def test_center_and_scale_undo_the_units_of_the_mesh(field: Field) -> None:
+    far = Field(12, width=16, layers=2, center=(1e7, 2e7, -1e7), scale=1e-3)
+    far.network.load_state_dict(field.network.state_dict())
+    normalized = points()
+    np.testing.assert_allclose(
+        far(normalized * 1e3 + np.array([1e7, 2e7, -1e7])), field(normalized * 2 + np.array([1, 2, 3])), atol=1e-5
+    )
+
+
+def test_many_points_equal_few(field: Field) -> None:
+    many = points(20_001)
+    np.testing.assert_allclose(field(many)[::1000], field(many[::1000]), atol=1e-6)
+
+
+def test_no_points_give_no_rows(field: Field) -> None:
+    assert field(np.zeros((0, 3))).shape == (0, 12)
+
+
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        (np.zeros((4, 2)), r"Field: `points` must have shape \(N, 3\), got \(4, 2\)"),
+        (np.full((2, 3), np.nan), r"Field: `points` must be finite, got nan at \[0, 0\]"),
+        ("somewhere", "Field: `points` must be a numeric array, got str"),
+        (torch.zeros(3), r"Field: `points` must have shape \(N, 3\), got \(3,\)"),
+    ],
+)
+def test_bad_points_are_named(field: Field, bad: object, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        field(bad)  # type: ignore[call-overload]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"dimension": 0}, "`dimension` must be a whole number of at least 1, got 0"),
+        ({"dimension": 3, "width": 2.5}, "`width` must be a whole number of at least 1, got 2.5"),
+        ({"dimension": 3, "scale": 0.0}, "`scale` must be above 0, got 0"),
+        ({"dimension": 3, "center": (0, 0)}, r"`center` must have shape \(3,\), got \(2,\)"),
+    ],
+)
+def test_bad_construction_is_named(arguments: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Field(**arguments)
+
+
+def test_file_gives_the_field_back(field: Field, tmp_path: Path) -> None:
+    path = tmp_path / "a.safetensors"
+    field.save(path)
+    state = torch.random.get_rng_state()
+    loaded = Field.load(path)
+    assert torch.equal(torch.random.get_rng_state(), state)
+    assert loaded.settings == {"encoder": "test", "views": 3}
+    np.testing.assert_array_equal(loaded(points()), field(points()))
+    assert os.listdir(tmp_path) == ["a.safetensors"]
+
+
+def test_cut_file_is_refused(field: Field, tmp_path: Path) -> None:
+    path = tmp_path / "a.safetensors"
+    field.save(path)
+    whole = path.read_bytes()
+    for length in (0, 4, 100, len(whole) // 2, len(whole) - 1):
+        path.write_bytes(whole[:length])
+        with pytest.raises(ValueError, match="cut short or no field"):
+            Field.load(path)
+
+
+def rewrite(field: Field, path: Path, metadata: dict | None = None, tensors: dict | None = None) -> None:
+    field.save(path)
+    with safe_open(path, framework="pt") as file:
+        old = {**file.metadata(), **(metadata or {})}
+    save_file({**field.state_dict(), **(tensors or {})}, path, old)
+
+
+@pytest.mark.parametrize(
+    ("metadata", "tensors", "message"),
+    [
+        ({"format": "other"}, {}, "is a safetensors file but no field"),
+        ({"version": "99"}, {}, "has version 99, this dfd reads 1"),
+        ({"network": "{"}, {}, "has an unreadable header"),
+        ({}, {"network.0.weight": torch.zeros(16, 4)}, r"must hold network.0.weight \(16, 3\), found .*\(16, 4\)"),
+        ({}, {"network.0.bias": torch.full((16,), torch.nan)}, "not finite in network.0.bias"),
+        ({}, {"extra": torch.zeros(1)}, "unknown tensor extra"),
+        ({}, {"scale": torch.tensor(-1.0, dtype=torch.float64)}, "has scale -1.0, not above 0"),
+        ({"network": json.dumps({"dimension": 12, "width": 16, "layers": 3})}, {}, "must hold network.6.bias"),
+    ],
+)
+def test_wrong_file_is_refused(field: Field, tmp_path: Path, metadata: dict, tensors: dict, message: str) -> None:
+    path = tmp_path / "a.safetensors"
+    rewrite(field, path, metadata, tensors)
+    with pytest.raises(ValueError, match=message):
+        Field.load(path)
+
+
+def test_missing_and_foreign_files_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match="does not exist"):
+        Field.load(tmp_path / "none.safetensors")
+    (tmp_path / "text").write_text("hello, I am no field at all")
+    with pytest.raises(ValueError, match="cut short or no field"):
+        Field.load(tmp_path / "text")
+
+
+def test_a_save_that_fails_leaves_the_old_file(field: Field, tmp_path: Path) -> None:
+    path = tmp_path / "a.safetensors"
+    field.save(path)
+    before = path.read_bytes()
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))  # a disk with 1000 bytes left
+    try:
+        with pytest.raises(OSError, match="a.safetensors could not be written"):
+            field.save(path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert path.read_bytes() == before
+    assert os.listdir(tmp_path) == ["a.safetensors"]
+    with pytest.raises(OSError, match="the folder .* does not exist") as error:
+        field.save(tmp_path / "nowhere" / "a.safetensors")
+    assert error.value.errno in (None, errno.ENOENT)
