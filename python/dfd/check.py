@@ -101,9 +101,7 @@ def vertex_indices(
         )
     outside = (indices < 0) | (indices >= vertex_count)
     if outside.any():
-        raise ValueError(
-            f"{function}: `{name}` must lie in 0 … {vertex_count - 1}, got {int(indices[outside][0])}"
-        )
+        raise ValueError(f"{function}: `{name}` must lie in 0 … {vertex_count - 1}, got {int(indices[outside][0])}")
     if unique:
         values, counts = np.unique(indices, return_counts=True)
         if (counts > 1).any():
