@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast, overload
 
 import numpy as np
@@ -156,7 +157,7 @@ class Field(nn.Module):
         ValueError
             If it is no field, cut short, of another version, or does not hold the tensors that it promises.
         """
-        if not os.path.isfile(path):
+        if not Path(path).is_file():
             raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is no file")
         try:
             with safe_open(path, framework="pt") as file:

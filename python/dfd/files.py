@@ -30,9 +30,9 @@ def atomic_write(path: str | os.PathLike[str], argument: str = "path") -> Iterat
     temporary = target.with_name(f".{target.stem}.{secrets.token_hex(4)}{target.suffix}")
     try:
         yield temporary
-        with open(temporary, "rb+") as stream:
+        with temporary.open("rb+") as stream:
             os.fsync(stream.fileno())
-        os.replace(temporary, target)
+        temporary.replace(target)
     except OSError as error:
         reason = error.strerror or str(error)
         raise OSError(error.errno, f"`{argument}`: {target} could not be written: {reason}") from error
