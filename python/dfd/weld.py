@@ -1,0 +1,69 @@
+"""Welding: rows that hold the same position become one vertex."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["weld"]
+
+
+def weld(positions: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Return which rows of `positions` are distinct, and which distinct row each row is.
+
+    Positions are the same when their bits are, with -0.0 equal to 0.0: nothing within a tolerance is merged.
+
+    Parameters
+    ----------
+    positions
+        (N, 3), finite.
+
+    Returns
+    -------
+    first
+        (V,) the first row of each distinct position, ascending: distinct rows keep the order in which they came.
+    vertex
+        (N,) for each row, the index in `first` of its position.
+    """
+    rows = np.ascontiguousarray(positions + 0.0)  # turns -0.0 into 0.0
+    order, starts = _groups(rows)
+    first = np.minimum.reduceat(order, starts) if len(order) else order
+    by_first = np.argsort(first, kind="stable")
+    rank = np.empty(len(first), np.int32)
+    rank[by_first] = np.arange(len(first), dtype=np.int32)
+    vertex = np.empty(len(rows), np.int32)
+    vertex[order] = np.repeat(rank, np.diff(starts, append=len(rows)))
+    return first[by_first], vertex
+
+
+def _groups(rows: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return an order (N,) in which equal rows are neighbours, and the place (V,) where each run of them starts."""
+    key = _hash(rows)
+    order = np.argsort(key)
+    run_begins = _differs(key[order])
+    distinct = _differs(rows[order]).astype(bool)
+    if np.any(distinct & ~run_begins):  # two positions share a hash: sort by the coordinates themselves
+        order = np.lexsort(rows.T[::-1])
+        distinct = _differs(rows[order])
+    return order, np.flatnonzero(distinct)
+
+
+def _hash(rows: NDArray[np.float64]) -> NDArray[np.uint64]:
+    """Return a 64-bit hash (N,) of the bits of every row."""
+    bits = rows.view(np.uint64)
+    key = np.zeros(len(rows), np.uint64)
+    for column in bits.T:
+        key ^= column
+        key *= np.uint64(0x9E3779B97F4A7C15)
+        key ^= key >> np.uint64(29)
+    return key
+
+
+def _differs(values: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return, for every row, whether it differs from the one before; the first does."""
+    begins = np.ones(len(values), bool)
+    changed = values[1:] != values[:-1]
+    begins[1:] = changed if changed.ndim == 1 else changed.any(axis=1)
+    return begins
