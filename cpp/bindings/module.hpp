@@ -1,0 +1,6 @@
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+void init_bind(nanobind::module_& m);
+void init_pose(nanobind::module_& m);

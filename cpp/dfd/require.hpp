@@ -1,0 +1,39 @@
+#pragma once
+
+// Checks of what callers pass in. They throw std::invalid_argument; `assert` is for our own mistakes only.
+
+#include "dfd/matrix.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+#include <stdexcept>
+#include <string>
+
+namespace dfd {
+
+inline void require(bool condition, const char* message)
+{
+    if (!condition) throw std::invalid_argument(message);
+}
+
+template <class T>
+bool all_finite(std::span<const T> values)
+{
+    return std::all_of(values.begin(), values.end(), [](T value) { return std::isfinite(value); });
+}
+
+/// Throws "<operation>: `<name>` must be finite, got <value> at [<row>, <column>]" for the first such value.
+template <class T>
+void require_finite(Matrix<const T> values, const char* operation, const char* name)
+{
+    const std::span<const T> all{values.data, values.rows * values.columns};
+    const auto found = std::find_if(all.begin(), all.end(), [](T value) { return !std::isfinite(value); });
+    if (found == all.end()) return;
+    const auto index = static_cast<std::size_t>(found - all.begin());
+    throw std::invalid_argument(std::string(operation) + ": `" + name + "` must be finite, got " +
+                                std::to_string(*found) + " at [" + std::to_string(index / values.columns) + ", " +
+                                std::to_string(index % values.columns) + "]");
+}
+
+}  // namespace dfd

@@ -1,0 +1,79 @@
+"""The slow twin of each kernel: the paper's equations in NumPy and float64, written to be read.
+
+Tests hold the kernels to these; nothing else calls them. Arguments are taken as they come, without checks.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from dfd.symmetry import SymmetryPlane
+
+__all__ = ["blend", "feature_weights", "geodesic_falloff", "mirrored_blend", "positive_share", "subtract_fixed"]
+
+Array = NDArray[np.float64]
+
+
+def feature_weights(features: ArrayLike, handles: ArrayLike) -> Array:
+    """(V, H) weights of features (V, D) for handle rows (H, D): max(1 − ‖Z_i − Z_j‖₂, 0), Eq. 4 and 5."""
+    z, h = np.asarray(features, np.float64), np.asarray(handles, np.float64)
+    distances = [np.linalg.norm(z - row, axis=1) for row in h]
+    return np.maximum(1.0 - np.stack(distances, axis=1), 0.0) if len(h) else np.zeros((len(z), 0))
+
+
+def subtract_fixed(weights: ArrayLike, fixed_weights: ArrayLike) -> Array:
+    """(V, H) weights less the largest weight (V, P) of any fixed point, at least 0, Eq. 6."""
+    w, f = np.asarray(weights, np.float64), np.asarray(fixed_weights, np.float64)
+    return np.maximum(w - f.max(axis=1, keepdims=True, initial=0.0), 0.0)
+
+
+def geodesic_falloff(weights: ArrayLike, geodesic: ArrayLike, locality: ArrayLike) -> Array:
+    """(V, H) weights times (1 − G)^λ for geodesic distances (H, V) in [0, 1] and λ of every handle, Eq. 7."""
+    w, g = np.asarray(weights, np.float64), np.asarray(geodesic, np.float64)
+    return w * (1.0 - g.T) ** np.asarray(locality, np.float64)
+
+
+def blend(vertices: ArrayLike, weights: ArrayLike, transforms: ArrayLike, default: ArrayLike | None = None) -> Array:
+    """(V, 3) vertices moved by transforms (H, 3, 4) with weights (V, H), and by D₀ for what is left of 1, Eq. 1."""
+    v, w, d = (np.asarray(value, np.float64) for value in (vertices, weights, transforms))
+    rest = np.eye(3, 4) if default is None else np.asarray(default, np.float64)
+    left = np.maximum(1.0 - w.sum(axis=1), 0.0)
+    blended = left[:, None, None] * rest[:3] + np.einsum("vh,hij->vij", w, d[:, :3])
+    return np.einsum("vij,vj->vi", blended, np.column_stack([v, np.ones(len(v))]))
+
+
+def positive_share(vertices: ArrayLike, symmetry: SymmetryPlane) -> Array:
+    """(V,) how much of each vertex is on the positive side: a step at the plane, or a smoothstep over ±band."""
+    heights = np.asarray(vertices, np.float64) @ np.asarray(symmetry.normal) - symmetry.offset
+    if symmetry.band == 0:
+        return np.where(heights >= 0, 1.0, 0.0)
+    t = np.clip(heights / (2 * symmetry.band) + 0.5, 0.0, 1.0)
+    return t * t * (3 - 2 * t)
+
+
+def mirrored_blend(
+    vertices: ArrayLike,
+    weights: ArrayLike,
+    transforms: ArrayLike,
+    symmetry: SymmetryPlane,
+    positive: ArrayLike,
+    default: ArrayLike | None = None,
+) -> Array:
+    """(V, 3) vertices moved by Eq. 8: D_k on the handle's own side (H booleans: the positive one), R D_k R beyond."""
+    normal = np.asarray(symmetry.normal, np.float64)
+    reflection = np.eye(4)
+    reflection[:3, :3] -= 2.0 * np.outer(normal, normal)
+    reflection[:3, 3] = 2.0 * symmetry.offset * normal
+    own = np.zeros((len(np.asarray(transforms)), 4, 4))
+    own[:, 3, 3] = 1.0
+    own[:, :3] = np.asarray(transforms, np.float64)[:, :3]
+    other = reflection @ own @ reflection
+    side = np.asarray(positive, bool)[:, None, None]
+    above = blend(vertices, weights, np.where(side, own, other), default)
+    below = blend(vertices, weights, np.where(side, other, own), default)
+    share = positive_share(vertices, symmetry)[:, None]
+    return share * above + (1.0 - share) * below

@@ -1,0 +1,73 @@
+"""Torch tensors in, torch tensors out, over the same memory, and without importing torch for those who do not use it."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd import check
+
+__all__ = ["contiguous", "is_tensor", "like", "output", "shared"]
+
+
+def is_tensor(value: Any) -> bool:
+    """Whether `value` is a torch tensor."""
+    torch = sys.modules.get("torch")
+    return torch is not None and isinstance(value, torch.Tensor)
+
+
+def shared(function: str, name: str, value: Any) -> Any:
+    """`value`, or the NumPy view of the memory of a torch CPU tensor.
+
+    Raises
+    ------
+    ValueError
+        If `value` is a tensor on another device or of a type that NumPy lacks.
+    """
+    if not is_tensor(value):
+        return value
+    if value.device.type != "cpu":
+        raise ValueError(f"{function}: `{name}` must be on the CPU, got a tensor on {value.device}")
+    try:
+        return value.detach().resolve_conj().resolve_neg().numpy()
+    except (TypeError, RuntimeError):
+        raise ValueError(f"{function}: `{name}` must be a dense array of numbers, got {value.dtype}") from None
+
+
+def output(
+    function: str, out: Any, shape: tuple[int, ...], dtype: Any, inputs: dict[str, NDArray[Any] | None]
+) -> NDArray[Any]:
+    """The array behind `out`, checked to be what a kernel may write to.
+
+    Raises
+    ------
+    ValueError
+        If `out` is not a writable C-contiguous array of `shape` and `dtype`, or shares memory with one of `inputs`.
+    """
+    if is_tensor(out) and out.requires_grad:
+        raise ValueError(f"{function}: `out` must not require a gradient")
+    array = shared(function, "out", out)
+    wanted = f"an array of shape {shape} and type {np.dtype(dtype).name}"
+    if not isinstance(array, np.ndarray):
+        raise ValueError(f"{function}: `out` must be {wanted}, got {type(out).__name__}")
+    if array.shape != shape or array.dtype != dtype:
+        raise ValueError(f"{function}: `out` must be {wanted}, got {array.shape} and {array.dtype.name}")
+    if not array.flags.c_contiguous or not array.flags.writeable or not array.flags.aligned:
+        raise ValueError(f"{function}: `out` must be C-contiguous and writable")
+    for name, other in inputs.items():
+        if other is not None and np.may_share_memory(array, other):
+            raise ValueError(f"{function}: `out` must not overlap `{name}`, which stays as it is")
+    return array
+
+
+def like(value: Any, result: NDArray[Any]) -> Any:
+    """`result` as a torch tensor over the same memory when `value` is a tensor, else as it is."""
+    return sys.modules["torch"].from_numpy(result) if is_tensor(value) else result
+
+
+def contiguous(function: str, name: str, value: Any, shape: tuple[int | str | None, ...], dtype: Any) -> NDArray[Any]:
+    """`value` as a C-contiguous array whose finiteness the kernel checks as it reads."""
+    return check.array(function, name, shared(function, name, value), shape, dtype=dtype, finite=False)
