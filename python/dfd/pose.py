@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from dfd import _core, check, tensors, threads
 
@@ -48,7 +48,7 @@ def pose(
     Returns
     -------
     vertices
-        (V, 3) in mesh units, float32 if `vertices` has no more digits, else float64; a torch tensor if `vertices` is one.
+        (V, 3) in mesh units, float32 if `vertices` is (or has fewer digits), else float64; a torch tensor if it is one.
 
     Raises
     ------
@@ -69,8 +69,6 @@ def pose(
     if symmetry is not None:
         plane = (tuple(symmetry.normal), symmetry.offset, symmetry.band)
         positive = _positive_sides(symmetry, handles, points, matrix)
-    elif handles is not None:
-        raise ValueError("pose: `handles` says on which side of `symmetry` they are, and `symmetry` is not given")
 
     target = None
     if out is not None:
@@ -111,7 +109,9 @@ def _positive_sides(
         else:
             indices = check.vertex_indices("pose", "handles", array, len(vertices))
             if len(indices) != count:
-                raise ValueError(f"pose: `handles` must name {count} handles, as many as `weights` has, got {len(indices)}")
+                raise ValueError(
+                    f"pose: `handles` must name {count} handles, as many as `weights` has, got {len(indices)}"
+                )
             places = vertices[indices]
     heights = places.astype(np.float64) @ np.asarray(symmetry.normal, np.float64) - symmetry.offset
     return np.ascontiguousarray(heights >= 0)

@@ -22,19 +22,22 @@ def feature_weights(features: ArrayLike, handles: ArrayLike) -> Array:
     """(V, H) weights of features (V, D) for handle rows (H, D): max(1 − ‖Z_i − Z_j‖₂, 0), Eq. 4 and 5."""
     z, h = np.asarray(features, np.float64), np.asarray(handles, np.float64)
     distances = [np.linalg.norm(z - row, axis=1) for row in h]
-    return np.maximum(1.0 - np.stack(distances, axis=1), 0.0) if len(h) else np.zeros((len(z), 0))
+    weights: Array = np.maximum(1.0 - np.array(distances).reshape(len(h), len(z)).T, 0.0)
+    return weights
 
 
 def subtract_fixed(weights: ArrayLike, fixed_weights: ArrayLike) -> Array:
     """(V, H) weights less the largest weight (V, P) of any fixed point, at least 0, Eq. 6."""
     w, f = np.asarray(weights, np.float64), np.asarray(fixed_weights, np.float64)
-    return np.maximum(w - f.max(axis=1, keepdims=True, initial=0.0), 0.0)
+    held: Array = f.max(axis=1, keepdims=True, initial=0.0)
+    return np.maximum(w - held, 0.0)
 
 
 def geodesic_falloff(weights: ArrayLike, geodesic: ArrayLike, locality: ArrayLike) -> Array:
     """(V, H) weights times (1 − G)^λ for geodesic distances (H, V) in [0, 1] and λ of every handle, Eq. 7."""
     w, g = np.asarray(weights, np.float64), np.asarray(geodesic, np.float64)
-    return w * (1.0 - g.T) ** np.asarray(locality, np.float64)
+    falloff: Array = (1.0 - g.T) ** np.asarray(locality, np.float64)
+    return w * falloff
 
 
 def blend(vertices: ArrayLike, weights: ArrayLike, transforms: ArrayLike, default: ArrayLike | None = None) -> Array:
@@ -43,15 +46,16 @@ def blend(vertices: ArrayLike, weights: ArrayLike, transforms: ArrayLike, defaul
     rest = np.eye(3, 4) if default is None else np.asarray(default, np.float64)
     left = np.maximum(1.0 - w.sum(axis=1), 0.0)
     blended = left[:, None, None] * rest[:3] + np.einsum("vh,hij->vij", w, d[:, :3])
-    return np.einsum("vij,vj->vi", blended, np.column_stack([v, np.ones(len(v))]))
+    moved: Array = np.einsum("vij,vj->vi", blended, np.column_stack([v, np.ones(len(v))]))
+    return moved
 
 
 def positive_share(vertices: ArrayLike, symmetry: SymmetryPlane) -> Array:
     """(V,) how much of each vertex is on the positive side: a step at the plane, or a smoothstep over ±band."""
-    heights = np.asarray(vertices, np.float64) @ np.asarray(symmetry.normal) - symmetry.offset
+    heights: Array = np.asarray(vertices, np.float64) @ np.asarray(symmetry.normal) - symmetry.offset
     if symmetry.band == 0:
         return np.where(heights >= 0, 1.0, 0.0)
-    t = np.clip(heights / (2 * symmetry.band) + 0.5, 0.0, 1.0)
+    t: Array = np.clip(heights / (2 * symmetry.band) + 0.5, 0.0, 1.0)
     return t * t * (3 - 2 * t)
 
 
@@ -76,4 +80,5 @@ def mirrored_blend(
     above = blend(vertices, weights, np.where(side, own, other), default)
     below = blend(vertices, weights, np.where(side, other, own), default)
     share = positive_share(vertices, symmetry)[:, None]
-    return share * above + (1.0 - share) * below
+    mixed: Array = share * above + (1.0 - share) * below
+    return mixed

@@ -1,4 +1,4 @@
-"""Torch tensors in, torch tensors out, over the same memory, and without importing torch for those who do not use it."""
+"""Torch tensors in, torch tensors out, over the same memory; torch is never imported for those who do not use it."""
 
 from __future__ import annotations
 

@@ -1,0 +1,212 @@
+"""Weights against their slow twin, by analysis, and with bad input."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import dfd
+from dfd import reference
+
+
+def unit_rows(count, dimension, *, seed=0, spread=0.5):
+    """(count, dimension) float32 unit rows that scatter around one direction, as the features of a shape do."""
+    random = np.random.default_rng(seed)
+    rows = random.standard_normal(dimension) + spread * random.standard_normal((count, dimension))
+    return (rows / np.linalg.norm(rows, axis=1, keepdims=True)).astype(np.float32)
+
+
+def twin(features, handles, *, fixed=None, geodesic=None, locality=0.0):
+    weights = reference.feature_weights(features, features[handles])
+    if fixed is not None:
+        weights = reference.subtract_fixed(weights, reference.feature_weights(features, features[fixed]))
+    return weights if geodesic is None else reference.geodesic_falloff(weights, geodesic, locality)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    count=st.integers(1, 200),
+    dimension=st.integers(1, 130),
+    handle_count=st.integers(0, 20),
+    fixed_count=st.integers(0, 4),
+    seed=st.integers(0, 2**32 - 1),
+    local=st.booleans(),
+)
+def test_agrees_with_the_twin(count, dimension, handle_count, fixed_count, seed, local):
+    random = np.random.default_rng(seed)
+    features = unit_rows(count, dimension, seed=seed, spread=random.uniform(0.01, 1))
+    handles = random.permutation(count)[:handle_count]
+    fixed = random.integers(0, count, fixed_count) if fixed_count else None
+    geodesic = random.random((len(handles), count), dtype=np.float32) if local else None
+    locality = random.uniform(0, 6, len(handles)) if local else 0.0
+    weights = dfd.bind(features, handles, fixed=fixed, geodesic=geodesic, locality=locality)
+    assert weights.dtype == np.float32
+    assert weights.flags.c_contiguous
+    wanted = twin(features, handles, fixed=fixed, geodesic=geodesic, locality=locality)
+    np.testing.assert_allclose(weights, wanted, rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize("dimension", [2, 64, 384, 1536])
+def test_close_rows_keep_their_digits(dimension):
+    features = unit_rows(300, dimension, spread=1e-4)
+    np.testing.assert_allclose(dfd.bind(features, [5]), twin(features, [5]), rtol=0, atol=2e-7)
+
+
+def test_rows_need_not_be_of_unit_length():
+    features = 30 * unit_rows(100, 40, spread=1e-3)
+    features[50:] *= 1e-3
+    np.testing.assert_allclose(dfd.bind(features, [3, 60]), twin(features, [3, 60]), rtol=0, atol=1e-5)
+
+
+def test_finite_features_whose_distance_overflows_are_simply_far():
+    features = np.array([[3e30, 0], [-3e30, 1], [3e30, 0]], np.float32)
+    np.testing.assert_array_equal(dfd.bind(features, [0]), [[1], [0], [1]])
+
+
+def test_handle_weighs_exactly_one_at_itself():
+    features = unit_rows(1000, 64, spread=1e-3)
+    handles = np.arange(0, 1000, 37)
+    geodesic = np.random.default_rng(0).random((len(handles), 1000), dtype=np.float32)
+    geodesic[np.arange(len(handles)), handles] = 0
+    weights = dfd.bind(features, handles, geodesic=geodesic, locality=2.5)
+    np.testing.assert_array_equal(weights[handles, np.arange(len(handles))], 1)
+    assert weights.max() == 1
+
+
+def test_fixed_point_holds_itself_and_its_look_alikes():
+    features = unit_rows(100, 16)
+    features[50] = features[10]
+    weights = dfd.bind(features, [3, 4], fixed=[10])
+    assert (weights[[10, 50]] == 0).all()
+    assert weights[3, 0] > 0
+
+
+def test_handles_and_fixed_points_may_be_feature_rows():
+    features = unit_rows(60, 24)
+    between = features[[3]] + features[[4]]
+    between /= np.linalg.norm(between)
+    weights = dfd.bind(features, between, fixed=features[[7]])
+    np.testing.assert_allclose(
+        weights,
+        reference.subtract_fixed(
+            reference.feature_weights(features, between), reference.feature_weights(features, features[[7]])
+        ),
+        atol=1e-5,
+    )
+    np.testing.assert_array_equal(dfd.bind(features, features[[5, 9]]), dfd.bind(features, [5, 9]))
+
+
+@pytest.mark.parametrize("dimension", [3, 16, 61, 384])
+def test_equal_rows_weigh_the_same_wherever_they_stand(dimension):
+    features = np.repeat(unit_rows(3, dimension), 71, axis=0)
+    handles = unit_rows(13, dimension, seed=1)
+    weights = dfd.bind(features, handles)
+    for start in range(0, len(features), 71):
+        np.testing.assert_array_equal(weights[start : start + 71], np.broadcast_to(weights[start], (71, 13)))
+
+
+def test_a_handle_weighs_the_same_alone_and_among_others():
+    features = unit_rows(500, 96)
+    together = dfd.bind(features, np.arange(40), fixed=[77])
+    for handle in (0, 7, 39):
+        np.testing.assert_array_equal(dfd.bind(features, [handle], fixed=[77])[:, 0], together[:, handle])
+
+
+def test_locality_zero_changes_nothing_and_more_only_lowers():
+    features = unit_rows(200, 32)
+    geodesic = np.linspace(0, 1, 400, dtype=np.float32).reshape(2, 200)
+    plain = dfd.bind(features, [0, 1])
+    np.testing.assert_array_equal(dfd.bind(features, [0, 1], geodesic=geodesic, locality=0), plain)
+    mild, strong = (dfd.bind(features, [0, 1], geodesic=geodesic, locality=power) for power in (1, 4))
+    assert (strong <= mild).all()
+    assert (mild <= plain).all()
+    mixed = dfd.bind(features, [0, 1], geodesic=geodesic, locality=[0, 4])
+    np.testing.assert_array_equal(mixed, np.column_stack([plain[:, 0], strong[:, 1]]))
+
+
+def test_no_vertices_and_no_handles():
+    assert dfd.bind(np.zeros((0, 8), np.float32), []).shape == (0, 0)
+    assert dfd.bind(unit_rows(5, 8), []).shape == (5, 0)
+    assert dfd.bind(unit_rows(1, 8), [0]).tolist() == [[1.0]]
+    np.testing.assert_array_equal(dfd.bind(unit_rows(5, 8), [0], fixed=[]), dfd.bind(unit_rows(5, 8), [0]))
+
+
+@pytest.mark.parametrize("change", [np.asfortranarray, lambda a: a[::-1][::-1], lambda a: a.astype(np.float64)])
+def test_any_layout_and_type_gives_the_same_weights(change):
+    features = unit_rows(50, 12)
+    np.testing.assert_array_equal(dfd.bind(change(features), [1]), dfd.bind(features, [1]))
+
+
+def test_memory_off_its_natural_alignment_is_read_right():
+    features = unit_rows(50, 12)
+    shifted = np.frombuffer(b"x" + features.tobytes(), np.uint8)[1:].view(np.float32).reshape(50, 12)
+    np.testing.assert_array_equal(dfd.bind(shifted, [1]), dfd.bind(features, [1]))
+
+
+def test_inputs_stay_and_out_is_filled():
+    features, geodesic = unit_rows(50, 12), np.full((2, 50), 0.5, np.float32)
+    features.flags.writeable = geodesic.flags.writeable = False
+    out = np.empty((50, 2), np.float32)
+    assert dfd.bind(features, [1, 2], fixed=[3], geodesic=geodesic, locality=1, out=out) is out
+    np.testing.assert_array_equal(out, dfd.bind(features, [1, 2], fixed=[3], geodesic=geodesic, locality=1))
+
+
+def test_torch_tensors_share_their_memory():
+    features = torch.from_numpy(unit_rows(50, 12))
+    weights = dfd.bind(features, torch.tensor([1, 2]))
+    assert isinstance(weights, torch.Tensor)
+    np.testing.assert_array_equal(weights.numpy(), dfd.bind(features.numpy(), [1, 2]))
+    out = torch.empty(50, 2)
+    assert dfd.bind(features.requires_grad_(), [1, 2], out=out) is out
+    np.testing.assert_array_equal(out.numpy(), weights.numpy())
+
+
+FEATURES = unit_rows(6, 4)
+NAN_FEATURES = np.where(np.arange(24).reshape(6, 4) == 14, np.nan, FEATURES)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"features": FEATURES[0]}, r"`features` must have shape \(V, D\), got \(4,\)"),
+        ({"features": "abc"}, r"`features` must be a numeric array, got str"),
+        ({"features": NAN_FEATURES}, r"`features` must be finite, got nan at \[3, 2\]"),
+        ({"features": NAN_FEATURES, "handles": [3]}, r"`features` must be finite, got nan at \[3, 2\]"),
+        ({"features": np.full((6, 4), np.inf)}, r"`features` must be finite, got inf at \[0, 0\]"),
+        ({"handles": [6]}, r"`handles` must lie in 0 … 5, got 6"),
+        ({"handles": [-1]}, r"`handles` must lie in 0 … 5, got -1"),
+        ({"handles": [2, 3, 2]}, r"`handles` names vertex 2 more than once"),
+        ({"handles": [0.5]}, r"`handles` must be a list of vertex indices"),
+        ({"handles": FEATURES[:, :3]}, r"`handles` must have shape \(N, 4\), got \(6, 3\)"),
+        ({"handles": NAN_FEATURES}, r"`handles` must be finite, got nan at \[3, 2\]"),
+        ({"fixed": [9]}, r"`fixed` must lie in 0 … 5, got 9"),
+        ({"fixed": FEATURES[:, :3]}, r"`fixed` must have shape \(N, 4\), got \(6, 3\)"),
+        ({"locality": 1}, r"`geodesic` must be given when `locality` is above 0"),
+        ({"locality": -1, "geodesic": np.zeros((1, 6))}, r"`locality` must be at least 0, got -1"),
+        ({"locality": np.nan, "geodesic": np.zeros((1, 6))}, r"`locality` must be finite, got nan"),
+        ({"locality": [1, 2], "geodesic": np.zeros((1, 6))}, r"`locality` must have shape \(1,\), got \(2,\)"),
+        ({"locality": [-2.0], "geodesic": np.zeros((1, 6))}, r"`locality` must be at least 0, got -2"),
+        ({"locality": "far", "geodesic": np.zeros((1, 6))}, r"`locality` must be a number, got str"),
+        ({"geodesic": np.zeros((6, 1))}, r"`geodesic` must have shape \(1, 6\), got \(6, 1\)"),
+        ({"geodesic": np.full((1, 6), 1.5)}, r"`geodesic` must lie in \[0, 1\]"),
+        ({"geodesic": np.full((1, 6), -0.1)}, r"`geodesic` must lie in \[0, 1\]"),
+        ({"geodesic": np.full((1, 6), np.nan)}, r"`geodesic` must lie in \[0, 1\]"),
+        ({"out": np.empty((6, 2), np.float32)}, r"`out` must be an array of shape \(6, 1\) and type float32"),
+        ({"out": np.empty((6, 1))}, r"`out` must be .* float32, got \(6, 1\) and float64"),
+        ({"out": np.empty((6, 2), np.float32)[:, :1]}, r"`out` must be C-contiguous and writable"),
+        ({"out": [0] * 6}, r"`out` must be an array of .*, got list"),
+        ({"features": torch.empty(6, 4, device="meta")}, r"`features` must be on the CPU"),
+    ],
+)
+def test_bad_input(arguments, message):
+    with pytest.raises(ValueError, match="^bind: " + message):
+        dfd.bind(**{"features": FEATURES, "handles": [0], **arguments})
+
+
+def test_out_must_not_overlap_an_input():
+    features = unit_rows(4, 4)
+    with pytest.raises(ValueError, match=r"^bind: `out` must not overlap `features`"):
+        dfd.bind(features, [0, 1, 2, 3], out=features)
