@@ -1,0 +1,214 @@
+"""From a shape to a closed mesh: surface nets on a grid, evened out, mirrored exactly at x = 0.
+
+Surface nets (S. F. F. Gibson, "Constrained elastic surface nets", MICCAI 1998) put a vertex into every cell that the
+surface crosses and a quadrilateral around every grid edge that it crosses. Where two sheets pass through one cell, each
+gets its own vertex (G. M. Nielson, "Dual marching cubes", IEEE Visualization 2004), which keeps the mesh a manifold.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from dfd.samples.implicit import Shape
+
+__all__ = ["polygonize"]
+
+_FIRST_SPACING = 1 / 40  # of the grid that the size of all others is measured by
+_BLOCK = 4  # grid steps per block of the coarse grid that finds the surface
+_MOST_GRID_FACES = 60_000  # finer meshes are subdivided from a coarser grid
+_CORNERS = np.array([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+_EDGES = [  # (axis, start, end), numbered by axis and by where the edge stands in the two other axes
+    (axis, corner, corner + (4, 2, 1)[axis]) for axis in range(3) for corner in range(8) if not _CORNERS[corner][axis]
+]
+
+
+def polygonize(
+    shape: Shape, low: tuple[float, float, float], high: tuple[float, float, float], faces: int
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Return vertices (V, 3) and triangles (F, 3), outward, of about `faces` faces.
+
+    The shape must lie inside the box from `low` to `high`. Vertices and faces are each other's mirror images bit for
+    bit: with (x, y, z) there is (-x, y, z).
+    """
+    halvings = 0
+    while faces / 4**halvings > _MOST_GRID_FACES:
+        halvings += 1
+    wanted = faces / 4**halvings
+    count = 2 * len(_half(shape, low, high, _FIRST_SPACING)[1])
+    spacing = _FIRST_SPACING * np.sqrt(count / wanted)  # the number of faces grows with the square of the resolution
+    vertices, triangles = _connected(*_half(shape, low, high, spacing))
+    vertices = _even_out(shape, vertices, triangles, spacing)
+    for _ in range(halvings):
+        vertices, triangles = _subdivide(vertices, triangles)
+        spacing /= 2
+        vertices = shape.project(vertices, spacing, 1)
+    return _with_mirror_image(vertices, triangles)
+
+
+def _half(
+    shape: Shape, low: tuple[float, float, float], high: tuple[float, float, float], spacing: float
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Return the surface net of the half x >= 0, its rim exactly at x = 0."""
+    origin = np.array([-spacing / 2, low[1], low[2]])  # the first layer of cells straddles the plane of symmetry
+    blocks = tuple(int(np.ceil((high[i] - origin[i]) / (_BLOCK * spacing))) for i in range(3))
+    values = _values_near_surface(shape, origin, spacing, blocks)
+    inside = values < 0
+    cells = tuple(n - 1 for n in values.shape)
+    code = np.zeros(cells, np.uint8)  # which corners of each cell lie inside
+    for bit, (i, j, k) in enumerate(_CORNERS):
+        code |= inside[i : i + cells[0], j : j + cells[1], k : k + cells[2]].astype(np.uint8) << np.uint8(bit)
+    crossed = np.argwhere((code > 0) & (code < 255))  # (N, 3) cells
+    vertices, first, sheet = _net(values, crossed, code[tuple(crossed.T)])
+    vertices = origin + spacing * vertices
+    number = np.full(cells, -1, np.int32)
+    number[tuple(crossed.T)] = np.arange(len(crossed), dtype=np.int32)
+    quads = np.concatenate([_quads(inside, number, first, sheet, axis) for axis in range(3)])
+    return vertices, _triangles(vertices, quads)
+
+
+def _values_near_surface(
+    shape: Shape, origin: NDArray[np.float64], spacing: float, blocks: tuple[int, ...]
+) -> NDArray[np.float64]:
+    """Return the distance at every grid point: right near the surface, elsewhere right in its sign."""
+    corner = np.stack(np.meshgrid(*[np.arange(n + 1) for n in blocks], indexing="ij"), axis=-1)
+    coarse = shape.distance(origin + _BLOCK * spacing * corner.reshape(-1, 3)).reshape(corner.shape[:3])
+    values = coarse.repeat(_BLOCK, 0).repeat(_BLOCK, 1).repeat(_BLOCK, 2)
+    # a corner whose distance is more than its cells' diagonal cannot have the surface in them; twice, since an
+    # ellipsoid's distance is only about right
+    near = np.argwhere(np.abs(coarse) < 2 * np.sqrt(3) * _BLOCK * spacing) * _BLOCK
+    within = np.stack(np.meshgrid(*[np.arange(_BLOCK)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    points = (near[:, None] + within).reshape(-1, 3)
+    values[tuple(points.T)] = shape.distance(origin + spacing * points)
+    return values
+
+
+def _connected(
+    vertices: NDArray[np.float64], triangles: NDArray[np.int32]
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Return the largest connected piece: on a coarse grid the thin tip of a horn can come off."""
+    links = coo_array((np.ones(triangles.size, bool), (triangles.ravel(), triangles[:, [1, 2, 0]].ravel())))
+    component = connected_components(links, directed=False)[1]
+    kept = component == np.bincount(component).argmax()
+    number = np.cumsum(kept, dtype=np.int32) - np.int32(1)
+    return vertices[kept], number[triangles[kept[triangles[:, 0]]]]
+
+
+def _net(
+    values: NDArray[np.float64], crossed: NDArray[np.int64], code: NDArray[np.uint8]
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return the vertices (V, 3) in grid units, the first of each cell (N,), and the sheet (N, 12) of each edge."""
+    sheet = _sheets()[code]
+    count = sheet.max(axis=1) + 1
+    first = np.cumsum(count) - count
+    corners = crossed[:, None] + _CORNERS
+    at_corner = values[corners[..., 0], corners[..., 1], corners[..., 2]]  # (N, 8)
+    summed, crossings = np.zeros((count.sum(), 3)), np.zeros(count.sum())
+    for edge, (_, a, b) in enumerate(_EDGES):
+        cut = np.flatnonzero(sheet[:, edge] >= 0)
+        share = at_corner[cut, a] / (at_corner[cut, a] - at_corner[cut, b])
+        vertex = first[cut] + sheet[cut, edge]  # each at most once for one edge
+        summed[vertex] += _CORNERS[a] + share[:, None] * (_CORNERS[b] - _CORNERS[a])
+        crossings[vertex] += 1
+    vertices = np.repeat(crossed, count, axis=0) + summed / crossings[:, None]
+    vertices[np.repeat(crossed[:, 0] == 0, count), 0] = 0.5  # on the plane of symmetry
+    return vertices, first, sheet
+
+
+@cache
+def _sheets() -> NDArray[np.int64]:
+    """Return, for each of the 256 ways to have corners inside, the sheet that crosses each edge, -1 for none."""
+    table = np.full((256, 12), -1)
+    for code in range(1, 255):
+        cut = [edge for edge, (_, a, b) in enumerate(_EDGES) if (code >> a & 1) != (code >> b & 1)]
+        sheet = {edge: edge for edge in cut}
+        for axis in range(3):
+            for side in (0, 1):
+                on_face = [edge for edge in cut if all(_CORNERS[c][axis] == side for c in _EDGES[edge][1:])]
+                for edge in on_face:
+                    for other in on_face:
+                        # where all four edges of a face are cut, its two inside corners are kept apart
+                        shared = set(_EDGES[edge][1:]) & set(_EDGES[other][1:])
+                        if len(on_face) == 2 or any(code >> corner & 1 for corner in shared):
+                            old, new = sheet[edge], sheet[other]
+                            sheet = {key: new if value == old else value for key, value in sheet.items()}
+        names = sorted(set(sheet.values()))
+        for edge, value in sheet.items():
+            table[code, edge] = names.index(value)
+    return table
+
+
+def _quads(
+    inside: NDArray[np.bool_],
+    number: NDArray[np.int32],
+    first: NDArray[np.int64],
+    sheet: NDArray[np.int64],
+    axis: int,
+) -> NDArray[np.int32]:
+    """Return the vertices (Q, 4) of the four cells around each crossed grid edge along `axis`, outward."""
+    begin, end = [slice(None)] * 3, [slice(None)] * 3
+    begin[axis], end[axis] = slice(None, -1), slice(1, None)
+    starts = inside[tuple(begin)]
+    edges = np.argwhere(starts != inside[tuple(end)])
+    u, v = np.eye(3, dtype=int)[(axis + 1) % 3], np.eye(3, dtype=int)[(axis + 2) % 3]
+    edges = edges[(edges[:, (axis + 1) % 3] > 0) & (edges[:, (axis + 2) % 3] > 0)]
+    columns = []
+    for offset in (u + v, v, 0 * u, u):  # where the edge stands in each of its cells
+        cell = number[tuple((edges - offset).T)]
+        start = int(offset @ (4, 2, 1))
+        columns.append(first[cell] + sheet[cell, _EDGES.index((axis, start, start + (4, 2, 1)[axis]))])
+    quads = np.stack(columns, axis=1).astype(np.int32)
+    leaves = starts[tuple(edges.T)]  # along the edge the way leads out of the shape
+    return np.where(leaves[:, None], quads, quads[:, ::-1])
+
+
+def _triangles(vertices: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Cut every quadrilateral along its shorter diagonal."""
+    a, b, c, d = (vertices[quads[:, i]] for i in range(4))
+    first = ((a - c) ** 2).sum(axis=1) <= ((b - d) ** 2).sum(axis=1)
+    cut = np.where(first[:, None], quads[:, [0, 1, 2, 0, 2, 3]], quads[:, [1, 2, 3, 1, 3, 0]])
+    return cut.reshape(-1, 3)
+
+
+def _even_out(
+    shape: Shape, vertices: NDArray[np.float64], triangles: NDArray[np.int32], spacing: float
+) -> NDArray[np.float64]:
+    """Move vertices towards the middle of their neighbours and back onto the surface, a few times."""
+    vertices = shape.project(vertices, spacing, 2)
+    start = triangles.ravel()
+    end = triangles[:, [1, 2, 0]].ravel()
+    ends, starts = np.concatenate([end, start]), np.concatenate([start, end])
+    neighbours = np.bincount(starts, minlength=len(vertices))[:, None]
+    for last in (False, False, True):
+        middle = np.stack([np.bincount(starts, axis[ends], len(vertices)) for axis in vertices.T], axis=1) / neighbours
+        middle[vertices[:, 0] == 0, 0] = 0.0
+        vertices = shape.project((vertices + middle) / 2, spacing / 2, 2 if last else 1)
+    return vertices
+
+
+def _subdivide(
+    vertices: NDArray[np.float64], triangles: NDArray[np.int32]
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Cut every triangle into four at the middles of its edges."""
+    edges = np.sort(np.stack([triangles, triangles[:, [1, 2, 0]]], axis=-1).reshape(-1, 2), axis=1)
+    key = edges[:, 0].astype(np.int64) * len(vertices) + edges[:, 1]
+    distinct, edge = np.unique(key, return_inverse=True)
+    middles = (vertices[distinct // len(vertices)] + vertices[distinct % len(vertices)]) / 2
+    ab, bc, ca = (edge.reshape(-1, 3) + len(vertices)).astype(np.int32).T
+    a, b, c = triangles.T
+    four = np.stack([a, ab, ca, b, bc, ab, c, ca, bc, ab, bc, ca], axis=1).reshape(-1, 3)
+    return np.concatenate([vertices, middles]), four
+
+
+def _with_mirror_image(
+    vertices: NDArray[np.float64], triangles: NDArray[np.int32]
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    beside = vertices[:, 0] > 0
+    image = np.arange(len(vertices), dtype=np.int32)
+    image[beside] = len(vertices) + np.arange(beside.sum(), dtype=np.int32)
+    mirrored = vertices[beside] * np.array([-1.0, 1.0, 1.0])
+    return np.concatenate([vertices, mirrored]), np.concatenate([triangles, image[triangles][:, ::-1]])
