@@ -1,0 +1,77 @@
+"""Undo without limit: the states of an edit, one after the other. They are small and share what did not change."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator
+from contextlib import contextmanager
+
+from dfd.edit import Edit
+
+__all__ = ["History"]
+
+
+class History:
+    """A list of states with a place in it."""
+
+    def __init__(self, start: Edit) -> None:
+        self._states = [start]
+        self._now = 0
+        self._floor = 0  # the state that `undo` does not go below, while a `step` is open
+        self._topic: Hashable = None  # what the newest step is about, for others about the same to join
+
+    @property
+    def present(self) -> Edit:
+        """The state at this moment."""
+        return self._states[self._now]
+
+    def commit(self, state: Edit, *, topic: Hashable = None, merge: bool = False) -> None:
+        """Make `state` the present one and forget what was undone; a state equal to the present one is no step.
+
+        With `merge` it takes the place of the newest step if that one was about the same `topic`.
+        """
+        joins = merge and topic is not None and topic == self._topic
+        if state != self.present:
+            self._now += 0 if joins else 1
+            self._states[self._now :] = [state]
+            self._topic = topic
+        elif not joins:
+            self._topic = None
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is a step to take back."""
+        return self._now > self._floor
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether there is a step that was taken back."""
+        return self._now + 1 < len(self._states)
+
+    def undo(self) -> bool:
+        """Take the newest step back; False if there is none."""
+        return self._go(-1) if self.can_undo else False
+
+    def redo(self) -> bool:
+        """Take a step again that was taken back; False if there is none."""
+        return self._go(+1) if self.can_redo else False
+
+    def _go(self, steps: int) -> bool:
+        self._now += steps
+        self._topic = None
+        return True
+
+    @contextmanager
+    def step(self) -> Iterator[None]:
+        """Make one step of all commits inside; if the block fails, none of them happened."""
+        start, floor, before = self._now, self._floor, list(self._states)
+        self._floor, self._topic = start, None
+        try:
+            yield
+            if self._now > start:
+                self._states[start + 1 :] = [self.present]
+                self._now = start + 1
+        except BaseException:
+            self._states, self._now = before, start
+            raise
+        finally:
+            self._floor, self._topic = floor, None
