@@ -117,7 +117,7 @@ class Field(nn.Module):
         features = np.empty((len(array), self.dimension), np.float32)
         with torch.inference_mode():
             for start in range(0, len(array), BATCH):
-                batch = torch.from_numpy(array[start : start + BATCH]).to(self.center.device)
+                batch = torch.tensor(array[start : start + BATCH]).to(self.center.device)
                 features[start : start + BATCH] = self.forward(batch).cpu().numpy()
         return features
 
