@@ -1,8 +1,149 @@
-"""What colours a surface."""
+"""What colours a surface: textures, vertex colours and materials, looked up at points of faces."""
+
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["GREY", "Appearance", "Material", "Wrap", "srgb"]
+
+GREY = 0.8  # of a surface about which nothing is known, display-referred
+
+Wrap = Literal["repeat", "mirror", "clamp"]
 
 
+class _Digest(Protocol):
+    def update(self, data: bytes, /) -> None: ...
+
+
+@dataclass(frozen=True)
+class Material:
+    """What one kind of surface looks like; colours are display-referred (sRGB) in [0, 1]."""
+
+    color: tuple[float, float, float, float] = (GREY, GREY, GREY, 1.0)  # multiplies texture and vertex colours
+    texture: NDArray[np.uint8] | None = None  # (rows, columns, 4) RGBA, first row on top
+    wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")  # what lies beyond the texture along u and v
+    alpha_mode: Literal["OPAQUE", "MASK", "BLEND"] = "OPAQUE"
+    alpha_cutoff: float = 0.5  # in mode MASK, less is clear and the rest opaque
+
+
+@dataclass(frozen=True)
 class Appearance:
-    def update_hash(self, digest: Any) -> None: ...
+    """Colours over the faces of a mesh.
+
+    Texture coordinates and vertex colours belong to rows, of which a vertex on a seam has several.
+    """
+
+    corners: NDArray[np.int32]  # (R,) the vertex each row is at, -1 for a row that no face uses
+    corner_faces: NDArray[np.int32]  # (F, 3) rows of each face's corners
+    face_material: NDArray[np.int32]  # (F,) index into `materials`
+    materials: tuple[Material, ...]
+    uv: NDArray[np.float32] | None = None  # (R, 2) texture coordinates, v upwards
+    colors: NDArray[np.float32] | None = None  # (R, 4) display-referred RGBA in [0, 1]
+
+    def albedo(self, faces: NDArray[np.integer], barycentric: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Return the display-referred RGBA (N, 4) in [0, 1] of points of the surface.
+
+        Parameters
+        ----------
+        faces
+            (N,) face of each point.
+        barycentric
+            (N, 3) its weights of the face's three corners.
+        """
+        rows = self.corner_faces[faces]
+        weights = barycentric.astype(np.float32, copy=False)
+        material = self.face_material[faces]
+        result = np.array([each.color for each in self.materials], np.float32)[material]
+        for index, each in enumerate(self.materials):
+            if each.texture is not None and self.uv is not None:
+                here = slice(None) if len(self.materials) == 1 else np.flatnonzero(material == index)
+                result[here] *= _sample(each, _blend(self.uv, rows[here], weights[here]))
+        if self.colors is not None:
+            result *= _blend(self.colors, rows, weights)
+        self._apply_alpha_modes(result, material)
+        return np.clip(result, 0, 1, out=result)
+
+    def _apply_alpha_modes(self, result: NDArray[np.float32], material: NDArray[np.int32]) -> None:
+        for index, each in enumerate(self.materials):
+            if each.alpha_mode != "BLEND":
+                here = slice(None) if len(self.materials) == 1 else material == index
+                opaque = each.alpha_mode == "OPAQUE" or result[here, 3] >= each.alpha_cutoff
+                result[here, 3] = opaque
+
+    def update_hash(self, digest: _Digest) -> None:
+        """Feed everything that `albedo` depends on to a hash."""
+        arrays = [self.corner_faces, self.face_material, self.uv, self.colors]
+        for material in self.materials:
+            settings = (material.color, material.wrap, material.alpha_mode, material.alpha_cutoff)
+            digest.update(repr(settings).encode())
+            arrays.append(material.texture)
+        for values in arrays:
+            digest.update(b"none" if values is None else str(values.shape).encode())
+            if values is not None:
+                digest.update(np.ascontiguousarray(values).data)
+
+
+def srgb(linear: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Return display-referred values (IEC 61966-2-1) of linear ones in [0, 1]."""
+    values = np.clip(np.asarray(linear, np.float64), 0, 1)
+    encoded = np.where(values <= 0.0031308, 12.92 * values, 1.055 * values ** (1 / 2.4) - 0.055)
+    return encoded.astype(np.float32)
+
+
+def _blend(
+    values: NDArray[np.float32],  # (R, K)
+    rows: NDArray[np.int32],  # (N, 3)
+    weights: NDArray[np.float32],  # (N, 3)
+) -> NDArray[np.float32]:
+    blended: NDArray[np.float32] = values[rows[:, 0]] * weights[:, :1]
+    blended += values[rows[:, 1]] * weights[:, 1:2]
+    blended += values[rows[:, 2]] * weights[:, 2:]
+    return blended
+
+
+def _sample(material: Material, uv: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the texture's RGBA (N, 4) in [0, 1] at `uv` (N, 2), blended between the four nearest texels."""
+    texture = material.texture
+    assert texture is not None
+    height, width = texture.shape[:2]
+    left, right, across = _texels(uv[:, 0], width, material.wrap[0])
+    top, bottom, down = _texels(1 - uv[:, 1], height, material.wrap[1])
+    texels = texture.reshape(-1, 4)
+    upper = _mix(texels[top * width + left], texels[top * width + right], across)
+    lower = _mix(texels[bottom * width + left], texels[bottom * width + right], across)
+    return _mix(upper, lower, down) / np.float32(255)
+
+
+def _texels(
+    coordinate: NDArray[np.float32], size: int, wrap: Wrap
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:
+    """Return the texels before and after a coordinate (N,) and its place (N, 1) between them."""
+    if wrap == "repeat":
+        coordinate = coordinate - np.floor(coordinate)  # first, so that far repeats stay exact
+    elif wrap == "mirror":
+        coordinate = coordinate - 2 * np.floor(coordinate / 2)
+    else:
+        coordinate = np.clip(coordinate, 0, 1)
+    place = coordinate * np.float32(size) - np.float32(0.5)
+    before = np.floor(place)
+    fraction = (place - before)[:, None]
+    first = before.astype(np.int64)
+    second = first + 1
+    if wrap == "repeat":
+        return first % size, second % size, fraction
+    if wrap == "mirror":
+        first, second = first % (2 * size), second % (2 * size)
+        return np.minimum(first, 2 * size - 1 - first), np.minimum(second, 2 * size - 1 - second), fraction
+    return np.clip(first, 0, size - 1), np.clip(second, 0, size - 1), fraction
+
+
+def _mix(
+    a: NDArray[np.uint8] | NDArray[np.float32], b: NDArray[np.uint8] | NDArray[np.float32], share: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Return a + share · (b − a)."""
+    start = a.astype(np.float32, copy=False)
+    return start + share * (b.astype(np.float32, copy=False) - start)

@@ -141,7 +141,7 @@ def load(path: str | os.PathLike[str]) -> Mesh:
         If a texture or materials file cannot be read; what it would colour is shown grey.
     """
     scene = SceneFile(path)
-    return Mesh(scene.vertices, scene.vertex[scene.corner_faces], scene=scene)
+    return Mesh(scene.vertices, scene.vertex[scene.corner_faces], appearance=scene.appearance, scene=scene)
 
 
 def smooth_normals(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float32]:
