@@ -6,7 +6,6 @@ The tokens of a block are what the network would give if that block were its las
 
 from __future__ import annotations
 
-import inspect
 import math
 import warnings
 from collections.abc import Callable, Iterator
@@ -33,16 +32,20 @@ class VisionModel:
 
     network: nn.Module
     tokens: Callable[[Tensor], Tensor]
+    dimension: int
     patch: int
     step: int
     block: int
     depth: int
     normalisation: Normalisation
     fixed_size: int | None = None
+    pluggable_attention: bool = False
 
 
-def build(weights: Weights, block: int | None) -> VisionModel:
+def build(weights: Weights, block: int | None = None, normalisation: Normalisation | None = None) -> VisionModel:
     """Put `weights` into a network and cut it off after `block`; None takes the family's own choice.
+
+    `normalisation` is used where the weights come without one.
 
     Raises
     ------
@@ -56,7 +59,7 @@ def build(weights: Weights, block: int | None) -> VisionModel:
     kind = weights.config["model_type"]
     if kind not in CONFIG_MAPPING:
         raise ValueError(f"load_encoder: `encoder`: this version of transformers does not know the model type {kind!r}")
-    family = _FAMILIES.get(kind, _Family("AutoModel", _any_vit))
+    family = _FAMILIES.get(kind, _UNKNOWN)
     with _quiet():
         try:
             config = CONFIG_MAPPING[kind].from_dict(dict(weights.config))
@@ -84,12 +87,14 @@ def build(weights: Weights, block: int | None) -> VisionModel:
     return VisionModel(
         network=network,
         tokens=lambda images: family.tokens(network, images),
+        dimension=family.dimension(config, chosen),
         patch=patch,
         step=step or patch,
         block=chosen,
         depth=depth,
-        normalisation=weights.normalisation or family.normalisation,
+        normalisation=weights.normalisation or normalisation or family.normalisation,
         fixed_size=family.fixed_size(config),
+        pluggable_attention=family.pluggable_attention,
     )
 
 
@@ -99,6 +104,15 @@ def _patch(config: Any, block: int) -> int:
         size = size[0]
     if not isinstance(size, int):
         raise ValueError("load_encoder: `encoder` must be a vision transformer with square patches")
+    return size
+
+
+def _image_size(config: Any) -> int:
+    size = getattr(config, "image_size", None)
+    if isinstance(size, list | tuple) and len(set(size)) == 1:
+        size = size[0]
+    if not isinstance(size, int):
+        raise ValueError("load_encoder: `encoder` must be a network for square images of a known size")
     return size
 
 
@@ -118,9 +132,11 @@ class _Family:
     arguments: dict[str, Any] = field(default_factory=dict)
     normalisation: Normalisation = IMAGENET
     block: Callable[[Any, int], int] = lambda config, depth: depth
+    dimension: Callable[[Any, int], int] = lambda config, block: int(config.hidden_size)
     patch: Callable[[Any, int], int] = _patch
     step: Callable[[Any], int | None] = lambda config: None
     fixed_size: Callable[[Any], int | None] = lambda config: None
+    pluggable_attention: bool = False
 
 
 def _load(family: _Family, weights: Weights, config: Any) -> tuple[Any, set[str]]:
@@ -256,12 +272,6 @@ def _convnext(network: Any, images: Tensor) -> Tensor:
     return network.layer_norm(tokens) if len(network.model.stages) == network.config.num_stages else tokens
 
 
-def _any_vit(network: Any, images: Tensor) -> Tensor:
-    sizes = inspect.signature(network.forward).parameters
-    extra = {"interpolate_pos_encoding": True} if "interpolate_pos_encoding" in sizes else {}
-    return _grid(network(pixel_values=images, **extra).last_hidden_state, images, _patch(network.config, 0))
-
-
 def _hiera_config(config: Any) -> Any:
     return config
 
@@ -295,20 +305,30 @@ def _hiera_step(config: Any) -> int:
     return math.lcm(pooled, stride * backbone.window_size_per_stage[0])
 
 
-_DINOV2 = _Family("Dinov2Model", _plain, "encoder.layer")
-_REGISTERS = _Family("Dinov2WithRegistersModel", _plain, "encoder.layer")
-_DINOV3 = _Family("DINOv3ViTModel", _plain, "model.layer")
+_DINOV2 = _Family("Dinov2Model", _plain, "encoder.layer", pluggable_attention=True)
+_REGISTERS = _Family("Dinov2WithRegistersModel", _plain, "encoder.layer", pluggable_attention=True)
+_DINOV3 = _Family("DINOv3ViTModel", _plain, "model.layer", pluggable_attention=True)
 _CONVNEXT = _Family(
     "DINOv3ConvNextModel",
     _convnext,
     "model.stages",
+    dimension=lambda config, block: int(config.hidden_sizes[block - 1]),
     patch=lambda config, block: 4 * 2 ** (block - 1),
     step=lambda config: 4 * 2 ** (config.num_stages - 1),
 )
-_CLIP = _Family("CLIPVisionModel", _clip, "encoder.layers", normalisation=CLIP)
-_SIGLIP = _Family("SiglipVisionModel", _interpolated, "encoder.layers", normalisation=SYMMETRIC)
-_SIGLIP2 = _Family("Siglip2VisionModel", _siglip2, "encoder.layers", normalisation=SYMMETRIC)
-_SAM = _Family("SamVisionModel", _sam, "layers", "vision_encoder", fixed_size=lambda config: int(config.image_size))
+_CLIP = _Family("CLIPVisionModel", _clip, "encoder.layers", normalisation=CLIP, pluggable_attention=True)
+_SIGLIP = _Family(
+    "SiglipVisionModel", _interpolated, "encoder.layers", normalisation=SYMMETRIC, pluggable_attention=True
+)
+_SIGLIP2 = _Family("Siglip2VisionModel", _siglip2, "encoder.layers", normalisation=SYMMETRIC, pluggable_attention=True)
+_SAM = _Family(
+    "SamVisionModel",
+    _sam,
+    "layers",
+    "vision_encoder",
+    dimension=lambda config, block: int(config.output_channels),
+    fixed_size=_image_size,
+)
 _SAM2 = _Family(
     "Sam2Model",
     _hiera,
@@ -316,11 +336,22 @@ _SAM2 = _Family(
     "vision_encoder.backbone",
     config=_hiera_config,
     block=_hiera_block,
+    dimension=lambda config, block: int(_hiera_backbone(config).embed_dim_per_stage[_hiera_stage(config, block)]),
     patch=_hiera_patch,
     step=_hiera_step,
 )
-_MAE = _Family("ViTMAEModel", _mae, "layers")
-_VIT = _Family("ViTModel", _interpolated, "layers", arguments={"add_pooling_layer": False}, normalisation=SYMMETRIC)
+_MAE = _Family("ViTMAEModel", _mae, "layers", pluggable_attention=True)
+_VIT = _Family(
+    "ViTModel",
+    _interpolated,
+    "layers",
+    arguments={"add_pooling_layer": False},
+    normalisation=SYMMETRIC,
+    pluggable_attention=True,
+)
+
+# Nothing is known but that its configuration says the size of pictures it was made for.
+_UNKNOWN = _Family("AutoModel", _plain, fixed_size=_image_size)
 
 _FAMILIES = {
     "dinov2": _DINOV2,

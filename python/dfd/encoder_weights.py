@@ -203,9 +203,9 @@ def _from_hub(hub: str) -> tuple[Path | None, str]:
         return None, problem
     names = {sibling.rfilename for sibling in found.siblings or ()}
     form = next((name for name in _FILES if name in names), _FILES[0])
-    wanted = ["config.json", "preprocessor_config.json", form]
-    if form.endswith(".index.json"):
-        wanted.append(form.replace(".index.json", "-*").replace("model-*", "model-*"))
+    # An index names its shards as "model-00001-of-00002.safetensors".
+    shards = form.partition(".")[0] + "-*-of-*"
+    wanted = ["config.json", "preprocessor_config.json", form, *([shards] if form.endswith(".index.json") else [])]
     try:
         return Path(snapshot_download(hub, revision=found.sha, allow_patterns=wanted)), ""
     except Exception as error:
