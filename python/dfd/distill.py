@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from os import PathLike, fspath
+from os import PathLike
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -91,8 +91,45 @@ def distill(
     from dfd.fit import Samples, fit
     from dfd.render import render
 
-    target = torch_device(device)
     with stages.stage("load"):
-        model = encoder if isinstance(encoder, Encoder) else load_encoder(fspath(encoder), device=str(target))
-    seen = render(mesh, views=views, resolution=resolution, framing=framing, simplify_to=simplify_to, stages=stages)
+        model = encoder if isinstance(encoder, Encoder) else load_encoder(encoder, device=device)
+    seen = render(
+        mesh,
+        views=views,
+        resolution=resolution,
+        framing=framing,
+        simplify_to=simplify_to,
+        supervision=supervision,
+        stages=stages,
+    )
     tokens = model.encode(seen.images, stages=stages)
+    samples = Samples(seen.points, seen.view, seen.row, seen.column)
+
+    with torch.random.fork_rng(devices=()):  # the caller's own random numbers stay as they were
+        torch.manual_seed(seed)
+        field = Field(tokens.shape[-1], center=seen.center, scale=seen.scale).to(model.device)
+    losses = fit(
+        field,
+        samples,
+        tokens,
+        seen.images.shape[1],
+        steps=steps,
+        batch=batch,
+        learning_rate=learning_rate,
+        generator=torch.Generator().manual_seed(seed),
+        stages=stages,
+    )
+    field.settings = {
+        **model.settings(),
+        "views": views,
+        "resolution": resolution,
+        "framing": framing,
+        "simplify_to": simplify_to,
+        "supervision": supervision,
+        "steps": steps,
+        "batch": batch,
+        "learning_rate": learning_rate,
+        "seed": seed,
+        "losses": losses,
+    }
+    return field.cpu()

@@ -1,0 +1,168 @@
+"""Where pictures are taken from: directions on a Fibonacci sphere, cameras that frame the shape."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dfd import check
+
+__all__ = ["Camera", "camera_towards", "fibonacci_directions", "place_cameras"]
+
+FIELD_OF_VIEW = 60.0  # degrees, the paper's and the public reference's
+PAPER_DISTANCE = 2.8  # from the origin of normalised coordinates, likewise
+MARGIN = 1.06  # a framed shape leaves this much room, so that no patch at its rim is cut
+FRAMINGS = ("shape", "paper")
+_CHUNK = 1 << 16
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A pinhole camera with a square picture, in normalised coordinates.
+
+    Attributes
+    ----------
+    position
+        (3,) the eye.
+    right, up, back
+        (3,) orthonormal axes; it looks along −`back`. A camera of a mirrored pair has its `right` turned round, so
+        that it sees the mirror image of what its partner sees.
+    field_of_view
+        Full angle across the picture, degrees.
+    """
+
+    position: NDArray[np.float64]
+    right: NDArray[np.float64]
+    up: NDArray[np.float64]
+    back: NDArray[np.float64]
+    field_of_view: float = FIELD_OF_VIEW
+
+    @property
+    def half_width(self) -> float:
+        """Half the picture's width at distance 1."""
+        return float(np.tan(np.radians(self.field_of_view) / 2))
+
+    def ray_directions(self, resolution: int) -> NDArray[np.float32]:
+        """Unit directions through the centres of all pixels, (resolution², 3), row by row from the top left."""
+        across = ((np.arange(resolution) + 0.5) / resolution * 2 - 1) * self.half_width
+        directions = (
+            across[None, :, None] * self.right - across[:, None, None] * self.up - np.broadcast_to(self.back, (1, 1, 3))
+        ).reshape(-1, 3)
+        return (directions / np.linalg.norm(directions, axis=1, keepdims=True)).astype(np.float32)
+
+    def project(self, points: NDArray[np.floating], resolution: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Row and column, in pixels, at which (N, 3) points appear; whole numbers are pixel centres."""
+        offset = points - self.position
+        depth = -(offset @ self.back) * self.half_width
+        column = (offset @ self.right / depth + 1) / 2 * resolution - 0.5
+        row = (1 - offset @ self.up / depth) / 2 * resolution - 0.5
+        return row, column
+
+
+def fibonacci_directions(count: int, *, mirrored: bool = False) -> NDArray[np.float64]:
+    """Unit directions spread evenly over the sphere, (count, 3).
+
+    With `mirrored` the second half of them is the first half mirrored at x = 0 (and one more lies in that plane when
+    `count` is odd).
+    """
+    if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
+        raise ValueError(f"fibonacci_directions: `count` must be a whole number of at least 1, got {count!r}")
+    golden = np.pi * (1 + np.sqrt(5))
+    if not mirrored:
+        index = np.arange(count) + 0.5
+        return _sphere(1 - 2 * index / count, golden * index)
+    half = count // 2
+    index = np.arange(half) + 0.5
+    side = _sphere(1 - index / max(half, 1), golden * index)[:, [1, 0, 2]]  # a half sphere about the x axis
+    between = np.array([[0.0, 0.0, 1.0]])[: count % 2]
+    return np.concatenate([side, side * [-1.0, 1.0, 1.0], between])
+
+
+def camera_towards(
+    direction: ArrayLike,
+    points: NDArray[np.floating],
+    *,
+    framing: str = "shape",
+    field_of_view: float = FIELD_OF_VIEW,
+    flipped: bool = False,
+) -> Camera:
+    """One camera out along `direction` that sees `points`; see `place_cameras`."""
+    unit = np.asarray(direction, np.float64)
+    return _place(unit[None] / np.linalg.norm(unit), points, framing, field_of_view, np.array([flipped]))[0]
+
+
+def place_cameras(
+    count: int, points: NDArray[np.floating], *, framing: str = "shape", mirrored: bool = False
+) -> list[Camera]:
+    """Place `count` cameras around a shape.
+
+    Parameters
+    ----------
+    points
+        (N, 3) vertices of the shape in normalised coordinates.
+    framing
+        "shape": the smallest distance at which the whole shape is in the picture with a small margin; "paper": a
+        distance of 2.8 from the origin, looking at it.
+    mirrored
+        Cameras come in pairs that are mirror images of each other at x = 0, pictures included.
+
+    Raises
+    ------
+    ValueError
+        If `count` is not at least 1 or `framing` is unknown.
+    """
+    directions = fibonacci_directions(count, mirrored=mirrored)
+    flipped = np.zeros(count, bool)
+    if mirrored:
+        flipped[count // 2 : 2 * (count // 2)] = True
+    return _place(directions, points, framing, FIELD_OF_VIEW, flipped)
+
+
+def _place(
+    directions: NDArray[np.float64],
+    points: NDArray[np.floating],
+    framing: str,
+    field_of_view: float,
+    flipped: NDArray[np.bool_],
+) -> list[Camera]:
+    if framing not in FRAMINGS:
+        raise ValueError(f"place_cameras: `framing` must be one of {', '.join(FRAMINGS)}, got {framing!r}")
+    field_of_view = check.number("place_cameras", "field_of_view", field_of_view, minimum=0.0, exclusive=True)
+    bases = [_basis(direction, turn) for direction, turn in zip(directions, flipped, strict=True)]
+    if framing == "paper":
+        return [Camera(PAPER_DISTANCE * basis[2], *basis, field_of_view) for basis in bases]
+    slope = np.tan(np.radians(field_of_view) / 2) / MARGIN
+    # A point q (right, up, back) is inside the picture from distance d and centre c when |q_x − c_x| ≤ slope (d − q_z),
+    # likewise in y: bounds that are linear in the point, so one matrix product gives the extremes for all cameras.
+    bounds = np.concatenate(
+        [
+            [right + slope * back, slope * back - right, up + slope * back, slope * back - up]
+            for right, up, back in bases
+        ]
+    )
+    reach = np.full(len(bounds), -np.inf)
+    for start in range(0, len(points), _CHUNK):
+        np.maximum(reach, (points[start : start + _CHUNK] @ bounds.T).max(axis=0), out=reach)
+    cameras = []
+    for (right, up, back), (to_right, to_left, to_top, to_bottom) in zip(bases, reach.reshape(-1, 4), strict=True):
+        distance = max(to_right + to_left, to_top + to_bottom) / (2 * slope)
+        position = (to_right - to_left) / 2 * right + (to_top - to_bottom) / 2 * up + distance * back
+        cameras.append(Camera(position, right, up, back, field_of_view))
+    return cameras
+
+
+def _basis(
+    direction: NDArray[np.float64], flipped: bool
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Right, up and back of a camera out along `direction`; upright, and looking straight down −z is up."""
+    upright = np.array([0.0, 1.0, 0.0]) if abs(direction[1]) < 0.999 else np.array([0.0, 0.0, -np.sign(direction[1])])
+    right = np.cross(upright, direction)
+    right /= np.linalg.norm(right)
+    return (-right if flipped else right), np.cross(direction, right), direction
+
+
+def _sphere(height: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    ring = np.sqrt(1 - height * height)
+    return np.stack([ring * np.cos(angle), height, ring * np.sin(angle)], axis=1)

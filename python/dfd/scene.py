@@ -1,0 +1,70 @@
+"""Rays against triangles, by Embree."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from numpy.typing import NDArray
+
+__all__ = ["Hits", "Scene"]
+
+
+@dataclass(frozen=True)
+class Hits:
+    """Where rays first meet the surface: only of the rays that do.
+
+    Attributes
+    ----------
+    ray
+        (K,) index of the ray, increasing.
+    face
+        (K,) the face it meets.
+    barycentric
+        (K, 3) float32 weights of the face's corners, each at least 0, their sum 1.
+    distance
+        (K,) float32 along the ray, in lengths of its direction.
+    """
+
+    ray: NDArray[np.int64]
+    face: NDArray[np.int32]
+    barycentric: NDArray[np.float32]
+    distance: NDArray[np.float32]
+
+    def where(self, chosen: NDArray[np.bool_]) -> Hits:
+        """Only the chosen of them; `chosen` is (K,)."""
+        return Hits(self.ray[chosen], self.face[chosen], self.barycentric[chosen], self.distance[chosen])
+
+
+class Scene:
+    """Triangles in normalised coordinates, ready to be hit; front and back faces alike.
+
+    Parameters
+    ----------
+    vertices
+        (V, 3) in normalised coordinates: Embree computes in float32 and loses hits far from the origin.
+    faces
+        (F, 3) indices into `vertices`, checked by `dfd.Mesh`; triangles without area are never hit.
+    """
+
+    def __init__(self, vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> None:
+        self._scene = EmbreeScene()
+        TriangleMesh(
+            self._scene, np.ascontiguousarray(vertices, dtype=np.float32), np.ascontiguousarray(faces, dtype=np.int32)
+        )
+
+    def cast(self, origins: NDArray[np.floating], directions: NDArray[np.floating]) -> Hits:
+        """Cast N rays; `directions` is (N, 3), `origins` (N, 3) or one point (3,) for all."""
+        directions = np.ascontiguousarray(directions, dtype=np.float32)
+        origins = np.ascontiguousarray(np.broadcast_to(origins, directions.shape), dtype=np.float32)
+        if len(directions) == 0:
+            nothing = np.zeros(0, np.float32)
+            return Hits(np.zeros(0, np.int64), np.zeros(0, np.int32), np.zeros((0, 3), np.float32), nothing)
+        found = self._scene.run(origins, directions, query="INTERSECT", output=1)
+        ray = np.flatnonzero(found["primID"] >= 0)
+        u, v = found["u"][ray], found["v"][ray]
+        barycentric = np.stack([1 - u - v, u, v], axis=1).clip(0, 1)
+        barycentric /= barycentric.sum(axis=1, keepdims=True)
+        return Hits(ray, found["primID"][ray], barycentric, found["tfar"][ray])
