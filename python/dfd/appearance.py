@@ -67,6 +67,13 @@ class Appearance:
         self._apply_alpha_modes(result, material)
         return np.clip(result, 0, 1, out=result)
 
+    def row_colors(self) -> NDArray[np.float32]:
+        """Return the `albedo` (R, 4) at every row, white at rows that no face uses."""
+        colors = np.ones((len(self.corners), 4), np.float32)
+        used, where = np.unique(self.corner_faces, return_index=True)
+        colors[used] = self.albedo(where // 3, np.eye(3, dtype=np.float32)[where % 3])
+        return colors
+
     def _apply_alpha_modes(self, result: NDArray[np.float32], material: NDArray[np.int32]) -> None:
         for index, each in enumerate(self.materials):
             if each.alpha_mode != "BLEND":

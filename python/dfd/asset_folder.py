@@ -35,7 +35,7 @@ class AssetFolder(FilePathResolver):  # type: ignore[misc]  # trimesh is untyped
             data: bytes = super().get(name)
             if name.lower().strip().endswith(_IMAGES):
                 with Image.open(io.BytesIO(data)) as image:
-                    image.load()
+                    image.verify()  # cheap; what only decoding shows is told later
         except Exception:
             self.unreadable.add(name)
             raise

@@ -38,12 +38,14 @@ def read(path: Path, data: bytes) -> Header:
     """
     try:
         text = _json_chunk(data) if data[:4] == _MAGIC else data
-        header = json.loads(text.decode("utf-8-sig"))
+        header = json.loads(text.decode())
         if not isinstance(header, dict):
             raise ValueError(f"its JSON is a {type(header).__name__}, not an object")
         _check_extensions(header)
+        _check_buffers(header, glb=data[:4] == _MAGIC)
         _check_views(header)
         _check_accessors(header)
+        _check_primitives(header)
         _check_nodes(header)
     except (ValueError, RecursionError) as error:
         raise ValueError(f"load: `path` {path} is not a well-formed {path.suffix[1:].upper()} file: {error}") from error
@@ -92,6 +94,12 @@ def _check_extensions(header: Header) -> None:
             raise ValueError(f"it is compressed with {name}, which cannot be read; save it without compression")
 
 
+def _check_buffers(header: Header, glb: bool) -> None:
+    for i, buffer in enumerate(_objects(header, "buffers")):
+        if not isinstance(buffer.get("uri"), str) and not (glb and i == 0):
+            raise ValueError(f"buffer {i} does not say where its data is")
+
+
 def _check_views(header: Header) -> None:
     lengths = [_count(buffer, "byteLength", "buffer", i) for i, buffer in enumerate(_objects(header, "buffers"))]
     total = 0
@@ -110,6 +118,8 @@ def _check_views(header: Header) -> None:
 
 def _check_accessors(header: Header) -> None:
     views = _objects(header, "bufferViews")
+    if views and "accessors" not in header:
+        raise ValueError("it has data, but no accessors and so no faces")
     total, longest, unfilled = 0, 0, []
     for i, accessor in enumerate(_objects(header, "accessors")):
         count = _count(accessor, "count", "accessor", i)
@@ -136,16 +146,24 @@ def _check_accessors(header: Header) -> None:
     for i, count in unfilled:
         if count > max(longest, 1000):
             raise ValueError(f"accessor {i} has {count} items but no data")
-    geometry = {each.get("indices") for each in primitives(header)}
-    geometry |= {each["attributes"].get("POSITION") for each in primitives(header) if _has_attributes(each)}
-    for i, accessor in enumerate(_objects(header, "accessors")):
-        if i in geometry and ("sparse" in accessor or "bufferView" not in accessor):
-            what = "is sparse, which cannot be read" if "sparse" in accessor else "has no data"
-            raise ValueError(f"accessor {i}, of positions or indices, {what}")
 
 
-def _has_attributes(primitive: Header) -> bool:
-    return isinstance(primitive.get("attributes"), dict)
+def _check_primitives(header: Header) -> None:
+    accessors = _objects(header, "accessors")
+    for primitive in primitives(header):
+        attributes = primitive.get("attributes")
+        position = attributes.get("POSITION") if isinstance(attributes, dict) else None
+        for name, index in (("positions", position), ("indices", primitive.get("indices"))):
+            if index is None and name == "indices":
+                continue
+            if not _is_index(index, len(accessors)):
+                raise ValueError(f"a primitive names accessor {index!r} for its {name}, but there are {len(accessors)}")
+            accessor = accessors[cast(int, index)]
+            if "sparse" in accessor or "bufferView" not in accessor:
+                what = "is sparse, which cannot be read" if "sparse" in accessor else "has no data"
+                raise ValueError(f"accessor {index}, of {name}, {what}")
+            if accessor.get("normalized") and name == "positions":
+                raise ValueError(f"accessor {index}, of positions, is normalized (quantized), which cannot be read")
 
 
 def _check_nodes(header: Header) -> None:

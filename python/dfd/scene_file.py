@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import errno
 import io
 import os
@@ -48,10 +49,12 @@ class SceneFile:
         if ending not in ENDINGS:
             raise ValueError(f"load: `path` must end in {', '.join(ENDINGS)}, got {self.path}")
         data = _read_bytes(self.path)
+        if ending == ".gltf":
+            data = data.removeprefix(codecs.BOM_UTF8)
         assets = AssetFolder(self.path)
         self.header = gltf_header.read(self.path, data) if ending in (".glb", ".gltf") else None
         self.scene = _parse(self.path, data, ending, assets)
-        self.parts, positions = place(self.path, self.scene)
+        self.parts, positions = place(self.path, self.scene, last_first=ending == ".obj")
         own_order = None
         if ending == ".obj" and len(self.parts) > 1:  # its parts share one list of vertices, in an order of its own
             own_order = obj_text.positions(data)

@@ -27,13 +27,18 @@ class Part:
     faces: slice  # its faces among all faces
 
 
-def place(path: Path, scene: trimesh.Scene) -> tuple[tuple[Part, ...], NDArray[np.float64]]:
-    """Return the parts with faces, in the scene's order, and the positions (R, 3) of their rows in the scene."""
+def place(
+    path: Path, scene: trimesh.Scene, last_first: bool
+) -> tuple[tuple[Part, ...], NDArray[np.float64]]:
+    """Return the parts with faces, in the file's order, and the positions (R, 3) of their rows in the scene.
+
+    `last_first` tells that trimesh lists the geometries of this format from the last to the first.
+    """
     parts: list[Part] = []
     positions: list[NDArray[np.float64]] = []
     row_count = face_count = 0
-    for node in scene.graph.nodes_geometry:
-        transform, name = scene.graph[node]
+    for name, node in _in_order(scene, last_first):
+        transform, _ = scene.graph[node]
         geometry = scene.geometry[name]
         if not isinstance(geometry, trimesh.Trimesh) or len(geometry.faces) == 0:
             continue
@@ -51,6 +56,14 @@ def place(path: Path, scene: trimesh.Scene) -> tuple[tuple[Part, ...], NDArray[n
     if not np.isfinite(stacked).all():
         raise ValueError(f"load: `path` {path} places vertices so far away that their coordinates are not finite")
     return tuple(parts), stacked
+
+
+def _in_order(scene: trimesh.Scene, last_first: bool) -> list[tuple[str, str]]:
+    """Return (geometry, node) pairs in the file's order: trimesh's order of nodes turns round at every round trip."""
+    names = list(scene.geometry)[:: -1 if last_first else 1]
+    number = {name: i for i, name in enumerate(names)}
+    pairs = [(scene.graph[node][1], node) for node in scene.graph.nodes_geometry]
+    return sorted((pair for pair in pairs if pair[0] in number), key=lambda pair: (number[pair[0]], str(pair[1])))
 
 
 def _check(path: Path, name: str, geometry: trimesh.Trimesh, transform: NDArray[np.float64]) -> None:

@@ -1,0 +1,155 @@
+"""Writing a mesh: the scene of its file, with positions and normals moved and everything else as it was."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from trimesh.exchange.gltf import export_glb, export_gltf
+from trimesh.exchange.off import export_off
+from trimesh.exchange.ply import export_ply
+from trimesh.exchange.stl import export_stl
+
+from dfd import obj_write, scene_normals, scene_visuals
+from dfd.files import atomic_write
+from dfd.scene_file import ENDINGS, SceneFile
+from dfd.scene_parts import Part
+
+if TYPE_CHECKING:
+    from dfd.mesh import Mesh
+
+__all__ = ["save"]
+
+
+@dataclass(frozen=True)
+class MovedPart:
+    """A part with its new shape, in its geometry's own coordinates."""
+
+    part: Part
+    vertices: NDArray[np.float64]  # (rows of the part, 3)
+    normals: NDArray[np.float64] | None  # (rows of the part, 3), None where the file had none
+    moved: bool  # whether any row differs from the file's
+
+
+def save(path: str | os.PathLike[str], mesh: Mesh, vertices: NDArray[np.float64], scene: SceneFile | None) -> None:
+    """Write `mesh` with its vertices at `vertices` (V, 3); see `Mesh.save`."""
+    target = Path(path)
+    ending = target.suffix.lower()
+    if ending not in ENDINGS:
+        raise ValueError(f"Mesh.save: `path` must end in {', '.join(ENDINGS)}, got {target}")
+    files: dict[str, bytes]
+    if ending == ".off":
+        files = {target.name: export_off(_bare(vertices, mesh.faces), digits=17).encode()}
+    elif ending == ".stl":
+        files = {target.name: export_stl(_bare(vertices, mesh.faces))}
+    elif scene is None:
+        files = _encode_bare(target, mesh, vertices)
+    else:
+        files = _encode_scene(target, mesh, vertices, scene)
+    _write(target, files)
+
+
+def _write(target: Path, files: dict[str, bytes]) -> None:
+    """Write all files beside their places, then rename them, `target` last: it never names a file that is not there."""
+    names = sorted(files, key=lambda name: name != target.name)  # the first one entered is renamed last
+    with ExitStack() as stack:
+        for name in names:
+            temporary = stack.enter_context(atomic_write(target.with_name(name)))
+            temporary.write_bytes(files[name])
+
+
+def _bare(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> trimesh.Trimesh:
+    return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def _encode_bare(target: Path, mesh: Mesh, vertices: NDArray[np.float64]) -> dict[str, bytes]:
+    """A mesh that no file knows: one part, smooth in formats that would show it faceted otherwise."""
+    from dfd.mesh import smooth_normals
+
+    geometry = _bare(vertices, mesh.faces)
+    if target.suffix.lower() in (".glb", ".gltf"):
+        geometry.vertex_normals = smooth_normals(vertices, mesh.faces)
+        return _encode_gltf(target, trimesh.Scene({"mesh": geometry}))
+    if target.suffix.lower() == ".ply":
+        return {target.name: export_ply(geometry, vertex_normal=False)}
+    return {target.name: obj_write.encode(vertices, mesh.faces)}
+
+
+def _encode_scene(
+    target: Path, mesh: Mesh, vertices: NDArray[np.float64], scene: SceneFile
+) -> dict[str, bytes]:
+    moved = _move(vertices, mesh.vertices, scene)
+    ending = target.suffix.lower()
+    if ending == ".obj":
+        return obj_write.encode_scene(target.stem, vertices, scene, [each.normals for each in moved])
+    if ending == ".ply":
+        return {target.name: _encode_ply(mesh, vertices, moved)}
+    return _encode_gltf(target, _rebuild(scene, moved))
+
+
+def _encode_gltf(target: Path, scene: trimesh.Scene) -> dict[str, bytes]:
+    if target.suffix.lower() == ".glb":
+        return {target.name: export_glb(scene)}
+    files = export_gltf(scene, merge_buffers=True, embed_buffers=True)
+    return {target.name: files["model.gltf"]}
+
+
+def _encode_ply(mesh: Mesh, vertices: NDArray[np.float64], moved: Sequence[MovedPart]) -> bytes:
+    """One part stays as it is; several, and textures, which PLY has no room for, become coloured vertices."""
+    first, look = moved[0], mesh.appearance
+    if len(moved) == 1 and not scene_visuals.has_image(first.part.geometry):
+        geometry = scene_visuals.rebuilt(first.part.geometry, first.vertices, first.normals)
+        geometry.apply_transform(first.part.transform)
+        return bytes(export_ply(geometry, vertex_normal=first.normals is not None))
+    if look is None:
+        return bytes(export_ply(_bare(vertices, mesh.faces), vertex_normal=False))
+    used, faces = np.unique(look.corner_faces, return_inverse=True)
+    geometry = _bare(vertices[look.corners[used]], faces.reshape(-1, 3))
+    geometry.visual.vertex_colors = np.rint(look.row_colors()[used] * 255).astype(np.uint8)
+    return bytes(export_ply(geometry, vertex_normal=False))
+
+
+def _move(vertices: NDArray[np.float64], before: NDArray[np.float64], scene: SceneFile) -> list[MovedPart]:
+    """Bring moved positions and normals back into each part's own coordinates; what has not moved keeps its bits."""
+    changed = (vertices != before).any(axis=1)
+    normals = scene_normals.follow(vertices, before, changed, scene)
+    result = []
+    for part, part_normals in zip(scene.parts, normals, strict=True):
+        rows = scene.vertex[part.rows]
+        here = (rows >= 0) & changed[rows]
+        local = part.geometry.vertices.view(np.ndarray).copy()
+        if here.any():
+            # a transform that flattens its part has no inverse; the pseudo-inverse moves within what is left
+            back = np.linalg.pinv(part.transform[:3, :3])
+            local[here] = (vertices[rows[here]] - part.transform[:3, 3]) @ back.T
+        result.append(MovedPart(part, local, part_normals, bool(here.any())))
+    return result
+
+
+def _rebuild(scene: SceneFile, moved: Sequence[MovedPart]) -> trimesh.Scene:
+    """Return the file's scene with moved geometries; one that is placed twice is split where its places moved."""
+    source = scene.scene
+    result = trimesh.Scene()
+    result.graph = source.graph.copy()
+    result.metadata.update(source.metadata)
+    if source.has_camera:
+        result.camera = source.camera.copy()
+    result.geometry.update(source.geometry)
+    taken: dict[str, MovedPart] = {}
+    for each in moved:
+        name = each.part.name
+        first = taken.setdefault(name, each)
+        if first is not each and (first.moved or each.moved):
+            name = trimesh.util.unique_name(name, result.geometry)
+            result.graph.transforms.node_data[each.part.node]["geometry"] = name
+        elif first is not each:
+            continue
+        result.geometry[name] = scene_visuals.rebuilt(each.part.geometry, each.vertices, each.normals)
+    return result
