@@ -8,7 +8,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["GREY", "Appearance", "Material", "Wrap", "srgb"]
+__all__ = ["GREY", "Appearance", "Material", "Wrap", "linear", "srgb"]
 
 GREY = 0.8  # of a surface about which nothing is known, display-referred
 
@@ -99,6 +99,12 @@ def srgb(linear: NDArray[np.floating]) -> NDArray[np.float32]:
     values = np.clip(np.asarray(linear, np.float64), 0, 1)
     encoded = np.where(values <= 0.0031308, 12.92 * values, 1.055 * values ** (1 / 2.4) - 0.055)
     return encoded.astype(np.float32)
+
+
+def linear(encoded: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Return linear values of display-referred ones in [0, 1]; the inverse of `srgb`."""
+    values = np.clip(np.asarray(encoded, np.float64), 0, 1)
+    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
 def _blend(

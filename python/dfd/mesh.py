@@ -78,6 +78,11 @@ class Mesh:
         return _frozen(self.bounds[1] - self.bounds[0])
 
     @property
+    def part_count(self) -> int:
+        """How many parts the scene of its file has; 1 for a mesh made from arrays."""
+        return len(self._scene.parts) if self._scene else 1
+
+    @property
     def diagonal(self) -> float:
         """Length of the diagonal of the box around the mesh."""
         return float(np.linalg.norm(self.extents))

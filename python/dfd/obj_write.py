@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from trimesh.visual.material import SimpleMaterial
 
 from dfd.scene_file import SceneFile
+from dfd.scene_visuals import is_stand_in
 
 __all__ = ["encode", "encode_scene"]
 
@@ -80,7 +80,7 @@ class _MaterialLibrary:
 
     def add(self, material: Any) -> str | None:
         """Return the name of a material, written when it first comes; None for one that nothing is known of."""
-        if material is None or _is_stand_in(material):
+        if material is None or is_stand_in(material):
             return None
         if id(material) not in self._names:
             simple = material.to_simple() if hasattr(material, "to_simple") else material
@@ -102,12 +102,6 @@ class _MaterialLibrary:
         while (numbered := name if count == 1 else f"{name}_{count}") in taken:
             count += 1
         return numbered
-
-
-def _is_stand_in(material: Any) -> bool:
-    """Whether trimesh made the material up for a mesh that has none."""
-    image = getattr(material, "image", None)
-    return isinstance(material, SimpleMaterial) and image is not None and image.size == (2, 2) and image.format is None
 
 
 def _vertex_colors(scene: SceneFile) -> NDArray[np.float64] | None:

@@ -14,6 +14,7 @@ from trimesh.visual.material import PBRMaterial, SimpleMaterial
 from dfd import gltf_header
 from dfd.appearance import Appearance, Material, Wrap, srgb
 from dfd.scene_parts import Part
+from dfd.scene_visuals import is_stand_in
 
 __all__ = ["read_appearance"]
 
@@ -105,8 +106,7 @@ class _MaterialReader:
     def _simple(self, source: SimpleMaterial, has_colors: bool) -> Material:
         """An MTL material: its texture alone, or else its diffuse colour; programs disagree about their product."""
         image = source.image
-        # trimesh stands a 2 x 2 image in for a material that it does not know
-        if image is not None and not (image.size == (2, 2) and image.format is None):
+        if image is not None and not is_stand_in(source):
             texture = self._texels(image)
             if texture is not None:
                 return Material((1.0, 1.0, 1.0, 1.0), texture)

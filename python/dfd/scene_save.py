@@ -141,7 +141,8 @@ def _rebuild(scene: SceneFile, moved: Sequence[MovedPart]) -> trimesh.Scene:
     result.metadata.update(source.metadata)
     if source.has_camera:
         result.camera = source.camera.copy()
-    result.geometry.update(source.geometry)
+    for name in [*(each.part.name for each in moved), *source.geometry]:  # the parts in the file's order
+        result.geometry[name] = source.geometry[name]
     taken: dict[str, MovedPart] = {}
     for each in moved:
         name = each.part.name

@@ -8,8 +8,11 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
-__all__ = ["has_image", "rebuilt"]
+from dfd.appearance import GREY, linear
+
+__all__ = ["has_image", "is_stand_in", "rebuilt"]
 
 
 def rebuilt(
@@ -38,9 +41,31 @@ def has_image(geometry: trimesh.Trimesh) -> bool:
 def _copied(visual: Any) -> Any:
     if not isinstance(visual, TextureVisuals):
         return visual.copy()
-    copy = TextureVisuals(uv=visual.uv, material=visual.material, face_materials=visual.face_materials)
+    copy = TextureVisuals(uv=visual.uv, material=_physical(visual.material), face_materials=visual.face_materials)
     colors = visual.vertex_attributes.get("color")
     if colors is not None:  # written as bytes: trimesh would cut floats in [0, 1] down to 0
         scale = np.iinfo(colors.dtype).max if colors.dtype.kind in "iu" else 1
         copy.vertex_attributes["color"] = np.rint(np.clip(colors / scale, 0, 1) * 255).astype(np.uint8)
     return copy
+
+
+def is_stand_in(material: Any) -> bool:
+    """Whether trimesh made the material up, with an image of 2 x 2 texels, for a mesh that has none."""
+    image = getattr(material, "image", None)
+    return isinstance(material, SimpleMaterial) and image is not None and image.size == (2, 2) and image.format is None
+
+
+def _physical(material: Any) -> Any:
+    """Return an MTL material as one of glTF that looks the same to us; trimesh would darken its texture."""
+    if not isinstance(material, SimpleMaterial):
+        return material
+    image = None if is_stand_in(material) else material.image
+    color = material.diffuse[:3] / 255 if "kd" in material.kwargs else np.full(3, GREY)
+    factor = np.ones(3) if image is not None else linear(color)
+    return PBRMaterial(
+        name=material.name,
+        baseColorTexture=image,
+        baseColorFactor=np.rint([*(factor * 255), 255]).astype(np.uint8),
+        metallicFactor=0.0,
+        roughnessFactor=1.0,
+    )
