@@ -355,19 +355,23 @@ class Deformer:
 
     @property
     def vertices(self) -> NDArray[np.float64]:
-        """(V, 3) the posed shape in mesh units, read-only (Eq. 1, with a plane Eq. 8)."""
+        """(V, 3) the posed shape in mesh units, read-only: Eq. 1, and with a plane Eq. 8.
+
+        Where weights sum to more than 1, handles add up and those at rest count for nothing (`HandleWeights.blend_of`).
+        """
         edit = self.edit
         if self._posed is None or self._posed[0] is not edit:
-            sides = None
-            if edit.symmetry is not None:
-                sides = np.array([handle.place.position for handle in edit.handles]).reshape(-1, 3)
+            weights = self._weights.blend_of(edit)
+            # The handle that rests, when there is one, stands anywhere: mirrored, it rests too.
+            resting = weights.shape[1] - len(edit.handles)
+            places = [handle.place.position for handle in edit.handles] + [(0.0, 0.0, 0.0)] * resting
             posed = pose(
                 self.mesh.vertices,
-                self.weights,
-                self.transforms,
+                weights,
+                np.concatenate([self.transforms, np.eye(4)[None, :3].repeat(resting, axis=0)]),
                 default=None if edit.default is None else edit.default.matrix(box_center(self.mesh)),
                 symmetry=edit.symmetry,
-                handles=sides,
+                handles=None if edit.symmetry is None else np.reshape(places, (-1, 3)),
             )
             posed.flags.writeable = False
             self._posed = (edit, posed)

@@ -42,7 +42,7 @@ class HandleWeights:
         if features is not None:
             self.features = features
         self._keys: list[Key] = []
-        self._weights = np.zeros((len(mesh.vertices), 0), np.float32)
+        self._weights = self._blend = np.zeros((len(mesh.vertices), 0), np.float32)
         self._distances: dict[int, NDArray[np.float32]] = {}  # (V,) each, by the vertex they start at
 
     @cached_property
@@ -52,9 +52,24 @@ class HandleWeights:
 
     def of(self, edit: Edit) -> NDArray[np.float32]:
         """(V, H) weights of the handles of `edit`, in their order; read-only."""
+        self._follow(edit)
+        return self._weights
+
+    def blend_of(self, edit: Edit) -> NDArray[np.float32]:
+        """(V, H) or (V, H + 1) weights to pose with: `of`, and a resting handle where that needs one; read-only.
+
+        Eq. 1 gives what the weights leave of 1 to D₀. Where look-alike handles sum to more than 1 they leave nothing,
+        and Eq. 1 then magnifies the shape about the origin, even when no handle moves. So there the surplus 1 − Σ W is
+        the (negative) weight of one more handle that rests: a handle at rest changes nothing anywhere, handles that
+        move add up, and where the sum is at most 1 it is Eq. 1 to the letter.
+        """
+        self._follow(edit)
+        return self._blend
+
+    def _follow(self, edit: Edit) -> None:
         keys: list[Key] = [(handle.place, handle.locality, edit.fixed) for handle in edit.handles]
         if keys == self._keys:
-            return self._weights
+            return
         columns = {key: column for column, key in enumerate(self._keys)}
         kept = [i for i, key in enumerate(keys) if key in columns]
         missing = [i for i, key in enumerate(keys) if key not in columns]
@@ -63,10 +78,15 @@ class HandleWeights:
             bound, weights = weights, np.empty((len(self._mesh.vertices), len(keys)), np.float32)
             weights[:, missing] = bound
             weights[:, kept] = self._weights[:, [columns[keys[i]] for i in kept]]
-        weights.flags.writeable = False
+        surplus = 1.0 - weights.sum(axis=1, dtype=np.float64)
+        if (surplus < 0).any():
+            self._blend = np.column_stack([weights, np.minimum(surplus, 0).astype(np.float32)])
+            weights = self._blend[:, :-1]
+        else:
+            self._blend = weights
+        self._blend.flags.writeable = weights.flags.writeable = False
         self._weights, self._keys = weights, keys
         self._forget_distances(edit)
-        return weights
 
     def _bind(self, handles: Sequence[Handle], fixed: Sequence[Place]) -> NDArray[np.float32]:
         """(V, H) weights, made anew (Eq. 4 to 7)."""

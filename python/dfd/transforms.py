@@ -120,8 +120,9 @@ def vector(function: str, name: str, value: ArrayLike) -> Vector:
 
 
 def _numbers(function: str, name: str, value: ArrayLike) -> NDArray[np.float64]:
-    rank = 0 if np.isscalar(value) or getattr(value, "ndim", 1) == 0 else 1
-    return check.array(function, name, value, (None,) * rank, dtype=np.float64)
+    if value is None or np.isscalar(value) or getattr(value, "ndim", 1) == 0:
+        return check.array(function, name, value, (), dtype=np.float64).reshape(())
+    return check.array(function, name, value, (None,), dtype=np.float64)
 
 
 def _triple(numbers: NDArray[np.float64]) -> Vector:
