@@ -139,7 +139,7 @@ class Encoder:
     def _forward(self, images: NDArray[np.uint8], *, mirror: bool) -> NDArray[np.float32]:
         resolution = self.nearest_resolution(images.shape[1])
         with torch.inference_mode():
-            pixels = torch.from_numpy(np.ascontiguousarray(images)).to(self.device).permute(0, 3, 1, 2) / 255.0
+            pixels = torch.from_numpy(np.array(images, order="C")).to(self.device).permute(0, 3, 1, 2) / 255.0
             if images.shape[1] != resolution:
                 pixels = torch.nn.functional.interpolate(
                     pixels, (resolution, resolution), mode="bicubic", antialias=True, align_corners=False
