@@ -124,7 +124,9 @@ class Encoder:
                 batch = pictures[start : start + at_once]
                 try:
                     tokens[start : start + len(batch)] = self._forward(batch, mirror=mirror)
-                except torch.OutOfMemoryError:
+                except RuntimeError as error:
+                    if not _out_of_memory(error):
+                        raise
                     if at_once == 1:
                         raise MemoryError(
                             f"encode: {self.device} has too little memory for one image of {resolution}² pixels: "
@@ -242,6 +244,10 @@ def _device(device: str | torch.device | None) -> torch.device:
         reason = (str(error).splitlines() or [""])[0]
         raise ValueError(f"load_encoder: `device` must be one that torch can use, got {device!r}: {reason}") from None
     return target
+
+
+def _out_of_memory(error: RuntimeError) -> bool:
+    return isinstance(error, torch.cuda.OutOfMemoryError) or "can't allocate memory" in str(error)
 
 
 def _channels(values: tuple[float, float, float], device: torch.device) -> Any:

