@@ -14,6 +14,7 @@ __all__ = ["Camera", "camera_towards", "fibonacci_directions", "place_cameras"]
 FIELD_OF_VIEW = 60.0  # degrees, the paper's and the public reference's
 PAPER_DISTANCE = 2.8  # from the origin of normalised coordinates, likewise
 MARGIN = 1.06  # a framed shape leaves this much room, so that no patch at its rim is cut
+CLEARANCE = 0.2  # between the eye and the nearest point: a needle seen from its tip does not poke the eye
 FRAMINGS = ("shape", "paper")
 _CHUNK = 1 << 16
 
@@ -103,8 +104,8 @@ def place_cameras(
     points
         (N, 3) vertices of the shape in normalised coordinates.
     framing
-        "shape": the smallest distance at which the whole shape is in the picture with a small margin; "paper": a
-        distance of 2.8 from the origin, looking at it.
+        "shape": the smallest distance at which the whole shape is in the picture with a small margin (and no point
+        nearer to the eye than 0.2); "paper": a distance of 2.8 from the origin, looking at it.
     mirrored
         Cameras come in pairs that are mirror images of each other at x = 0, pictures included.
 
@@ -129,28 +130,37 @@ def _place(
 ) -> list[Camera]:
     if framing not in FRAMINGS:
         raise ValueError(f"place_cameras: `framing` must be one of {', '.join(FRAMINGS)}, got {framing!r}")
-    field_of_view = check.number("place_cameras", "field_of_view", field_of_view, minimum=0.0, exclusive=True)
+    field_of_view = check.number("place_cameras", "field_of_view", field_of_view, minimum=1.0, maximum=170.0)
     bases = [_basis(direction, turn) for direction, turn in zip(directions, flipped, strict=True)]
     if framing == "paper":
         return [Camera(PAPER_DISTANCE * basis[2], *basis, field_of_view) for basis in bases]
     slope = np.tan(np.radians(field_of_view) / 2) / MARGIN
     # A point q (right, up, back) is inside the picture from distance d and centre c when |q_x − c_x| ≤ slope (d − q_z),
     # likewise in y: bounds that are linear in the point, so one matrix product gives the extremes for all cameras.
+    # A fifth bound is the point nearest to the eye.
     bounds = np.concatenate(
         [
-            [right + slope * back, slope * back - right, up + slope * back, slope * back - up]
+            [right + slope * back, slope * back - right, up + slope * back, slope * back - up, back]
             for right, up, back in bases
         ]
     )
-    reach = np.full(len(bounds), -np.inf)
-    for start in range(0, len(points), _CHUNK):
-        np.maximum(reach, (points[start : start + _CHUNK] @ bounds.T).max(axis=0), out=reach)
+    reach = _largest_along(bounds, points).reshape(-1, 5)
     cameras = []
-    for (right, up, back), (to_right, to_left, to_top, to_bottom) in zip(bases, reach.reshape(-1, 4), strict=True):
-        distance = max(to_right + to_left, to_top + to_bottom) / (2 * slope)
+    for (right, up, back), (to_right, to_left, to_top, to_bottom, nearest) in zip(bases, reach, strict=True):
+        distance = max((to_right + to_left) / (2 * slope), (to_top + to_bottom) / (2 * slope), nearest + CLEARANCE)
         position = (to_right - to_left) / 2 * right + (to_top - to_bottom) / 2 * up + distance * back
         cameras.append(Camera(position, right, up, back, field_of_view))
     return cameras
+
+
+def _largest_along(normals: NDArray[np.float64], points: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Return the largest product of a point (N, 3) with each of `normals` (K, 3), (K,)."""
+    columns = normals.T.astype(np.float32)
+    largest = np.full(len(normals), -np.inf, np.float32)
+    for start in range(0, len(points), _CHUNK):
+        chunk = np.asarray(points[start : start + _CHUNK], np.float32)
+        np.maximum(largest, (chunk @ columns).max(axis=0), out=largest)
+    return largest.astype(np.float64)
 
 
 def _basis(

@@ -17,6 +17,8 @@ from dfd.scene_file import SceneFile
 
 __all__ = ["Mesh", "load"]
 
+_FACES_AT_ONCE = 1 << 20  # when normals are summed, to bound memory
+
 
 class Mesh:
     """A triangle mesh that never changes: its arrays are read-only, and a moved mesh is another array of positions.
@@ -150,17 +152,23 @@ def load(path: str | os.PathLike[str]) -> Mesh:
 
 
 def smooth_normals(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float32]:
-    """Return unit normals (V, 3), each the sum of its faces' normals weighted by area; zero where that sum is zero."""
-    corners = vertices[faces]
-    crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    scale = np.abs(crossed).max(initial=0.0)
-    if scale > 0:
-        crossed /= scale
-    summed = np.stack(
-        [np.bincount(faces.ravel(), np.repeat(axis, 3), minlength=len(vertices)) for axis in crossed.T], axis=1
-    )
-    length = np.linalg.norm(summed, axis=1, keepdims=True)
-    return np.divide(summed, length, out=np.zeros_like(summed), where=length > 0).astype(np.float32)
+    """Return unit normals (V, 3), each the sum of its faces' normals weighted by area; zero where they cancel out."""
+    span = float((vertices.max(axis=0) - vertices.min(axis=0)).max()) or 1.0
+    summed = np.zeros((3, len(vertices)))
+    weight = np.zeros(len(vertices))
+    for start in range(0, len(faces), _FACES_AT_ONCE):
+        some = faces[start : start + _FACES_AT_ONCE]
+        first, second, third = (vertices[some[:, corner]] for corner in range(3))
+        # Edges of at most unit length: neither a huge shape's products overflow nor a tiny one's vanish.
+        crossed = np.cross((second - first) / span, (third - first) / span)
+        corners = some.ravel()
+        for axis in range(3):
+            summed[axis] += np.bincount(corners, np.repeat(crossed[:, axis], 3), minlength=len(vertices))
+        weight += np.bincount(corners, np.repeat(np.linalg.norm(crossed, axis=1), 3), minlength=len(vertices))
+    length = np.sqrt(np.einsum("cv,cv->v", summed, summed))
+    # Of normals that cancel out, as on a sheet that has both its sides as faces, rounding leaves a direction at random.
+    known = length > 1e-9 * weight
+    return np.where(known, summed / np.where(known, length, 1), 0).T.astype(np.float32, order="C")
 
 
 def _checked_faces(faces: Any, vertex_count: int) -> NDArray[np.int32]:
@@ -173,9 +181,7 @@ def _checked_faces(faces: Any, vertex_count: int) -> NDArray[np.int32]:
         raise ValueError("Mesh: `faces` must hold at least one face, got none")
     low, high = int(indices.min()), int(indices.max())
     if low < 0 or high >= vertex_count:
-        raise ValueError(
-            f"Mesh: `faces` must name vertices 0 … {vertex_count - 1}, got {low if low < 0 else high}"
-        )
+        raise ValueError(f"Mesh: `faces` must name vertices 0 … {vertex_count - 1}, got {low if low < 0 else high}")
     return np.ascontiguousarray(indices, dtype=np.int32)
 
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.cameras import Camera, place_cameras
+from dfd.cameras import FRAMINGS, Camera, place_cameras
 from dfd.progress import Stages
 from dfd.scene import Hits, Scene
-from dfd.shading import Shading
+from dfd.shading import Shading, blend
+from dfd.threads import get_num_threads
 
 if TYPE_CHECKING:
     from dfd.mesh import Mesh
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["Views", "render"]
 
 LARGEST_RESOLUTION = 8192
+LARGEST_VIEWS = np.iinfo(np.int16).max  # of what numbers them
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,11 +60,11 @@ def normalization(mesh: Mesh) -> tuple[NDArray[np.float64], float]:
     ValueError
         If all vertices are one point.
     """
-    center = np.asarray(mesh.bounds, np.float64).mean(axis=0)
-    side = float(np.max(mesh.extents))
-    if side <= 0:
+    low, high = mesh.bounds / 2  # halved before they meet, so that no sum overflows
+    half = float(np.max(high - low))
+    if half < np.finfo(np.float64).tiny:
         raise ValueError("render: `mesh` must have some extent, got all vertices at one point")
-    return center, 2.0 / side
+    return low + high, 1.0 / half
 
 
 def render(
@@ -89,7 +92,7 @@ def render(
     mirrored
         Cameras, and with them pictures, come in mirrored pairs.
     simplify_to
-        Cast rays at a copy of at most so many faces (quadric error simplification) instead of the mesh itself.
+        Cast rays at a copy of about so many faces (quadric error simplification) instead of the mesh itself.
     supervision
         Which points are returned: "barycentric" for those behind all covered pixels, "vertex" for the visible vertices.
 
@@ -98,46 +101,59 @@ def render(
     ValueError
         If an argument is out of its range, or no ray meets the mesh.
     """
-    _check_whole("views", views, 32767)
-    _check_whole("resolution", resolution, LARGEST_RESOLUTION)
+    _check_whole("views", views, 1, LARGEST_VIEWS)
+    _check_whole("resolution", resolution, 1, LARGEST_RESOLUTION)
+    if simplify_to is not None:
+        _check_whole("simplify_to", simplify_to, 4, np.iinfo(np.int64).max)
+    if framing not in FRAMINGS:
+        raise ValueError(f"render: `framing` must be one of {', '.join(FRAMINGS)}, got {framing!r}")
     if supervision not in ("barycentric", "vertex"):
         raise ValueError(f"render: `supervision` must be 'barycentric' or 'vertex', got {supervision!r}")
     stages = stages or Stages(show=False)
+    center, scale = normalization(mesh)
     if simplify_to is not None:
         from dfd.simplify import simplify
 
         with stages.stage("simplify"):
             mesh = simplify(mesh, simplify_to)
-    center, scale = normalization(mesh)
-    vertices = ((mesh.vertices - center) * scale).astype(np.float32)
     with stages.stage("render", views) as advance:
+        vertices = ((mesh.vertices - center) * scale).astype(np.float32)
         scene = Scene(vertices, mesh.faces)
-        shading = Shading(scene, mesh)
-        cameras = place_cameras(views, vertices, framing=framing, mirrored=mirrored)
+        shading = Shading(scene, mesh, vertices)
+        used = _used(vertices, mesh.faces)
+        cameras = place_cameras(views, used, framing=framing, mirrored=mirrored)
         images = np.empty((views, resolution, resolution, 3), np.uint8)
-        seen = []
-        for index, camera in enumerate(cameras):
-            images[index], hits = shading.picture(camera, resolution)
+
+        def take(index: int) -> tuple[NDArray[np.float32], NDArray[np.floating], NDArray[np.floating]]:
+            images[index], hits = shading.picture(cameras[index], resolution)
             if supervision == "vertex":
-                points, row, column = _visible_vertices(scene, vertices, camera, resolution)
-            else:
-                row, column = np.divmod(hits.ray, resolution)
-                points = surface_points(vertices, mesh.faces, hits)
-            seen.append((points, np.full(len(row), index, np.int16), row.astype(np.float32), column.astype(np.float32)))
-            advance()
+                return _visible_vertices(scene, used, cameras[index], resolution)
+            row, column = np.divmod(hits.ray.astype(np.int32), resolution)
+            return surface_points(vertices, mesh.faces, hits), row.astype(np.float32), column.astype(np.float32)
+
+        seen = []
+        # Embree and NumPy's large operations leave Python's lock to the other threads.
+        with ThreadPoolExecutor(get_num_threads()) as threads:
+            for index, (points, row, column) in enumerate(threads.map(take, range(views))):
+                view = np.full(len(points), index, np.int16)
+                seen.append((points, view, row.astype(np.float32), column.astype(np.float32)))
+                advance()
     points, view, row, column = (np.concatenate(parts) for parts in zip(*seen, strict=True))
     if len(points) == 0:
         raise ValueError("render: `mesh` is seen by no camera: all its faces are without area, or smaller than a pixel")
     return Views(images, cameras, points, view, row, column, center, scale)
 
 
+def _used(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float32]:
+    """Return the vertices that some face has."""
+    used = np.zeros(len(vertices), bool)
+    used[faces] = True
+    return vertices if used.all() else vertices[used]
+
+
 def surface_points(vertices: NDArray[np.float32], faces: NDArray[np.int32], hits: Hits) -> NDArray[np.float32]:
     """P = B·T (Eq. 2) of all hits, (K, 3), in the units of `vertices`."""
-    corners = faces[hits.face]
-    points = hits.barycentric[:, :1] * vertices[corners[:, 0]]
-    points += hits.barycentric[:, 1:2] * vertices[corners[:, 1]]
-    points += hits.barycentric[:, 2:] * vertices[corners[:, 2]]
-    return points
+    return blend(vertices, faces[hits.face], hits.barycentric)
 
 
 def _visible_vertices(
@@ -155,6 +171,6 @@ def _visible_vertices(
     return vertices[chosen], row[chosen], column[chosen]
 
 
-def _check_whole(name: str, value: object, largest: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 1 <= value <= largest:
-        raise ValueError(f"render: `{name}` must be a whole number from 1 to {largest}, got {value!r}")
+def _check_whole(name: str, value: object, least: int, most: int) -> None:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
+        raise ValueError(f"render: `{name}` must be a whole number from {least} to {most}, got {value!r}")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 __all__ = ["Hits", "Scene"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Hits:
     """Where rays first meet the surface: only of the rays that do.
 
@@ -41,6 +41,8 @@ class Hits:
 class Scene:
     """Triangles in normalised coordinates, ready to be hit; front and back faces alike.
 
+    Several threads may cast at once, and do so in parallel.
+
     Parameters
     ----------
     vertices
@@ -50,10 +52,13 @@ class Scene:
     """
 
     def __init__(self, vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> None:
-        self._scene = EmbreeScene()
+        # Robust: no ray slips between two triangles along their common edge.
+        self._scene = EmbreeScene(robust=True)
         TriangleMesh(
             self._scene, np.ascontiguousarray(vertices, dtype=np.float32), np.ascontiguousarray(faces, dtype=np.int32)
         )
+        # The first query builds the search tree, and must not run beside a second one.
+        self.cast(np.zeros(3), np.ones((1, 3)))
 
     def cast(self, origins: NDArray[np.floating], directions: NDArray[np.floating]) -> Hits:
         """Cast N rays; `directions` is (N, 3), `origins` (N, 3) or one point (3,) for all."""
@@ -64,7 +69,7 @@ class Scene:
             return Hits(np.zeros(0, np.int64), np.zeros(0, np.int32), np.zeros((0, 3), np.float32), nothing)
         found = self._scene.run(origins, directions, query="INTERSECT", output=1)
         ray = np.flatnonzero(found["primID"] >= 0)
-        u, v = found["u"][ray], found["v"][ray]
+        u, v = found["u"][ray], found["v"][ray]  # shares of the second corner and the third
         barycentric = np.stack([1 - u - v, u, v], axis=1).clip(0, 1)
         barycentric /= barycentric.sum(axis=1, keepdims=True)
         return Hits(ray, found["primID"][ray], barycentric, found["tfar"][ray])

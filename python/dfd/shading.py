@@ -14,18 +14,21 @@ if TYPE_CHECKING:
     from dfd.cameras import Camera
     from dfd.mesh import Mesh
 
-__all__ = ["Shading", "facing"]
+__all__ = ["Shading", "blend", "facing"]
 
 AMBIENT, DIFFUSE = 0.6, 0.4  # the public reference's light
 _LAYERS = 4  # clear surfaces one behind another that a ray passes at most
+_CANCELLED = 0.2  # a blend of unit normals shorter than this says nothing
 _STEP = 1e-4  # past a clear surface, in normalised coordinates
 
 
 class Shading:
     """Takes pictures of a scene."""
 
-    def __init__(self, scene: Scene, mesh: Mesh) -> None:
+    def __init__(self, scene: Scene, mesh: Mesh, vertices: NDArray[np.float32]) -> None:
+        """Take `mesh`, of which `scene` holds the normalised `vertices` (V, 3)."""
         self._scene = scene
+        self._vertices = vertices
         self._faces = mesh.faces
         self._normals = mesh.normals
         self._appearance = mesh.appearance
@@ -57,7 +60,7 @@ class Shading:
             rgba[:, 3] = 1
         else:
             rgba = self._appearance.albedo(hits.face, hits.barycentric)
-        light = facing(self._normals, self._faces, hits, directions)
+        light = facing(self._vertices, self._faces, self._normals, hits, directions)
         rgba[:, :3] *= np.float32(AMBIENT) + np.float32(DIFFUSE) * light[:, None]
         return rgba
 
@@ -99,14 +102,35 @@ class Shading:
 
 
 def facing(
-    normals: NDArray[np.float32], faces: NDArray[np.int32], hits: Hits, directions: NDArray[np.float32]
+    vertices: NDArray[np.float32],  # (V, 3)
+    faces: NDArray[np.int32],  # (F, 3)
+    normals: NDArray[np.float32],  # (V, 3) unit, or zero where unknown
+    hits: Hits,
+    directions: NDArray[np.float32],  # (N, 3) unit, of all rays
 ) -> NDArray[np.float32]:
     """|n · d| of each hit, (K,): 1 where the surface faces the eye, from either side, 0 where it is seen edge on."""
     corners = faces[hits.face]
-    normal = hits.barycentric[:, :1] * normals[corners[:, 0]]
-    normal += hits.barycentric[:, 1:2] * normals[corners[:, 1]]
-    normal += hits.barycentric[:, 2:] * normals[corners[:, 2]]
+    normal = blend(normals, corners, hits.barycentric)
     length = np.sqrt(np.einsum("kc,kc->k", normal, normal))
-    # Normals that cancel out, at a fold or a face without area, say nothing: light such a point as if it faced us.
+    # Where faces wound either way meet, their normals cancel out and what is left points anywhere.
+    lost = np.flatnonzero(length < _CANCELLED)
+    if len(lost):
+        first, second, third = (vertices[corners[lost, corner]].astype(np.float64) for corner in range(3))
+        crossed = np.cross(second - first, third - first)
+        length[lost] = np.linalg.norm(crossed, axis=1)
+        crossed /= np.maximum(length[lost, None], np.finfo(np.float32).tiny)
+        normal[lost], length[lost] = crossed, 1
     towards = np.abs(np.einsum("kc,kc->k", normal, directions[hits.ray]))
-    return np.where(length > 1e-6, towards / np.maximum(length, 1e-6), 1).clip(0, 1).astype(np.float32)
+    return (towards / length).clip(0, 1).astype(np.float32)
+
+
+def blend(
+    values: NDArray[np.float32],  # (V, C) of the vertices
+    corners: NDArray[np.int32],  # (K, 3) vertices of the face that each point lies on
+    barycentric: NDArray[np.float32],  # (K, 3)
+) -> NDArray[np.float32]:
+    """Return B·T, the corners' values blended at each point, (K, C)."""
+    blended: NDArray[np.float32] = barycentric[:, :1] * values[corners[:, 0]]
+    blended += barycentric[:, 1:2] * values[corners[:, 1]]
+    blended += barycentric[:, 2:] * values[corners[:, 2]]
+    return blended

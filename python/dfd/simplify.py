@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from dfd.appearance import Appearance, Material
 from dfd.mesh import Mesh
+from dfd.render import normalization
 
 __all__ = ["simplify"]
 
@@ -21,7 +22,7 @@ def simplify(mesh: Mesh, face_count: int) -> Mesh:
     Raises
     ------
     ValueError
-        If `face_count` is not at least 4.
+        If `face_count` is not at least 4, or all vertices are one point.
 
     Source: Garland and Heckbert 1997, through fast-simplification; paper, section 3.2.
     """
@@ -29,12 +30,17 @@ def simplify(mesh: Mesh, face_count: int) -> Mesh:
         raise ValueError(f"simplify: `face_count` must be a whole number of at least 4, got {face_count!r}")
     if len(mesh.faces) <= face_count:
         return mesh
-    vertices, faces = fast_simplification.simplify(
-        np.asarray(mesh.vertices, np.float64), np.array(mesh.faces), target_count=int(face_count)
-    )
+    faces = _sound_faces(mesh)
     if len(faces) == 0:
         return mesh
-    coarse = Mesh(vertices, faces)
+    # Quadrics hold squared coordinates: around the origin and of size 1 they lose least.
+    center, scale = normalization(mesh)
+    vertices, faces = fast_simplification.simplify(
+        (mesh.vertices - center) * scale, faces, target_count=min(int(face_count), len(faces))
+    )
+    if len(faces) == 0 or not np.isfinite(vertices).all():
+        return mesh
+    coarse = Mesh(vertices / scale + center, faces)
     if mesh.appearance is None:
         return coarse
     _, nearest = cKDTree(mesh.vertices).query(coarse.vertices)
@@ -47,6 +53,12 @@ def simplify(mesh: Mesh, face_count: int) -> Mesh:
         colors=_vertex_colors(mesh, mesh.appearance)[nearest],
     )
     return coarse
+
+
+def _sound_faces(mesh: Mesh) -> NDArray[np.int32]:
+    """Return a copy of the faces that have an area: around others the simplification sees every collapse as a fold."""
+    first, second, third = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
+    return mesh.faces[np.cross(second - first, third - first).any(axis=1)]
 
 
 def _vertex_colors(mesh: Mesh, appearance: Appearance) -> NDArray[np.float32]:
