@@ -1,6 +1,8 @@
-"""Colours that stand for numbers: weights as heat, features by their main directions."""
+"""Colours that show numbers: weights as a heat map, features by their main directions."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,35 +11,105 @@ from dfd import check
 
 __all__ = ["CLAY", "feature_colors", "weight_colors"]
 
-CLAY = (0.82, 0.82, 0.80)
-# From clay, so that what does not move still shows its shape, over yellow and orange to a dark red: lightness falls
-# all the way, which eyes that do not tell red from green can read as well.
-_HEAT = np.array(
-    [CLAY, (0.98, 0.86, 0.52), (0.97, 0.66, 0.26), (0.90, 0.40, 0.17), (0.70, 0.15, 0.18), (0.40, 0.02, 0.20)]
+CLAY = (0.85, 0.84, 0.82)  # sRGB of a surface about which nothing is shown; also of weight 0
+# sRGB stops from weight 0 to 1. They darken all the way, so that the map also reads in grey and to the colour-blind.
+HEAT_STOPS = (CLAY, (0.96, 0.78, 0.42), (0.93, 0.50, 0.18), (0.74, 0.20, 0.24), (0.38, 0.05, 0.31))
+# Rows from which the main directions are found; more rows change them little.
+LARGEST_SAMPLE = 20_000
+PERCENTILES = (1.0, 99.0)  # of each direction, drawn as its lowest and highest value
+
+_TO_CONE = np.array(
+    [
+        [0.4122214708, 0.5363325363, 0.0514459929],
+        [0.2119034982, 0.6806995451, 0.1073969566],
+        [0.0883024619, 0.2817188376, 0.6299787005],
+    ]
+)
+_TO_LAB = np.array(
+    [
+        [0.2104542553, 0.7936177850, -0.0040720468],
+        [1.9779984951, -2.4285922050, 0.4505937099],
+        [0.0259040371, 0.7827717662, -0.8086757660],
+    ]
 )
 
 
 def weight_colors(weights: ArrayLike) -> NDArray[np.float32]:
-    """Heat colours of weights (V,): (V, 3) in [0, 1], clay at 0, dark red at 1 and above."""
+    """Return the heat map's sRGB colours (V, 3) in [0, 1] of `weights` (V,): clay at 0, amber, red, dark violet at 1.
+
+    Equal steps of weight look equally large. Weights outside [0, 1] take the colour of the nearer end.
+
+    Raises
+    ------
+    ValueError
+        If `weights` is not a row of finite numbers.
+    """
     values = check.array("weight_colors", "weights", weights, ("V",), dtype=np.float64)
-    stops = np.linspace(0, 1, len(_HEAT))
-    return np.stack([np.interp(values, stops, channel) for channel in _HEAT.T], axis=1).astype(np.float32)
+    place = values.clip(0, 1) * (len(_HEAT) - 1)
+    before = np.minimum(place.astype(np.int64), len(_HEAT) - 2)
+    part = (place - before)[:, None]
+    colours: NDArray[np.float32] = (_HEAT[before] * (1 - part) + _HEAT[before + 1] * part).astype(np.float32)
+    return colours
 
 
 def feature_colors(features: ArrayLike) -> NDArray[np.float32]:
-    """Red, green and blue for the three main directions of features (V, D): (V, 3) in [0, 1].
+    """Return sRGB colours (V, 3) in [0, 1] of `features` (V, D): their three main directions as red, green and blue.
 
-    Vertices with like features get like colours. Each direction runs from its 1st to its 99th percentile.
+    Each direction is stretched so that all but its outermost hundredths fill the range; its sign makes the largest
+    of its D parts positive, so that equal features give equal colours.
+
+    Raises
+    ------
+    ValueError
+        If `features` is not a (V, D) array of finite numbers with at least one row and one column.
     """
-    values = check.array("feature_colors", "features", features, ("V", "D"), dtype=np.float32)
-    if len(values) == 0:
-        return np.zeros((0, 3), np.float32)
-    # A few thousand rows tell the directions as well as millions.
-    sample = values[:: max(1, len(values) // 20_000)].astype(np.float64)
+    rows = check.array("feature_colors", "features", features, ("V", "D"), dtype=np.float32)
+    if rows.size == 0:
+        raise ValueError(f"feature_colors: `features` must not be empty, got shape {rows.shape}")
+    sample = rows[:: -(-len(rows) // LARGEST_SAMPLE)].astype(np.float64)
     mean = sample.mean(axis=0)
-    _, _, directions = np.linalg.svd(sample - mean, full_matrices=False)
-    main = directions[:3] * np.sign(directions[:3].sum(axis=1, keepdims=True) + 1e-12)
-    places = np.zeros((len(values), 3), np.float32)
-    places[:, : len(main)] = (values - mean.astype(np.float32)) @ main.T.astype(np.float32)
-    low, high = np.percentile(places, [1, 99], axis=0)
-    return np.clip((places - low) / np.maximum(high - low, 1e-6), 0, 1).astype(np.float32) * 0.85 + 0.1
+    _, axes = np.linalg.eigh((sample - mean).T @ (sample - mean))
+    axes = axes[:, ::-1][:, :3]
+    axes *= np.where(np.take_along_axis(axes, np.abs(axes).argmax(axis=0)[None], axis=0) < 0, -1, 1)
+    low, high = np.percentile((sample - mean) @ axes, PERCENTILES, axis=0)
+    spread = high - low
+    told_apart = spread > 1e-6 * max(float(spread.max()), float(np.abs(sample).max()), 1e-30)
+    scaled = ((rows - mean.astype(np.float32)) @ axes.astype(np.float32) - low) / np.where(told_apart, spread, 1)
+    colours = np.full((len(rows), 3), 0.5, np.float32)
+    colours[:, : axes.shape[1]] = np.where(told_apart, scaled.clip(0, 1), 0.5)
+    # Pure primaries hide the shading of the surface.
+    return np.float32(0.06) + np.float32(0.88) * colours
+
+
+def to_linear(srgb: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+    """Linear light of sRGB values in [0, 1]."""
+    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((np.maximum(srgb, 0.04045) + 0.055) / 1.055) ** 2.4)
+    return linear.astype(np.float32)
+
+
+def to_srgb(linear: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+    """Return the sRGB values of linear light in [0, 1]."""
+    srgb = np.where(linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055)
+    return srgb.astype(np.float32)
+
+
+def oklab(srgb: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+    """Lightness and two hue axes, (N, 3), in which equal steps look equally large (Oklab, Ottosson 2020)."""
+    lab: NDArray[np.float64] = np.cbrt(to_linear(srgb).astype(np.float64) @ _TO_CONE.T) @ _TO_LAB.T
+    return lab
+
+
+def _from_oklab(lab: NDArray[np.float64]) -> NDArray[np.float64]:
+    cone = lab @ np.linalg.inv(_TO_LAB).T
+    return to_srgb((cone**3 @ np.linalg.inv(_TO_CONE).T).clip(0, 1)).astype(np.float64)
+
+
+def _heat_table(size: int = 256) -> NDArray[np.float64]:
+    """Return sRGB colours (size, 3) along the stops, evenly spaced by how large the steps look."""
+    stops = oklab(np.array(HEAT_STOPS))
+    walked = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(stops, axis=0), axis=1))])
+    place = np.linspace(0, walked[-1], size)
+    return _from_oklab(np.stack([np.interp(place, walked, axis) for axis in stops.T], axis=1))
+
+
+_HEAT = _heat_table()

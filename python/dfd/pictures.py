@@ -1,32 +1,48 @@
-"""Pictures for people: a mesh in clay, in heat colours or in its own, ray-cast, with no display needed."""
+"""Pictures of a mesh for people: ray-cast, smooth at the edges, softly lit; they need no display."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
+from scipy.ndimage import uniform_filter
 
 from dfd import check
 from dfd.cameras import Camera, camera_towards
-from dfd.colors import CLAY, weight_colors
+from dfd.colors import CLAY, to_linear, to_srgb, weight_colors
+from dfd.contact_sheet import contact_sheet, heat_bar
 from dfd.files import atomic_write
-from dfd.render import normalization, surface_points
+from dfd.marks import draw_marks
+from dfd.render import surface_points
 from dfd.scene import Hits, Scene
+from dfd.threads import get_num_threads
 
 if TYPE_CHECKING:
     from dfd.mesh import Mesh
 
-__all__ = ["contact_sheet", "picture", "save_png"]
+__all__ = ["contact_sheet", "heat_bar", "picture", "save_png"]
 
-FIELD_OF_VIEW = 30.0  # degrees: a longer lens than the encoder's, so that proportions look right
-_SAMPLES = 2  # along a side of each pixel
-_KEY_LIGHT = np.array([-0.35, 0.55, 0.75]) / np.linalg.norm([-0.35, 0.55, 0.75])  # right, up and back of the camera
-_INK, _FAINT = (40, 40, 40), (120, 120, 120)
+SAMPLES = 2  # per pixel, along each side
+FIELD_OF_VIEW = 30.0
+LARGEST_RESOLUTION = 8192
+BAND = 1 << 17  # samples drawn at a time, which bounds the memory of large pictures
+CREASE = 40.0  # degrees; a smooth normal that leans further from its face leaves the edge sharp
+
+# The light: sky from above, a lamp over the viewer's left shoulder, and shade where the surface hides the sky.
+SKY, GROUND, LAMP = 0.44, 0.28, 0.68
+LAMP_OFFSET = (-0.45, 0.60)  # to the right and up, against 1 towards the eye
+SHADE_RAYS = 2  # per sample; the samples of a tile look in different directions and share what they find
+TILE = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]) / 16  # of samples, an ordered dither
+SHADE_REACH = 0.7  # how far hiding matters, of half the shape's size
+SHADE_DEPTH = 0.75  # how dark full hiding is
+MAX_LAYERS = 6  # see-through surfaces behind one another
+STEP = 1e-4  # past a surface, of half the shape's size
 
 
 def picture(
@@ -37,192 +53,259 @@ def picture(
     weights: ArrayLike | None = None,
     handles: ArrayLike | None = None,
     fixed: ArrayLike | None = None,
-    azimuth: float = 30.0,
-    elevation: float = 15.0,
+    azimuth: float = 35.0,
+    elevation: float = 18.0,
     frame: Sequence[ArrayLike] = (),
     resolution: int = 512,
 ) -> NDArray[np.uint8]:
-    """Draw `mesh`, (resolution, resolution, 3) on white.
+    """Draw `mesh` on white, as it is or moved, in its own colours or in ones that show numbers.
 
     Parameters
     ----------
     vertices
-        (V, 3) where its vertices are now, mesh units; its own positions if left out.
-    colors, weights
-        (V, 3) red, green and blue in [0, 1], or (V,) weights drawn as heat; clay or the mesh's own colours if both are
-        left out.
+        (V, 3) moved positions, mesh units; None draws the mesh as it is.
+    colors
+        (V, 3) sRGB in [0, 1] per vertex, blended over the faces; without `colors` and `weights` the mesh shows its
+        textures, or clay.
+    weights
+        (V,) drawn as a heat map, see `weight_colors`.
     handles, fixed
-        (H, 3) points in mesh units to mark: handles with a blue dot, fixed points with a dark square; a ring where the
-        mesh hides them.
+        What to mark, handles by blue dots, fixed points by dark squares: (H, 3) positions in mesh units, or vertex
+        indices. Hidden marks shine through faintly.
     azimuth, elevation
-        From where it is seen, degrees: round the y axis from the front (+z) towards +x, and up.
+        Where the camera stands, degrees: 0, 0 looks from +z at the front, azimuth 90 from +x, elevation 90 from above.
     frame
-        Further positions (N, 3) that have to fit into the picture, so that several pictures share one camera.
+        Further positions, each (N, 3) in mesh units, that have to fit. Both pictures of a pair have one camera when
+        each has the other's vertices in its `frame`.
     resolution
-        Pixels along a side.
+        Pixels R along a side.
+
+    Returns
+    -------
+    (R, R, 3) uint8 sRGB.
 
     Raises
     ------
     ValueError
-        If an argument has another shape, or both `colors` and `weights` are given.
+        If an array has the wrong shape or is not finite, a vertex index is out of range, both `colors` and `weights`
+        are given, or all points lie in one place.
     """
-    if colors is not None and weights is not None:
-        raise ValueError("picture: `colors` and `weights` must not both be given")
-    count = len(mesh.vertices)
-    center, scale = normalization(mesh)
-
-    def normalized(name: str, points: ArrayLike, rows: int | str) -> NDArray[np.float64]:
-        return (check.array("picture", name, points, (rows, 3), dtype=np.float64) - center) * scale
-
-    places = normalized("vertices", mesh.vertices if vertices is None else vertices, count)
-    if weights is not None:
-        colors = weight_colors(check.array("picture", "weights", weights, (count,), dtype=np.float64))
-    vertex_colors = None if colors is None else check.array("picture", "colors", colors, (count, 3), dtype=np.float32)
-
-    around = np.concatenate([places, *(normalized("frame", points, "N") for points in frame)])
-    angle, height = np.radians(azimuth), np.radians(np.clip(elevation, -89, 89))
-    direction = (np.sin(angle) * np.cos(height), np.sin(height), np.cos(angle) * np.cos(height))
-    camera = camera_towards(direction, around, field_of_view=FIELD_OF_VIEW)
-
-    scene = Scene(places, mesh.faces)
-    image = Image.fromarray(_draw(scene, mesh, places, vertex_colors, camera, int(resolution)))
-    for name, points, square in (("fixed", fixed, True), ("handles", handles, False)):
-        if points is not None:
-            _mark(image, scene, camera, normalized(name, points, "H"), square=square)
-    return np.asarray(image)
-
-
-def _draw(
-    scene: Scene,
-    mesh: Mesh,
-    places: NDArray[np.float64],
-    colors: NDArray[np.float32] | None,
-    camera: Camera,
-    resolution: int,
-) -> NDArray[np.uint8]:
-    fine = resolution * _SAMPLES
-    directions = camera.ray_directions(fine)
-    hits = scene.cast(camera.position, directions)
-    light = _light(mesh, places, hits, directions, camera)
-    if colors is not None:
-        surface = surface_points(colors, mesh.faces, hits)  # blends colours as it blends positions
-        opacity = np.ones((len(hits.ray), 1), np.float32)
-    elif mesh.appearance is not None:
-        rgba = mesh.appearance.albedo(hits.face, hits.barycentric)
-        surface, opacity = rgba[:, :3], rgba[:, 3:]
-    else:
-        surface, opacity = np.broadcast_to(np.float32(CLAY), (len(hits.ray), 3)), np.float32(1)
-    canvas = np.ones((fine * fine, 3), np.float32)
-    canvas[hits.ray] += opacity * (np.clip(surface * light[:, None], 0, 1) - 1)
-    pixels = canvas.reshape(resolution, _SAMPLES, resolution, _SAMPLES, 3).mean(axis=(1, 3))
-    return (pixels * 255 + 0.5).astype(np.uint8)
-
-
-def _light(
-    mesh: Mesh, places: NDArray[np.float64], hits: Hits, directions: NDArray[np.float32], camera: Camera
-) -> NDArray[np.float32]:
-    """Light on each hit, (K,): a key light from the upper left, a fill from the eye, darker towards the outline."""
-    from dfd.mesh import smooth_normals
-
-    normals = surface_points(smooth_normals(places, mesh.faces), mesh.faces, hits)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-6)
-    towards = -np.einsum("kc,kc->k", normals, directions[hits.ray])
-    normals *= np.where(towards < 0, -1, 1)[:, None].astype(np.float32)  # light back faces like front ones
-    key = normals @ (np.stack([camera.right, camera.up, camera.back], axis=1) @ _KEY_LIGHT).astype(np.float32)
-    light = 0.42 + 0.46 * np.maximum(key, 0) + 0.24 * np.abs(towards)
-    return light.astype(np.float32)
-
-
-def _mark(image: Image.Image, scene: Scene, camera: Camera, points: NDArray[np.float64], *, square: bool) -> None:
-    resolution = image.width
-    row, column = camera.project(points, resolution)
-    offset = points - camera.position
-    hits = scene.cast(camera.position, offset)
-    hidden = np.zeros(len(points), bool)
-    hidden[hits.ray] = hits.distance < 1 - 0.02 / np.linalg.norm(offset[hits.ray], axis=1)
-    draw = ImageDraw.Draw(image)
-    radius = max(3.0, resolution / 80)
-    shape = draw.rectangle if square else draw.ellipse
-    ink = (30, 30, 30) if square else (30, 90, 200)
-    for x, y, behind in zip(column, row, hidden, strict=True):
-        shape((x - radius - 1.5, y - radius - 1.5, x + radius + 1.5, y + radius + 1.5), fill=(255, 255, 255))
-        box = (x - radius, y - radius, x + radius, y + radius)
-        shape(box, fill=None if behind else ink, outline=ink, width=max(2, resolution // 250))
-
-
-def contact_sheet(
-    rows: Sequence[tuple[str, Sequence[tuple[NDArray[np.uint8], str]]]], *, title: str = "", cell: int = 320
-) -> Image.Image:
-    """Lay captioned pictures out in titled rows.
-
-    Parameters
-    ----------
-    rows
-        Each a title and its pictures, (height, width, 3) 8-bit with a caption; every picture becomes `cell` high.
-    title
-        Stands over the sheet.
-    cell
-        Height of a picture, pixels.
-    """
-    margin, gap, caption, heading = cell // 10, cell // 16, cell // 9, cell // 6
-    small, large = ImageFont.load_default(cell // 18), ImageFont.load_default(cell // 13)
-    scaled = [
-        (
-            name,
-            [
-                (Image.fromarray(image).resize((_width(image, cell), cell), Image.Resampling.LANCZOS), text)
-                for image, text in pictures
-            ],
-        )
-        for name, pictures in rows
+    size = check.number("picture", "resolution", resolution, minimum=1, maximum=LARGEST_RESOLUTION)
+    if size != int(size):
+        raise ValueError(f"picture: `resolution` must be a whole number, got {resolution!r}")
+    drawn = mesh.vertices
+    if vertices is not None:
+        drawn = check.array("picture", "vertices", vertices, mesh.vertices.shape, dtype=np.float64)
+    paint = _vertex_colors(mesh, colors, weights)
+    marks = [
+        (_positions(name, points, drawn), square)
+        for name, points, square in (("fixed", fixed, True), ("handles", handles, False))
+        if points is not None
     ]
-    width = max((sum(image.width + gap for image, _ in pictures) - gap for _, pictures in scaled), default=0)
-    top = margin + (heading if title else 0)
-    sheet = Image.new("RGB", (width + 2 * margin, top + len(rows) * (heading + cell + caption) + margin), "white")
-    draw = ImageDraw.Draw(sheet)
-    if title:
-        draw.text((margin, margin // 2), title, fill=_INK, font=ImageFont.load_default(cell // 9))
-    for name, pictures in scaled:
-        draw.text((margin, top + heading // 3), name, fill=_INK, font=large)
-        left = margin
-        for image, text in pictures:
-            sheet.paste(image, (left, top + heading))
-            draw.text((left + image.width / 2, top + heading + cell), text, fill=_FAINT, font=small, anchor="ma")
-            left += image.width + gap
-        top += heading + cell + caption
-    return sheet
-
-
-def _width(image: NDArray[np.uint8], height: int) -> int:
-    return max(1, round(image.shape[1] * height / image.shape[0]))
-
-
-def heat_bar(height: int) -> NDArray[np.uint8]:
-    """A strip that explains the heat colours, from weight 0 at the bottom to 1 at the top."""
-    width = max(60, height // 8)
-    strip = Image.new("RGB", (width, height), "white")
-    bar = weight_colors(np.linspace(1, 0, height * 8 // 10))[:, None]
-    pixels = np.repeat((bar * 255 + 0.5).astype(np.uint8), width // 3, axis=1)
-    strip.paste(Image.fromarray(pixels), (0, height // 10))
-    draw, font = ImageDraw.Draw(strip), ImageFont.load_default(max(10, height // 24))
-    for value in (0.0, 0.5, 1.0):
-        y = height // 10 + (1 - value) * (len(bar) - 1)
-        draw.text((width // 3 + 5, y), f"{value:g}", fill=_FAINT, font=font, anchor="lm")
-    return np.asarray(strip)
+    others = [check.array("picture", "frame", points, ("N", 3), dtype=np.float64) for points in frame]
+    around = np.concatenate([drawn, *others])
+    center, scale = _box(around)
+    camera = camera_towards(
+        _direction(azimuth, elevation), ((around - center) * scale).astype(np.float32), field_of_view=FIELD_OF_VIEW
+    )
+    placed = ((drawn - center) * scale).astype(np.float32)
+    scene = Scene(placed, mesh.faces)
+    image = _Painter(mesh, placed, scene, camera, paint, moved=vertices is not None).draw(int(size))
+    for positions, square in marks:
+        draw_marks(image, scene, camera, (positions - center) * scale, square=square)
+    return (image.clip(0, 1) * 255 + 0.5).astype(np.uint8)
 
 
 def save_png(path: str | os.PathLike[str], image: Image.Image | NDArray[np.uint8]) -> None:
-    """Write a picture to `path` (.png), whole or not at all.
+    """Write a picture, a PIL image or a uint8 array of shape (height, width, 3), whole or not at all.
 
     Raises
     ------
     ValueError
-        If the ending is not .png.
+        If the ending of `path` is not .png.
     OSError
-        If it cannot be written.
+        If `path` cannot be written; a file that was there stays as it was.
     """
     if Path(path).suffix.lower() != ".png":
         raise ValueError(f"save_png: `path` must end in .png, got {os.fspath(path)}")
     drawn = image if isinstance(image, Image.Image) else Image.fromarray(image)
     with atomic_write(path) as temporary:
-        drawn.save(temporary)
+        drawn.save(temporary, format="PNG")
+
+
+def _direction(azimuth: float, elevation: float) -> NDArray[np.float64]:
+    """Unit vector from the shape to the camera, (3,); degrees, 0, 0 is +z and the azimuth turns towards +x."""
+    turn = np.radians(check.number("picture", "azimuth", azimuth))
+    tilt = np.radians(check.number("picture", "elevation", elevation, minimum=-90, maximum=90))
+    return np.array([np.cos(tilt) * np.sin(turn), np.sin(tilt), np.cos(tilt) * np.cos(turn)])
+
+
+class _Painter:
+    """Light and colour of one shape under one camera, in normalised coordinates."""
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        vertices: NDArray[np.float32],  # (V, 3) normalised
+        scene: Scene,
+        camera: Camera,
+        colors: NDArray[np.float32] | None,  # (V, 3); None: the mesh's own
+        *,
+        moved: bool,
+    ) -> None:
+        from dfd.mesh import smooth_normals
+
+        self._vertices, self._faces, self._scene, self._camera = vertices, mesh.faces, scene, camera
+        self._normals = smooth_normals(vertices.astype(np.float64), mesh.faces) if moved else mesh.normals
+        self._colors, self._appearance = colors, mesh.appearance
+
+    def draw(self, resolution: int) -> NDArray[np.float32]:
+        """Return the picture (R, R, 3) in sRGB, each pixel the mean of several rays."""
+        image = np.empty((resolution, resolution, 3), np.float32)
+        height = max(1, BAND // (SAMPLES * resolution * SAMPLES))
+        bands = [slice(top, min(top + height, resolution)) for top in range(0, resolution, height)]
+
+        def draw_band(band: slice) -> None:
+            image[band] = self._band(band, resolution)
+
+        with ThreadPoolExecutor(get_num_threads()) as threads:
+            for _ in threads.map(draw_band, bands):
+                pass
+        return image
+
+    def _band(self, band: slice, resolution: int) -> NDArray[np.float32]:
+        """Return some rows of the picture, (rows, R, 3)."""
+        count, rows = resolution * SAMPLES, np.arange(band.start * SAMPLES, band.stop * SAMPLES)
+        directions = self._directions(rows, count)
+        starts = np.broadcast_to(self._camera.position.astype(np.float32), directions.shape)
+        ray = np.arange(len(directions))
+        light = np.ones(len(directions), np.float32)  # what still comes through
+        color = np.zeros((len(directions), 3), np.float32)
+        for _ in range(MAX_LAYERS):
+            hits = self._scene.cast(starts, directions[ray])
+            place = starts[hits.ray] + directions[ray[hits.ray]] * hits.distance[:, None]
+            ray = ray[hits.ray]
+            rgba = self._albedo(hits)
+            share = light[ray] * rgba[:, 3]
+            normals = self._facing_normals(hits, directions[ray])
+            hidden = _smoothed(self._hidden(place, normals, ray, count), ray, (len(rows), count))
+            color[ray] += share[:, None] * rgba[:, :3] * self._light(normals, 1 - SHADE_DEPTH * hidden)[:, None]
+            light[ray] -= share
+            onward = light[ray] > 0.01
+            if not onward.any():
+                break
+            ray = ray[onward]
+            starts = place[onward] + STEP * directions[ray]
+        color += light[:, None]
+        # Pixels are averaged as they are displayed: at an outline, dark and white mix evenly.
+        samples = to_srgb(color.clip(0, 1)).reshape(-1, SAMPLES, resolution, SAMPLES, 3)
+        pixels: NDArray[np.float32] = samples.mean(axis=(1, 3))
+        return pixels
+
+    def _directions(self, rows: NDArray[np.integer], count: int) -> NDArray[np.float32]:
+        """Unit directions through the samples of some of `count` rows of as many samples."""
+        camera = self._camera
+        down, across = (((each + 0.5) / count * 2 - 1) * camera.half_width for each in (rows, np.arange(count)))
+        directions = across[None, :, None] * camera.right - down[:, None, None] * camera.up - camera.back
+        return _unit(directions.reshape(-1, 3))
+
+    def _albedo(self, hits: Hits) -> NDArray[np.float32]:
+        """Return linear red, green, blue, and opacity, (K, 4)."""
+        rgba = np.ones((len(hits.ray), 4), np.float32)
+        if self._colors is not None:
+            rgba[:, :3] = surface_points(self._colors, self._faces, hits)  # blends colours as it blends positions
+        elif self._appearance is not None:
+            rgba = self._appearance.albedo(hits.face, hits.barycentric)
+        else:
+            rgba[:, :3] = CLAY
+        rgba[:, :3] = to_linear(rgba[:, :3])
+        return rgba
+
+    def _light(self, normals: NDArray[np.float32], open_sky: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the linear light (K,) that falls on points with unit `normals` (K, 3) under a partly hidden sky."""
+        right, up = self._camera.right.astype(np.float32), self._camera.up.astype(np.float32)
+        lamp = _unit(self._camera.back.astype(np.float32) + LAMP_OFFSET[0] * right + LAMP_OFFSET[1] * up)
+        sky = GROUND + (SKY - GROUND) * (0.5 + 0.5 * (normals @ up))
+        direct = LAMP * np.maximum(normals @ lamp, 0) * (0.35 + 0.65 * open_sky)
+        light: NDArray[np.float32] = sky * open_sky + direct
+        return light
+
+    def _facing_normals(self, hits: Hits, directions: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Unit normals (K, 3) on the side of the eye: smooth over gentle bends, sharp at creases."""
+        corners = self._faces[hits.face]
+        first = self._vertices[corners[:, 0]]
+        flat = _unit(np.cross(self._vertices[corners[:, 1]] - first, self._vertices[corners[:, 2]] - first))
+        normals = np.zeros_like(flat)
+        for corner in range(3):
+            own = self._normals[corners[:, corner]]
+            sharp = np.einsum("kc,kc->k", own, flat) < np.cos(np.radians(CREASE))
+            normals += hits.barycentric[:, corner : corner + 1] * np.where(sharp[:, None], flat, own)
+        normals = _unit(normals)
+        away = np.einsum("kc,kc->k", normals, directions) > 0
+        return np.where(away[:, None], -normals, normals)
+
+    def _hidden(
+        self, place: NDArray[np.float32], normals: NDArray[np.float32], ray: NDArray[np.int64], count: int
+    ) -> NDArray[np.float32]:
+        """Return how much of the sky over each point (K,) the shape itself hides, 0 to 1, nearer parts counting more.
+
+        A sample looks in few directions, those of its place in the tile.
+        """
+        side = _unit(np.cross(normals, np.where(np.abs(normals[:, :1]) < 0.7, [[1.0, 0, 0]], [[0, 1.0, 0]])))
+        other = np.cross(normals, side)
+        hidden = np.zeros(len(place), np.float32)
+        starts = place + np.float32(2e-3) * normals
+        turn = TILE[(ray // count) % 4, (ray % count) % 4]
+        for index in range(SHADE_RAYS):
+            angle = 2 * np.pi * (turn + index * 0.6180339887498949)
+            height = ((index + 0.5) / SHADE_RAYS + 7 * turn) % 1
+            radius = np.sqrt(height)
+            towards = (
+                (radius * np.cos(angle))[:, None] * side
+                + (radius * np.sin(angle))[:, None] * other
+                + np.sqrt(1 - height)[:, None] * normals
+            ).astype(np.float32)
+            hits = self._scene.cast(starts, towards)
+            hidden[hits.ray] += (1 - hits.distance / SHADE_REACH).clip(0, 1)
+        return hidden / np.float32(SHADE_RAYS)
+
+
+def _smoothed(values: NDArray[np.float32], ray: NDArray[np.int64], shape: tuple[int, int]) -> NDArray[np.float32]:
+    """Return the mean (K,) of `values` (K,) over the covered samples within a tile around each sample."""
+    grid = np.zeros((2, shape[0] * shape[1]), np.float32)
+    grid[0, ray], grid[1, ray] = values, 1
+    total, covered = (uniform_filter(each.reshape(shape), len(TILE), mode="constant").ravel()[ray] for each in grid)
+    mean: NDArray[np.float32] = total / np.maximum(covered, np.float32(1 / TILE.size))
+    return mean
+
+
+def _vertex_colors(mesh: Mesh, colors: ArrayLike | None, weights: ArrayLike | None) -> NDArray[np.float32] | None:
+    count = len(mesh.vertices)
+    if colors is not None and weights is not None:
+        raise ValueError("picture: `colors` and `weights` cannot both be given")
+    if weights is not None:
+        return weight_colors(check.array("picture", "weights", weights, (count,)))
+    if colors is not None:
+        return check.array("picture", "colors", colors, (count, 3)).clip(0, 1)
+    return None
+
+
+def _box(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Centre (3,) and factor that bring the box around `points` to [-1, 1] along its longest side."""
+    low, high = points.min(axis=0) / 2, points.max(axis=0) / 2
+    half = float((high - low).max())
+    if half <= 0 or not np.isfinite(1 / half):
+        raise ValueError("picture: all points lie in one place, so there is nothing to see")
+    return low + high, 1 / half
+
+
+def _positions(name: str, dots: Any, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Positions (H, 3) of dots that are given as such or as vertex indices."""
+    if np.ndim(dots) == 2:
+        return check.array("picture", name, dots, ("H", 3), dtype=np.float64)
+    return vertices[check.vertex_indices("picture", name, dots, len(vertices))]
+
+
+def _unit(vectors: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+    unit: NDArray[np.float32] = vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-30)
+    return unit.astype(np.float32, copy=False)
