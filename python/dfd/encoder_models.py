@@ -11,7 +11,8 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from operator import index
+from typing import Any, SupportsIndex
 
 import torch
 from torch import Tensor, nn
@@ -73,8 +74,9 @@ def build(weights: Weights, block: int | None = None, normalisation: Normalisati
     assert isinstance(blocks, nn.ModuleList)
     depth = len(blocks)
     chosen = family.block(config, depth) if block is None else block
-    if isinstance(chosen, bool) or not isinstance(chosen, int) or not 1 <= chosen <= depth:
+    if isinstance(chosen, bool) or not isinstance(chosen, SupportsIndex) or not 1 <= index(chosen) <= depth:
         raise ValueError(f"load_encoder: `block` must lie in 1 … {depth}, got {chosen!r}")
+    chosen = index(chosen)
     del blocks[chosen:]  # blocks after the one used need not run, nor be held
     unset = sorted(missing & {name for name, _ in network.named_parameters()})
     if unset:
