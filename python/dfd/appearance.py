@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +57,7 @@ class Appearance:
         rows = self.corner_faces[faces]
         weights = barycentric.astype(np.float32, copy=False)
         material = self.face_material[faces]
-        result = np.array([each.color for each in self.materials], np.float32)[material]
+        result: NDArray[np.float32] = np.array([each.color for each in self.materials], np.float32)[material]
         for index, each in enumerate(self.materials):
             if each.texture is not None and self.uv is not None:
                 here = slice(None) if len(self.materials) == 1 else np.flatnonzero(material == index)
@@ -65,7 +65,8 @@ class Appearance:
         if self.colors is not None:
             result *= _blend(self.colors, rows, weights)
         self._apply_alpha_modes(result, material)
-        return np.clip(result, 0, 1, out=result)
+        np.clip(result, 0, 1, out=result)
+        return result
 
     def row_colors(self) -> NDArray[np.float32]:
         """Return the `albedo` (R, 4) at every row, white at rows that no face uses."""
@@ -83,7 +84,7 @@ class Appearance:
 
     def update_hash(self, digest: _Digest) -> None:
         """Feed everything that `albedo` depends on to a hash."""
-        arrays = [self.corner_faces, self.face_material, self.uv, self.colors]
+        arrays: list[NDArray[Any] | None] = [self.corner_faces, self.face_material, self.uv, self.colors]
         for material in self.materials:
             settings = (material.color, material.wrap, material.alpha_mode, material.alpha_cutoff)
             digest.update(repr(settings).encode())
@@ -91,7 +92,7 @@ class Appearance:
         for values in arrays:
             digest.update(b"none" if values is None else str(values.shape).encode())
             if values is not None:
-                digest.update(np.ascontiguousarray(values).data)
+                digest.update(np.ascontiguousarray(values).tobytes())
 
 
 def srgb(linear: NDArray[np.floating]) -> NDArray[np.float32]:

@@ -27,7 +27,7 @@ class CoarseMesh:
 
     def carry(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return values (V,) at fine vertices, from values (K,) at coarse ones; NaN where no face leads there."""
-        carried = np.einsum("ij,ij->i", values[self.faces[self.face]], self.barycentric)
+        carried = _dot(values[self.faces[self.face]], self.barycentric)
         carried[self.face < 0] = np.nan
         return carried
 
@@ -78,10 +78,28 @@ def _simplified(
     scaled = np.ascontiguousarray((corners - middle) / size)
     collapses = fast_simplification.simplify(scaled, triangles, target_count=target, return_collapses=True)[2]
     points, simplified, went = fast_simplification.replay_simplification(scaled, triangles, collapses)
+    points = _held_back(points, scaled, went)
     nearest = np.arange(len(vertices), dtype=np.int32) + np.int32(len(points))
     nearest[used] = went
     small += np.int32(len(points))
     return np.concatenate([points * size + middle, vertices]), simplified.astype(np.int32), nearest
+
+
+def _held_back(
+    points: NDArray[np.float64],  # (P, 3) after simplification
+    corners: NDArray[np.float64],  # (C, 3) before
+    went: NDArray[np.integer],  # (C,) the point that each corner went to
+) -> NDArray[np.float64]:
+    """Return `points` with those that lie farther out than the corners they stand for at the middle of these.
+
+    On flat ground the best place for a point is nearly free, and simplification may put it anywhere.
+    """
+    count = np.maximum(np.bincount(went, minlength=len(points)), 1)
+    middle = np.stack([np.bincount(went, axis, len(points)) for axis in corners.T], axis=1) / count[:, None]
+    reach = np.zeros(len(points))
+    np.maximum.at(reach, went, np.linalg.norm(corners - middle[went], axis=1))
+    astray = np.linalg.norm(points - middle, axis=1) > reach
+    return np.where((astray & (np.bincount(went, minlength=len(points)) > 0))[:, None], middle, points)
 
 
 def _locate(
@@ -152,4 +170,5 @@ def closest_on_triangles(
 
 
 def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.einsum("ij,ij->i", a, b)
+    products: NDArray[np.float64] = np.einsum("ij,ij->i", a, b)
+    return products

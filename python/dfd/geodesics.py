@@ -39,10 +39,8 @@ class Geodesics:
         coarse_faces
             Meshes of more than twice as many faces are simplified to so many for the solver.
         """
-        if isinstance(coarse_faces, bool) or not isinstance(coarse_faces, (int, np.integer)) or coarse_faces < 100:
-            raise ValueError(f"Geodesics: `coarse_faces` must be a whole number, at least 100, got {coarse_faces!r}")
         self._mesh = mesh
-        self._coarse_faces = int(coarse_faces)
+        self._coarse_faces = int(check.number("Geodesics", "coarse_faces", coarse_faces, minimum=100))
 
     def distances(self, handles: Any) -> NDArray[np.float32]:
         """Return how far every vertex is from each handle along the surface, as a share of the farthest it reaches.
@@ -102,7 +100,7 @@ class Geodesics:
     ) -> NDArray[np.float64]:
         """Within a few coarse edges of the handle the straight distance is the better one: blend into it."""
         vertices = self._mesh.vertices
-        straight = np.linalg.norm(vertices[reached] - vertices[handle], axis=1)
+        straight: NDArray[np.float64] = np.linalg.norm(vertices[reached] - vertices[handle], axis=1)
         edge = self._coarse_edge
         # judged by the distance along the surface, so that a sheet close by on another side is not meant
         share = np.clip(distance / edge - 1, 0, 2) / 2

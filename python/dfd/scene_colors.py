@@ -88,7 +88,8 @@ class _MaterialReader:
         return Material(color=(1.0, 1.0, 1.0, 1.0)) if has_colors else Material()
 
     def _physical(self, name: str, source: PBRMaterial) -> Material:
-        image, wrap = source.baseColorTexture, cast(tuple[Wrap, Wrap], ("repeat", "repeat"))
+        wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
+        image = source.baseColorTexture
         texture = self._texels(image) if image is not None else None
         if self._header is not None and name in self._primitives:
             reference = gltf_header.base_color_texture(self._header, self._primitives[name])

@@ -97,7 +97,8 @@ def _parse(path: Path, data: bytes, ending: str, assets: AssetFolder) -> trimesh
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             warnings.filterwarnings("error", message=".*could not be read to its end.*")  # NumPy, of cut-off numbers
-            scene = trimesh.load_scene(io.BytesIO(data), file_type=ending[1:], resolver=assets, process=False, **options)
+            stream = io.BytesIO(data)
+            scene = trimesh.load_scene(stream, file_type=ending[1:], resolver=assets, process=False, **options)
     except MemoryError as error:
         raise OSError(errno.ENOMEM, f"load: `path` {path} needs more memory than there is") from error
     except Exception as error:  # trimesh raises ten different types on malformed files

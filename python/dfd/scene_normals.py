@@ -67,9 +67,7 @@ def _to_scene(part: Part, normals: NDArray[np.float64]) -> NDArray[np.float64]:
     return _unit(normals @ np.linalg.pinv(part.transform[:3, :3]))
 
 
-def _sums(
-    vertices: NDArray[np.float64], scene: SceneFile, faces: NDArray[np.int64], count: int
-) -> NDArray[np.float64]:
+def _sums(vertices: NDArray[np.float64], scene: SceneFile, faces: NDArray[np.int64], count: int) -> NDArray[np.float64]:
     """Return for each group of rows the sum (count, 3) of its faces' normals times twice their areas."""
     corners = vertices[scene.vertex[scene.corner_faces]]
     crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -78,4 +76,5 @@ def _sums(
 
 def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
+    unit: NDArray[np.float64] = np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
+    return unit

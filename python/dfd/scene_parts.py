@@ -27,9 +27,7 @@ class Part:
     faces: slice  # its faces among all faces
 
 
-def place(
-    path: Path, scene: trimesh.Scene, last_first: bool
-) -> tuple[tuple[Part, ...], NDArray[np.float64]]:
+def place(path: Path, scene: trimesh.Scene, last_first: bool) -> tuple[tuple[Part, ...], NDArray[np.float64]]:
     """Return the parts with faces, in the file's order, and the positions (R, 3) of their rows in the scene.
 
     `last_first` tells that trimesh lists the geometries of this format from the last to the first.

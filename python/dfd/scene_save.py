@@ -82,9 +82,7 @@ def _encode_bare(target: Path, mesh: Mesh, vertices: NDArray[np.float64]) -> dic
     return {target.name: obj_write.encode(vertices, mesh.faces)}
 
 
-def _encode_scene(
-    target: Path, mesh: Mesh, vertices: NDArray[np.float64], scene: SceneFile
-) -> dict[str, bytes]:
+def _encode_scene(target: Path, mesh: Mesh, vertices: NDArray[np.float64], scene: SceneFile) -> dict[str, bytes]:
     moved = _move(vertices, mesh.vertices, scene)
     ending = target.suffix.lower()
     if ending == ".obj":
@@ -111,7 +109,7 @@ def _encode_ply(mesh: Mesh, vertices: NDArray[np.float64], moved: Sequence[Moved
     if look is None:
         return bytes(export_ply(_bare(vertices, mesh.faces), vertex_normal=False))
     used, faces = np.unique(look.corner_faces, return_inverse=True)
-    geometry = _bare(vertices[look.corners[used]], faces.reshape(-1, 3))
+    geometry = _bare(vertices[look.corners[used]], faces.reshape(-1, 3).astype(np.int32))
     geometry.visual.vertex_colors = np.rint(look.row_colors()[used] * 255).astype(np.uint8)
     return bytes(export_ply(geometry, vertex_normal=False))
 

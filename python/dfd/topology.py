@@ -87,7 +87,8 @@ def face_components(faces: NDArray[np.int32]) -> NDArray[np.int32]:
 
 def _three_corners(faces: NDArray[np.int32]) -> NDArray[np.bool_]:
     a, b, c = faces.T
-    return (a != b) & (b != c) & (c != a)
+    different: NDArray[np.bool_] = (a != b) & (b != c) & (c != a)
+    return different
 
 
 def _has_area(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.bool_]:
@@ -98,7 +99,8 @@ def _has_area(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArra
     # the rounding of coordinates of size s may move the area of a sliver of length l by about s · l · epsilon
     size = np.abs(corners).max(axis=(1, 2))
     length = np.maximum(np.abs(along).max(axis=1), np.abs(aside).max(axis=1))
-    return _three_corners(faces) & (np.abs(crossed).max(axis=1) > 4 * np.finfo(np.float64).eps * size * length)
+    large: NDArray[np.bool_] = np.abs(crossed).max(axis=1) > 4 * np.finfo(np.float64).eps * size * length
+    return _three_corners(faces) & large
 
 
 def _edge_uses(faces: NDArray[np.int32]) -> NDArray[np.int64]:
@@ -112,4 +114,5 @@ def _edge_uses(faces: NDArray[np.int32]) -> NDArray[np.int64]:
 def _repeats_earlier(faces: NDArray[np.int32]) -> NDArray[np.bool_]:
     """Return whether each face has the corners of an earlier one."""
     first, number = weld(np.sort(faces, axis=1).astype(np.float64))
-    return first[number] != np.arange(len(faces))
+    repeats: NDArray[np.bool_] = first[number] != np.arange(len(faces))
+    return repeats

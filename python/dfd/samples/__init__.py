@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd import check
 from dfd.mesh import Mesh
-from dfd.samples.implicit import Piece, Shape, capsule, chain, ellipsoid, rounded_box
+from dfd.samples.implicit import Distance, Piece, Shape, capsule, chain, ellipsoid, rounded_box
 from dfd.samples.polygonize import polygonize
 
 __all__ = ["Sample", "chair", "quadruped", "robot"]
@@ -102,14 +103,13 @@ _HORN = [(0.05, 0.95, 0.47), (0.10, 1.00, 0.455), (0.135, 1.06, 0.47), (0.14, 1.
 _TAIL = [(0, 0.63, -0.375), (0, 0.56, -0.47), (0, 0.36, -0.52)]
 
 
-def _pair(part: str, instance: int, distances: list, blend: float) -> list[Piece]:
+def _pair(part: str, instance: int, distances: list[Distance], blend: float) -> list[Piece]:
     return [Piece(part, distance, instance, True, blend) for distance in distances]
 
 
 def _sample(name: str, pieces: list[Piece], faces: int) -> Sample:
-    if not isinstance(faces, (int, np.integer)) or faces < _FEWEST_FACES:
-        raise ValueError(f"samples.{name}: `faces` must be a whole number, at least {_FEWEST_FACES}, got {faces!r}")
+    count = check.number(f"samples.{name}", "faces", faces, minimum=_FEWEST_FACES)
     shape = Shape(pieces)
-    vertices, triangles = polygonize(shape, (-0.4, -0.05, -0.7), (0.4, 1.2, 0.8), int(faces))
+    vertices, triangles = polygonize(shape, (-0.4, -0.05, -0.7), (0.4, 1.2, 0.8), int(count))
     labels, instances = shape.labels(vertices)
     return Sample(Mesh(vertices, triangles), labels, instances, shape.parts)

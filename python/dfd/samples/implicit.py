@@ -71,7 +71,7 @@ def capsule(start: Triple, end: Triple, start_radius: float, end_radius: float |
     def distance(points: Points) -> NDArray[np.float64]:
         offset = points - origin
         place = (offset @ along / (along @ along)).clip(0, 1)
-        radius = start_radius + (last - start_radius) * place
+        radius: NDArray[np.float64] = start_radius + (last - start_radius) * place
         return _length(offset - place[:, None] * along) - radius
 
     return distance
@@ -79,9 +79,7 @@ def capsule(start: Triple, end: Triple, start_radius: float, end_radius: float |
 
 def chain(points: Sequence[Triple], radii: Sequence[float]) -> list[Distance]:
     """Capsules from each point to the next."""
-    return [
-        capsule(points[i], points[i + 1], radii[i], radii[i + 1]) for i in range(len(points) - 1)
-    ]
+    return [capsule(points[i], points[i + 1], radii[i], radii[i + 1]) for i in range(len(points) - 1)]
 
 
 def ellipsoid(center: Triple, radii: Triple, pitch: float = 0.0, roll: float = 0.0) -> Distance:
@@ -91,7 +89,8 @@ def ellipsoid(center: Triple, radii: Triple, pitch: float = 0.0, roll: float = 0
     def distance(points: Points) -> NDArray[np.float64]:
         scaled = ((points - origin) @ turn) / semi
         inner = _length(scaled)
-        return inner * (inner - 1) / np.maximum(_length(scaled / semi), 1e-9)
+        gap: NDArray[np.float64] = inner * (inner - 1) / np.maximum(_length(scaled / semi), 1e-9)
+        return gap
 
     return distance
 
@@ -110,7 +109,8 @@ def rounded_box(
             slope = 2 * bend * inner[0]
         outside = np.abs(local) - inner
         gap = _length(np.maximum(outside, 0)) + np.minimum(outside.max(axis=1), 0)
-        return (gap - radius) / np.hypot(1, slope)
+        shrunk: NDArray[np.float64] = (gap - radius) / np.hypot(1, slope)
+        return shrunk
 
     return distance
 
@@ -124,11 +124,13 @@ def _folded(points: Points) -> Points:
 def _smooth_minimum(a: NDArray[np.float64], b: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
     """The smaller of two distances, rounded where they differ by less than `radius` (quadratic fillet)."""
     overlap = np.maximum(radius - np.abs(a - b), 0) / radius
-    return np.minimum(a, b) - overlap**2 * (radius / 4)
+    smaller: NDArray[np.float64] = np.minimum(a, b)
+    return smaller - overlap**2 * (radius / 4)
 
 
 def _length(vectors: Points) -> NDArray[np.float64]:
-    return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    length: NDArray[np.float64] = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    return length
 
 
 def _turn(pitch: float, roll: float) -> NDArray[np.float64]:
@@ -137,4 +139,5 @@ def _turn(pitch: float, roll: float) -> NDArray[np.float64]:
     about_x = np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]])
     cosine, sine = np.cos(roll), np.sin(roll)
     about_z = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
-    return about_z @ about_x
+    turn: NDArray[np.float64] = about_z @ about_x
+    return turn
