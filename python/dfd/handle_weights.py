@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dfd.bind import bind
 from dfd.edit import Edit, Handle, Place
@@ -16,11 +16,12 @@ if TYPE_CHECKING:
     from dfd.field import Field
     from dfd.geodesics import Geodesics
     from dfd.mesh import Mesh
+    from dfd.symmetry import SymmetryPlane
 
 __all__ = ["HandleWeights"]
 
-# What a column of weights depends on: the handle's place, its locality, the fixed points.
-Key = tuple[Place, float, tuple[Place, ...]]
+# What a column of weights depends on: the handle's place and locality, the fixed points, where its distances start.
+Key = tuple[Place, float, tuple[Place, ...], tuple[int, ...]]
 
 
 class HandleWeights:
@@ -67,13 +68,15 @@ class HandleWeights:
         return self._blend
 
     def _follow(self, edit: Edit) -> None:
-        keys: list[Key] = [(handle.place, handle.locality, edit.fixed) for handle in edit.handles]
+        keys: list[Key] = [
+            (handle.place, handle.locality, edit.fixed, self._sources(handle, edit.symmetry)) for handle in edit.handles
+        ]
         if keys == self._keys:
             return
         columns = {key: column for column, key in enumerate(self._keys)}
         kept = [i for i, key in enumerate(keys) if key in columns]
         missing = [i for i, key in enumerate(keys) if key not in columns]
-        weights = self._bind([edit.handles[i] for i in missing], edit.fixed)
+        weights = self._bind([keys[i] for i in missing])
         if kept:
             bound, weights = weights, np.empty((len(self._mesh.vertices), len(keys)), np.float32)
             weights[:, missing] = bound
@@ -86,19 +89,21 @@ class HandleWeights:
             self._blend = weights
         self._blend.flags.writeable = weights.flags.writeable = False
         self._weights, self._keys = weights, keys
-        self._forget_distances(edit)
+        # The distances of handles that are gone are not worth their memory.
+        living = {source for *_, sources in keys for source in sources}
+        self._distances = {source: row for source, row in self._distances.items() if source in living}
 
-    def _bind(self, handles: Sequence[Handle], fixed: Sequence[Place]) -> NDArray[np.float32]:
+    def _bind(self, keys: Sequence[Key]) -> NDArray[np.float32]:
         """(V, H) weights, made anew (Eq. 4 to 7)."""
-        if not handles:
+        if not keys:
             return np.zeros((len(self._mesh.vertices), 0), np.float32)
-        locality = [handle.locality for handle in handles]
+        places, localities, (fixed, *_), sources = zip(*keys, strict=True)
         weights = bind(
             self.features,
-            self._rows([handle.place for handle in handles]),
+            self._rows(places),
             fixed=self._rows(fixed) if fixed else None,
-            geodesic=self._geodesic(handles) if any(locality) else None,
-            locality=locality,
+            geodesic=self._geodesic(sources) if any(sources) else None,
+            locality=localities,
         )
         return cast("NDArray[np.float32]", weights)
 
@@ -113,28 +118,34 @@ class HandleWeights:
             rows[points] = self._field(np.array([places[i].position for i in points]))
         return rows
 
-    def _geodesic(self, handles: Sequence[Handle]) -> NDArray[np.float32]:
-        """(H, V) distances in [0, 1]; 0 for handles of locality 0, which have no use for them."""
-        rows = np.zeros((len(handles), len(self._mesh.vertices)), np.float32)
-        sources = {row: self._source(handle.place) for row, handle in enumerate(handles) if handle.locality > 0}
-        unknown = sorted(set(sources.values()) - self._distances.keys())
+    def _geodesic(self, sources: Sequence[tuple[int, ...]]) -> NDArray[np.float32]:
+        """(H, V) distances in [0, 1] from the nearest of each handle's sources; 0 for a handle without any."""
+        unknown = sorted({source for several in sources for source in several} - self._distances.keys())
         if unknown:
             self._distances.update(zip(unknown, self._geodesics.distances(unknown), strict=True))
-        for row, source in sources.items():
-            rows[row] = self._distances[source]
+        rows = np.zeros((len(sources), len(self._mesh.vertices)), np.float32)
+        for row, several in zip(rows, sources, strict=True):
+            if several:
+                np.minimum.reduce([self._distances[source] for source in several], out=row)
         return rows
 
-    def _forget_distances(self, edit: Edit) -> None:
-        """Drop the distances of handles that are gone."""
-        if self._distances:
-            living = {self._source(handle.place) for handle in edit.handles if handle.locality > 0}
-            self._distances = {source: row for source, row in self._distances.items() if source in living}
+    def _sources(self, handle: Handle, symmetry: SymmetryPlane | None) -> tuple[int, ...]:
+        """The vertices from which a handle's distances start; none for locality 0, which has no use for distances.
 
-    def _source(self, place: Place) -> int:
-        """The vertex from which a place's distances start: its own, or the nearest one."""
-        if place.vertex is not None:
-            return place.vertex
-        return int(np.linalg.norm(self._mesh.vertices - np.asarray(place.position), axis=1).argmin())
+        A symmetric edit acts at the handle's mirror image as well, and what is near that is as near: measured from the
+        handle alone, locality would undo the symmetry.
+        """
+        if handle.locality == 0:
+            return ()
+        place = handle.place
+        source = self._nearest(place.position) if place.vertex is None else place.vertex
+        if symmetry is None:
+            return (source,)
+        mirrored = self._nearest(symmetry.reflect([place.position])[0])
+        return (source,) if mirrored == source else (source, mirrored)
+
+    def _nearest(self, point: ArrayLike) -> int:
+        return int(np.linalg.norm(self._mesh.vertices - np.asarray(point), axis=1).argmin())
 
     @cached_property
     def _geodesics(self) -> Geodesics:

@@ -9,6 +9,7 @@ rotation is and becomes a rotation vector.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -119,7 +120,7 @@ def vector(function: str, name: str, value: ArrayLike) -> Vector:
     return _triple(numbers)
 
 
-def _numbers(function: str, name: str, value: ArrayLike) -> NDArray[np.float64]:
+def _numbers(function: str, name: str, value: Any) -> NDArray[np.float64]:
     if value is None or np.isscalar(value) or getattr(value, "ndim", 1) == 0:
         return check.array(function, name, value, (), dtype=np.float64).reshape(())
     return check.array(function, name, value, (None,), dtype=np.float64)

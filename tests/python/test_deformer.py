@@ -357,6 +357,19 @@ def test_a_point_s_distances_start_at_the_nearest_vertex(deformer, geodesics, me
     assert geodesics.asked == [[70]]
 
 
+def test_locality_of_a_symmetric_edit_starts_at_both_mirror_images(deformer, geodesics, bound, mesh):
+    vertex = int(mesh.vertices[:, 0].argmax())
+    mirrored = int(np.linalg.norm(mesh.vertices - mesh.vertices[vertex] * [-1, 1, 1], axis=1).argmin())
+    deformer.add(vertex, locality=3.0)
+    deformer.add(5)
+    _ = deformer.weights
+    deformer.set_symmetry("x")
+    both = geodesics.distances([vertex, mirrored]).min(axis=0)
+    wanted = dfd.bind(deformer.features, [vertex], geodesic=both[None], locality=3.0)
+    np.testing.assert_array_equal(deformer.weights[:, :1], wanted)
+    assert bound == [2, 1]
+
+
 # --- steps
 
 
@@ -413,9 +426,14 @@ def test_several_changes_can_be_one_step_or_none(deformer):
     deformer.undo()
     assert deformer.edit == Edit()
     deformer.redo()
-    with pytest.raises(ValueError, match="at"), deformer.step():
-        deformer.add(7)
-        deformer.add(-1)
+
+    def fail():
+        with deformer.step():
+            deformer.add(7)
+            deformer.add(-1)
+
+    with pytest.raises(ValueError, match="`at` must lie in"):
+        fail()
     assert [handle.place.vertex for handle in deformer.handles] == [5]
 
 

@@ -1,0 +1,63 @@
+"""The command line: one file per command, each a thin front of the Python names.
+
+What takes long to import (torch, trimesh) is imported inside the commands, so that `dfd --help` answers at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, version
+from typing import Annotated
+
+import typer
+
+from dfd.cli.deform import DeformCommand, deform
+from dfd.cli.demo import demo
+from dfd.cli.distill import distill
+from dfd.cli.errors import CommandGroup
+from dfd.cli.inspect import inspect
+from dfd.cli.show import show
+
+__all__ = ["app", "main"]
+
+app = typer.Typer(
+    name="dfd",
+    cls=CommandGroup,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        try:
+            typer.echo(f"dfd {version('dfd')}")
+        except PackageNotFoundError:
+            typer.echo("dfd (not installed)")
+        raise typer.Exit()
+
+
+@app.callback()
+def root(
+    version: Annotated[  # its only use is its callback
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and leave.")
+    ] = False,
+) -> None:
+    """Deep Feature Deformation: grab a point of a mesh, and everything that looks alike follows."""
+
+
+app.command()(demo)
+app.command()(distill)
+app.command(cls=DeformCommand)(deform)
+app.command()(show)
+app.command()(inspect)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line with `arguments`, by default those of the process, and exit.
+
+    Exit codes: 0 done; 2 something that was given does not work, said in one line on standard error; 130 interrupted.
+    """
+    app(args=None if arguments is None else list(arguments), prog_name="dfd")

@@ -1,0 +1,72 @@
+"""`dfd distill`."""
+
+from __future__ import annotations
+
+from inspect import signature
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import dfd
+from dfd.cli.arguments import MeshArgument, check_output
+
+__all__ = ["distill"]
+
+# Defaults have one home, the signature of the function that this command is the front of.
+DEFAULTS = {name: parameter.default for name, parameter in signature(dfd.distill).parameters.items()}
+
+
+def distill(
+    mesh: MeshArgument,
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FIELD", help="The .safetensors file to write.")],
+    encoder: Annotated[
+        str, typer.Option(metavar="NAME", help="A preset's name, a folder with weights, or a hub name.")
+    ] = DEFAULTS["encoder"],
+    views: Annotated[int, typer.Option(help="Pictures taken from around the shape.")] = DEFAULTS["views"],
+    resolution: Annotated[int, typer.Option(help="Pixels along a picture's side.")] = DEFAULTS["resolution"],
+    framing: Annotated[
+        str, typer.Option(help="shape: it fills every picture; paper: cameras at a distance of 2.8.")
+    ] = DEFAULTS["framing"],
+    simplify_to: Annotated[
+        int | None, typer.Option(metavar="FACES", help="Take the pictures of a copy of at most so many faces.")
+    ] = DEFAULTS["simplify_to"],
+    supervision: Annotated[
+        str, typer.Option(help="barycentric: fit every pixel; vertex: only those that hold a vertex.")
+    ] = DEFAULTS["supervision"],
+    steps: Annotated[int, typer.Option(help="Length of the fit.")] = DEFAULTS["steps"],
+    seed: Annotated[int, typer.Option(help="Equal seeds give equal fields.")] = DEFAULTS["seed"],
+    device: Annotated[
+        str | None, typer.Option(help="Where torch computes: cpu, cuda, …; by default CUDA when there is one.")
+    ] = DEFAULTS["device"],
+    loss_curve: Annotated[Path | None, typer.Option(metavar="PNG", help="Draw the loss of every step.")] = None,
+) -> None:
+    """Distill an image encoder's features into a field around MESH. Needed once per shape."""
+    check_output("--output", output, (".safetensors",))
+    check_output("--loss-curve", loss_curve, (".png",))
+
+    from dfd.progress import Stages
+
+    stages = Stages()
+    with stages.stage("read"):
+        shape = dfd.load(mesh)
+    field = dfd.distill(
+        shape,
+        encoder,
+        views=views,
+        resolution=resolution,
+        framing=framing,
+        simplify_to=simplify_to,
+        supervision=supervision,
+        steps=steps,
+        seed=seed,
+        device=device,
+        progress=stages,
+    )
+    field.save(output)
+    if loss_curve is not None:
+        from dfd.cli.loss_curve import save_loss_curve
+
+        save_loss_curve(loss_curve, field.settings["losses"])
+    times = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in stages.seconds.items())
+    typer.echo(f"{output}: a field of {field.dimension} dimensions ({times})", err=True)

@@ -1,0 +1,79 @@
+"""How the command line fails: one line on standard error and an exit code, never a traceback for what a user gave."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+__all__ = ["CommandGroup"]
+
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+
+class CommandGroup(TyperGroup):
+    """A group of commands whose errors are one line each."""
+
+    def main(self, args: Sequence[str] | None = None, prog_name: str | None = None, *rest: Any, **options: Any) -> Any:
+        """Run a command and leave the process with its exit code."""
+        options["standalone_mode"] = False
+        with warnings.catch_warnings():
+            warnings.showwarning = _show_warning
+            try:
+                code = super().main(args, prog_name, *rest, **options)
+            except _Interrupted:
+                code = _fail("interrupted", INTERRUPTED)
+            except MemoryError:
+                code = _fail("out of memory", BAD_INPUT)
+            except BrokenPipeError:  # whoever read our output has had enough
+                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+                code = 1
+            except OSError as error:
+                code = _fail(_os_reason(error), BAD_INPUT)
+            except ValueError as error:
+                code = _fail(str(error), BAD_INPUT)
+            except Exception as error:
+                # Typer's own usage errors. Their class moved between its versions, their method did not.
+                if not hasattr(error, "format_message"):
+                    raise
+                usage = " ".join(error.format_message().split())
+                code = _fail(f"{usage} (see dfd --help)" if usage else "give a command (see dfd --help)", BAD_INPUT)
+        sys.exit(code if isinstance(code, int) else 0)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command that `ctx` names."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:  # caught here, since Typer's own `main` prints what it likes
+            raise _Interrupted from None
+
+
+class _Interrupted(Exception):  # noqa: N818  # no error: somebody pressed Ctrl-C
+    pass
+
+
+def _fail(message: str, code: int) -> int:
+    typer.echo(f"dfd: {' '.join(message.split())}", err=True)
+    return code
+
+
+def _os_reason(error: OSError) -> str:
+    if error.strerror is None:
+        return str(error)
+    if error.errno == errno.ENOSPC and error.filename is None:
+        return error.strerror
+    return error.strerror if error.filename is None else f"{error.filename}: {error.strerror}"
+
+
+def _show_warning(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, file: Any = None, line: Any = None
+) -> None:
+    if not issubclass(category, DeprecationWarning | PendingDeprecationWarning | ResourceWarning):
+        typer.echo(f"dfd: {' '.join(str(message).split())}", err=True)
