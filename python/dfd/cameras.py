@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -51,9 +52,12 @@ class Camera:
         directions = (
             across[None, :, None] * self.right - across[:, None, None] * self.up - np.broadcast_to(self.back, (1, 1, 3))
         ).reshape(-1, 3)
-        return (directions / np.linalg.norm(directions, axis=1, keepdims=True)).astype(np.float32)
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        return np.asarray(directions, np.float32)
 
-    def project(self, points: NDArray[np.floating], resolution: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def project(
+        self, points: NDArray[np.floating[Any]], resolution: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Row and column, in pixels, at which (N, 3) points appear; whole numbers are pixel centres."""
         offset = points - self.position
         depth = -(offset @ self.back) * self.half_width
@@ -68,8 +72,7 @@ def fibonacci_directions(count: int, *, mirrored: bool = False) -> NDArray[np.fl
     With `mirrored` the second half of them is the first half mirrored at x = 0 (and one more lies in that plane when
     `count` is odd).
     """
-    if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
-        raise ValueError(f"fibonacci_directions: `count` must be a whole number of at least 1, got {count!r}")
+    count = check.whole("fibonacci_directions", "count", count, minimum=1)
     golden = np.pi * (1 + np.sqrt(5))
     if not mirrored:
         index = np.arange(count) + 0.5
@@ -83,7 +86,7 @@ def fibonacci_directions(count: int, *, mirrored: bool = False) -> NDArray[np.fl
 
 def camera_towards(
     direction: ArrayLike,
-    points: NDArray[np.floating],
+    points: NDArray[np.floating[Any]],
     *,
     framing: str = "shape",
     field_of_view: float = FIELD_OF_VIEW,
@@ -95,7 +98,7 @@ def camera_towards(
 
 
 def place_cameras(
-    count: int, points: NDArray[np.floating], *, framing: str = "shape", mirrored: bool = False
+    count: int, points: NDArray[np.floating[Any]], *, framing: str = "shape", mirrored: bool = False
 ) -> list[Camera]:
     """Place `count` cameras around a shape.
 
@@ -123,7 +126,7 @@ def place_cameras(
 
 def _place(
     directions: NDArray[np.float64],
-    points: NDArray[np.floating],
+    points: NDArray[np.floating[Any]],
     framing: str,
     field_of_view: float,
     flipped: NDArray[np.bool_],
@@ -153,7 +156,7 @@ def _place(
     return cameras
 
 
-def _largest_along(normals: NDArray[np.float64], points: NDArray[np.floating]) -> NDArray[np.float64]:
+def _largest_along(normals: NDArray[np.float64], points: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     """Return the largest product of a point (N, 3) with each of `normals` (K, 3), (K,)."""
     columns = normals.T.astype(np.float32)
     largest = np.full(len(normals), -np.inf, np.float32)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["array", "number", "vertex_indices"]
+__all__ = ["array", "number", "vertex_indices", "whole"]
 
 
 def _describe(shape: Sequence[int | str | None]) -> str:
@@ -80,6 +80,16 @@ def number(
     if maximum is not None and result > maximum:
         raise ValueError(f"{function}: `{name}` must be at most {maximum:g}, got {result:g}")
     return result
+
+
+def whole(function: str, name: str, value: Any, *, minimum: int, maximum: int | None = None) -> int:
+    """Return `value` as an int within [minimum, maximum]; True and 2.0 are no whole numbers here."""
+    if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer):
+        raise ValueError(f"{function}: `{name}` must be a whole number, got {value!r}")
+    if value < minimum or (maximum is not None and value > maximum):
+        bounds = f"at least {minimum}" if maximum is None else f"from {minimum} to {maximum}"
+        raise ValueError(f"{function}: `{name}` must be a whole number {bounds}, got {value}")
+    return int(value)
 
 
 def vertex_indices(

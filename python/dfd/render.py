@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd import check
 from dfd.cameras import FRAMINGS, Camera, place_cameras
 from dfd.progress import Stages
 from dfd.scene import Hits, Scene
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["Views", "render"]
 
 LARGEST_RESOLUTION = 8192
-LARGEST_VIEWS = np.iinfo(np.int16).max  # of what numbers them
+LARGEST_VIEWS = 32767  # what numbers them has 16 bits
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,10 +102,10 @@ def render(
     ValueError
         If an argument is out of its range, or no ray meets the mesh.
     """
-    _check_whole("views", views, 1, LARGEST_VIEWS)
-    _check_whole("resolution", resolution, 1, LARGEST_RESOLUTION)
+    views = check.whole("render", "views", views, minimum=1, maximum=LARGEST_VIEWS)
+    resolution = check.whole("render", "resolution", resolution, minimum=1, maximum=LARGEST_RESOLUTION)
     if simplify_to is not None:
-        _check_whole("simplify_to", simplify_to, 4, np.iinfo(np.int64).max)
+        simplify_to = check.whole("render", "simplify_to", simplify_to, minimum=4)
     if framing not in FRAMINGS:
         raise ValueError(f"render: `framing` must be one of {', '.join(FRAMINGS)}, got {framing!r}")
     if supervision not in ("barycentric", "vertex"):
@@ -124,7 +125,7 @@ def render(
         cameras = place_cameras(views, used, framing=framing, mirrored=mirrored)
         images = np.empty((views, resolution, resolution, 3), np.uint8)
 
-        def take(index: int) -> tuple[NDArray[np.float32], NDArray[np.floating], NDArray[np.floating]]:
+        def take(index: int) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
             images[index], hits = shading.picture(cameras[index], resolution)
             if supervision == "vertex":
                 return _visible_vertices(scene, used, cameras[index], resolution)
@@ -136,7 +137,7 @@ def render(
         with ThreadPoolExecutor(get_num_threads()) as threads:
             for index, (points, row, column) in enumerate(threads.map(take, range(views))):
                 view = np.full(len(points), index, np.int16)
-                seen.append((points, view, row.astype(np.float32), column.astype(np.float32)))
+                seen.append((points, view, row, column))
                 advance()
     points, view, row, column = (np.concatenate(parts) for parts in zip(*seen, strict=True))
     if len(points) == 0:
@@ -158,7 +159,7 @@ def surface_points(vertices: NDArray[np.float32], faces: NDArray[np.int32], hits
 
 def _visible_vertices(
     scene: Scene, vertices: NDArray[np.float32], camera: Camera, resolution: int
-) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
     """Vertices that nothing hides from the camera, and the pixels that they fall on."""
     offset = vertices - camera.position
     hits = scene.cast(camera.position, offset)
@@ -168,9 +169,4 @@ def _visible_vertices(
     row, column = camera.project(vertices, resolution)
     inside = (np.minimum(row, column) >= -0.5) & (np.maximum(row, column) <= resolution - 0.5)
     chosen = ~hidden & inside
-    return vertices[chosen], row[chosen], column[chosen]
-
-
-def _check_whole(name: str, value: object, least: int, most: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
-        raise ValueError(f"render: `{name}` must be a whole number from {least} to {most}, got {value!r}")
+    return vertices[chosen], row[chosen].astype(np.float32), column[chosen].astype(np.float32)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
@@ -51,7 +52,7 @@ class Scene:
         (F, 3) indices into `vertices`, checked by `dfd.Mesh`; triangles without area are never hit.
     """
 
-    def __init__(self, vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> None:
+    def __init__(self, vertices: NDArray[np.floating[Any]], faces: NDArray[np.integer[Any]]) -> None:
         # Robust: no ray slips between two triangles along their common edge.
         self._scene = EmbreeScene(robust=True)
         TriangleMesh(
@@ -60,7 +61,7 @@ class Scene:
         # The first query builds the search tree, and must not run beside a second one.
         self.cast(np.zeros(3), np.ones((1, 3)))
 
-    def cast(self, origins: NDArray[np.floating], directions: NDArray[np.floating]) -> Hits:
+    def cast(self, origins: NDArray[np.floating[Any]], directions: NDArray[np.floating[Any]]) -> Hits:
         """Cast N rays; `directions` is (N, 3), `origins` (N, 3) or one point (3,) for all."""
         directions = np.ascontiguousarray(directions, dtype=np.float32)
         origins = np.ascontiguousarray(np.broadcast_to(origins, directions.shape), dtype=np.float32)

@@ -121,7 +121,7 @@ def facing(
         crossed /= np.maximum(length[lost, None], np.finfo(np.float32).tiny)
         normal[lost], length[lost] = crossed, 1
     towards = np.abs(np.einsum("kc,kc->k", normal, directions[hits.ray]))
-    return (towards / length).clip(0, 1).astype(np.float32)
+    return np.asarray((towards / length).clip(0, 1), np.float32)
 
 
 def blend(

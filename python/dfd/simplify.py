@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from dfd import check
 from dfd.appearance import Appearance, Material
 from dfd.mesh import Mesh
 from dfd.render import normalization
@@ -26,8 +27,7 @@ def simplify(mesh: Mesh, face_count: int) -> Mesh:
 
     Source: Garland and Heckbert 1997, through fast-simplification; paper, section 3.2.
     """
-    if isinstance(face_count, bool) or not isinstance(face_count, int | np.integer) or face_count < 4:
-        raise ValueError(f"simplify: `face_count` must be a whole number of at least 4, got {face_count!r}")
+    face_count = check.whole("simplify", "face_count", face_count, minimum=4)
     if len(mesh.faces) <= face_count:
         return mesh
     faces = _sound_faces(mesh)
@@ -36,7 +36,7 @@ def simplify(mesh: Mesh, face_count: int) -> Mesh:
     # Quadrics hold squared coordinates: around the origin and of size 1 they lose least.
     center, scale = normalization(mesh)
     vertices, faces = fast_simplification.simplify(
-        (mesh.vertices - center) * scale, faces, target_count=min(int(face_count), len(faces))
+        (mesh.vertices - center) * scale, faces, target_count=min(face_count, len(faces))
     )
     if len(faces) == 0 or not np.isfinite(vertices).all():
         return mesh
