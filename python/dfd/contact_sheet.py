@@ -39,10 +39,7 @@ def contact_sheet(
     ValueError
         If there is no picture, a picture has another type or shape, or `cell` is out of its range.
     """
-    size = check.number("contact_sheet", "cell", cell, minimum=SMALLEST_CELL, maximum=LARGEST_CELL)
-    if size != int(size):
-        raise ValueError(f"contact_sheet: `cell` must be a whole number, got {cell!r}")
-    cell = int(size)
+    cell = check.whole("contact_sheet", "cell", cell, minimum=SMALLEST_CELL, maximum=LARGEST_CELL)
     scaled = [
         (heading, [(_scaled(picture, cell), caption) for picture, caption in pictures])
         for heading, pictures in rows

@@ -32,7 +32,7 @@ SAMPLES = 2  # per pixel, along each side
 FIELD_OF_VIEW = 30.0
 LARGEST_RESOLUTION = 8192
 BAND = 1 << 17  # samples drawn at a time, which bounds the memory of large pictures
-CREASE = 40.0  # degrees; a smooth normal that leans further from its face leaves the edge sharp
+CREASE = 30.0  # degrees; a smooth normal that leans further from its face leaves the edge sharp
 
 # The light: sky from above, a lamp over the viewer's left shoulder, and shade where the surface hides the sky.
 SKY, GROUND, LAMP = 0.44, 0.28, 0.68
@@ -90,9 +90,7 @@ def picture(
         If an array has the wrong shape or is not finite, a vertex index is out of range, both `colors` and `weights`
         are given, or all points lie in one place.
     """
-    size = check.number("picture", "resolution", resolution, minimum=1, maximum=LARGEST_RESOLUTION)
-    if size != int(size):
-        raise ValueError(f"picture: `resolution` must be a whole number, got {resolution!r}")
+    resolution = check.whole("picture", "resolution", resolution, minimum=1, maximum=LARGEST_RESOLUTION)
     drawn = mesh.vertices
     if vertices is not None:
         drawn = check.array("picture", "vertices", vertices, mesh.vertices.shape, dtype=np.float64)
@@ -110,7 +108,7 @@ def picture(
     )
     placed = ((drawn - center) * scale).astype(np.float32)
     scene = Scene(placed, mesh.faces)
-    image = _Painter(mesh, placed, scene, camera, paint, moved=vertices is not None).draw(int(size))
+    image = _Painter(mesh, placed, scene, camera, paint, moved=vertices is not None).draw(resolution)
     for positions, square in marks:
         draw_marks(image, scene, camera, (positions - center) * scale, square=square)
     return (image.clip(0, 1) * 255 + 0.5).astype(np.uint8)
