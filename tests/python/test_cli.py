@@ -276,6 +276,19 @@ def test_show_makes_a_sheet_of_handles_and_sides(run):
     assert height > 2 * 64
 
 
+def test_a_handle_is_shown_from_its_own_side(run, chair):
+    from dfd.cli.before_after import ASIDE, azimuth_towards
+
+    middle = chair.bounds.mean(axis=0)
+    assert azimuth_towards(chair, [middle + [1, 5, 0]]) == pytest.approx(90 + ASIDE)
+    assert azimuth_towards(chair, [middle + [0, 0, -1], middle + [1, 0, 0]]) == pytest.approx(135 + ASIDE)
+    assert azimuth_towards(chair, []) == ASIDE
+    small = ("--field", "FIELD", "--handle", int(chair.vertices[:, 2].argmin()), "--resolution", 64, "-o")
+    assert worked(run("show", "MESH", *small, "own.png"))
+    assert worked(run("show", "MESH", *small, "front.png", "--azimuth", 0))
+    assert np.abs(drawn("own.png") - drawn("front.png")).max() > 30
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -9,6 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from dfd.edit import Edit, Handle, Place, Transform, place_on, symmetry_on
 from dfd.edit_file import from_document, read_edit, to_document, write_edit
@@ -61,6 +63,35 @@ def document(edit, mesh):
 
 def test_an_edit_comes_back_from_its_file_exactly(edit, mesh, tmp_path):
     path = tmp_path / "edit.json"
+    write_edit(path, edit, mesh)
+    assert read_edit(path, mesh) == edit
+
+
+numbers = st.floats(-1e6, 1e6)
+triples = st.tuples(numbers, numbers, numbers)
+transforms = st.builds(Transform, triples, triples, triples, st.none() | triples)
+
+
+@given(
+    handles=st.lists(
+        st.tuples(
+            triples, transforms, st.floats(0, 1e3), st.none() | st.text(st.characters(codec="utf-8"), min_size=1)
+        ),
+        max_size=4,
+        unique_by=lambda handle: handle[0],
+    ),
+    default=st.none() | transforms,
+    angle=numbers,
+    band=st.floats(0, 10),
+)
+@settings(max_examples=50, deadline=None)
+def test_any_edit_comes_back_from_its_text(mesh, tmp_path_factory, handles, default, angle, band):
+    edit = Edit(
+        tuple(Handle(i + 1, Place(place), *rest) for i, (place, *rest) in enumerate(handles)),
+        symmetry=SymmetryPlane((math.cos(angle), math.sin(angle), 0.0), angle, band=band),
+        default=default,
+    )
+    path = tmp_path_factory.mktemp("any") / "edit.json"
     write_edit(path, edit, mesh)
     assert read_edit(path, mesh) == edit
 

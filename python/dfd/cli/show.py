@@ -35,7 +35,9 @@ def show(
     views: Annotated[int, typer.Option(min=1, max=36, help="From how many sides, all around.")] = 1,
     azimuth: Annotated[
         float | None,
-        typer.Option(help="Where the first side is, degrees from the front (+z) to +x; by default where handles show."),
+        typer.Option(
+            help="Where the first side is, degrees from the front (+z) to +x; by default where the handle shows."
+        ),
     ] = None,
     elevation: Annotated[float, typer.Option(help="From how high up, degrees.")] = 15.0,
     resolution: Annotated[int, typer.Option(min=16, max=8192, help="Pixels along the side of each picture.")] = 768,
@@ -59,16 +61,15 @@ def show(
     with stages.stage("read"):
         shape = load(mesh)
     rows = _rows(shape, field, handle or [], fix or [], locality, stages)
-    if azimuth is None:
-        azimuth = azimuth_towards(shape, [options["handles"][0] for _, options in rows if "handles" in options])
     drawn = []
     with stages.stage("draw", len(rows) * views) as advance:
         for title, options in rows:
+            first = azimuth_towards(shape, options.get("handles", ())) if azimuth is None else azimuth
             sides = []
             for side in range(views):
-                angle = azimuth + 360.0 * side / views
+                angle = first + 360.0 * side / views
                 image = picture(shape, azimuth=angle, elevation=elevation, resolution=resolution, **options)
-                sides.append((image, f"{angle % 360:g}°"))
+                sides.append((image, f"{angle % 360:.0f}°"))
                 advance()
             drawn.append((title, sides))
     if len(rows) == 1 and views == 1:
