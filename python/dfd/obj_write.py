@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.appearance import GREY
+from dfd.scene_colors import vertex_colors
 from dfd.scene_file import SceneFile
 from dfd.scene_visuals import is_stand_in
 
@@ -41,10 +43,12 @@ def encode_scene(
     normals
         For each part None or (rows, 3), in the part's own coordinates.
     """
+    materials = [getattr(part.geometry.visual, "material", None) for part in scene.parts]
     library = _MaterialLibrary(stem)
+    several = any(library.add(material) for material in materials)
     body: list[bytes] = []
     uv_count = normal_count = 0
-    for part, part_normals in zip(scene.parts, normals, strict=True):
+    for part, part_normals, material in zip(scene.parts, normals, materials, strict=True):
         visual = part.geometry.visual
         local = part.geometry.faces.view(np.ndarray)
         columns: list[NDArray[np.integer] | None] = [scene.vertex[part.rows][local], None, None]
@@ -60,7 +64,9 @@ def encode_scene(
             body.append(_lines("vn", placed / np.where(length > 0, length, 1)))
             columns[2] = local + normal_count
             normal_count += len(part_normals)
-        name = library.add(getattr(visual, "material", None))
+        name = library.add(material)
+        if name is None and several:  # a part without one would go on with that of the part before
+            name = library.plain(1.0 if vertex_colors(part, linear=False) is not None else GREY)
         if name is not None:
             body.append(f"usemtl {name}\n".encode())
         body.append(_faces(columns))
@@ -95,6 +101,13 @@ class _MaterialLibrary:
             library = f"{self._stem}.mtl"
             self.files[library] = self.files.get(library, b"") + text + b"\n\n"
         return self._names[id(material)]
+
+    def plain(self, grey: float) -> str:
+        """Return the name of a material of one grey, written when it first comes."""
+        if (grey_id := -int(1000 * grey)) not in self._names:
+            name = self._names[grey_id] = self._unused("plain")
+            self.files[f"{self._stem}.mtl"] += f"newmtl {name}\nKd {grey} {grey} {grey}\n\n".encode()
+        return self._names[grey_id]
 
     def _unused(self, name: str) -> str:
         name = name.replace("/", "_") or "material"

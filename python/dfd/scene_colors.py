@@ -16,7 +16,7 @@ from dfd.appearance import Appearance, Material, Wrap, srgb
 from dfd.scene_parts import Part
 from dfd.scene_visuals import is_stand_in
 
-__all__ = ["read_appearance"]
+__all__ = ["read_appearance", "vertex_colors"]
 
 
 def read_appearance(
@@ -39,7 +39,7 @@ def read_appearance(
     for part in parts:
         visual, faces = part.geometry.visual, part.geometry.faces.view(np.ndarray).astype(np.int32)
         rows = vertex[part.rows]
-        uv, color = _texture_coordinates(part), _vertex_colors(part, linear=header is not None)
+        uv, color = _texture_coordinates(part), vertex_colors(part, linear=header is not None)
         if visual.kind == "face":  # a color for each face: its corners are rows of their own
             color = np.repeat(visual.face_colors.astype(np.float32) / 255, 3, axis=0)
             rows, faces = rows[faces.ravel()], np.arange(faces.size, dtype=np.int32).reshape(-1, 3)
@@ -136,7 +136,7 @@ def _texture_coordinates(part: Part) -> NDArray[np.float32] | None:
     return np.where(np.isfinite(coordinates), coordinates, 0).clip(-1e6, 1e6).astype(np.float32)
 
 
-def _vertex_colors(part: Part, linear: bool) -> NDArray[np.float32] | None:
+def vertex_colors(part: Part, linear: bool) -> NDArray[np.float32] | None:
     """Return RGBA (rows, 4) in [0, 1], display-referred; glTF keeps linear ones."""
     visual, geometry = part.geometry.visual, part.geometry
     if visual.kind == "vertex":

@@ -35,8 +35,7 @@ def place(path: Path, scene: trimesh.Scene, last_first: bool) -> tuple[tuple[Par
     parts: list[Part] = []
     positions: list[NDArray[np.float64]] = []
     row_count = face_count = 0
-    for name, node in _in_order(scene, last_first):
-        transform, _ = scene.graph[node]
+    for name, node, transform in _in_order(scene, last_first):
         geometry = scene.geometry[name]
         if not isinstance(geometry, trimesh.Trimesh) or len(geometry.faces) == 0:
             continue
@@ -56,12 +55,14 @@ def place(path: Path, scene: trimesh.Scene, last_first: bool) -> tuple[tuple[Par
     return tuple(parts), stacked
 
 
-def _in_order(scene: trimesh.Scene, last_first: bool) -> list[tuple[str, str]]:
-    """Return (geometry, node) pairs in the file's order: trimesh's order of nodes turns round at every round trip."""
+def _in_order(scene: trimesh.Scene, last_first: bool) -> list[tuple[str, str, NDArray[np.float64]]]:
+    """Return (geometry, node, transform) in the file's order: trimesh's order turns round at every round trip."""
     names = list(scene.geometry)[:: -1 if last_first else 1]
     number = {name: i for i, name in enumerate(names)}
-    pairs = [(scene.graph[node][1], node) for node in scene.graph.nodes_geometry]
-    return sorted((pair for pair in pairs if pair[0] in number), key=lambda pair: (number[pair[0]], str(pair[1])))
+    with np.errstate(over="ignore", invalid="ignore"):  # judged afterwards, part by part
+        placed = [(*scene.graph[node][::-1], node) for node in scene.graph.nodes_geometry]
+    found = [(name, node, transform) for name, transform, node in placed if name in number]
+    return sorted(found, key=lambda each: (number[each[0]], str(each[1])))
 
 
 def _check(path: Path, name: str, geometry: trimesh.Trimesh, transform: NDArray[np.float64]) -> None:

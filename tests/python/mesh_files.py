@@ -1,0 +1,108 @@
+"""Small mesh files that the tests write for themselves."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+# a unit cube: 8 corners, 12 outward triangles
+CORNERS = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
+CUBE = np.array(
+    [
+        *[(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5)],
+        *[(0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6)],
+        *[(0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)],
+    ]
+)
+
+
+def write(path: Path, content: str | bytes) -> Path:
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return path
+
+
+def obj_cube() -> str:
+    """The text of a cube."""
+    lines = [f"v {x:g} {y:g} {z:g}" for x, y, z in CORNERS] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in CUBE]
+    return "\n".join(lines) + "\n"
+
+
+def checkered(path: Path, size: int = 4) -> Path:
+    """A picture of four quarters: red and green above, blue and white below."""
+    texels = np.zeros((size, size, 3), np.uint8)
+    half = size // 2
+    texels[:half, :half], texels[:half, half:] = (255, 0, 0), (0, 255, 0)
+    texels[half:, :half], texels[half:, half:] = (0, 0, 255), (255, 255, 255)
+    Image.fromarray(texels).save(path)
+    return path
+
+
+class Gltf:
+    """Builds a glTF file with one buffer, piece by piece."""
+
+    def __init__(self) -> None:
+        self.header: dict[str, Any] = {
+            "asset": {"version": "2.0"},
+            "scene": 0,
+            "scenes": [{"nodes": []}],
+            **{name: [] for name in ("nodes", "meshes", "accessors", "bufferViews")},
+        }
+        self.data = b""
+
+    def view(self, data: bytes) -> int:
+        self.header["bufferViews"].append({"buffer": 0, "byteOffset": len(self.data), "byteLength": len(data)})
+        self.data += data + b"\0" * (-len(data) % 4)
+        return len(self.header["bufferViews"]) - 1
+
+    def accessor(self, values: Any, component: int, kind: str) -> int:
+        dtype = {5126: "<f4", 5125: "<u4", 5121: "u1"}[component]
+        view = self.view(np.asarray(values, dtype).tobytes())
+        accessor = {"bufferView": view, "componentType": component, "count": len(values), "type": kind}
+        self.header["accessors"].append(accessor)
+        return len(self.header["accessors"]) - 1
+
+    def mesh(self, name: str, vertices: Any, faces: Any, **primitive: Any) -> int:
+        """Add a mesh of one primitive; returns its index."""
+        attributes = {"POSITION": self.accessor(vertices, 5126, "VEC3"), **primitive.pop("attributes", {})}
+        indices = self.accessor(np.ravel(faces), 5125, "SCALAR")
+        self.header["meshes"].append(
+            {"name": name, "primitives": [{"attributes": attributes, "indices": indices, **primitive}]}
+        )
+        return len(self.header["meshes"]) - 1
+
+    def node(self, **node: Any) -> int:
+        self.header["nodes"].append(node)
+        self.header["scenes"][0]["nodes"].append(len(self.header["nodes"]) - 1)
+        return len(self.header["nodes"]) - 1
+
+    def image(self, path: Path) -> None:
+        """Add a texture and a material 0 that shows it."""
+        self.header["images"] = [{"bufferView": self.view(path.read_bytes()), "mimeType": "image/png"}]
+        self.header["textures"] = [{"source": 0}]
+        self.header["materials"] = [{"name": "paint", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
+
+    def glb(self) -> bytes:
+        if self.data:
+            self.header["buffers"] = [{"byteLength": len(self.data)}]
+        text = json.dumps({key: value for key, value in self.header.items() if value != []}).encode()
+        text += b" " * (-len(text) % 4)
+        chunks = struct.pack("<II", len(text), 0x4E4F534A) + text
+        chunks += struct.pack("<II", len(self.data), 0x004E4942) + self.data
+        return struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks
+
+
+def textured_quad(tmp_path: Path, **attributes: Any) -> Gltf:
+    """A square in the plane z = 0 whose texture covers it once: u to the right, v up."""
+    gltf = Gltf()
+    uv = gltf.accessor([(0, 1), (1, 1), (1, 0), (0, 0)], 5126, "VEC2")
+    square = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+    extra = {name: gltf.accessor(*values) for name, values in attributes.items()}
+    gltf.mesh("square", square, [(0, 1, 2), (0, 2, 3)], attributes={"TEXCOORD_0": uv, **extra}, material=0)
+    gltf.image(checkered(tmp_path / "paint.png"))
+    gltf.node(name="square", mesh=0)
+    return gltf
