@@ -15,7 +15,7 @@ __all__ = ["Camera", "camera_towards", "fibonacci_directions", "place_cameras"]
 FIELD_OF_VIEW = 60.0  # degrees, the paper's and the public reference's
 PAPER_DISTANCE = 2.8  # from the origin of normalised coordinates, likewise
 MARGIN = 1.06  # a framed shape leaves this much room, so that no patch at its rim is cut
-CLEARANCE = 0.2  # between the eye and the nearest point: a needle seen from its tip does not poke the eye
+CLEARANCE = 0.2  # of half the shape's size, between it and the eye: a needle seen from its tip does not poke it
 FRAMINGS = ("shape", "paper")
 _CHUNK = 1 << 16
 
@@ -92,9 +92,12 @@ def camera_towards(
     field_of_view: float = FIELD_OF_VIEW,
     flipped: bool = False,
 ) -> Camera:
-    """One camera out along `direction` that sees `points`; see `place_cameras`."""
-    unit = np.asarray(direction, np.float64)
-    return _place(unit[None] / np.linalg.norm(unit), points, framing, field_of_view, np.array([flipped]))[0]
+    """One camera out along `direction` (3,), of any length but 0, that sees `points`; see `place_cameras`."""
+    unit = check.array("camera_towards", "direction", direction, (3,), dtype=np.float64)
+    length = np.linalg.norm(unit)
+    if length == 0:
+        raise ValueError("camera_towards: `direction` must have a length, got 0, 0, 0")
+    return _place(unit[None] / length, points, framing, field_of_view, np.array([flipped]))[0]
 
 
 def place_cameras(
@@ -108,7 +111,7 @@ def place_cameras(
         (N, 3) vertices of the shape in normalised coordinates.
     framing
         "shape": the smallest distance at which the whole shape is in the picture with a small margin (and no point
-        nearer to the eye than 0.2); "paper": a distance of 2.8 from the origin, looking at it.
+        nearer to the eye than a tenth of its size); "paper": a distance of 2.8 from the origin, looking at it.
     mirrored
         Cameras come in pairs that are mirror images of each other at x = 0, pictures included.
 
@@ -147,10 +150,11 @@ def _place(
             for right, up, back in bases
         ]
     )
+    clearance = CLEARANCE * float((points.max(axis=0) - points.min(axis=0)).max()) / 2
     reach = _largest_along(bounds, points).reshape(-1, 5)
     cameras = []
     for (right, up, back), (to_right, to_left, to_top, to_bottom, nearest) in zip(bases, reach, strict=True):
-        distance = max((to_right + to_left) / (2 * slope), (to_top + to_bottom) / (2 * slope), nearest + CLEARANCE)
+        distance = max((to_right + to_left) / (2 * slope), (to_top + to_bottom) / (2 * slope), nearest + clearance)
         position = (to_right - to_left) / 2 * right + (to_top - to_bottom) / 2 * up + distance * back
         cameras.append(Camera(position, right, up, back, field_of_view))
     return cameras

@@ -124,9 +124,11 @@ def render(
         used = _used(vertices, mesh.faces)
         cameras = place_cameras(views, used, framing=framing, mirrored=mirrored)
         images = np.empty((views, resolution, resolution, 3), np.uint8)
+        covered = np.zeros(views, np.int64)  # pixels of each picture that show the surface
 
         def take(index: int) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
             images[index], hits = shading.picture(cameras[index], resolution)
+            covered[index] = len(hits.ray)
             if supervision == "vertex":
                 return _visible_vertices(scene, used, cameras[index], resolution)
             row, column = np.divmod(hits.ray.astype(np.int32), resolution)
@@ -140,7 +142,7 @@ def render(
                 seen.append((points, view, row, column))
                 advance()
     points, view, row, column = (np.concatenate(parts) for parts in zip(*seen, strict=True))
-    if len(points) == 0:
+    if not covered.any() or len(points) == 0:
         raise ValueError("render: `mesh` is seen by no camera: all its faces are without area, or smaller than a pixel")
     return Views(images, cameras, points, view, row, column, center, scale)
 
