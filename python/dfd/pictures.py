@@ -32,6 +32,7 @@ SAMPLES = 2  # per pixel, along each side
 FIELD_OF_VIEW = 30.0
 LARGEST_RESOLUTION = 8192
 BAND = 1 << 17  # samples drawn at a time, which bounds the memory of large pictures
+HALO = 2  # rows of pixels drawn around a band and cut off again: as far as the smoothing of its shade reaches
 CREASE = 30.0  # degrees; a smooth normal that leans further from its face leaves the edge sharp
 
 # The light: sky from above, a lamp over the viewer's left shoulder, and shade where the surface hides the sky.
@@ -160,7 +161,7 @@ class _Painter:
     def draw(self, resolution: int) -> NDArray[np.float32]:
         """Return the picture (R, R, 3) in sRGB, each pixel the mean of several rays."""
         image = np.empty((resolution, resolution, 3), np.float32)
-        height = max(1, BAND // (SAMPLES * resolution * SAMPLES))
+        height = max(HALO, BAND // (SAMPLES * resolution * SAMPLES) // HALO * HALO)  # so that tiles lie alike in each
         bands = [slice(top, min(top + height, resolution)) for top in range(0, resolution, height)]
 
         def draw_band(band: slice) -> None:
@@ -173,7 +174,8 @@ class _Painter:
 
     def _band(self, band: slice, resolution: int) -> NDArray[np.float32]:
         """Return some rows of the picture, (rows, R, 3)."""
-        count, rows = resolution * SAMPLES, np.arange(band.start * SAMPLES, band.stop * SAMPLES)
+        count, top = resolution * SAMPLES, max(0, band.start - HALO)
+        rows = np.arange(top * SAMPLES, min(resolution, band.stop + HALO) * SAMPLES)
         directions = self._directions(rows, count)
         starts = np.broadcast_to(self._camera.position.astype(np.float32), directions.shape)
         ray = np.arange(len(directions))
@@ -198,7 +200,7 @@ class _Painter:
         # Pixels are averaged as they are displayed: at an outline, dark and white mix evenly.
         samples = to_srgb(color.clip(0, 1)).reshape(-1, SAMPLES, resolution, SAMPLES, 3)
         pixels: NDArray[np.float32] = samples.mean(axis=(1, 3))
-        return pixels
+        return pixels[band.start - top : band.stop - top]
 
     def _directions(self, rows: NDArray[np.integer], count: int) -> NDArray[np.float32]:
         """Unit directions through the samples of some of `count` rows of as many samples."""
@@ -238,9 +240,12 @@ class _Painter:
             own = self._normals[corners[:, corner]]
             sharp = np.einsum("kc,kc->k", own, flat) < np.cos(np.radians(CREASE))
             normals += hits.barycentric[:, corner : corner + 1] * np.where(sharp[:, None], flat, own)
-        normals = _unit(normals)
-        away = np.einsum("kc,kc->k", normals, directions) > 0
-        return np.where(away[:, None], -normals, normals)
+        # Seen from behind, both turn round. A smooth normal that still looks away, close to an outline, is bent back
+        # to the outline: turned round it would look into the shape.
+        turned = np.where(np.einsum("kc,kc->k", flat, directions) > 0, np.float32(-1), np.float32(1))
+        normals *= turned[:, None]
+        normals -= np.maximum(np.einsum("kc,kc->k", normals, directions), 0)[:, None] * directions
+        return _unit(normals)
 
     def _hidden(
         self, place: NDArray[np.float32], normals: NDArray[np.float32], ray: NDArray[np.int64], count: int

@@ -215,7 +215,7 @@ def test_threads_and_bands_change_nothing_visible(monkeypatch: pytest.MonkeyPatc
         np.testing.assert_array_equal(picture(mesh, resolution=80), several)
     finally:
         set_num_threads(before)
-    assert np.abs(one.astype(int) - several).max() <= 3
+    assert np.abs(one.astype(int) - several).max() <= 1
 
 
 def test_inputs_stay_as_they_were() -> None:
