@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import fast_simplification
 import numpy as np
@@ -30,6 +30,10 @@ class CoarseMesh:
         carried = _dot(values[self.faces[self.face]], self.barycentric)
         carried[self.face < 0] = np.nan
         return carried
+
+    def at(self, vertices: NDArray[np.int32]) -> CoarseMesh:
+        """Return the same for fine vertices that lie where `vertices` (W,) of this one do."""
+        return replace(self, face=self.face[vertices], barycentric=self.barycentric[vertices])
 
 
 def coarsen(vertices: NDArray[np.float64], faces: NDArray[np.int32], most_faces: int) -> CoarseMesh:

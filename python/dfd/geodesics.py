@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from dfd import check
 from dfd.coarse import CoarseMesh, coarsen
 from dfd.mesh import Mesh
-from dfd.topology import welded_faces
+from dfd.topology import first_at_place
 
 __all__ = ["Geodesics"]
 
@@ -127,7 +127,8 @@ class Geodesics:
     @cached_property
     def _coarse(self) -> CoarseMesh:
         most = self._coarse_faces if len(self._mesh.faces) > 2 * self._coarse_faces else len(self._mesh.faces)
-        return coarsen(self._mesh.vertices, welded_faces(self._mesh), most)
+        stands_for = first_at_place(self._mesh)
+        return coarsen(self._mesh.vertices, stands_for[self._mesh.faces], most).at(stands_for)
 
     @cached_property
     def _solver(self) -> Any:

@@ -91,17 +91,18 @@ class _MaterialReader:
         wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
         image = source.baseColorTexture
         texture = self._texels(image) if image is not None else None
+        unknown = image is not None and texture is None
         if self._header is not None and name in self._primitives:
             reference = gltf_header.base_color_texture(self._header, self._primitives[name])
             if reference is not None:
                 wrap = gltf_header.wrap(self._header, reference)
                 if image is None:
+                    unknown = True
                     self._unreadable.add(f"the texture of material {source.name!r}")
         factor = np.ones(4) if source.baseColorFactor is None else np.asarray(source.baseColorFactor) / 255
         color = (*(float(each) for each in srgb(factor[:3])), float(factor[3]))
         mode = cast(Literal["OPAQUE", "MASK", "BLEND"], source.alphaMode or "OPAQUE")
         cutoff = 0.5 if source.alphaCutoff is None else float(source.alphaCutoff)
-        unknown = image is not None and texture is None
         return Material(Material().color if unknown else cast(Any, color), texture, wrap, mode, cutoff)
 
     def _simple(self, source: SimpleMaterial, has_colors: bool) -> Material:

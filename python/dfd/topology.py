@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from dfd.mesh import Mesh
 from dfd.weld import weld
 
-__all__ = ["Topology", "face_components", "inspect", "sound_faces"]
+__all__ = ["Topology", "face_components", "first_at_place", "inspect", "sound_faces"]
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ def inspect(mesh: Mesh) -> Topology:
 
     Edges and components are those of the faces that have three different corners.
     """
-    faces = welded_faces(mesh)
+    faces = first_at_place(mesh)[mesh.faces]
     proper = faces[_three_corners(faces)]
     uses = _edge_uses(proper)
     look = mesh.appearance
@@ -59,12 +59,10 @@ def inspect(mesh: Mesh) -> Topology:
     )
 
 
-def welded_faces(mesh: Mesh) -> NDArray[np.int32]:
-    """Return the faces (F, 3) with every corner at the first vertex that has its position."""
+def first_at_place(mesh: Mesh) -> NDArray[np.int32]:
+    """Return for each vertex (V,) the first vertex that has its position."""
     first, vertex = weld(mesh.vertices)
-    if len(first) == len(mesh.vertices):
-        return mesh.faces
-    return first.astype(np.int32)[vertex][mesh.faces]
+    return first.astype(np.int32)[vertex]
 
 
 def sound_faces(faces: NDArray[np.int32]) -> NDArray[np.int32]:
