@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dfd import check
+from dfd.appearance import srgb
 
 __all__ = ["CLAY", "feature_colors", "weight_colors"]
 
@@ -81,27 +82,21 @@ def feature_colors(features: ArrayLike) -> NDArray[np.float32]:
     return np.float32(0.06) + np.float32(0.88) * colours
 
 
-def to_linear(srgb: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+def to_linear(values: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
     """Linear light of sRGB values in [0, 1]."""
-    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((np.maximum(srgb, 0.04045) + 0.055) / 1.055) ** 2.4)
+    linear = np.where(values <= 0.04045, values / 12.92, ((np.maximum(values, 0.04045) + 0.055) / 1.055) ** 2.4)
     return linear.astype(np.float32)
 
 
-def to_srgb(linear: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
-    """Return the sRGB values of linear light in [0, 1]."""
-    srgb = np.where(linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055)
-    return srgb.astype(np.float32)
-
-
-def oklab(srgb: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+def oklab(colours: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     """Lightness and two hue axes, (N, 3), in which equal steps look equally large (Oklab, Ottosson 2020)."""
-    lab: NDArray[np.float64] = np.cbrt(to_linear(srgb).astype(np.float64) @ _TO_CONE.T) @ _TO_LAB.T
+    lab: NDArray[np.float64] = np.cbrt(to_linear(colours).astype(np.float64) @ _TO_CONE.T) @ _TO_LAB.T
     return lab
 
 
 def _from_oklab(lab: NDArray[np.float64]) -> NDArray[np.float64]:
     cone = lab @ np.linalg.inv(_TO_LAB).T
-    return to_srgb((cone**3 @ np.linalg.inv(_TO_CONE).T).clip(0, 1)).astype(np.float64)
+    return srgb((cone**3 @ np.linalg.inv(_TO_CONE).T).clip(0, 1)).astype(np.float64)
 
 
 def _heat_table(size: int = 256) -> NDArray[np.float64]:

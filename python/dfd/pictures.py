@@ -14,8 +14,9 @@ from PIL import Image
 from scipy.ndimage import uniform_filter
 
 from dfd import check
+from dfd.appearance import srgb
 from dfd.cameras import Camera, camera_towards
-from dfd.colors import CLAY, to_linear, to_srgb, weight_colors
+from dfd.colors import CLAY, to_linear, weight_colors
 from dfd.contact_sheet import contact_sheet, heat_bar
 from dfd.files import atomic_write
 from dfd.marks import draw_marks
@@ -198,7 +199,7 @@ class _Painter:
             starts = place[onward] + STEP * directions[ray]
         color += light[:, None]
         # Pixels are averaged as they are displayed: at an outline, dark and white mix evenly.
-        samples = to_srgb(color.clip(0, 1)).reshape(-1, SAMPLES, resolution, SAMPLES, 3)
+        samples = srgb(color).reshape(-1, SAMPLES, resolution, SAMPLES, 3)
         pixels: NDArray[np.float32] = samples.mean(axis=(1, 3))
         return pixels[band.start - top : band.stop - top]
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dfd.colors import CLAY, feature_colors, oklab, to_linear, to_srgb, weight_colors
+from dfd.appearance import srgb
+from dfd.colors import CLAY, feature_colors, oklab, to_linear, weight_colors
 
 
 def test_heat_begins_at_clay_and_is_clamped() -> None:
@@ -37,7 +38,7 @@ def test_oklab_knows_white_black_and_red() -> None:
 
 def test_srgb_and_linear_light_undo_each_other() -> None:
     values = np.linspace(0, 1, 256)
-    np.testing.assert_allclose(to_srgb(to_linear(values)), values, atol=1e-6)
+    np.testing.assert_allclose(srgb(to_linear(values)), values, atol=1e-6)
     assert to_linear(np.array([0.5]))[0] == pytest.approx(0.21404, abs=1e-5)
 
 
