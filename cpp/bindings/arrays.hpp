@@ -5,9 +5,11 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <cstdlib>
 #include <new>
+#include <stdexcept>
 
 #ifdef __linux__
 #include <sys/mman.h>
@@ -32,6 +34,26 @@ template <class T>
 dfd::Matrix<T> matrix(OutputMatrix<T>& array)
 {
     return {array.data(), array.shape(0), array.shape(1)};
+}
+
+template <class T>
+using StridedInput = nb::ndarray<const T, nb::ndim<2>, nb::device::cpu>;
+template <class T>
+using StridedOutput = nb::ndarray<nb::numpy, T, nb::ndim<2>, nb::device::cpu>;
+
+/// Weights (V, H) whose rows or columns are contiguous.
+template <class T, class Array>
+dfd::StridedMatrix<T> strided_matrix(const Array& array, const char* message)
+{
+    const auto rows = static_cast<std::int64_t>(array.shape(0)), columns = static_cast<std::int64_t>(array.shape(1));
+    std::int64_t down = array.stride(0), beside = array.stride(1);
+    // The stride of a single row or column says nothing.
+    if (rows <= 1) down = std::max<std::int64_t>(columns, 1);
+    if (columns <= 1) beside = down == 1 ? std::max<std::int64_t>(rows, 1) : 1;
+    const bool by_rows = beside == 1 && down >= columns, by_columns = down == 1 && beside >= rows;
+    if (rows * columns != 0 && !by_rows && !by_columns) throw std::invalid_argument(message);
+    return {array.data(), array.shape(0), array.shape(1), static_cast<std::size_t>(down),
+            static_cast<std::size_t>(beside)};
 }
 
 /// A new array of (rows, columns) that Python owns, its contents not yet set. Large ones ask for huge pages, since the

@@ -1,5 +1,13 @@
 #include "module.hpp"
 
+#include "arrays.hpp"
+#include "dfd/isa.hpp"
+
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+using namespace nb::literals;
+
 NB_MODULE(_core, m)
 {
     m.doc() = "Kernels of dfd. Arguments have exact types and contiguous rows; `dfd.bind` and `dfd.pose` coerce.";
@@ -9,6 +17,15 @@ NB_MODULE(_core, m)
 #else
         false;
 #endif
+    dfd::kernels();  // fails here, at import, when DFD_ISA names no instruction set of this machine
+    m.def("instruction_set", [] { return dfd::kernels().name; }, "The instruction set whose kernels run.");
+    m.def("instruction_sets", &dfd::instruction_sets, "Those that this machine has kernels for, the slowest first.");
+    m.def("empty_float32", &make_matrix<float>, "rows"_a, "columns"_a,
+          nb::sig("def empty_float32(rows: int, columns: int) -> numpy.typing.NDArray[numpy.float32]"),
+          "A new array, its contents not yet set.");
+    m.def("empty_float64", &make_matrix<double>, "rows"_a, "columns"_a,
+          nb::sig("def empty_float64(rows: int, columns: int) -> numpy.typing.NDArray[numpy.float64]"),
+          "A new array, its contents not yet set.");
     init_bind(m);
     init_pose(m);
 }

@@ -2,88 +2,159 @@
 
 #include "dfd/parallel.hpp"
 #include "dfd/require.hpp"
+#include "dfd/scratch.hpp"
 
-#include <array>
 #include <atomic>
 #include <cmath>
+#include <vector>
 
 namespace dfd {
 namespace {
 
-// A distance is summed in this many interleaved lanes, whatever the width of the machine's vectors.
-constexpr std::size_t lanes = 16;
-constexpr std::size_t grain = 64;           // rows
-constexpr float geodesic_slack = 1e-5f;     // what rounding may add to the largest distance
+constexpr std::size_t grain = 64;                            // vertices
+constexpr std::size_t streamed_bytes = std::size_t{1} << 24;  // results beyond this would only wash out the caches
 
-float distance(const float* a, const float* b, std::size_t size)
-{
-    std::array<float, lanes> sum{};
-    std::size_t k = 0;
-    for (; k + lanes <= size; k += lanes) {
-        for (std::size_t lane = 0; lane < lanes; ++lane) {
-            const float difference = a[k + lane] - b[k + lane];
-            sum[lane] += difference * difference;
+// Points rearranged in groups of 16, and the targets that refer to them.
+class PackedPoints {
+public:
+    PackedPoints(const Points& points, const Features& features)
+    {
+        const auto& [rows, offsets] = points;
+        const std::size_t groups = (rows.rows + group_size - 1) / group_size, padded = groups * group_size;
+        offsets_.assign(padded, 0.0f);
+        std::copy(offsets.begin(), offsets.end(), offsets_.begin());
+        if (features.layout == Features::Layout::bytes) pack_bytes(rows, groups);
+        else pack_floats(rows, groups);
+        targets = {rows_.data(), squares_.data(), quads_.data(), quad_squares_.data(), offsets_.data(), rows.rows};
+    }
+
+    PackedPoints(const PackedPoints&) = delete;
+    PackedPoints& operator=(const PackedPoints&) = delete;
+
+    Targets targets;
+
+private:
+    void pack_floats(const Matrix<const float>& rows, std::size_t groups)
+    {
+        rows_.assign(groups * rows.columns * group_size, 0.0f);
+        squares_.assign(groups * group_size, 0.0f);
+        for (std::size_t j = 0; j < rows.rows; ++j) {
+            double square = 0;
+            float* to = rows_.data() + j / group_size * rows.columns * group_size + j % group_size;
+            for (std::size_t k = 0; k < rows.columns; ++k) {
+                to[k * group_size] = rows.row(j)[k];
+                square += double(rows.row(j)[k]) * double(rows.row(j)[k]);
+            }
+            squares_[j] = static_cast<float>(square);
         }
     }
-    for (std::size_t lane = 0; k < size; ++k, ++lane) {
-        const float difference = a[k] - b[k];
-        sum[lane] += difference * difference;
+
+    void pack_bytes(const Matrix<const float>& rows, std::size_t groups)
+    {
+        quads_.assign(groups * rows.columns / 4 * group_size, 0);
+        quad_squares_.assign(groups * group_size, 0);
+        for (std::size_t j = 0; j < rows.rows; ++j) {
+            std::int32_t square = 0, sum = 0;
+            std::int32_t* to = quads_.data() + j / group_size * (rows.columns / 4) * group_size + j % group_size;
+            for (std::size_t k = 0; k < rows.columns; ++k) {
+                const auto entry = static_cast<std::int32_t>(std::lround(rows.row(j)[k]));
+                require(entry >= -127 && entry <= 127, "bind: entries of bytes must lie within ±127");
+                square += entry * entry;
+                sum += entry;
+                auto& quad = to[k / 4 * group_size];
+                quad = static_cast<std::int32_t>(static_cast<std::uint32_t>(quad) |
+                                                 (static_cast<std::uint32_t>(entry & 255) << (k % 4 * 8)));
+            }
+            quad_squares_[j] = square + 256 * sum;  // the vertices' entries carry an offset of 128
+        }
     }
-    for (std::size_t width = lanes / 2; width > 0; width /= 2)
-        for (std::size_t lane = 0; lane < width; ++lane) sum[lane] += sum[lane + width];
-    return std::sqrt(sum[0]);
+
+    std::vector<float> rows_, squares_, offsets_;
+    std::vector<std::int32_t> quads_, quad_squares_;
+};
+
+void check_points(const Points& points, const Features& features, const char* name, const char* width_message)
+{
+    require(points.rows.rows == 0 || points.rows.columns == features.dimension, width_message);
+    require(points.offsets.empty() || points.offsets.size() == points.rows.rows,
+            "bind: every handle and fixed point needs an offset, or none");
+    require_finite(points.rows, "bind", name);
 }
 
-float weight(float distance) { return std::max(1.0f - distance, 0.0f); }  // Equations (4) and (5)
+BindRange range_of(const Kernels& kernels, Features::Layout layout)
+{
+    switch (layout) {
+    case Features::Layout::halves: return kernels.bind_halves;
+    case Features::Layout::bytes: return kernels.bind_bytes;
+    default: return kernels.bind_rows;
+    }
+}
+
+// Whole vectors leave past the caches only from aligned places.
+bool can_stream(const StridedMatrix<float>& weights)
+{
+    if (reinterpret_cast<std::uintptr_t>(weights.data) % 64 != 0) return false;
+    if (weights.columns == 1) return weights.row_stride == 1;
+    return weights.column_stride == 1 ? weights.row_stride == weights.columns : weights.column_stride % 16 == 0;
+}
+
+[[noreturn]] void throw_geodesic(const Matrix<const float>& geodesic)
+{
+    const std::span<const float> all{geodesic.data, geodesic.rows * geodesic.columns};
+    const auto found = std::find_if(all.begin(), all.end(), [](float g) { return !(g >= 0 && g <= 1); });
+    const auto index = static_cast<std::size_t>(found - all.begin());
+    throw std::invalid_argument("bind: `geodesic` must lie in [0, 1], got " + std::to_string(*found) + " at [" +
+                                std::to_string(index / geodesic.columns) + ", " +
+                                std::to_string(index % geodesic.columns) + "]");
+}
 
 }  // namespace
 
-void bind(Matrix<const float> features, Matrix<const float> handles, const Constraints& constraints,
-          Matrix<float> weights, int threads)
+void bind(const Features& features, const Points& handles, const Constraints& constraints,
+          const StridedMatrix<float>& weights, int threads, const Kernels& kernels)
 {
     const auto& [fixed, geodesic, locality] = constraints;
-    const std::size_t dimension = features.columns;
-    const bool local = !locality.empty();
-    require(handles.rows == 0 || handles.columns == dimension, "bind: `handles` and `features` differ in dimension");
-    require(fixed.rows == 0 || fixed.columns == dimension, "bind: `fixed` and `features` differ in dimension");
-    require(weights.rows == features.rows && weights.columns == handles.rows, "bind: `weights` must be (V, H)");
-    require(!local || (locality.size() == handles.rows && geodesic.rows == handles.rows &&
-                       geodesic.columns == features.rows),
+    check_points(handles, features, "handles", "bind: `handles` and `features` differ in dimension");
+    check_points(fixed, features, "fixed", "bind: `fixed` and `features` differ in dimension");
+    require(weights.rows == features.vertex_count && weights.columns == handles.rows.rows,
+            "bind: `weights` must be (V, H)");
+    require(weights.rows * weights.columns == 0 || weights.row_stride == 1 || weights.column_stride == 1,
+            "bind: `weights` must have contiguous rows or columns");
+    require(locality.empty() || (locality.size() == handles.rows.rows && geodesic.rows == handles.rows.rows &&
+                                 geodesic.columns == features.vertex_count),
             "bind: `geodesic` must be (H, V) and `locality` (H)");
-    require_finite(handles, "bind", "handles");
-    require_finite(fixed, "bind", "fixed");
     for (const float exponent : locality)
         require(std::isfinite(exponent) && exponent >= 0, "bind: `locality` must be finite and at least 0");
 
-    std::atomic<bool> features_finite = true;
-    std::atomic<bool> geodesic_valid = true;
-    parallel_ranges(features.rows, grain, threads, [&](std::size_t begin, std::size_t end) {
-        for (std::size_t i = begin; i < end; ++i) {
-            const float* row = features.row(i).data();
-            // An overflowing sum of finite features is infinite as well; the slow check tells them apart.
-            bool suspect = false;
-            float held = 0;
-            for (std::size_t p = 0; p < fixed.rows; ++p) {
-                const float d = distance(row, fixed.row(p).data(), dimension);
-                suspect |= !std::isfinite(d);
-                held = std::max(held, weight(d));
-            }
-            for (std::size_t j = 0; j < handles.rows; ++j) {
-                const float d = distance(row, handles.row(j).data(), dimension);
-                suspect |= !std::isfinite(d);
-                float w = std::max(weight(d) - held, 0.0f);  // Equation (6)
-                if (local) {
-                    const float g = geodesic.row(j)[i];
-                    if (!(g >= 0.0f && g <= 1.0f + geodesic_slack)) geodesic_valid = false;
-                    w *= std::pow(std::max(1.0f - g, 0.0f), locality[j]);  // Equation (7)
-                }
-                weights.row(i)[j] = w;
-            }
-            if (suspect && !all_finite(features.row(i))) features_finite = false;
-        }
+    const PackedPoints packed_handles(handles, features), packed_fixed(fixed, features);
+    BindJob job;
+    job.features = features.data;
+    job.vertex_count = features.vertex_count;
+    job.dimension = features.dimension;
+    job.scale = features.scale;
+    job.fixed = packed_fixed.targets;
+    job.handles = packed_handles.targets;
+    job.geodesic = locality.empty() ? nullptr : geodesic.data;
+    job.locality = locality.data();
+    job.weights = weights.data;
+    job.row_stride = weights.row_stride;
+    job.column_stride = weights.column_stride;
+    job.stream = weights.rows * weights.columns * sizeof(float) >= streamed_bytes && can_stream(weights);
+
+    const Scratch scratch(threads, bind_scratch(features.dimension, handles.rows.rows));
+    const BindRange bind_range = range_of(kernels, features.layout);
+    std::atomic<unsigned> faults = no_fault;
+    parallel_ranges(features.vertex_count, grain, threads, [&](std::size_t worker, std::size_t begin, std::size_t end) {
+        faults |= bind_range(job, begin, end, scratch.of(worker));
     });
-    if (!features_finite) require_finite(features, "bind", "features");
-    require(geodesic_valid, "bind: `geodesic` must lie in [0, 1]");
+    // Finite features whose length overflows are only far from everything; the slow check tells them apart.
+    if ((faults & features_suspect) != 0 && features.layout == Features::Layout::rows)
+        require_finite(Matrix<const float>{static_cast<const float*>(features.data), features.vertex_count,
+                                           features.dimension},
+                       "bind", "features");
+    require((faults & features_suspect) == 0 || features.layout != Features::Layout::halves,
+            "bind: `features` must be finite");
+    if ((faults & geodesic_invalid) != 0) throw_geodesic(geodesic);
 }
 
 }  // namespace dfd

@@ -1,25 +1,49 @@
 #pragma once
 
+#include "dfd/kernels/kernels.hpp"
 #include "dfd/matrix.hpp"
 
+#include <cstdint>
 #include <span>
 
 namespace dfd {
 
+/// The features of a shape's vertices, as `bind` reads them.
+struct Features {
+    enum class Layout {
+        rows,    // (V, D) float, row-major
+        halves,  // (B, D, 16) float16: blocks of 16 vertices side by side, the last one padded
+        bytes,   // (B, D / 4 + 1, 16, 4): entries + 128 as uint8, four by four, then the squared length as int32
+    };
+
+    Layout layout = Layout::rows;
+    const void* data = nullptr;
+    std::size_t vertex_count = 0;
+    std::size_t dimension = 0;  // D, a multiple of 4 for bytes
+    float scale = 1;            // what one step of a byte is worth
+};
+
+/// Feature rows of handles or of fixed points.
+struct Points {
+    Matrix<const float> rows;            // (N, D); for bytes whole numbers of steps within ±127
+    std::span<const float> offsets;      // (N) squared distance that the stored dimensions miss, or empty for none
+};
+
 /// What narrows the weights of Eq. (4-5): fixed points of Eq. (6) and the geodesic falloff of Eq. (7).
 struct Constraints {
-    Matrix<const float> fixed;         // (P, D) feature rows, may be empty
+    Points fixed;                      // may be empty
     Matrix<const float> geodesic;      // (H, V) distances in [0, 1], may be empty
     std::span<const float> locality;   // (H) exponents >= 0; empty without `geodesic`
 };
 
-/// Weights of every vertex for every handle by Eq. (4-7).
+/// Weights of every vertex for every handle by Eq. (4-7), in one pass over the features.
 ///
-/// @param features  (V, D) row-major, unit rows by convention, taken as they are
-/// @param handles   (H, D) feature rows of the handles
-/// @param weights   (V, H) result, overwritten
+/// The same bits come out for every number of threads, for equal rows wherever they stand, and for a handle alone or
+/// among others.
+///
+/// @param weights  (V, H) result, overwritten
 /// @throws std::invalid_argument if shapes disagree, a value is not finite, or a distance or exponent out of range
-void bind(Matrix<const float> features, Matrix<const float> handles, const Constraints& constraints,
-          Matrix<float> weights, int threads);
+void bind(const Features& features, const Points& handles, const Constraints& constraints,
+          const StridedMatrix<float>& weights, int threads, const Kernels& kernels);
 
 }  // namespace dfd

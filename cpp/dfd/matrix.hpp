@@ -16,4 +16,23 @@ struct Matrix {
     bool empty() const { return rows == 0 || columns == 0; }
 };
 
+/// A matrix whose rows or whose columns are contiguous, for weights: one more handle is one more column.
+template <class T>
+struct StridedMatrix {
+    T* data = nullptr;
+    std::size_t rows = 0;
+    std::size_t columns = 0;
+    std::size_t row_stride = 0;     // from an entry to the one below
+    std::size_t column_stride = 0;  // from an entry to the one beside; one of the strides is 1
+
+    StridedMatrix() = default;
+    StridedMatrix(T* first, std::size_t r, std::size_t c) : StridedMatrix(first, r, c, c, 1) {}
+    StridedMatrix(T* first, std::size_t r, std::size_t c, std::size_t row_step, std::size_t column_step)
+        : data(first), rows(r), columns(c), row_stride(row_step), column_stride(column_step)
+    {
+    }
+
+    T& operator()(std::size_t row, std::size_t column) const { return data[row * row_stride + column * column_stride]; }
+};
+
 }  // namespace dfd

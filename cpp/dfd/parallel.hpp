@@ -1,39 +1,46 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <cstddef>
 
-#ifndef _OPENMP
+#ifdef _OPENMP
+#include <omp.h>
+#else
 #include <thread>
 #include <vector>
 #endif
 
 namespace dfd {
 
-/// Calls `work(begin, end)` on at most `threads` contiguous shares of 0 … `count`, each a multiple of `grain` but the
-/// last. `work` must not throw. One thread touches no runtime at all, so that it is safe in a forked child.
+/// Calls `work(worker, begin, end)` until ranges have covered 0 … `count`, on workers numbered below `threads`. Ranges
+/// are multiples of `grain` but the last, and several for each worker, so that one that is held up delays little.
+/// `work` must not throw. One thread touches no runtime at all, so that it is safe in a forked child.
 template <class Work>
 void parallel_ranges(std::size_t count, std::size_t grain, int threads, const Work& work)
 {
-    const std::size_t grains = (count + grain - 1) / grain;
-    const std::size_t shares = std::min(grains, static_cast<std::size_t>(std::max(threads, 1)));
-    if (shares <= 1) {
-        if (count > 0) work(std::size_t{0}, count);
+    constexpr std::size_t ranges_per_worker = 8;
+    const std::size_t workers =
+        std::min((count + grain - 1) / grain, static_cast<std::size_t>(std::max(threads, 1)));
+    if (workers <= 1) {
+        if (count > 0) work(std::size_t{0}, std::size_t{0}, count);
         return;
     }
-    const auto share = [&](std::size_t index) {
-        const std::size_t begin = grains * index / shares * grain;
-        const std::size_t end = std::min(grains * (index + 1) / shares * grain, count);
-        work(begin, end);
+    const std::size_t share = (count + workers * ranges_per_worker - 1) / (workers * ranges_per_worker);
+    const std::size_t range = (share + grain - 1) / grain * grain;
+    std::atomic<std::size_t> next = 0;
+    const auto take_ranges = [&](std::size_t worker) {
+        for (std::size_t begin; (begin = next.fetch_add(range, std::memory_order_relaxed)) < count;)
+            work(worker, begin, std::min(begin + range, count));
     };
 #ifdef _OPENMP
-#pragma omp parallel for schedule(static, 1) num_threads(static_cast<int>(shares))
-    for (std::size_t index = 0; index < shares; ++index) share(index);
+#pragma omp parallel num_threads(static_cast<int>(workers))
+    take_ranges(static_cast<std::size_t>(omp_get_thread_num()));
 #else
     std::vector<std::thread> others;
-    others.reserve(shares - 1);
-    for (std::size_t index = 1; index < shares; ++index) others.emplace_back(share, index);
-    share(0);
+    others.reserve(workers - 1);
+    for (std::size_t worker = 1; worker < workers; ++worker) others.emplace_back(take_ranges, worker);
+    take_ranges(0);
     for (std::thread& other : others) other.join();
 #endif
 }

@@ -2,6 +2,7 @@
 
 #include "dfd/parallel.hpp"
 #include "dfd/require.hpp"
+#include "dfd/scratch.hpp"
 
 #include <atomic>
 #include <cmath>
@@ -10,26 +11,17 @@
 namespace dfd {
 namespace {
 
-constexpr std::size_t grain = 256;  // vertices
+constexpr std::size_t grain = 1024;  // vertices
 
 using Point = std::array<double, 3>;
 
-template <class T>
-using Displacement = std::array<T, 12>;
-
-/// D - I about `center`: what D adds to a point p is linear (p - center) + translation.
-template <class T>
-Displacement<T> displacement(const Affine& transform, const Point& center)
+Affine product(const Affine& a, const Affine& b)
 {
-    Displacement<T> result;
+    Affine result{};
     for (std::size_t row = 0; row < 3; ++row) {
-        double shift = transform[row * 4 + 3];
-        for (std::size_t column = 0; column < 3; ++column) {
-            const double entry = transform[row * 4 + column] - (row == column ? 1.0 : 0.0);
-            shift += entry * center[column];
-            result[row * 4 + column] = static_cast<T>(entry);
-        }
-        result[row * 4 + 3] = static_cast<T>(shift);
+        for (std::size_t column = 0; column < 4; ++column)
+            for (std::size_t k = 0; k < 3; ++k) result[row * 4 + column] += a[row * 4 + k] * b[k * 4 + column];
+        result[row * 4 + 3] += a[row * 4 + 3];
     }
     return result;
 }
@@ -37,119 +29,132 @@ Displacement<T> displacement(const Affine& transform, const Point& center)
 /// R D R for the reflection R across the plane.
 Affine reflected(const Affine& transform, const Mirror& mirror)
 {
-    const auto& n = mirror.normal;
-    const auto multiply = [](const Affine& a, const Affine& b) {
-        Affine product{};
-        for (std::size_t row = 0; row < 3; ++row) {
-            for (std::size_t column = 0; column < 4; ++column) {
-                for (std::size_t k = 0; k < 3; ++k) product[row * 4 + column] += a[row * 4 + k] * b[k * 4 + column];
-            }
-            product[row * 4 + 3] += a[row * 4 + 3];
-        }
-        return product;
-    };
     Affine reflection;
     for (std::size_t row = 0; row < 3; ++row) {
         for (std::size_t column = 0; column < 3; ++column)
-            reflection[row * 4 + column] = (row == column ? 1.0 : 0.0) - 2.0 * n[row] * n[column];
-        reflection[row * 4 + 3] = 2.0 * mirror.offset * n[row];
+            reflection[row * 4 + column] = (row == column ? 1.0 : 0.0) - 2.0 * mirror.normal[row] * mirror.normal[column];
+        reflection[row * 4 + 3] = 2.0 * mirror.offset * mirror.normal[row];
     }
-    return multiply(multiply(reflection, transform), reflection);
+    return product(product(reflection, transform), reflection);
 }
 
-/// How much of a vertex belongs to the positive side, in [0, 1]: a step, or a smoothstep over the band.
-double positive_share(double signed_distance, double band)
-{
-    if (!(band > 0)) return signed_distance >= 0 ? 1.0 : 0.0;
-    const double t = std::min(std::max(signed_distance / (2 * band) + 0.5, 0.0), 1.0);
-    return t * t * (3 - 2 * t);
-}
-
-/// What the handles with their `weights` add to the point `p`, given relative to the center.
+/// Appends D - I about `center`: what D adds to a point p is linear (p - center) + translation.
 template <class T>
-std::array<T, 3> blended(const std::vector<Displacement<T>>& table, std::span<const float> weights, T left,
-                         const Displacement<T>& rest, const std::array<T, 3>& p)
+void append_displacement(std::vector<T>& table, const Affine& transform, const Point& center)
 {
-    Displacement<T> blend;
-    for (std::size_t entry = 0; entry < 12; ++entry) blend[entry] = left * rest[entry];
-    for (std::size_t k = 0; k < table.size(); ++k)
-        for (std::size_t entry = 0; entry < 12; ++entry) blend[entry] += static_cast<T>(weights[k]) * table[k][entry];
-    std::array<T, 3> result;
-    for (std::size_t row = 0; row < 3; ++row)
-        result[row] = blend[row * 4] * p[0] + blend[row * 4 + 1] * p[1] + blend[row * 4 + 2] * p[2] + blend[row * 4 + 3];
-    return result;
+    for (std::size_t row = 0; row < 3; ++row) {
+        double shift = transform[row * 4 + 3];
+        for (std::size_t column = 0; column < 3; ++column) {
+            const double entry = transform[row * 4 + column] - (row == column ? 1.0 : 0.0);
+            shift += entry * center[column];
+            table.push_back(static_cast<T>(entry));
+        }
+        table.push_back(static_cast<T>(shift));
+    }
 }
+
+template <class T>
+bool same_shape(const Matrix<T>& matrix, std::size_t rows)
+{
+    return matrix.rows == rows && matrix.columns == 3;
+}
+
+template <class T>
+void check_shapes(const PoseArrays<T>& arrays, const Motion& motion)
+{
+    const std::size_t count = arrays.vertices.rows;
+    require(same_shape(arrays.vertices, count) && same_shape(arrays.posed, count),
+            "pose: `vertices` and `out` must be (V, 3)");
+    require(arrays.base.data == nullptr || same_shape(arrays.base, count), "pose: `base` must be (V, 3)");
+    require(arrays.normals.data == nullptr ||
+                (same_shape(arrays.normals, count) && same_shape(arrays.posed_normals, count)),
+            "pose: `normals` must be (V, 3)");
+    require(arrays.weights.rows == count && arrays.weights.columns == motion.transforms.size(),
+            "pose: `weights` must be (V, H)");
+    require(arrays.weights.rows * arrays.weights.columns == 0 || arrays.weights.row_stride == 1 ||
+                arrays.weights.column_stride == 1,
+            "pose: `weights` must have contiguous rows or columns");
+    require(!motion.mirror || motion.mirror->positive.size() == motion.transforms.size(),
+            "pose: `symmetry` must know every handle's side");
+}
+
+void require_finite_weights(const StridedMatrix<const float>& weights)
+{
+    for (std::size_t i = 0; i < weights.rows; ++i)
+        for (std::size_t j = 0; j < weights.columns; ++j)
+            if (!std::isfinite(weights(i, j)))
+                throw std::invalid_argument("pose: `weights` must be finite, got " + std::to_string(weights(i, j)) +
+                                            " at [" + std::to_string(i) + ", " + std::to_string(j) + "]");
+}
+
+PoseRange<float> range_of(const Kernels& kernels, const PoseJob<float>&) { return kernels.pose_float; }
+PoseRange<double> range_of(const Kernels& kernels, const PoseJob<double>&) { return kernels.pose_double; }
 
 }  // namespace
 
 template <class T>
-void pose(Matrix<const T> vertices, Matrix<const float> weights, std::span<const Affine> transforms,
-          const Affine& rest, const std::optional<Mirror>& mirror, Matrix<T> posed, int threads)
+void pose(const PoseArrays<T>& arrays, const Motion& motion, int threads, const Kernels& kernels)
 {
-    require(vertices.columns == 3 && posed.columns == 3 && posed.rows == vertices.rows,
-            "pose: `vertices` and `out` must be (V, 3)");
-    require(weights.rows == vertices.rows && weights.columns == transforms.size(), "pose: `weights` must be (V, H)");
-    require(!mirror || mirror->positive.size() == transforms.size(), "pose: `symmetry` must know every handle's side");
-    if (vertices.rows == 0) return;
+    check_shapes(arrays, motion);
+    const std::size_t count = arrays.vertices.rows;
+    if (count == 0) return;
 
     Point center;
-    for (std::size_t axis = 0; axis < 3; ++axis) center[axis] = static_cast<double>(vertices.data[axis]);
-    const Displacement<T> default_displacement = displacement<T>(rest, center);
-    std::vector<Displacement<T>> positive, negative;  // what the handles do on either side
-    for (std::size_t k = 0; k < transforms.size(); ++k) {
-        const Displacement<T> own = displacement<T>(transforms[k], center);
-        if (!mirror) {
-            positive.push_back(own);
+    for (std::size_t axis = 0; axis < 3; ++axis) center[axis] = static_cast<double>(arrays.vertices.data[axis]);
+    std::vector<T> rest, positive, negative;  // what D_0 and the handles do, on either side
+    append_displacement(rest, motion.rest, center);
+    for (std::size_t k = 0; k < motion.transforms.size(); ++k) {
+        const Affine& own = motion.transforms[k];
+        if (!motion.mirror) {
+            append_displacement(positive, own, center);
             continue;
         }
-        const Displacement<T> other = displacement<T>(reflected(transforms[k], *mirror), center);
-        positive.push_back(mirror->positive[k] ? own : other);
-        negative.push_back(mirror->positive[k] ? other : own);
+        const Affine other = reflected(own, *motion.mirror);
+        const bool is_positive = motion.mirror->positive[k];
+        append_displacement(positive, is_positive ? own : other, center);
+        append_displacement(negative, is_positive ? other : own, center);
     }
 
-    std::atomic<bool> finite = true;
-    parallel_ranges(vertices.rows, grain, threads, [&](std::size_t begin, std::size_t end) {
-        bool all = true;
-        for (std::size_t i = begin; i < end; ++i) {
-            const T* vertex = vertices.row(i).data();
-            std::array<T, 3> p;
-            for (std::size_t axis = 0; axis < 3; ++axis) p[axis] = vertex[axis] - static_cast<T>(center[axis]);
-            T sum = 0;
-            for (const float w : weights.row(i)) sum += static_cast<T>(w);
-            const T left = std::max(T{1} - sum, T{0});
-            const T excess = std::max(sum - T{1}, T{0});  // Equation (1) scales a vertex whose weights pass 1
+    PoseJob<T> job;
+    job.vertices = arrays.vertices.data;
+    job.vertex_count = count;
+    job.weights = arrays.weights.data;
+    job.row_stride = arrays.weights.row_stride;
+    job.column_stride = arrays.weights.column_stride;
+    job.handle_count = motion.transforms.size();
+    job.positive = positive.data();
+    job.negative = negative.empty() ? nullptr : negative.data();
+    const bool still = std::all_of(rest.begin(), rest.end(), [](T entry) { return entry == 0; });
+    job.rest = still || arrays.base.data != nullptr ? nullptr : rest.data();
+    job.base = arrays.base.data;
+    job.normals = arrays.normals.data;
+    job.posed_normals = arrays.posed_normals.data;
+    job.posed = arrays.posed.data;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        job.center[axis] = static_cast<T>(center[axis]);
+        if (motion.mirror) job.normal[axis] = static_cast<T>(motion.mirror->normal[axis]);
+    }
+    if (motion.mirror) {
+        const auto& [normal, offset, band, sides] = *motion.mirror;
+        job.height = static_cast<T>(normal[0] * center[0] + normal[1] * center[1] + normal[2] * center[2] - offset);
+        job.steepness = band > 0 ? static_cast<T>(0.5 / band) : T{0};
+    }
 
-            double share = 1;
-            if (mirror) {
-                double height = -mirror->offset;
-                for (std::size_t axis = 0; axis < 3; ++axis)
-                    height += mirror->normal[axis] * static_cast<double>(vertex[axis]);
-                share = positive_share(height, mirror->band);
-            }
-            const auto& main = share > 0 ? positive : negative;
-            std::array<T, 3> shift = blended(main, weights.row(i), left, default_displacement, p);
-            if (share > 0 && share < 1) {
-                const auto other = blended(negative, weights.row(i), left, default_displacement, p);
-                for (std::size_t axis = 0; axis < 3; ++axis)
-                    shift[axis] = other[axis] + static_cast<T>(share) * (shift[axis] - other[axis]);
-            }
-            for (std::size_t axis = 0; axis < 3; ++axis) {
-                const T moved = vertex[axis] + (shift[axis] + excess * vertex[axis]);
-                all &= std::isfinite(moved);
-                posed.row(i)[axis] = moved;
-            }
-        }
-        if (!all) finite = false;
+    const Scratch scratch(threads, pose_scratch(job.handle_count));
+    const PoseRange<T> pose_range = range_of(kernels, job);
+    std::atomic<bool> finite = true;
+    parallel_ranges(count, grain, threads, [&](std::size_t worker, std::size_t begin, std::size_t end) {
+        if (!pose_range(job, begin, end, scratch.of(worker))) finite = false;
     });
     if (finite) return;
-    require_finite(vertices, "pose", "vertices");
-    require_finite(weights, "pose", "weights");
+    require_finite(arrays.vertices, "pose", "vertices");
+    require_finite_weights(arrays.weights);
+    require_finite(arrays.base, "pose", "base");
+    require_finite(arrays.normals, "pose", "normals");
     throw std::invalid_argument("pose: `transforms` move a vertex beyond the largest number that its type holds");
 }
 
-template void pose(Matrix<const float>, Matrix<const float>, std::span<const Affine>, const Affine&,
-                   const std::optional<Mirror>&, Matrix<float>, int);
-template void pose(Matrix<const double>, Matrix<const float>, std::span<const Affine>, const Affine&,
-                   const std::optional<Mirror>&, Matrix<double>, int);
+template void pose(const PoseArrays<float>&, const Motion&, int, const Kernels&);
+template void pose(const PoseArrays<double>&, const Motion&, int, const Kernels&);
 
 }  // namespace dfd

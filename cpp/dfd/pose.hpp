@@ -1,5 +1,6 @@
 #pragma once
 
+#include "dfd/kernels/kernels.hpp"
 #include "dfd/matrix.hpp"
 
 #include <array>
@@ -19,23 +20,33 @@ struct Mirror {
     std::span<const bool> positive;      // (H) whether a handle stands on the positive side
 };
 
+/// How handles move a shape.
+struct Motion {
+    std::span<const Affine> transforms;  // (H) D_k
+    Affine rest;                         // D_0, which takes what the weights leave of 1
+    std::optional<Mirror> mirror;
+};
+
+/// The arrays of one pose; all but `vertices`, `weights` and `posed` may be empty.
+template <class T>
+struct PoseArrays {
+    Matrix<const T> vertices;             // (V, 3) mesh units
+    StridedMatrix<const float> weights;   // (V, H) unitless
+    Matrix<T> posed;                      // (V, 3) result, overwritten; overlaps no input
+    Matrix<const T> base;                 // (V, 3) what the handles' displacements are added to, in place of Eq. (1)'s rest
+    Matrix<const T> normals;              // (V, 3)
+    Matrix<T> posed_normals;              // (V, 3) unit length, turned by the cofactors of each blended transform
+};
+
 /// Vertices moved by the blended transforms of Eq. (1), mirrored across a plane by Eq. (8) when one is given.
 ///
 /// A vertex moves by blended displacements, taken about a point of the mesh, so nothing is lost to a far origin.
 ///
-/// @param vertices    (V, 3) row-major, mesh units
-/// @param weights     (V, H) row-major, unitless
-/// @param transforms  (H) affine transforms D_k
-/// @param rest        D_0, which takes what the weights leave
-/// @param posed       (V, 3) result, overwritten; must not overlap `vertices`
 /// @throws std::invalid_argument if shapes disagree, or a value is not finite or too large for T
 template <class T>
-void pose(Matrix<const T> vertices, Matrix<const float> weights, std::span<const Affine> transforms,
-          const Affine& rest, const std::optional<Mirror>& mirror, Matrix<T> posed, int threads);
+void pose(const PoseArrays<T>& arrays, const Motion& motion, int threads, const Kernels& kernels);
 
-extern template void pose(Matrix<const float>, Matrix<const float>, std::span<const Affine>, const Affine&,
-                          const std::optional<Mirror>&, Matrix<float>, int);
-extern template void pose(Matrix<const double>, Matrix<const float>, std::span<const Affine>, const Affine&,
-                          const std::optional<Mirror>&, Matrix<double>, int);
+extern template void pose(const PoseArrays<float>&, const Motion&, int, const Kernels&);
+extern template void pose(const PoseArrays<double>&, const Motion&, int, const Kernels&);
 
 }  // namespace dfd

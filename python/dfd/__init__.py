@@ -13,8 +13,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from dfd.bind import bind
+from dfd.compact import CompactFeatures, compact
 from dfd.distill import distill
-from dfd.pose import pose
+from dfd.pose import Drag, pose
 from dfd.threads import get_num_threads, set_num_threads
 
 if TYPE_CHECKING:
@@ -26,12 +27,15 @@ if TYPE_CHECKING:
     from dfd.symmetry import SymmetryPlane, symmetry_planes
 
 __all__ = [
+    "CompactFeatures",
     "Deformer",
+    "Drag",
     "Field",
     "Geodesics",
     "Mesh",
     "SymmetryPlane",
     "bind",
+    "compact",
     "distill",
     "get_num_threads",
     "load",

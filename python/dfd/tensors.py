@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dfd import check
 
-__all__ = ["contiguous", "is_tensor", "like", "output", "shared"]
+__all__ = ["contiguous", "is_tensor", "like", "lines_contiguous", "output", "shared"]
 
 
 def is_tensor(value: Any) -> bool:
@@ -38,14 +38,20 @@ def shared(function: str, name: str, value: Any) -> Any:
 
 
 def output(
-    function: str, out: Any, shape: tuple[int, ...], dtype: Any, inputs: dict[str, NDArray[Any] | None]
+    function: str,
+    out: Any,
+    shape: tuple[int, ...],
+    dtype: Any,
+    inputs: dict[str, NDArray[Any] | None],
+    *,
+    columns: bool = False,
 ) -> NDArray[Any]:
-    """The array behind `out`, checked to be what a kernel may write to.
+    """The array behind `out`, checked to be what a kernel may write to; with `columns`, column by column as well.
 
     Raises
     ------
     ValueError
-        If `out` is not a writable C-contiguous array of `shape` and `dtype`, or shares memory with one of `inputs`.
+        If `out` is not a writable contiguous array of `shape` and `dtype`, or shares memory with one of `inputs`.
     """
     if is_tensor(out) and out.requires_grad:
         raise ValueError(f"{function}: `out` must not require a gradient")
@@ -55,12 +61,23 @@ def output(
         raise ValueError(f"{function}: `out` must be {wanted}, got {type(out).__name__}")
     if array.shape != shape or array.dtype != dtype:
         raise ValueError(f"{function}: `out` must be {wanted}, got {array.shape} and {array.dtype.name}")
-    if not array.flags.c_contiguous or not array.flags.writeable or not array.flags.aligned:
-        raise ValueError(f"{function}: `out` must be C-contiguous and writable")
+    if columns and not lines_contiguous(array):
+        raise ValueError(f"{function}: `out` must have contiguous rows or columns")
+    if not (columns or array.flags.c_contiguous) or not array.flags.writeable or not array.flags.aligned:
+        raise ValueError(f"{function}: `out` must be {'' if columns else 'C-contiguous and '}writable")
     for name, other in inputs.items():
         if other is not None and np.may_share_memory(array, other):
             raise ValueError(f"{function}: `out` must not overlap `{name}`, which stays as it is")
     return array
+
+
+def lines_contiguous(array: NDArray[Any]) -> bool:
+    """Whether each row, or each column, of a matrix is contiguous, and none overlaps the next."""
+    rows, columns = array.shape
+    down, beside = (stride // array.itemsize for stride in array.strides)
+    by_rows = (beside == 1 or columns <= 1) and (down >= columns or rows <= 1)
+    by_columns = (down == 1 or rows <= 1) and (beside >= rows or columns <= 1)
+    return bool(array.flags.aligned) and (by_rows or by_columns)
 
 
 def like(value: Any, result: NDArray[Any]) -> Any:

@@ -1,7 +1,10 @@
 #include "dfd/bind.hpp"
 
 #include "check.hpp"
+#include "dfd/isa.hpp"
 
+#include <cstdint>
+#include <cstring>
 #include <limits>
 #include <random>
 #include <vector>
@@ -21,12 +24,15 @@ struct Problem {
         weights.assign(v * h, -1);
     }
 
-    std::vector<float>& bind(const dfd::Constraints& constraints = {}, int threads = 2)
+    std::vector<float>& bind(const dfd::Constraints& constraints = {}, int threads = 2,
+                             const dfd::Kernels& kernels = dfd::kernels())
     {
-        dfd::bind({features.data(), vertices, dimension}, {rows.data(), handles, dimension}, constraints,
-                  {weights.data(), vertices, handles}, threads);
+        dfd::bind(source(), {{rows.data(), handles, dimension}, {}}, constraints, {weights.data(), vertices, handles},
+                  threads, kernels);
         return weights;
     }
+
+    dfd::Features source() const { return {dfd::Features::Layout::rows, features.data(), vertices, dimension}; }
 
     double expected(std::size_t i, const float* row) const
     {
@@ -44,13 +50,15 @@ struct Problem {
 CASE("distance and clamp, Equations (4) and (5)")
     for (const std::size_t dimension : {1u, 3u, 16u, 33u, 384u}) {
         for (const std::size_t handles : {1u, 2u, 7u, 25u}) {
-            Problem problem(101, dimension, handles);
-            problem.bind();
-            for (std::size_t i = 0; i < problem.vertices; ++i) {
-                for (std::size_t j = 0; j < handles; ++j) {
-                    const float weight = problem.weights[i * handles + j];
-                    CHECK_NEAR(weight, problem.expected(i, &problem.rows[j * dimension]), 1e-6);
-                    if (i == j) CHECK(weight == 1.0f);
+            for (const std::string& name : dfd::instruction_sets()) {
+                Problem problem(101, dimension, handles);
+                problem.bind({}, 2, dfd::kernels(name));
+                for (std::size_t i = 0; i < problem.vertices; ++i) {
+                    for (std::size_t j = 0; j < handles; ++j) {
+                        const float weight = problem.weights[i * handles + j];
+                        CHECK_NEAR(weight, problem.expected(i, &problem.rows[j * dimension]), 3e-6);
+                        if (i == j) CHECK(weight == 1.0f);
+                    }
                 }
             }
         }
@@ -60,7 +68,7 @@ END
 CASE("fixed points, Equation (6)")
     Problem problem(50, 20, 3);
     const float* fixed = &problem.features[10 * 20];  // the rows of vertices 10 and 11
-    problem.bind({.fixed = {fixed, 2, 20}, .geodesic = {}, .locality = {}});
+    problem.bind({.fixed = {{fixed, 2, 20}, {}}, .geodesic = {}, .locality = {}});
     for (std::size_t i = 0; i < 50; ++i) {
         const double held = std::max(problem.expected(i, fixed), problem.expected(i, fixed + 20));
         for (std::size_t j = 0; j < 3; ++j)
@@ -93,6 +101,48 @@ CASE("the same bits for every number of threads and every place of a row")
         for (std::size_t j = 0; j < 9; ++j) CHECK(once[i * 9 + j] == once[j]);
 END
 
+CASE("bytes: whole numbers, hence the same bits on every instruction set")
+    constexpr std::size_t count = 77, dimension = 12, handles = 19, blocks = (count + 15) / 16;
+    std::mt19937 random(3);
+    std::uniform_int_distribution<int> entry(-127, 127);
+    std::vector<float> entries(count * dimension);
+    for (float& value : entries) value = static_cast<float>(entry(random));
+    std::vector<std::uint8_t> stored(blocks * (dimension + 4) * 16);
+    for (std::size_t i = 0; i < count; ++i) {
+        std::uint8_t* block = &stored[i / 16 * (dimension + 4) * 16];
+        std::int32_t square = 0;
+        for (std::size_t k = 0; k < dimension; ++k) {
+            const auto value = static_cast<std::int32_t>(entries[i * dimension + k]);
+            block[(k / 4 * 16 + i % 16) * 4 + k % 4] = static_cast<std::uint8_t>(value + 128);
+            square += value * value;
+        }
+        std::memcpy(&block[(dimension / 4 * 16 + i % 16) * 4], &square, 4);
+    }
+    const float scale = 0.002f;
+    const dfd::Features source{dfd::Features::Layout::bytes, stored.data(), count, dimension, scale};
+    std::vector<float> first;
+    for (const std::string& name : dfd::instruction_sets()) {
+        std::vector<float> weights(count * handles);
+        dfd::bind(source, {{entries.data(), handles, dimension}, {}}, {}, {weights.data(), count, handles}, 2,
+                  dfd::kernels(name));
+        for (std::size_t i = 0; i < count; ++i) {
+            for (std::size_t j = 0; j < handles; ++j) {
+                double square = 0;
+                for (std::size_t k = 0; k < dimension; ++k)
+                    square += std::pow(double(entries[i * dimension + k]) - double(entries[j * dimension + k]), 2);
+                CHECK_NEAR(weights[i * handles + j], std::max(1 - double(scale) * std::sqrt(square), 0.0), 1e-6);
+            }
+        }
+        if (first.empty()) first = weights;
+        // Only the last steps, scaling and root, round.
+        for (std::size_t k = 0; k < first.size(); ++k) CHECK_NEAR(weights[k], first[k], 2e-7);
+    }
+END
+
+CASE("an instruction set that is not there is refused")
+    CHECK_THROWS(dfd::kernels("avx1024"), "DFD_ISA must be one of the instruction sets of this machine (baseline");
+END
+
 CASE("empty shapes")
     CHECK(Problem(0, 5, 0).bind().empty());
     CHECK(Problem(9, 5, 0).bind().empty());
@@ -102,7 +152,7 @@ CASE("bad input is named")
     Problem problem(40, 6, 2);
     std::vector<float> geodesic(80, 0.5f), locality{1.0f, 1.0f};
     const dfd::Matrix<const float> distances{geodesic.data(), 2, 40};
-    CHECK_THROWS(problem.bind({.fixed = {problem.rows.data(), 2, 5}, .geodesic = {}, .locality = {}}), "`fixed`");
+    CHECK_THROWS(problem.bind({.fixed = {{problem.rows.data(), 2, 5}, {}}, .geodesic = {}, .locality = {}}), "`fixed`");
     CHECK_THROWS(problem.bind({.fixed = {}, .geodesic = {}, .locality = locality}), "`geodesic` must be (H, V)");
     geodesic[77] = 1.5f;
     CHECK_THROWS(problem.bind({.fixed = {}, .geodesic = distances, .locality = locality}), "`geodesic` must lie in [0, 1]");
@@ -117,7 +167,7 @@ CASE("bad input is named")
     problem.features[39 * 6 + 5] = std::numeric_limits<float>::quiet_NaN();
     CHECK_THROWS(problem.bind(), "`features` must be finite, got nan at [39, 5]");
     problem.dimension = 5;
-    CHECK_THROWS(dfd::bind({problem.features.data(), 40, 6}, {problem.rows.data(), 2, 5}, {},
-                           {problem.weights.data(), 40, 2}, 1),
+    const dfd::Features wider{dfd::Features::Layout::rows, problem.features.data(), 40, 6};
+    CHECK_THROWS(dfd::bind(wider, {{problem.rows.data(), 2, 5}, {}}, {}, {problem.weights.data(), 40, 2}, 1, dfd::kernels()),
                  "`handles` and `features` differ");
 END

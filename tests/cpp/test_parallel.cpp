@@ -10,10 +10,12 @@ CASE("every index is visited once, whatever the number of threads")
     for (const std::size_t count : {0u, 1u, 63u, 64u, 65u, 1000u}) {
         for (const int threads : {-1, 0, 1, 2, 5, 100}) {
             std::vector<std::atomic<int>> visits(count);
-            dfd::parallel_ranges(count, 64, threads, [&](std::size_t begin, std::size_t end) {
-                CHECK(begin % 64 == 0);
+            std::atomic<int> wrong = 0;
+            dfd::parallel_ranges(count, 64, threads, [&](std::size_t worker, std::size_t begin, std::size_t end) {
+                wrong += begin % 64 != 0 || worker >= std::size_t(std::max(threads, 1));
                 for (std::size_t i = begin; i < end; ++i) ++visits[i];
             });
+            CHECK(wrong == 0);
             CHECK(std::all_of(visits.begin(), visits.end(), [](const auto& visit) { return visit == 1; }));
         }
     }

@@ -1,6 +1,7 @@
 #include "dfd/pose.hpp"
 
 #include "check.hpp"
+#include "dfd/isa.hpp"
 
 #include <array>
 #include <limits>
@@ -31,10 +32,14 @@ struct Scene {
         }
     }
 
-    void pose(const dfd::Affine& rest = identity, const std::optional<dfd::Mirror>& mirror = {}, int threads = 2)
+    void pose(const dfd::Affine& rest = identity, const std::optional<dfd::Mirror>& mirror = {}, int threads = 2,
+              const dfd::Kernels& kernels = dfd::kernels())
     {
-        dfd::pose<T>({vertices.data(), vertex_count, 3}, {weights.data(), vertex_count, handles}, transforms, rest,
-                     mirror, {posed.data(), vertex_count, 3}, threads);
+        dfd::PoseArrays<T> arrays;
+        arrays.vertices = {vertices.data(), vertex_count, 3};
+        arrays.weights = {weights.data(), vertex_count, handles};
+        arrays.posed = {posed.data(), vertex_count, 3};
+        dfd::pose<T>(arrays, {transforms, rest, mirror}, threads, kernels);
     }
 
     // Equation (1), entry by entry.
@@ -79,11 +84,14 @@ void blends_with_default()
     rest[5] = 1.5;
     for (const std::size_t handles : {1u, 2u, 5u, 40u}) {
         for (const std::size_t count : {1u, 15u, 16u, 17u, 300u}) {
-            Scene<T> scene(count, handles);
-            scene.pose(rest);
-            for (std::size_t i = 0; i < count; ++i) {
-                const auto wanted = scene.expected(i, scene.transforms, rest);
-                for (std::size_t axis = 0; axis < 3; ++axis) CHECK_NEAR(scene.posed[i * 3 + axis], wanted[axis], 5e-6);
+            for (const std::string& name : dfd::instruction_sets()) {
+                Scene<T> scene(count, handles);
+                scene.pose(rest, {}, 2, dfd::kernels(name));
+                for (std::size_t i = 0; i < count; ++i) {
+                    const auto wanted = scene.expected(i, scene.transforms, rest);
+                    for (std::size_t axis = 0; axis < 3; ++axis)
+                        CHECK_NEAR(scene.posed[i * 3 + axis], wanted[axis], 5e-6);
+                }
             }
         }
     }

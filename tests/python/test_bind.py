@@ -154,6 +154,18 @@ def test_inputs_stay_and_out_is_filled():
     np.testing.assert_array_equal(out, dfd.bind(features, [1, 2], fixed=[3], geodesic=geodesic, locality=1))
 
 
+def test_out_may_be_a_column_of_a_larger_array():
+    features, columns = unit_rows(53, 12), np.full((4, 53), -1, np.float32)
+    dfd.bind(features, [1, 2, 3], out=columns[:3].T)
+    dfd.bind(features, [7], out=columns[3:].T)
+    together = dfd.bind(features, [1, 2, 3, 7])
+    np.testing.assert_array_equal(columns.T, together)
+    rows = np.full((53, 6), -1, np.float32)
+    dfd.bind(features, [1, 2, 3, 7], out=rows[:, 1:5])
+    np.testing.assert_array_equal(rows[:, 1:5], together)
+    assert (rows[:, [0, 5]] == -1).all()
+
+
 def test_torch_tensors_share_their_memory():
     features = torch.from_numpy(unit_rows(50, 12))
     weights = dfd.bind(features, torch.tensor([1, 2]))
@@ -196,7 +208,11 @@ NAN_FEATURES = np.where(np.arange(24).reshape(6, 4) == 14, np.nan, FEATURES)
         ({"geodesic": np.full((1, 6), np.nan)}, r"`geodesic` must lie in \[0, 1\]"),
         ({"out": np.empty((6, 2), np.float32)}, r"`out` must be an array of shape \(6, 1\) and type float32"),
         ({"out": np.empty((6, 1))}, r"`out` must be .* float32, got \(6, 1\) and float64"),
-        ({"out": np.empty((6, 2), np.float32)[:, :1]}, r"`out` must be C-contiguous and writable"),
+        (
+            {"handles": [0, 1], "out": np.empty((6, 4), np.float32)[:, ::2]},
+            r"`out` must have contiguous rows or columns",
+        ),
+        ({"out": np.frombuffer(bytes(24), np.float32).reshape(6, 1)}, r"`out` must be writable"),
         ({"out": [0] * 6}, r"`out` must be an array of .*, got list"),
         ({"features": torch.empty(6, 4, device="meta")}, r"`features` must be on the CPU"),
     ],

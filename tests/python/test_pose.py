@@ -179,6 +179,86 @@ def test_inputs_stay_and_out_is_filled():
     np.testing.assert_array_equal(out, dfd.pose(vertices, weights, transforms))
 
 
+def test_weights_may_be_stored_column_by_column():
+    vertices, weights, transforms = scene(53, 5)
+    wanted = dfd.pose(vertices, weights, transforms)
+    columns = np.full((7, 53), np.nan, np.float32)
+    columns[1:6] = weights.T
+    np.testing.assert_array_equal(dfd.pose(vertices, columns[1:6].T, transforms), wanted)
+    rows = np.full((53, 9), np.nan, np.float32)
+    rows[:, 2:7] = weights
+    np.testing.assert_array_equal(dfd.pose(vertices, rows[:, 2:7], transforms), wanted)
+
+
+@TYPES
+def test_normals_turn_with_the_surface(dtype):
+    vertices, weights, transforms = scene(211, 3, dtype=dtype)
+    random = np.random.default_rng(5)
+    tangents = np.linalg.qr(random.standard_normal((211, 3, 3)))[0]
+    first, second, normals = tangents[:, :, 0], tangents[:, :, 1], tangents[:, :, 2]
+    normals = np.cross(first, second).astype(dtype)
+    plane = dfd.SymmetryPlane(PLANE.normal, PLANE.offset, band=0.5)
+    posed, turned = dfd.pose(vertices, weights, transforms, symmetry=plane, normals=normals)
+    np.testing.assert_array_equal(posed, dfd.pose(vertices, weights, transforms, symmetry=plane))
+    assert turned.dtype == dtype
+    np.testing.assert_allclose(np.linalg.norm(turned, axis=1), 1, atol=1e-5)
+    # Away from the band the weights stay as they are, so tangents move as differences of vertices do.
+    positive = vertices[weights.argmax(axis=0)] @ np.array(plane.normal) >= plane.offset
+    aside = np.abs(vertices @ np.array(plane.normal) - plane.offset) > 0.6
+    moved = [
+        reference.mirrored_blend(vertices + 1e-3 * sign * tangent, weights, transforms, plane, positive)
+        for tangent in (first, second)
+        for sign in (1, -1)
+    ]
+    wanted = np.cross(moved[0] - moved[1], moved[2] - moved[3])
+    wanted /= np.linalg.norm(wanted, axis=1, keepdims=True)
+    np.testing.assert_allclose(turned[aside], wanted[aside], atol=1e-4)
+
+
+def test_a_part_squeezed_flat_keeps_its_normals():
+    vertices, _, _ = scene(40, 0)
+    normals = np.tile(np.array([[0.0, 0.6, 0.8]], np.float32), (40, 1))
+    posed, turned = dfd.pose(vertices, np.ones((40, 1)), np.zeros((1, 3, 4)), normals=normals)
+    np.testing.assert_allclose(posed, 0, atol=1e-6)
+    np.testing.assert_array_equal(turned, normals)
+
+
+@TYPES
+@pytest.mark.parametrize("band", [None, 0.0, 0.7])
+def test_a_drag_gives_what_a_pose_gives(dtype, band):
+    vertices, weights, transforms = scene(300, 9, dtype=dtype)
+    symmetry = None if band is None else dfd.SymmetryPlane(PLANE.normal, PLANE.offset, band=band)
+    default = np.eye(3, 4)
+    default[:, 3] = [0.1, 0.2, 0.3]
+    drag = dfd.Drag(vertices, weights, transforms, [6, 2], default=default, symmetry=symmetry)
+    for seed in range(3):
+        moved = transforms.copy()
+        moved[[6, 2]] = scene(0, 2, seed=seed)[2]
+        wanted = dfd.pose(vertices, weights, moved, default=default, symmetry=symmetry)
+        posed = drag.pose(moved[[6, 2]])
+        assert posed.dtype == dtype
+        np.testing.assert_allclose(posed, wanted, rtol=0, atol=1e-5 if dtype == np.float32 else 1e-12)
+        out = np.empty_like(posed)
+        assert drag.pose(moved[[6, 2]], out=out) is out
+        np.testing.assert_array_equal(out, posed)
+
+
+@pytest.mark.parametrize(
+    ("moving", "message"),
+    [([2], r"`moving` must lie in 0 … 1, got 2"), ([0, 0], r"`moving` names .* more than once")],
+)
+def test_drag_refuses_bad_handles(moving, message):
+    with pytest.raises(ValueError, match="^Drag: " + message):
+        dfd.Drag(VERTICES, WEIGHTS, TRANSFORMS, moving)
+
+
+def test_drag_refuses_bad_transforms():
+    with pytest.raises(
+        ValueError, match=r"^Drag.pose: `transforms` must have shape \(1, 3, 4\) or .*, got \(2, 3, 4\)"
+    ):
+        dfd.Drag(VERTICES, WEIGHTS, TRANSFORMS, [1]).pose(TRANSFORMS)
+
+
 def test_torch_tensors_share_their_memory():
     vertices, weights, transforms = (torch.from_numpy(array) for array in scene(40, 3))
     posed = dfd.pose(vertices, weights, transforms, default=torch.eye(4))
@@ -221,6 +301,8 @@ SHEAR[1, 3, 0] = 0.5
         ({"symmetry": PLANE, "handles": [0]}, r"`handles` must name 2 handles, as many as `weights` has, got 1"),
         ({"symmetry": PLANE, "handles": [0, 6]}, r"`handles` must lie in 0 … 5, got 6"),
         ({"symmetry": PLANE, "handles": np.zeros((3, 3))}, r"`handles` must have shape \(2, 3\), got \(3, 3\)"),
+        ({"normals": VERTICES[:5]}, r"`normals` must have shape \(6, 3\), got \(5, 3\)"),
+        ({"normals": np.full((6, 3), np.nan)}, r"`normals` must be finite, got nan at \[0, 0\]"),
         ({"out": np.empty((6, 3))}, r"`out` must be .* float32, got \(6, 3\) and float64"),
         ({"out": np.empty((3, 6), np.float32).T}, r"`out` must be C-contiguous and writable"),
         ({"out": VERTICES}, r"`out` must not overlap `vertices`"),

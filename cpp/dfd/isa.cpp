@@ -1,0 +1,66 @@
+#include "dfd/isa.hpp"
+
+#include "dfd/kernels/variants.hpp"
+
+#include <cstdlib>
+#include <stdexcept>
+
+namespace dfd {
+namespace {
+
+#define DFD_KERNELS(variant)                                                                                  \
+    Kernels{#variant, variant::bind_rows, variant::bind_halves, variant::bind_bytes, variant::pose_float, \
+            variant::pose_double}
+
+std::vector<Kernels> available()
+{
+    std::vector<Kernels> found{DFD_KERNELS(baseline)};
+#ifdef DFD_X86_VARIANTS
+    __builtin_cpu_init();
+    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("f16c")) {
+        found.push_back(DFD_KERNELS(avx2));
+        if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+            __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512dq") &&
+            __builtin_cpu_supports("avx512vnni"))
+            found.push_back(DFD_KERNELS(avx512));
+    }
+#endif
+    return found;
+}
+
+const std::vector<Kernels>& all()
+{
+    static const std::vector<Kernels> variants = available();
+    return variants;
+}
+
+}  // namespace
+
+std::vector<std::string> instruction_sets()
+{
+    std::vector<std::string> names;
+    for (const Kernels& variant : all()) names.emplace_back(variant.name);
+    return names;
+}
+
+const Kernels& kernels(std::string_view instruction_set)
+{
+    std::string names;
+    for (const Kernels& variant : all()) {
+        if (instruction_set == variant.name) return variant;
+        names += (names.empty() ? "" : ", ") + std::string(variant.name);
+    }
+    throw std::invalid_argument("DFD_ISA must be one of the instruction sets of this machine (" + names + "), got \"" +
+                                std::string(instruction_set) + "\"");
+}
+
+const Kernels& kernels()
+{
+    static const Kernels& chosen = [&]() -> const Kernels& {
+        const char* wanted = std::getenv("DFD_ISA");
+        return wanted == nullptr || *wanted == '\0' ? all().back() : kernels(wanted);
+    }();
+    return chosen;
+}
+
+}  // namespace dfd

@@ -1,0 +1,22 @@
+#pragma once
+
+#include "dfd/kernels/kernels.hpp"
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace dfd {
+
+/// Names of the instruction sets that this machine has kernels for, the slowest first.
+std::vector<std::string> instruction_sets();
+
+/// The kernels of one of `instruction_sets()`.
+/// @throws std::invalid_argument if the machine or the build lacks it
+const Kernels& kernels(std::string_view instruction_set);
+
+/// The kernels in use: those that the environment variable DFD_ISA names, else the fastest.
+/// @throws std::invalid_argument if DFD_ISA names an instruction set that the machine lacks
+const Kernels& kernels();
+
+}  // namespace dfd

@@ -1,0 +1,88 @@
+#pragma once
+
+// What the drivers hand to the kernels. Each kernel source is compiled once per instruction set, so these are plain
+// structs: an inline function shared between the variants could be linked in with the wrong instructions.
+
+#include <cstddef>
+#include <cstdint>
+
+namespace dfd {
+
+/// Vertices that a kernel takes together, one per lane; shares of work are multiples of it.
+constexpr std::size_t block_size = 16;
+
+/// Handles that lie together in memory, whatever their number: the rest of the last group is zero.
+constexpr std::size_t group_size = 16;
+
+/// Feature rows to measure distances to, rearranged for the kernels.
+struct Targets {
+    const float* rows = nullptr;              // (G, D, 16): entry k of each handle of a group, side by side
+    const float* squares = nullptr;           // (16 G) squared length
+    const std::int32_t* quads = nullptr;      // (G, D / 4, 16): four int8 entries of each handle of a group
+    const std::int32_t* quad_squares = nullptr;  // (16 G) squared length + 256 times the sum of the entries
+    const float* offsets = nullptr;           // (16 G) added to the squared distance, 0 for points of the shape
+    std::size_t count = 0;
+};
+
+struct BindJob {
+    const void* features = nullptr;
+    std::size_t vertex_count = 0;
+    std::size_t dimension = 0;
+    float scale = 1;                   // of an int8 entry
+    Targets fixed, handles;
+    const float* geodesic = nullptr;   // (H, V) or null
+    const float* locality = nullptr;   // (H) or null
+    float* weights = nullptr;          // entry (i, j) at i * row_stride + j * column_stride; one stride is 1
+    std::size_t row_stride = 0, column_stride = 0;
+    bool stream = false;               // write past the caches
+};
+
+/// What went wrong in a range, if anything.
+enum Fault : unsigned { no_fault = 0, features_suspect = 1, geodesic_invalid = 2 };
+
+/// Binds the vertices [begin, end), where `begin` is a multiple of `block_size`; `scratch` is aligned to 64 bytes.
+using BindRange = unsigned (*)(const BindJob& job, std::size_t begin, std::size_t end, float* scratch);
+
+/// Floats of scratch that a range needs.
+constexpr std::size_t bind_scratch(std::size_t dimension, std::size_t handle_count)
+{
+    return block_size * (dimension + 2 * (handle_count + group_size));
+}
+
+template <class T>
+struct PoseJob {
+    const T* vertices = nullptr;       // (V, 3)
+    std::size_t vertex_count = 0;
+    const float* weights = nullptr;    // as in BindJob
+    std::size_t row_stride = 0, column_stride = 0;
+    std::size_t handle_count = 0;
+    const T* positive = nullptr;       // (H, 12) displacements D_k - I about `center` on the positive side
+    const T* negative = nullptr;       // (H, 12) on the other side of the mirror, or null
+    const T* rest = nullptr;           // (12) displacement of D_0, or null for the identity
+    T center[3] = {};
+    T normal[3] = {};                  // of the mirror
+    T height = 0;                      // of `center` above the mirror
+    T steepness = 0;                   // 1 / (2 band), or 0 for a step
+    const T* base = nullptr;           // (V, 3) what the displacements are added to, or null for the vertices
+    const T* normals = nullptr;        // (V, 3) or null
+    T* posed_normals = nullptr;
+    T* posed = nullptr;                // (V, 3)
+};
+
+/// Poses the vertices [begin, end) and says whether every result is finite.
+template <class T>
+using PoseRange = bool (*)(const PoseJob<T>& job, std::size_t begin, std::size_t end, float* scratch);
+
+constexpr std::size_t pose_scratch(std::size_t handle_count) { return block_size * (handle_count + group_size); }
+
+/// The kernels of one instruction set.
+struct Kernels {
+    const char* name;
+    BindRange bind_rows;    // features (V, D) row-major float
+    BindRange bind_halves;  // features (B, D, 16) float16
+    BindRange bind_bytes;   // features (B, D / 4 + 1, 16, 4): D uint8 offset by 128, then the squared length as int32
+    PoseRange<float> pose_float;
+    PoseRange<double> pose_double;
+};
+
+}  // namespace dfd

@@ -1,0 +1,337 @@
+#pragma once
+
+// Vectors of one instruction set, as the kernels see them. Included once per variant, which DFD_VARIANT names.
+// Everything has internal linkage, so that no variant's instructions leak into another's.
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+#if defined(__x86_64__)
+#include <immintrin.h>
+#elif defined(__ARM_NEON)
+#include <arm_neon.h>
+#endif
+
+#include "dfd/kernels/kernels.hpp"
+
+#define DFD_INLINE inline __attribute__((always_inline))
+
+namespace dfd {
+namespace {
+
+#if defined(__AVX512F__)
+constexpr std::size_t vector_bytes = 64;
+#elif defined(__AVX2__)
+constexpr std::size_t vector_bytes = 32;
+#else
+constexpr std::size_t vector_bytes = 16;
+#endif
+
+template <class T>
+constexpr std::size_t lanes = vector_bytes / sizeof(T);
+
+// Vectors that hold one entry of every vertex of a block.
+template <class T>
+constexpr std::size_t vectors = block_size / lanes<T>;
+
+typedef float Float __attribute__((vector_size(vector_bytes)));
+typedef double Double __attribute__((vector_size(vector_bytes)));
+typedef std::int32_t Int __attribute__((vector_size(vector_bytes)));
+typedef std::int64_t Long __attribute__((vector_size(vector_bytes)));
+
+template <class T> struct VectorOf;
+template <> struct VectorOf<float> { using type = Float; };
+template <> struct VectorOf<double> { using type = Double; };
+template <class T> using Vector = typename VectorOf<T>::type;
+
+template <class V>
+DFD_INLINE V load(const void* from)
+{
+    V value;
+    std::memcpy(&value, from, sizeof value);
+    return value;
+}
+
+template <class V>
+DFD_INLINE void store(void* to, V value)
+{
+    std::memcpy(to, &value, sizeof value);
+}
+
+DFD_INLINE Float splat(float value) { return value - Float{}; }
+DFD_INLINE Double splat(double value) { return value - Double{}; }
+DFD_INLINE Int splat(std::int32_t value) { return value - Int{}; }
+
+// What a comparison of two vectors gives: a mask register where the machine has them, else a vector.
+#if defined(__AVX512F__)
+
+DFD_INLINE __mmask16 at_least(Float a, Float b) { return _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_GE_OQ); }
+DFD_INLINE __mmask8 at_least(Double a, Double b) { return _mm512_cmp_pd_mask((__m512d)a, (__m512d)b, _CMP_GE_OQ); }
+DFD_INLINE __mmask16 equal(Float a, Float b) { return _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_EQ_OQ); }
+DFD_INLINE __mmask8 equal(Double a, Double b) { return _mm512_cmp_pd_mask((__m512d)a, (__m512d)b, _CMP_EQ_OQ); }
+DFD_INLINE bool all(__mmask16 mask) { return mask == 0xffff; }
+DFD_INLINE bool all(__mmask8 mask) { return mask == 0xff; }
+DFD_INLINE Float select(__mmask16 mask, Float yes, Float no)
+{
+    return (Float)_mm512_mask_blend_ps(mask, (__m512)no, (__m512)yes);
+}
+DFD_INLINE Double select(__mmask8 mask, Double yes, Double no)
+{
+    return (Double)_mm512_mask_blend_pd(mask, (__m512d)no, (__m512d)yes);
+}
+DFD_INLINE Float maximum(Float a, Float b) { return (Float)_mm512_max_ps((__m512)a, (__m512)b); }
+DFD_INLINE Float minimum(Float a, Float b) { return (Float)_mm512_min_ps((__m512)a, (__m512)b); }
+DFD_INLINE Double maximum(Double a, Double b) { return (Double)_mm512_max_pd((__m512d)a, (__m512d)b); }
+DFD_INLINE Double minimum(Double a, Double b) { return (Double)_mm512_min_pd((__m512d)a, (__m512d)b); }
+
+#else
+
+DFD_INLINE Int at_least(Float a, Float b) { return a >= b; }
+DFD_INLINE Long at_least(Double a, Double b) { return a >= b; }
+DFD_INLINE Int equal(Float a, Float b) { return a == b; }
+DFD_INLINE Long equal(Double a, Double b) { return a == b; }
+template <class M>
+DFD_INLINE bool all(M mask)
+{
+#if defined(__AVX2__)
+    return _mm256_movemask_epi8((__m256i)mask) == -1;
+#else
+    std::uint64_t halves[2];
+    std::memcpy(halves, &mask, sizeof halves);
+    return (halves[0] & halves[1]) == ~std::uint64_t{0};
+#endif
+}
+template <class M, class V>
+DFD_INLINE V select(M mask, V yes, V no) { return mask ? yes : no; }
+#if defined(__AVX2__)
+DFD_INLINE Float maximum(Float a, Float b) { return (Float)_mm256_max_ps((__m256)a, (__m256)b); }
+DFD_INLINE Float minimum(Float a, Float b) { return (Float)_mm256_min_ps((__m256)a, (__m256)b); }
+DFD_INLINE Double maximum(Double a, Double b) { return (Double)_mm256_max_pd((__m256d)a, (__m256d)b); }
+DFD_INLINE Double minimum(Double a, Double b) { return (Double)_mm256_min_pd((__m256d)a, (__m256d)b); }
+#elif defined(__x86_64__)
+DFD_INLINE Float maximum(Float a, Float b) { return (Float)_mm_max_ps((__m128)a, (__m128)b); }
+DFD_INLINE Float minimum(Float a, Float b) { return (Float)_mm_min_ps((__m128)a, (__m128)b); }
+DFD_INLINE Double maximum(Double a, Double b) { return (Double)_mm_max_pd((__m128d)a, (__m128d)b); }
+DFD_INLINE Double minimum(Double a, Double b) { return (Double)_mm_min_pd((__m128d)a, (__m128d)b); }
+#else
+template <class V>
+DFD_INLINE V maximum(V a, V b) { return a > b ? a : b; }
+template <class V>
+DFD_INLINE V minimum(V a, V b) { return a < b ? a : b; }
+#endif
+
+#endif
+
+#if defined(__AVX512F__)
+
+DFD_INLINE Float fused(Float a, Float b, Float c) { return (Float)_mm512_fmadd_ps((__m512)a, (__m512)b, (__m512)c); }
+DFD_INLINE Double fused(Double a, Double b, Double c)
+{
+    return (Double)_mm512_fmadd_pd((__m512d)a, (__m512d)b, (__m512d)c);
+}
+DFD_INLINE Float root(Float a) { return (Float)_mm512_sqrt_ps((__m512)a); }
+DFD_INLINE Double root(Double a) { return (Double)_mm512_sqrt_pd((__m512d)a); }
+DFD_INLINE Float from_halves(const std::uint16_t* from)
+{
+    return (Float)_mm512_cvtph_ps(_mm256_loadu_si256(reinterpret_cast<const __m256i*>(from)));
+}
+DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, Int signed_bytes)
+{
+    return (Int)_mm512_dpbusd_epi32((__m512i)sum, (__m512i)unsigned_bytes, (__m512i)signed_bytes);
+}
+DFD_INLINE void stream(float* to, Float value) { _mm512_stream_ps(to, (__m512)value); }
+DFD_INLINE void stream_fence() { _mm_sfence(); }
+
+#elif defined(__AVX2__)
+
+DFD_INLINE Float fused(Float a, Float b, Float c) { return (Float)_mm256_fmadd_ps((__m256)a, (__m256)b, (__m256)c); }
+DFD_INLINE Double fused(Double a, Double b, Double c)
+{
+    return (Double)_mm256_fmadd_pd((__m256d)a, (__m256d)b, (__m256d)c);
+}
+DFD_INLINE Float root(Float a) { return (Float)_mm256_sqrt_ps((__m256)a); }
+DFD_INLINE Double root(Double a) { return (Double)_mm256_sqrt_pd((__m256d)a); }
+DFD_INLINE Float from_halves(const std::uint16_t* from)
+{
+    return (Float)_mm256_cvtph_ps(_mm_loadu_si128(reinterpret_cast<const __m128i*>(from)));
+}
+DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, Int signed_bytes)
+{
+    // Products of neighbouring bytes could saturate 16 bits, so even and odd bytes go apart.
+    const __m256i u = (__m256i)unsigned_bytes, s = (__m256i)signed_bytes;
+    const __m256i even = _mm256_madd_epi16(_mm256_and_si256(u, _mm256_set1_epi16(255)),
+                                           _mm256_srai_epi16(_mm256_slli_epi16(s, 8), 8));
+    const __m256i odd = _mm256_madd_epi16(_mm256_srli_epi16(u, 8), _mm256_srai_epi16(s, 8));
+    return sum + (Int)_mm256_add_epi32(even, odd);
+}
+DFD_INLINE void stream(float* to, Float value) { _mm256_stream_ps(to, (__m256)value); }
+DFD_INLINE void stream_fence() { _mm_sfence(); }
+
+#else
+
+DFD_INLINE Float from_halves(const std::uint16_t* from)
+{
+    Int bits;
+    for (std::size_t lane = 0; lane < lanes<float>; ++lane) bits[lane] = from[lane];
+    // The exponents differ by 112: one multiplication sets them right, for subnormal halves as well.
+    const Int magnitude = (bits & 0x7fff) << 13;
+    return (Float)((Int)((Float)magnitude * splat(0x1p112f)) | ((bits & 0x8000) << 16));
+}
+
+#if defined(__x86_64__)
+
+DFD_INLINE Float fused(Float a, Float b, Float c) { return a * b + c; }
+DFD_INLINE Double fused(Double a, Double b, Double c) { return a * b + c; }
+DFD_INLINE Float root(Float a) { return (Float)_mm_sqrt_ps((__m128)a); }
+DFD_INLINE Double root(Double a) { return (Double)_mm_sqrt_pd((__m128d)a); }
+DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, Int signed_bytes)
+{
+    const __m128i u = (__m128i)unsigned_bytes, s = (__m128i)signed_bytes;
+    const __m128i even =
+        _mm_madd_epi16(_mm_and_si128(u, _mm_set1_epi16(255)), _mm_srai_epi16(_mm_slli_epi16(s, 8), 8));
+    const __m128i odd = _mm_madd_epi16(_mm_srli_epi16(u, 8), _mm_srai_epi16(s, 8));
+    return sum + (Int)_mm_add_epi32(even, odd);
+}
+DFD_INLINE void stream(float* to, Float value) { _mm_stream_ps(to, (__m128)value); }
+DFD_INLINE void stream_fence() { _mm_sfence(); }
+
+#else
+
+#if defined(__ARM_NEON)
+DFD_INLINE Float fused(Float a, Float b, Float c) { return (Float)vfmaq_f32((float32x4_t)c, (float32x4_t)a, (float32x4_t)b); }
+DFD_INLINE Double fused(Double a, Double b, Double c)
+{
+    return (Double)vfmaq_f64((float64x2_t)c, (float64x2_t)a, (float64x2_t)b);
+}
+DFD_INLINE Float root(Float a) { return (Float)vsqrtq_f32((float32x4_t)a); }
+DFD_INLINE Double root(Double a) { return (Double)vsqrtq_f64((float64x2_t)a); }
+#else
+DFD_INLINE Float fused(Float a, Float b, Float c) { return a * b + c; }
+DFD_INLINE Double fused(Double a, Double b, Double c) { return a * b + c; }
+DFD_INLINE Float root(Float a)
+{
+    for (std::size_t lane = 0; lane < lanes<float>; ++lane) a[lane] = __builtin_sqrtf(a[lane]);
+    return a;
+}
+DFD_INLINE Double root(Double a)
+{
+    for (std::size_t lane = 0; lane < lanes<double>; ++lane) a[lane] = __builtin_sqrt(a[lane]);
+    return a;
+}
+#endif
+DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, Int signed_bytes)
+{
+    sum += (unsigned_bytes & 255) * ((signed_bytes << 24) >> 24);
+    sum += ((unsigned_bytes >> 8) & 255) * ((signed_bytes << 16) >> 24);
+    sum += ((unsigned_bytes >> 16) & 255) * ((signed_bytes << 8) >> 24);
+    sum += ((unsigned_bytes >> 24) & 255) * (signed_bytes >> 24);
+    return sum;
+}
+DFD_INLINE void stream(float* to, Float value) { store(to, value); }
+DFD_INLINE void stream_fence() {}
+
+#endif
+#endif
+
+// Alternating entries of the first, and of the second, halves of two vectors.
+DFD_INLINE void interleave(Float a, Float b, Float& first, Float& second)
+{
+#if defined(__AVX512F__)
+    first = __builtin_shufflevector(a, b, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
+    second = __builtin_shufflevector(a, b, 8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31);
+#elif defined(__AVX2__)
+    first = __builtin_shufflevector(a, b, 0, 8, 1, 9, 2, 10, 3, 11);
+    second = __builtin_shufflevector(a, b, 4, 12, 5, 13, 6, 14, 7, 15);
+#else
+    first = __builtin_shufflevector(a, b, 0, 4, 1, 5);
+    second = __builtin_shufflevector(a, b, 2, 6, 3, 7);
+#endif
+}
+
+// Rows become columns: each round of interleaving takes the next bit of the row's number to the lane's.
+DFD_INLINE void transpose(Float (&v)[lanes<float>])
+{
+    constexpr std::size_t size = lanes<float>;
+#pragma GCC unroll 4
+    for (std::size_t round = 1; round < size; round *= 2) {
+        Float next[size];
+#pragma GCC unroll 8
+        for (std::size_t i = 0; i < size / 2; ++i) interleave(v[i], v[i + size / 2], next[2 * i], next[2 * i + 1]);
+#pragma GCC unroll 16
+        for (std::size_t i = 0; i < size; ++i) v[i] = next[i];
+    }
+}
+
+// The first `count` entries, the others 0 where loaded and untouched where stored.
+DFD_INLINE Float load_part(const float* from, std::size_t count)
+{
+#if defined(__AVX512F__)
+    return (Float)_mm512_maskz_loadu_ps(static_cast<__mmask16>((1u << count) - 1), from);
+#else
+    Float value{};
+    std::memcpy(&value, from, count * sizeof(float));
+    return value;
+#endif
+}
+
+DFD_INLINE void store_part(float* to, Float value, std::size_t count)
+{
+#if defined(__AVX512F__)
+    _mm512_mask_storeu_ps(to, static_cast<__mmask16>((1u << count) - 1), (__m512)value);
+#else
+    std::memcpy(to, &value, count * sizeof(float));
+#endif
+}
+
+// Sixteen rows of `columns` numbers, `stride` apart, to (columns, 16); rows from `count` on repeat the last one.
+DFD_INLINE void rows_to_lanes(const float* rows, std::size_t stride, std::size_t columns, std::size_t count, float* out)
+{
+    constexpr std::size_t size = lanes<float>;
+    for (std::size_t k = 0; k < columns; k += size) {
+        const std::size_t width = columns - k < size ? columns - k : size;
+        for (std::size_t lane = 0; lane < block_size; lane += size) {
+            Float v[size];
+#pragma GCC unroll 16
+            for (std::size_t i = 0; i < size; ++i) {
+                const float* from = rows + (lane + i < count ? lane + i : count - 1) * stride + k;
+                v[i] = width == size ? load<Float>(from) : load_part(from, width);
+            }
+            transpose(v);
+            float* to = out + k * block_size + lane;
+            if (width == size) {
+#pragma GCC unroll 16
+                for (std::size_t i = 0; i < size; ++i) store(to + i * block_size, v[i]);
+            } else {
+                for (std::size_t i = 0; i < width; ++i) store(to + i * block_size, v[i]);
+            }
+        }
+    }
+}
+
+// The way back: (columns, 16) to `count` rows. `from` can be read up to the next multiple of 16 columns.
+DFD_INLINE void lanes_to_rows(const float* from, std::size_t columns, float* rows, std::size_t stride, std::size_t count)
+{
+    constexpr std::size_t size = lanes<float>;
+    for (std::size_t k = 0; k < columns; k += size) {
+        const std::size_t width = columns - k < size ? columns - k : size;
+        for (std::size_t lane = 0; lane < count; lane += size) {
+            Float v[size];
+#pragma GCC unroll 16
+            for (std::size_t i = 0; i < size; ++i) v[i] = load<Float>(from + (k + i) * block_size + lane);
+            transpose(v);
+            float* to = rows + lane * stride + k;
+            if (width == size && lane + size <= count) {
+#pragma GCC unroll 16
+                for (std::size_t i = 0; i < size; ++i) store(to + i * stride, v[i]);
+            } else {
+#pragma GCC unroll 16
+                for (std::size_t i = 0; i < size; ++i)
+                    if (lane + i < count) store_part(to + i * stride, v[i], width);
+            }
+        }
+    }
+}
+
+}  // namespace
+}  // namespace dfd
