@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal, cast
 
-__all__ = ["base_color_texture", "primitives", "read", "wrap"]
+__all__ = ["MODES_READ", "base_color_texture", "primitives", "read", "wrap"]
 
 Wrap = Literal["repeat", "mirror", "clamp"]
 Header = dict[str, Any]
@@ -22,7 +22,7 @@ _COMPONENT_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 _COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _WRAPS: dict[int, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 _UNREADABLE = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
-_MODES_READ = (0, 1, 4, 5)  # the primitives that trimesh makes something of: points, lines, triangles, strips
+MODES_READ = (0, 1, 4, 5)  # the primitives that trimesh makes something of: points, lines, triangles, strips
 _DEEPEST = 1000  # nodes below nodes
 _MOST_OVERLAP = 8  # times the length of its buffers that a file's views may add up to
 _SMALL = 2**24  # bytes that nobody misses, whatever a small file's views add up to
@@ -55,7 +55,7 @@ def read(path: Path, data: bytes) -> Header:
 def primitives(header: Header) -> Iterator[Header]:
     """Yield the primitives from which trimesh makes geometries, in its order."""
     for mesh in _objects(header, "meshes"):
-        yield from (each for each in _objects(mesh, "primitives") if each.get("mode", 4) in _MODES_READ)
+        yield from (each for each in _objects(mesh, "primitives") if each.get("mode", 4) in MODES_READ)
 
 
 def base_color_texture(header: Header, primitive: Header) -> Header | None:

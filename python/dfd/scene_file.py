@@ -14,7 +14,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from dfd import gltf_header, obj_text
+from dfd import gltf_header, gltf_patch, obj_text
 from dfd.appearance import Appearance
 from dfd.asset_folder import AssetFolder
 from dfd.scene_colors import read_appearance
@@ -40,6 +40,7 @@ class SceneFile:
     corner_faces: NDArray[np.int32]  # (F, 3) corners as row numbers
     vertices: NDArray[np.float64]  # (V, 3) distinct positions in the scene, each used by a face
     vertex: NDArray[np.int32]  # (R,) the vertex each row is at, -1 for a row that no face uses
+    gltf: gltf_patch.GltfSource | None  # what a glTF file holds beside what trimesh reads of it
     appearance: Appearance | None  # what colours the parts; None where nothing is known
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -54,7 +55,8 @@ class SceneFile:
         assets = AssetFolder(self.path)
         self.header = gltf_header.read(self.path, data) if ending in (".glb", ".gltf") else None
         self.scene = _parse(self.path, data, ending, assets)
-        self.parts, positions = place(self.path, self.scene, last_first=ending == ".obj")
+        places = gltf_patch.places(self.header, self.scene) if self.header is not None else None
+        self.parts, positions = place(self.path, self.scene, places or _geometry_order(self.scene, ending))
         own_order = None
         if ending == ".obj" and len(self.parts) > 1:  # its parts share one list of vertices, in an order of its own
             own_order = obj_text.positions(data)
@@ -67,6 +69,10 @@ class SceneFile:
                 f"load: `path` {self.path} must hold at least 3 distinct vertices, got {len(self.vertices)}"
             )
         self.appearance = read_appearance(self.scene, self.header, self.parts, self.vertex, assets.unreadable)
+        self.gltf = None
+        if self.header is not None and places is not None:
+            of_parts = [places[part.node] for part in self.parts]
+            self.gltf = gltf_patch.GltfSource.of(self.header, data, assets, of_parts)
         if assets.unreadable:
             names = ", ".join(sorted(assets.unreadable))
             warnings.warn(
@@ -105,6 +111,14 @@ def _parse(path: Path, data: bytes, ending: str, assets: AssetFolder) -> trimesh
         reason = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
         raise ValueError(f"load: `path` {path} is not a well-formed {kind} file ({reason})") from error
     return scene
+
+
+def _geometry_order(scene: trimesh.Scene, ending: str) -> dict[str, tuple[int, str]]:
+    """Return a key for each node that shows a geometry: trimesh lists those of an OBJ file from last to first."""
+    names = list(scene.geometry)[:: -1 if ending == ".obj" else 1]
+    number = {name: i for i, name in enumerate(names)}
+    shown = {node: scene.graph.transforms.node_data[node]["geometry"] for node in scene.graph.nodes_geometry}
+    return {node: (number[name], str(node)) for node, name in shown.items() if name in number}
 
 
 def _weld_used(

@@ -24,7 +24,7 @@ def follow(
     get one new normal, the sum of the normals of their faces weighted by area. Rows of another normal lie beyond a
     sharp edge. Where no face has moved the file's normals stay, bit for bit.
     """
-    own = [_file_normals(part) for part in scene.parts]
+    own = [part.normals for part in scene.parts]
     if not changed.any() or all(each is None for each in own):
         return own
     placed = np.concatenate(
@@ -54,12 +54,6 @@ def follow(
             normals = followed
         result.append(normals)
     return result
-
-
-def _file_normals(part: Part) -> NDArray[np.float64] | None:
-    # trimesh would make normals up when asked for `vertex_normals`; only those it read are in its cache
-    normals = part.geometry._cache.cache.get("vertex_normals")
-    return None if normals is None else np.asarray(normals)
 
 
 def _to_scene(part: Part, normals: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-__all__ = ["Part", "place"]
+__all__ = ["MovedPart", "Part", "place"]
 
 # More corners than this cannot be numbered with 32 bits once each face has three.
 _MOST_ROWS = 2**31 // 3
@@ -26,16 +28,34 @@ class Part:
     rows: slice  # its vertices among all rows of the file
     faces: slice  # its faces among all faces
 
+    @property
+    def normals(self) -> NDArray[np.float64] | None:
+        """(rows, 3) the file's normals, in the geometry's own coordinates; None where it has none."""
+        # trimesh would make normals up when asked for `vertex_normals`; only those it read are in its cache
+        normals = self.geometry._cache.cache.get("vertex_normals")
+        return None if normals is None else np.asarray(normals)
 
-def place(path: Path, scene: trimesh.Scene, last_first: bool) -> tuple[tuple[Part, ...], NDArray[np.float64]]:
-    """Return the parts with faces, in the file's order, and the positions (R, 3) of their rows in the scene.
 
-    `last_first` tells that trimesh lists the geometries of this format from the last to the first.
+@dataclass(frozen=True)
+class MovedPart:
+    """A part with its new shape, in its geometry's own coordinates."""
+
+    part: Part
+    vertices: NDArray[np.float64]  # (rows of the part, 3)
+    normals: NDArray[np.float64] | None  # (rows of the part, 3), None where the file had none
+    file_normals: NDArray[np.float64] | None  # those it had
+    moved: bool  # whether any row differs from the file's
+
+
+def place(path: Path, scene: trimesh.Scene, order: Mapping[str, Any]) -> tuple[tuple[Part, ...], NDArray[np.float64]]:
+    """Return the parts with faces and the positions (R, 3) of their rows in the scene.
+
+    `order` gives each node that shows a geometry a key to sort by.
     """
     parts: list[Part] = []
     positions: list[NDArray[np.float64]] = []
     row_count = face_count = 0
-    for name, node, transform in _in_order(scene, last_first):
+    for name, node, transform in _in_order(scene, order):
         geometry = scene.geometry[name]
         if not isinstance(geometry, trimesh.Trimesh) or len(geometry.faces) == 0:
             continue
@@ -55,14 +75,12 @@ def place(path: Path, scene: trimesh.Scene, last_first: bool) -> tuple[tuple[Par
     return tuple(parts), stacked
 
 
-def _in_order(scene: trimesh.Scene, last_first: bool) -> list[tuple[str, str, NDArray[np.float64]]]:
+def _in_order(scene: trimesh.Scene, order: Mapping[str, Any]) -> list[tuple[str, str, NDArray[np.float64]]]:
     """Return (geometry, node, transform) in the file's order: trimesh's order turns round at every round trip."""
-    names = list(scene.geometry)[:: -1 if last_first else 1]
-    number = {name: i for i, name in enumerate(names)}
+    nodes = sorted((node for node in scene.graph.nodes_geometry if node in order), key=lambda node: order[node])
     with np.errstate(over="ignore", invalid="ignore"):  # judged afterwards, part by part
-        placed = [(*scene.graph[node][::-1], node) for node in scene.graph.nodes_geometry]
-    found = [(name, node, transform) for name, transform, node in placed if name in number]
-    return sorted(found, key=lambda each: (number[each[0]], str(each[1])))
+        placed = [(node, *scene.graph[node]) for node in nodes]
+    return [(name, node, transform) for node, transform, name in placed]
 
 
 def _check(path: Path, name: str, geometry: trimesh.Trimesh, transform: NDArray[np.float64]) -> None:

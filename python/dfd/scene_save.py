@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,25 +16,15 @@ from trimesh.exchange.off import export_off
 from trimesh.exchange.ply import export_ply
 from trimesh.exchange.stl import export_stl
 
-from dfd import obj_write, scene_normals, scene_visuals
+from dfd import gltf_patch, obj_write, scene_normals, scene_visuals
 from dfd.files import atomic_write
 from dfd.scene_file import ENDINGS, SceneFile
-from dfd.scene_parts import Part
+from dfd.scene_parts import MovedPart
 
 if TYPE_CHECKING:
     from dfd.mesh import Mesh
 
 __all__ = ["save"]
-
-
-@dataclass(frozen=True)
-class MovedPart:
-    """A part with its new shape, in its geometry's own coordinates."""
-
-    part: Part
-    vertices: NDArray[np.float64]  # (rows of the part, 3)
-    normals: NDArray[np.float64] | None  # (rows of the part, 3), None where the file had none
-    moved: bool  # whether any row differs from the file's
 
 
 def save(path: str | os.PathLike[str], mesh: Mesh, vertices: NDArray[np.float64], scene: SceneFile | None) -> None:
@@ -89,7 +78,9 @@ def _encode_scene(target: Path, mesh: Mesh, vertices: NDArray[np.float64], scene
         return obj_write.encode_scene(target.stem, vertices, scene, [each.normals for each in moved])
     if ending == ".ply":
         return {target.name: _encode_ply(mesh, vertices, moved)}
-    return _encode_gltf(target, _rebuild(scene, moved))
+    if scene.gltf is not None:
+        return {target.name: gltf_patch.encode(scene.gltf, moved, binary=ending == ".glb")}
+    return _encode_gltf(target, _rebuild(moved))
 
 
 def _encode_gltf(target: Path, scene: trimesh.Scene) -> dict[str, bytes]:
@@ -127,28 +118,20 @@ def _move(vertices: NDArray[np.float64], before: NDArray[np.float64], scene: Sce
             # a transform that flattens its part has no inverse; the pseudo-inverse moves within what is left
             back = np.linalg.pinv(part.transform[:3, :3])
             local[here] = (vertices[rows[here]] - part.transform[:3, 3]) @ back.T
-        result.append(MovedPart(part, local, part_normals, bool(here.any())))
+        result.append(MovedPart(part, local, part_normals, part.normals, bool(here.any())))
     return result
 
 
-def _rebuild(scene: SceneFile, moved: Sequence[MovedPart]) -> trimesh.Scene:
-    """Return the file's scene with moved geometries; one that is placed twice is split where its places moved."""
-    source = scene.scene
+def _rebuild(moved: Sequence[MovedPart]) -> trimesh.Scene:
+    """Return a scene of the moved parts; a geometry that is placed twice is split where its places moved."""
     result = trimesh.Scene()
-    result.graph = source.graph.copy()
-    result.metadata.update(source.metadata)
-    if source.has_camera:
-        result.camera = source.camera.copy()
-    for name in [*(each.part.name for each in moved), *source.geometry]:  # the parts in the file's order
-        result.geometry[name] = source.geometry[name]
     taken: dict[str, MovedPart] = {}
     for each in moved:
         name = each.part.name
         first = taken.setdefault(name, each)
         if first is not each and (first.moved or each.moved):
             name = trimesh.util.unique_name(name, result.geometry)
-            result.graph.transforms.node_data[each.part.node]["geometry"] = name
-        elif first is not each:
-            continue
-        result.geometry[name] = scene_visuals.rebuilt(each.part.geometry, each.vertices, each.normals)
+        if first is each or name != each.part.name:
+            result.geometry[name] = scene_visuals.rebuilt(each.part.geometry, each.vertices, each.normals)
+        result.graph.update(frame_to=each.part.node, matrix=each.part.transform, geometry=name)
     return result
