@@ -1,0 +1,166 @@
+"""The demo: two made shapes, their real features, three edits each, and one sheet that tells the story."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from dfd import samples
+from dfd.colors import feature_colors
+from dfd.contact_sheet import contact_sheet, heat_bar
+from dfd.deformer import Deformer
+from dfd.distill import distill
+from dfd.encode import Encoder, load_encoder
+from dfd.pictures import picture, save_png
+from dfd.progress import Stages
+from dfd.render import render
+from dfd.symmetry import symmetry_planes
+
+if TYPE_CHECKING:
+    from dfd.field import Field
+    from dfd.samples import Sample
+
+__all__ = ["run"]
+
+Row = tuple[str, Sequence[tuple[NDArray[np.uint8], str]]]
+AXES = "xyz"
+
+
+def run(output: Path, *, encoder: str = "dinov2-small", faces: int = 20_000, console: Console | None = None) -> None:
+    """Make a chair and a quadruped, distill them, deform them, and write meshes and `story.png` into `output`.
+
+    Parameters
+    ----------
+    output
+        Folder to write to; made if it is not there.
+    encoder
+        As in `dfd.distill`.
+    faces
+        About how many faces each shape has.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written, or the encoder's weights cannot be found.
+    """
+    console = console or Console()
+    output.mkdir(parents=True, exist_ok=True)
+    rows: list[Row] = []
+    table = Table("stage", title="Seconds")
+    seconds: list[dict[str, float]] = []
+    model = load_encoder(encoder)
+    for name, sample, edits in (
+        ("chair", samples.chair(faces), _edit_chair),
+        ("quadruped", samples.quadruped(faces), _edit_quadruped),
+    ):
+        console.print(f"[bold]{name}[/bold]: {len(sample.mesh.faces):,} faces")
+        stages = Stages()
+        field, first = _distill(sample, model, stages)
+        field.save(output / f"{name}.field.safetensors")
+        sample.mesh.save(output / f"{name}.glb")
+        rows.append((f"The {name}: what the encoder sees, and its features by colour", first))
+        with stages.stage("deform and draw"):
+            rows += edits(sample, field, output)
+        table.add_column(name, justify="right")
+        seconds.append(stages.seconds)
+    with Stages().stage("sheet"):
+        save_png(output / "story.png", contact_sheet(rows, title="Deep feature deformation: grab one, move all alike"))
+    for stage in seconds[0]:
+        table.add_row(stage, *(f"{times[stage]:.1f}" for times in seconds))
+    console.print(table)
+    console.print(f"Pictures: {output / 'story.png'}\nMeshes:   {output}")
+
+
+def _distill(sample: Sample, model: Encoder, stages: Stages) -> tuple[Field, list[tuple[NDArray[np.uint8], str]]]:
+    mesh = sample.mesh
+    field = distill(mesh, model, progress=stages)
+    with stages.stage("symmetry"):
+        planes = symmetry_planes(field, mesh)
+    found = ", ".join(f"{AXES[int(np.argmax(np.abs(plane.normal)))]} ({plane.score:.2f})" for plane in planes) or "none"
+    views = render(mesh, views=24, resolution=320)
+    pictures = [(views.images[index], f"view {index + 1} of 24") for index in (6, 9, 16)]
+    colors = feature_colors(field.features(mesh))
+    pictures += [
+        (picture(mesh, colors=colors, azimuth=35), "features"),
+        (picture(mesh, colors=colors, azimuth=215), f"features, behind; mirror plane found: {found}"),
+    ]
+    return field, pictures
+
+
+def _edit_chair(sample: Sample, field: Field, output: Path) -> list[Row]:
+    mesh = sample.mesh
+    foot = _lowest(mesh.vertices, sample.vertices_of("leg", 0))
+    back = _highest(mesh.vertices, sample.vertices_of("back"))
+    legs = Deformer(mesh, field)
+    legs.add(foot, translation=(0.0, -0.35, 0.0), name="foot")
+    wide = Deformer(mesh, field)
+    wide.add(back, scale=(1.0, 1.5, 1.0), translation=(0.0, 0.12, 0.0), name="back")
+    return [
+        _story("One foot of the chair is pulled down: all four legs grow", legs, output / "chair_legs"),
+        _story("The top of its back is pulled up", wide, output / "chair_back"),
+    ]
+
+
+def _edit_quadruped(sample: Sample, field: Field, output: Path) -> list[Row]:
+    mesh = sample.mesh
+    hoof = _lowest(mesh.vertices, sample.vertices_of("hoof", 0))
+    horn = _highest(mesh.vertices, sample.vertices_of("horn", 0))
+    root = mesh.vertices[_lowest(mesh.vertices, sample.vertices_of("horn", 0))]
+    muzzle = int(sample.vertices_of("head")[np.argmax(mesh.vertices[sample.vertices_of("head"), 2])])
+
+    legs = Deformer(mesh, field)
+    legs.add(hoof, translation=(0.0, -0.3, 0.0), name="hoof")
+    bend = {"rotation": (-50.0, 0.0, 0.0), "scale": 1.4, "pivot": root, "name": "horn"}
+    free = Deformer(mesh, field)
+    free.add(horn, **bend)
+    local = Deformer(mesh, field)
+    local.add(horn, locality=6.0, **bend)
+    held = Deformer(mesh, field)
+    held.add(horn, **bend)
+    held.fix(muzzle)
+    return [
+        _story("One hoof of the quadruped is pulled down: all four legs grow", legs, output / "quadruped_legs"),
+        _story("One horn is bent: what looks alike follows", free, output / "quadruped_horn"),
+        _story("The same with locality 6: it stays near", local, output / "quadruped_horn_local"),
+        _story("The same with a fixed point on the muzzle: the head holds", held, output / "quadruped_horn_fixed"),
+    ]
+
+
+def _story(title: str, deformer: Deformer, stem: Path) -> Row:
+    """Draw weights, before and after of one edit; keep its mesh and its document beside them."""
+    mesh, moved = deformer.mesh, deformer.vertices
+    mesh.save(stem.with_suffix(".glb"), moved)
+    deformer.save(stem.with_suffix(".json"))
+    handles = np.array([handle.place.position for handle in deformer.handles])
+    fixed = np.array([place.position for place in deformer.fixed]).reshape(-1, 3)
+    weights = np.asarray(deformer.weights)[:, 0]
+    both = [mesh.vertices, moved]
+
+    def view(azimuth: float, **options: object) -> NDArray[np.uint8]:
+        return picture(mesh, azimuth=azimuth, frame=both, **options)  # type: ignore[arg-type]
+
+    return (
+        title,
+        [
+            (view(35, weights=weights, handles=handles, fixed=fixed), "weights"),
+            (view(215, weights=weights, handles=handles, fixed=fixed), "weights, behind"),
+            (heat_bar(512), ""),
+            (view(35), "before"),
+            (view(35, vertices=moved), "after"),
+            (view(215, vertices=moved), "after, behind"),
+        ],
+    )
+
+
+def _lowest(vertices: NDArray[np.float64], among: NDArray[np.int64]) -> int:
+    return int(among[np.argmin(vertices[among, 1])])
+
+
+def _highest(vertices: NDArray[np.float64], among: NDArray[np.int64]) -> int:
+    return int(among[np.argmax(vertices[among, 1])])
