@@ -17,7 +17,7 @@ PAPER_DISTANCE = 2.8  # from the origin of normalised coordinates, likewise
 MARGIN = 1.06  # a framed shape leaves this much room, so that no patch at its rim is cut
 CLEARANCE = 0.2  # of half the shape's size, between it and the eye: a needle seen from its tip does not poke it
 FRAMINGS = ("shape", "paper")
-_CHUNK = 1 << 16
+_CHUNK = 1 << 12  # points that are measured together: their products stay in the cache
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Views", "render"]
 
-LARGEST_RESOLUTION = 8192
+LARGEST_RESOLUTION = 4096
 LARGEST_VIEWS = 32767  # what numbers them has 16 bits
 
 

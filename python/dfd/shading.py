@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["Shading", "blend", "facing"]
 
 AMBIENT, DIFFUSE = 0.6, 0.4  # the public reference's light
-_LAYERS = 4  # clear surfaces one behind another that a ray passes at most
+_LAYERS = 8  # clear surfaces one behind another that a ray passes at most
 _CANCELLED = 0.2  # a blend of unit normals shorter than this says nothing
 _STEP = 1e-4  # past a clear surface, in normalised coordinates
 
