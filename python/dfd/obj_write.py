@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dfd.appearance import GREY
 from dfd.scene_colors import vertex_colors
 from dfd.scene_file import SceneFile
-from dfd.scene_visuals import is_stand_in
+from dfd.scene_visuals import is_stand_in, simple
 
 __all__ = ["encode", "encode_scene"]
 
@@ -89,11 +89,10 @@ class _MaterialLibrary:
         if material is None or is_stand_in(material):
             return None
         if id(material) not in self._names:
-            simple = material.to_simple() if hasattr(material, "to_simple") else material
             name = self._unused(_one_line(str(material.name)).replace(" ", "_"))
             self._names[id(material)] = name
             # trimesh names the texture after the material; the stem keeps it from overwriting another file's
-            files, _ = simple.to_obj(name=name)
+            files, _ = simple(material).to_obj(name=name)
             text = files.pop(f"{name}.mtl")
             for image, data in files.items():
                 self.files[f"{self._stem}_{image}"] = data

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
+from PIL import Image
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
-from dfd.appearance import GREY, linear
+from dfd.appearance import GREY, linear, srgb
 
-__all__ = ["has_image", "is_stand_in", "rebuilt"]
+__all__ = ["has_image", "is_stand_in", "rebuilt", "simple"]
 
 
 def rebuilt(
@@ -55,6 +56,23 @@ def is_stand_in(material: Any) -> bool:
     return isinstance(material, SimpleMaterial) and image is not None and image.size == (2, 2) and image.format is None
 
 
+def simple(material: Any) -> SimpleMaterial:
+    """Return a material as one that an MTL file has room for: a texture, or else a display-referred colour."""
+    if isinstance(material, SimpleMaterial):
+        image, color = material.image, material.diffuse[:3]
+    else:
+        image, factor = material.baseColorTexture, material.baseColorFactor
+        color = np.full(3, 255) if factor is None else np.rint(srgb(np.asarray(factor[:3]) / 255) * 255)
+    return SimpleMaterial(image=_lossless(image), diffuse=np.asarray(color, np.uint8), name=material.name)
+
+
+def _lossless(image: Image.Image | None) -> Image.Image | None:
+    """Return a picture that trimesh writes as PNG: JPEG it would compress once more, and visibly."""
+    if image is None or image.format == "PNG":
+        return image
+    return image.copy() if image.mode in ("L", "RGB", "RGBA", "P") else image.convert("RGB")
+
+
 def _physical(material: Any) -> Any:
     """Return an MTL material as one of glTF that looks the same to us; trimesh would darken its texture."""
     if not isinstance(material, SimpleMaterial):
@@ -64,7 +82,7 @@ def _physical(material: Any) -> Any:
     factor = np.ones(3) if image is not None else linear(color)
     return PBRMaterial(
         name=material.name,
-        baseColorTexture=image,
+        baseColorTexture=_lossless(image),
         baseColorFactor=np.rint([*(factor * 255), 255]).astype(np.uint8),
         metallicFactor=0.0,
         roughnessFactor=1.0,

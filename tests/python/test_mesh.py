@@ -21,6 +21,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from mesh_files import CORNERS, CUBE, Gltf, checkered, obj_cube, textured_quad, write
+from PIL import Image
 
 from dfd.mesh import Mesh, load
 from dfd.weld import weld
@@ -508,6 +509,23 @@ def test_saving_an_obj_overwrites_no_other_files_texture(tmp_path: Path) -> None
     assert (tmp_path / "paint.png").read_bytes() == original
     assert {path.name for path in tmp_path.iterdir()} >= {"out.obj", "out.mtl", "out_paint.png"}
     assert load(tmp_path / "out.obj").appearance is not None
+
+
+def test_colours_and_jpeg_textures_cross_formats_unharmed(tmp_path: Path) -> None:
+    picture = np.random.default_rng(0).integers(0, 255, (32, 32, 3), dtype=np.uint8)
+    Image.fromarray(picture).save(tmp_path / "paint.jpg")
+    write(tmp_path / "quad.mtl", "newmtl paint\nmap_Kd paint.jpg\nnewmtl plain\nKd 0.25 0.5 0.75\n")
+    lines = ["mtllib quad.mtl", "v 0 0 0", "v 1 0 0", "v 1 1 0", "v 0 1 0", "vt 0 0", "vt 1 0", "vt 1 1"]
+    lines += ["usemtl paint", "f 1/1 2/2 3/3", "usemtl plain", "f 1/1 3/3 4/2"]
+    mesh = load(write(tmp_path / "quad.obj", "\n".join(lines)))
+    mesh.save(tmp_path / "one.glb")
+    load(tmp_path / "one.glb").save(tmp_path / "two.obj")
+    look, again = mesh.appearance, load(tmp_path / "two.obj").appearance
+    assert look is not None
+    assert again is not None
+    assert np.array_equal(look.materials[0].texture, again.materials[0].texture)
+    assert np.allclose(look.materials[1].color, again.materials[1].color, atol=0.006)
+    assert np.allclose(again.materials[1].color, (0.25, 0.5, 0.75, 1), atol=0.006)
 
 
 # --- glTF files are patched, not rewritten ---
