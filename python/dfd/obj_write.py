@@ -25,17 +25,17 @@ def encode(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> bytes:
 
 
 def encode_scene(
-    stem: str,
+    name: str,
     vertices: NDArray[np.float64],
     scene: SceneFile,
     normals: Sequence[NDArray[np.float64] | None],
 ) -> dict[str, bytes]:
-    """Return the files of a scene: the OBJ file, and its materials and textures, all named after `stem`.
+    """Return the files of a scene: the OBJ file `name`, and its materials and textures, all named after it.
 
     Parameters
     ----------
-    stem
-        Name of the OBJ file without its ending.
+    name
+        Name of the OBJ file.
     vertices
         (V, 3) where the mesh's vertices are.
     scene
@@ -43,6 +43,7 @@ def encode_scene(
     normals
         For each part None or (rows, 3), in the part's own coordinates.
     """
+    stem = name.rsplit(".", 1)[0]
     materials = [getattr(part.geometry.visual, "material", None) for part in scene.parts]
     library = _MaterialLibrary(stem)
     several = any(library.add(material) for material in materials)
@@ -64,16 +65,16 @@ def encode_scene(
             body.append(_lines("vn", placed / np.where(length > 0, length, 1)))
             columns[2] = local + normal_count
             normal_count += len(part_normals)
-        name = library.add(material)
-        if name is None and several:  # a part without one would go on with that of the part before
-            name = library.plain(1.0 if vertex_colors(part, linear=False) is not None else GREY)
-        if name is not None:
-            body.append(f"usemtl {name}\n".encode())
+        used = library.add(material)
+        if used is None and several:  # a part without one would go on with that of the part before
+            used = library.plain(1.0 if vertex_colors(part, linear=False) is not None else GREY)
+        if used is not None:
+            body.append(f"usemtl {used}\n".encode())
         body.append(_faces(columns))
     head = b"" if not library.files else f"mtllib {stem}.mtl\n".encode()
     colors = _vertex_colors(scene)
     positions = vertices if colors is None else np.hstack([vertices, colors])
-    return {f"{stem}.obj": head + _lines("v", positions) + b"".join(body), **library.files}
+    return {name: head + _lines("v", positions) + b"".join(body), **library.files}
 
 
 class _MaterialLibrary:

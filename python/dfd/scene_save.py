@@ -33,6 +33,10 @@ def save(path: str | os.PathLike[str], mesh: Mesh, vertices: NDArray[np.float64]
     ending = target.suffix.lower()
     if ending not in ENDINGS:
         raise ValueError(f"Mesh.save: `path` must end in {', '.join(ENDINGS)}, got {target}")
+    if ending not in (".obj", ".off") and np.abs(vertices).max() > np.finfo(np.float32).max:
+        raise ValueError(
+            f"Mesh.save: `vertices` must fit in 32-bit floats for a {ending} file; .obj and .off have more"
+        )
     files: dict[str, bytes]
     if ending == ".off":
         files = {target.name: export_off(_bare(vertices, mesh.faces), digits=17).encode()}
@@ -48,10 +52,16 @@ def save(path: str | os.PathLike[str], mesh: Mesh, vertices: NDArray[np.float64]
 def _write(target: Path, files: dict[str, bytes]) -> None:
     """Write all files beside their places, then rename them, `target` last: it never names a file that is not there."""
     names = sorted(files, key=lambda name: name != target.name)  # the first one entered is renamed last
-    with ExitStack() as stack:
-        for name in names:
-            temporary = stack.enter_context(atomic_write(target.with_name(name)))
-            temporary.write_bytes(files[name])
+    try:
+        with ExitStack() as stack:
+            for name in names:
+                temporary = stack.enter_context(atomic_write(target.with_name(name)))
+                temporary.write_bytes(files[name])
+    except OSError as error:
+        first = error  # each file on the way out puts its own sentence around that of the one that failed
+        while isinstance(first.__cause__, OSError) and isinstance(first.__cause__.__cause__, OSError):
+            first = first.__cause__
+        raise first from first.__cause__
 
 
 def _bare(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> trimesh.Trimesh:
@@ -75,7 +85,7 @@ def _encode_scene(target: Path, mesh: Mesh, vertices: NDArray[np.float64], scene
     moved = _move(vertices, mesh.vertices, scene)
     ending = target.suffix.lower()
     if ending == ".obj":
-        return obj_write.encode_scene(target.stem, vertices, scene, [each.normals for each in moved])
+        return obj_write.encode_scene(target.name, vertices, scene, [each.normals for each in moved])
     if ending == ".ply":
         return {target.name: _encode_ply(mesh, vertices, moved)}
     if scene.gltf is not None:

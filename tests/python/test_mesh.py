@@ -637,6 +637,32 @@ def test_saving_refuses_what_it_cannot_write(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("ending", ["ply", "stl", "glb", "gltf"])
+def test_coordinates_that_a_format_cannot_hold_are_refused(ending: str, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=f"must fit in 32-bit floats for a .{ending} file"):
+        Mesh(CORNERS, CUBE).save(tmp_path / f"cube.{ending}", CORNERS * 1e39)
+    Mesh(CORNERS, CUBE).save(tmp_path / "cube.OFF", CORNERS * 1e39)
+    assert load(tmp_path / "cube.OFF").extents[0] == 1e39
+
+
+def test_a_scene_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    mesh = load(scene_of_three(tmp_path))
+    out = tmp_path / "out"
+    out.mkdir()
+    mesh.save(out / "scene.OBJ")
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    assert set(before) == {"scene.OBJ", "scene.mtl", "scene_paint.png"}
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(before["scene.OBJ"]) - 1, limits[1]))
+    try:
+        with pytest.raises(OSError, match="scene.OBJ could not be written: File too large") as caught:
+            mesh.save(out / "scene.OBJ")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert str(caught.value).count("could not be written") == 1
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
 @pytest.mark.parametrize("ending", FORMATS)
 def test_a_full_disk_leaves_the_old_file_whole(ending: str, tmp_path: Path) -> None:
     path = tmp_path / f"cube.{ending}"
