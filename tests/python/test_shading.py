@@ -69,6 +69,20 @@ def test_normals_are_smooth_over_a_sphere() -> None:
     assert np.abs(found - exact).max() < 0.02
 
 
+def test_normals_summed_in_pieces_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(0)
+    vertices, faces = rng.normal(size=(50, 3)), rng.integers(0, 50, (300, 3)).astype(np.int32)
+    at_once = smooth_normals(vertices, faces)
+    monkeypatch.setattr("dfd.mesh._FACES_AT_ONCE", 7)
+    assert smooth_normals(vertices, faces) == pytest.approx(at_once, abs=1e-6)
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e-30, 1.0, 1e200])
+def test_normals_do_not_depend_on_size(scale: float) -> None:
+    assert smooth_normals(SQUARE * scale, TWO.astype(np.int32)) == pytest.approx(np.tile([0, 0, 1.0], (4, 1)))
+    assert (smooth_normals(np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32)) == 0).all()
+
+
 def test_a_sheet_with_faces_on_both_sides_is_lit_by_its_own_normal() -> None:
     mesh = Mesh(SQUARE, np.concatenate([TWO, TWO[:, ::-1]]))
     assert (mesh.normals == 0).all()
