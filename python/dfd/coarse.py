@@ -60,10 +60,8 @@ def coarsen(vertices: NDArray[np.float64], faces: NDArray[np.int32], most_faces:
         triangles = sound_faces(triangles)
     else:
         triangles = sound
-    used, compact = np.unique(triangles, return_inverse=True)
-    number = np.full(len(points), -1, np.int32)
-    number[used] = np.arange(len(used), dtype=np.int32)
-    corners, triangles = points[used], compact.reshape(-1, 3).astype(np.int32)
+    used, number = _numbered(triangles, len(points))
+    corners, triangles = points[used], number[triangles]
     face, barycentric = _locate(vertices, number[nearest], corners, triangles)
     return CoarseMesh(corners, triangles, face, barycentric)
 
@@ -75,8 +73,8 @@ def _simplified(
 
     Points are those of the simplified pieces followed by all `vertices`, whose numbers in `small` are shifted in place.
     """
-    used, compact = np.unique(large, return_inverse=True)
-    corners, triangles = vertices[used], compact.reshape(-1, 3).astype(np.int32)
+    used, number = _numbered(large, len(vertices))
+    corners, triangles = vertices[used], number[large]
     # in coordinates of about 1: its thresholds are absolute
     middle, size = corners.mean(axis=0), max(float(np.ptp(corners, axis=0).max()), 1e-300)
     scaled = np.ascontiguousarray((corners - middle) / size)
@@ -87,6 +85,16 @@ def _simplified(
     nearest[used] = went
     small += np.int32(len(points))
     return np.concatenate([points * size + middle, vertices]), simplified.astype(np.int32), nearest
+
+
+def _numbered(faces: NDArray[np.int32], count: int) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Return the vertices that faces use, ascending, and the place of each of `count` among them, -1 for the rest."""
+    mask = np.zeros(count, bool)
+    mask[faces] = True
+    used = np.flatnonzero(mask)
+    number = np.full(count, -1, np.int32)
+    number[used] = np.arange(len(used), dtype=np.int32)
+    return used, number
 
 
 def _held_back(
