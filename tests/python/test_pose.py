@@ -159,13 +159,13 @@ def test_a_handle_without_a_place_stands_where_it_weighs_most():
 
 
 @TYPES
-def test_a_vertex_moves_the_same_wherever_it_stands(dtype):
-    vertices, weights, transforms = scene(4, 7, dtype=dtype)
-    order = np.concatenate([[0], np.arange(131) % 4])
+@pytest.mark.parametrize("handle_count", [1, 7])
+def test_a_vertex_moves_the_same_wherever_it_stands(dtype, handle_count):
+    vertices, weights, transforms = scene(4, handle_count, dtype=dtype)
+    order = np.concatenate([[0], np.arange(130) % 4])
+    places = vertices[:1].repeat(handle_count, 0)
     for symmetry in (None, PLANE, dfd.SymmetryPlane(PLANE.normal, PLANE.offset, band=1.0)):
-        posed = dfd.pose(
-            vertices[order], weights[order], transforms, symmetry=symmetry, handles=vertices[:1].repeat(7, 0)
-        )
+        posed = dfd.pose(vertices[order], weights[order], transforms, symmetry=symmetry, handles=places)
         first = np.array([np.flatnonzero(order == k)[0] for k in range(4)])
         np.testing.assert_array_equal(posed, posed[first][order])
 

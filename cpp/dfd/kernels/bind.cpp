@@ -10,6 +10,7 @@ namespace {
 constexpr std::size_t width = lanes<float>;
 constexpr std::size_t parts = vectors<float>;
 constexpr std::size_t chunk = 128;              // entries summed before the sum joins the total
+constexpr std::size_t ahead = 16 * block_size;  // vertices to prefetch
 constexpr float geodesic_slack = 1e-5f;         // what rounding may add to the largest distance
 
 // Handles whose sums stay in registers together.
@@ -26,22 +27,33 @@ struct Block {
     Float part[parts];
 };
 
+// The sum of `size` terms in four strands, so that no addition waits for the one before.
+template <class Add>
+DFD_INLINE Float sum_of(std::size_t size, const Add& add)
+{
+    Float a{}, b{}, c{}, d{};
+    std::size_t k = 0;
+    for (; k + 4 <= size; k += 4) {
+        a = add(k, a);
+        b = add(k + 1, b);
+        c = add(k + 2, c);
+        d = add(k + 3, d);
+    }
+    for (; k < size; ++k) a = add(k, a);
+    return (a + b) + (c + d);
+}
+
 // Squared distances by |a|² + |b|² - 2 a·b at the speed of a matrix product. Where cancellation would cost digits
 // that a weight shows, they are taken again from the differences.
 class FloatPanel {
 public:
     FloatPanel(const float* panel, std::size_t dimension) : panel_(panel), dimension_(dimension)
     {
-        for (std::size_t start = 0; start < dimension; start += chunk) {
-            const std::size_t end = start + chunk < dimension ? start + chunk : dimension;
-            Float sum[parts] = {};
-            for (std::size_t k = start; k < end; ++k) {
-                for (std::size_t part = 0; part < parts; ++part) {
-                    const Float entry = load<Float>(panel + k * block_size + part * width);
-                    sum[part] = fused(entry, entry, sum[part]);
-                }
-            }
-            for (std::size_t part = 0; part < parts; ++part) square_.part[part] += sum[part];
+        for (std::size_t part = 0; part < parts; ++part) {
+            square_.part[part] = sum_of(dimension, [&](std::size_t k, Float sum) __attribute__((always_inline)) {
+                const Float entry = load<Float>(panel + k * block_size + part * width);
+                return fused(entry, entry, sum);
+            });
         }
     }
 
@@ -92,12 +104,10 @@ public:
 private:
     Float squared_difference(const float* row, std::size_t part) const
     {
-        Float sum[4] = {};
-        for (std::size_t k = 0; k < dimension_; ++k) {
+        return sum_of(dimension_, [&](std::size_t k, Float sum) __attribute__((always_inline)) {
             const Float difference = load<Float>(panel_ + k * block_size + part * width) - splat(row[k * group_size]);
-            sum[k % 4] = fused(difference, difference, sum[k % 4]);
-        }
-        return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+            return fused(difference, difference, sum);
+        });
     }
 
     const float* panel_;
@@ -120,6 +130,7 @@ public:
     {
         const std::int32_t* quads = targets.quads + first / group_size * group_size * quads_ + first % group_size;
         Int sum[Count][parts] = {};
+#pragma GCC unroll 4
         for (std::size_t k = 0; k < quads_; ++k) {
             Int entry[parts];
             for (std::size_t part = 0; part < parts; ++part)
@@ -259,6 +270,7 @@ DFD_INLINE void bind_block(const BindJob& job, const Panel& panel, std::size_t b
             result.part[part] = maximum(weight(squares.part[part]) - held.part[part], splat(0.0f));  // Equation (6)
         if (job.geodesic != nullptr) {
             const float* distances = job.geodesic + j * job.vertex_count + begin;
+            __builtin_prefetch(distances + ahead);  // more streams than the machine follows by itself
             float padded[block_size] = {};
             if (count < block_size) {
                 for (std::size_t lane = 0; lane < count; ++lane) padded[lane] = distances[lane];
@@ -304,8 +316,9 @@ std::size_t block_count(std::size_t begin, std::size_t end) { return end - begin
 
 }  // namespace
 
-unsigned DFD_VARIANT::bind_rows(const BindJob& job, std::size_t begin, std::size_t end, float* scratch)
+unsigned DFD_VARIANT::bind_rows(const BindJob& shared_job, std::size_t begin, std::size_t end, float* scratch)
 {
+    const BindJob job = shared_job;  // which no store can touch
     Faults faults;
     float* panel = scratch;
     for (std::size_t i = begin; i < end; i += block_size) {
@@ -319,8 +332,9 @@ unsigned DFD_VARIANT::bind_rows(const BindJob& job, std::size_t begin, std::size
     return faults.sum();
 }
 
-unsigned DFD_VARIANT::bind_halves(const BindJob& job, std::size_t begin, std::size_t end, float* scratch)
+unsigned DFD_VARIANT::bind_halves(const BindJob& shared_job, std::size_t begin, std::size_t end, float* scratch)
 {
+    const BindJob job = shared_job;  // which no store can touch
     Faults faults;
     float* panel = scratch;
     const std::size_t size = job.dimension * block_size;
@@ -333,8 +347,9 @@ unsigned DFD_VARIANT::bind_halves(const BindJob& job, std::size_t begin, std::si
     return faults.sum();
 }
 
-unsigned DFD_VARIANT::bind_bytes(const BindJob& job, std::size_t begin, std::size_t end, float* scratch)
+unsigned DFD_VARIANT::bind_bytes(const BindJob& shared_job, std::size_t begin, std::size_t end, float* scratch)
 {
+    const BindJob job = shared_job;  // which no store can touch
     Faults faults;
     const std::size_t size = (job.dimension + 4) * block_size;
     for (std::size_t i = begin; i < end; i += block_size) {

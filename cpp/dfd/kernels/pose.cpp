@@ -280,11 +280,49 @@ DFD_INLINE void copy(const T* from, std::size_t count, T* to)
     for (std::size_t k = 0; k < count; ++k) to[k] = from[k];
 }
 
+// One handle and nothing else: the displacement stays in registers, and the weight scales what it does.
+template <class T>
+DFD_INLINE std::size_t pose_single(const PoseJob<T>& job, std::size_t begin, std::size_t end, Vector<T>& check)
+{
+    const PoseJob<T> own = job;  // which no store can touch
+    Vector<T> entry[12];
+    for (std::size_t e = 0; e < 12; ++e) entry[e] = splat(own.positive[e]);
+    const Vector<T> zero{}, one = zero + T(1);
+    const Vector3<T> center{splat(own.center[0]), splat(own.center[1]), splat(own.center[2])};
+    Vector<T> met = check;
+    std::size_t i = begin;
+    for (; i + lanes<T> <= end; i += lanes<T>) {
+        const Vector3<T> vertex = Interleaved<T>::read(own.vertices + 3 * i);
+        const Vector<T> weight = load_weights<T>(own.weights + i);
+        const Vector3<T> p{vertex.x - center.x, vertex.y - center.y, vertex.z - center.z};
+        const auto moved = [&](std::size_t e, Vector<T> from) __attribute__((always_inline)) {
+            return fused(weight,
+                         fused(entry[e], p.x, fused(entry[e + 1], p.y, fused(entry[e + 2], p.z, entry[e + 3]))), from);
+        };
+        Vector3<T> posed;
+        if (own.base != nullptr) {
+            const Vector3<T> from = Interleaved<T>::read(own.base + 3 * i);
+            posed = {moved(0, from.x), moved(4, from.y), moved(8, from.z)};
+        } else {
+            const Vector<T> excess = maximum(weight - one, zero);
+            posed = {moved(0, fused(excess, vertex.x, vertex.x)), moved(4, fused(excess, vertex.y, vertex.y)),
+                     moved(8, fused(excess, vertex.z, vertex.z))};
+        }
+        met = fused(posed.x, zero, fused(posed.y, zero, fused(posed.z, zero, met)));
+        Interleaved<T>::write(own.posed + 3 * i, posed);
+    }
+    check = met;
+    return i;
+}
+
 template <class T>
 DFD_INLINE bool pose_range(const PoseJob<T>& job, std::size_t begin, std::size_t end, float* scratch)
 {
     Vector<T> check{};
     const bool columns = job.row_stride == 1;
+    const bool single =
+        job.handle_count == 1 && columns && job.negative == nullptr && job.rest == nullptr && job.normals == nullptr;
+    if (single) begin = pose_single(job, begin, begin + (end - begin) / block_size * block_size, check);
     for (std::size_t i = begin; i < end; i += block_size) {
         const std::size_t count = end - i < block_size ? end - i : block_size;
         Weights<T> weights{job.weights + i, job.column_stride};
@@ -310,10 +348,18 @@ DFD_INLINE bool pose_range(const PoseJob<T>& job, std::size_t begin, std::size_t
                 padded[1][lane] = base == nullptr ? T(0) : base[from];
                 padded[2][lane] = normals == nullptr ? T(0) : normals[from];
             }
-            pose_block<T>(job,
-                          {padded[0], base == nullptr ? nullptr : padded[1], normals == nullptr ? nullptr : padded[2],
-                           padded[3], padded[4]},
-                          weights, check);
+            const Lanes<T> here{padded[0], base == nullptr ? nullptr : padded[1],
+                                normals == nullptr ? nullptr : padded[2], padded[3], padded[4]};
+            if (single) {
+                PoseJob<T> alone = job;
+                alone.vertices = here.vertices;
+                alone.base = here.base;
+                alone.posed = here.posed;
+                alone.weights = scratch;
+                pose_single(alone, 0, block_size, check);
+            } else {
+                pose_block<T>(job, here, weights, check);
+            }
             copy(padded[3], 3 * count, job.posed + 3 * i);
             if (normals != nullptr) copy(padded[4], 3 * count, posed_normals);
         }
