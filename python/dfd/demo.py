@@ -79,7 +79,7 @@ def run(output: Path, *, encoder: str = "dinov2-small", faces: int = 20_000, con
 
 def _distill(sample: Sample, model: Encoder, stages: Stages) -> tuple[Field, list[tuple[NDArray[np.uint8], str]]]:
     mesh = sample.mesh
-    field = distill(mesh, model, progress=stages)
+    field = distill(mesh, model, progress=stages, cache=False)
     with stages.stage("symmetry"):
         planes = symmetry_planes(field, mesh)
     found = ", ".join(f"{AXES[int(np.argmax(np.abs(plane.normal)))]} ({plane.score:.2f})" for plane in planes) or "none"

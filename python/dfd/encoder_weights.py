@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from dfd.encoder_offline import MANIFEST, find_wheel, wheel_weights
+from dfd.encoder_offline import MANIFEST, find_wheel, wheel_fingerprint, wheel_weights
 from dfd.encoder_presets import PRESETS, Normalisation
 
-__all__ = ["Weights", "find_weights"]
+__all__ = ["Weights", "find_fingerprint", "find_weights"]
 
 _log = logging.getLogger(__name__)
 
@@ -84,6 +84,30 @@ def find_weights(encoder: str | os.PathLike[str]) -> Weights:
     ]
     listed = "; ".join(f"({number}) {way}" for number, way in enumerate(ways, 1))
     raise FileNotFoundError(f"load_encoder: no weights for `encoder` {name!r} were found. Three ways: {listed}")
+
+
+def find_fingerprint(encoder: str | os.PathLike[str]) -> str | None:
+    """Return the fingerprint of the weights that are at hand for `encoder`, without loading them or asking the hub.
+
+    It is that of the weights themselves, which `find_weights` gives, with that of the settings beside them in a folder.
+    None where nothing is at hand, or `encoder` names nothing that is known.
+    """
+    name = os.fspath(encoder)
+    path = Path(name).expanduser()
+    if path.exists():
+        folder = path
+    else:
+        preset = PRESETS.get(name)
+        cached = _in_hub_cache(preset.hub if preset else name) if preset or name.count("/") == 1 else None
+        if cached is not None:
+            return f"revision:{cached.name}"
+        return wheel_fingerprint() if name == "dinov2-small" else None
+    try:
+        weights = folder_weights(folder)
+    except (OSError, ValueError):
+        return None
+    beside = json.dumps([weights.config, weights.block, str(weights.normalisation)], sort_keys=True)
+    return f"{weights.fingerprint} {hashlib.sha256(beside.encode()).hexdigest()}"
 
 
 def folder_weights(folder: Path, *, source: str | None = None, fingerprint: str | None = None) -> Weights:

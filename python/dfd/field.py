@@ -20,6 +20,7 @@ from dfd.files import atomic_write
 
 if TYPE_CHECKING:
     from dfd.mesh import Mesh
+    from dfd.progress import Stages
 
 __all__ = ["Field"]
 
@@ -78,6 +79,13 @@ class Field(nn.Module):
             hidden += [nn.Linear(self.width if layer else 3, self.width), nn.ReLU(), nn.LayerNorm(self.width)]
         self.network = nn.Sequential(*hidden, nn.Linear(self.width, self.dimension))
 
+    @classmethod
+    def seeded(cls, seed: int, dimension: int, **how: Any) -> Field:
+        """Return a field with the initial weights of `seed`; the caller's own random numbers stay as they were."""
+        with torch.random.fork_rng(devices=()):
+            torch.manual_seed(seed)
+            return cls(dimension, **how)
+
     def forward(self, points: torch.Tensor) -> torch.Tensor:
         """Features of (N, 3) points in mesh units, (N, D) unit rows; differentiable in the points."""
         normalized = (points.to(self.center.dtype) - self.center) * self.scale
@@ -125,6 +133,40 @@ class Field(nn.Module):
         """Features of every vertex of `mesh`, (V, D) float32 unit rows: what `dfd.bind` reads."""
         return cast("NDArray[np.float32]", self(mesh.vertices))
 
+    @classmethod
+    def from_vertex_features(
+        cls,
+        mesh: Mesh,
+        features: ArrayLike | tuple[ArrayLike, ArrayLike],
+        *,
+        steps: int = 150,
+        batch: int = 8192,
+        learning_rate: float = 3e-3,
+        seed: int = 0,
+        device: str | None = None,
+        progress: bool | Stages = True,
+    ) -> Field:
+        """Fit a field to features that any other network has given: `dfd.distill` with `features`, see there.
+
+        Parameters
+        ----------
+        features
+            (V, D), a row a vertex of `mesh`, or the pair points (N, 3) in mesh units and their rows (N, D).
+        """
+        from dfd.distill import distill
+
+        return distill(
+            mesh,
+            features=features,
+            steps=steps,
+            batch=batch,
+            learning_rate=learning_rate,
+            seed=seed,
+            device=device,
+            progress=progress,
+            cache=False,
+        )
+
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the field to `path` (.safetensors), whole or not at all.
 
@@ -147,8 +189,13 @@ class Field(nn.Module):
                 raise OSError(None, str(error)) from error
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Field:
-        """Read a field from `path`.
+    def load(cls, path: str | os.PathLike[str], *, mesh: Mesh | None = None) -> Field:
+        """Read a field from `path`: what `save` wrote, or a `.pth` of the method's public reference implementation.
+
+        Parameters
+        ----------
+        mesh
+            For a `.pth` the mesh that it was distilled from, whose normalisation the file does not hold; unused else.
 
         Raises
         ------
@@ -159,6 +206,12 @@ class Field(nn.Module):
         """
         if not Path(path).is_file():
             raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is no file")
+        if Path(path).suffix.lower() == ".pth":
+            from dfd.reference_checkpoint import load_reference
+
+            if mesh is None:
+                raise ValueError(f"Field.load: `mesh` must be given for {os.fspath(path)}: it has the normalisation")
+            return load_reference(path, mesh)
         try:
             with safe_open(path, framework="pt") as file:
                 metadata = file.metadata() or {}
@@ -170,8 +223,7 @@ class Field(nn.Module):
             raise ValueError(f"Field.load: `path` {os.fspath(path)} is cut short or no field: {error}") from error
         except (KeyError, json.JSONDecodeError) as error:
             raise ValueError(f"Field.load: `path` {os.fspath(path)} has an unreadable header: {error}") from error
-        with torch.random.fork_rng(devices=()):  # the initial weights are thrown away: leave the caller's seed alone
-            field = cls(**network, settings=settings)
+        field = cls.seeded(0, **network, settings=settings)
         _check_tensors(path, field.state_dict(), tensors)
         field.load_state_dict(tensors)
         return field.eval().requires_grad_(False)

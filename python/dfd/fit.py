@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import nn
 
+from dfd.descent import descend
 from dfd.field import Field
 from dfd.progress import Stages
+
+if TYPE_CHECKING:
+    from dfd.checkpoint import FitState
 
 __all__ = ["Samples", "fit"]
 
@@ -50,6 +55,7 @@ def fit(
     learning_rate: float,
     generator: torch.Generator,
     stages: Stages,
+    state: FitState | None = None,
 ) -> list[float]:
     """Fit `field` in place to `tokens` at `samples`; return the loss of every step.
 
@@ -66,27 +72,20 @@ def fit(
         Length of the fit, points per step, and the peak of the one-cycle rate.
     generator
         Draws the points; on the CPU whatever the field's device.
+    state
+        Where the run is kept while it lasts, and taken up again.
     """
     device = field.center.device
     points = torch.from_numpy(samples.points).to(device)
     corners = TokenGrid(tokens, samples, resolution, device)
-    optimizer = torch.optim.Adam(field.parameters(), lr=learning_rate, fused=True)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, learning_rate, total_steps=max(steps, 2))
-    losses = []
-    field.train()
-    with stages.stage("fit", steps) as advance:
-        for _ in range(steps):
-            chosen = torch.randint(len(samples), (batch,), generator=generator).to(device)
-            target = corners.at(chosen)
-            loss = (field.from_normalized(points[chosen]) - target).square().sum(dim=1).mean()
-            optimizer.zero_grad(set_to_none=True)
-            loss.backward()
-            optimizer.step()
-            schedule.step()
-            losses.append(loss.detach())
-            advance()
-    field.eval().requires_grad_(False)
-    return torch.stack(losses).tolist() if losses else []
+
+    def draw() -> tuple[torch.Tensor, torch.Tensor]:
+        chosen = torch.randint(len(samples), (batch,), generator=generator).to(device)
+        return points[chosen], corners.at(chosen)
+
+    return descend(
+        field, draw, steps=steps, learning_rate=learning_rate, generator=generator, stages=stages, state=state
+    )
 
 
 class TokenGrid:

@@ -126,7 +126,7 @@ def rewrite(field: Field, path: Path, metadata: dict | None = None, tensors: dic
         ({}, {"network.0.bias": torch.full((16,), torch.nan)}, "not finite in network.0.bias"),
         ({}, {"extra": torch.zeros(1)}, "unknown tensor extra"),
         ({}, {"scale": torch.tensor(-1.0, dtype=torch.float64)}, "has scale -1.0, not above 0"),
-        ({"network": json.dumps({"dimension": 12, "width": 16, "layers": 3})}, {}, "must hold network.6.bias"),
+        ({"network": json.dumps({"dimension": 12, "width": 16, "layers": 3})}, {}, "must hold network.6.weight"),
     ],
 )
 def test_wrong_file_is_refused(field: Field, tmp_path: Path, metadata: dict, tensors: dict, message: str) -> None:

@@ -1,0 +1,86 @@
+"""What a field is made from, written down: the address of a cached field, and what a resumed run must share."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from dfd.mesh import Mesh
+
+__all__ = ["difference", "digest", "plain", "recipe", "summed"]
+
+# Goes up when the same ingredients are to be written down, or their results kept, in another way.
+FORMAT = 1
+
+
+def recipe(mesh: Mesh, **settings: Any) -> dict[str, Any]:
+    """Return everything that the bits of a field depend on, as values that JSON keeps apart.
+
+    Besides the mesh and `settings` these are the code itself, since an entry of last week's code must not pass for
+    the result of today's, and the version of torch.
+    """
+    return plain({"format": FORMAT, "code": _code(), "torch": _version("torch"), "mesh": mesh.content_hash, **settings})
+
+
+def plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    """`values` as they come back from a JSON file."""
+    return dict(json.loads(json.dumps(dict(values), default=_plain)))
+
+
+def digest(ingredients: Mapping[str, Any]) -> str:
+    """SHA-256 of a recipe, 64 hexadecimal digits."""
+    return hashlib.sha256(json.dumps(ingredients, sort_keys=True).encode()).hexdigest()
+
+
+def summed(*arrays: NDArray[Any]) -> str:
+    """SHA-256 of arrays with their types and shapes."""
+    total = hashlib.sha256()
+    for array in arrays:
+        total.update(f"{array.dtype} {array.shape}".encode())
+        total.update(np.ascontiguousarray(array).data)
+    return total.hexdigest()
+
+
+def difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """In what two recipes differ, in words: the first few things."""
+    words = {"mesh": "another mesh", "code": "other code of dfd", "format": "another version of dfd"}
+    names = [name for name in sorted({*before, *now}) if before.get(name) != now.get(name)]
+    said = [
+        words.get(name) or (f"{name} {before.get(name)}, now {now.get(name)}" if _short(before, now, name) else name)
+        for name in names
+    ]
+    return "; ".join(said[:3]) + ("; …" if len(said) > 3 else "")
+
+
+def _short(before: Mapping[str, Any], now: Mapping[str, Any], name: str) -> bool:
+    return len(str(before.get(name))) + len(str(now.get(name))) < 60
+
+
+@cache
+def _code() -> str:
+    """SHA-256 of the package's own modules; of its version where they cannot be read, as in an archive."""
+    summed = hashlib.sha256(_version("dfd").encode())
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        summed.update(path.name.encode() + path.read_bytes())
+    return summed.hexdigest()
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "unknown"
+
+
+def _plain(value: Any) -> Any:
+    """NumPy's numbers as Python's; what else is no JSON by what it looks like, to be refused where it is used."""
+    return value.item() if isinstance(value, np.generic) else repr(value)
