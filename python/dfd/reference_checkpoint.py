@@ -61,7 +61,10 @@ def load_reference(path: str | os.PathLike[str], mesh: Mesh) -> Field:
         raise ValueError(f"Field.load: `path` {os.fspath(path)}: {error}") from None
 
     center, scale = normalization(mesh)
-    settings = {"encoder": str(config.get("model", "unknown")), "reference": config}
+    settings = {
+        "encoder": str(config.get("model", "unknown")),
+        **{f"reference_{name}": value for name, value in config.items() if isinstance(value, str | int | float)},
+    }
     field = Field.seeded(
         0,
         linear[-1][0].shape[0],

@@ -352,6 +352,8 @@ def test_distill_hands_everything_on(run, folder):
     field = Field.load(folder / "chair.field.safetensors")
     options = ("--encoder", "clip", "--views", 6, "--resolution", 224, "--framing", "paper", "--simplify-to", 500)
     more = ("--supervision", "vertex", "--steps", 7, "--seed", 11, "--device", "cpu", "--loss-curve", "loss.png")
+    np.save("rows.npy", np.eye(3))
+    more += ("--features", "rows.npy", "--no-cache")
     with mock.patch("dfd.distill", return_value=field) as distill:
         result = run("distill", "MESH", "-o", "out.safetensors", *options, *more)
     assert worked(result)
@@ -359,6 +361,7 @@ def test_distill_hands_everything_on(run, folder):
     assert len(mesh.vertices) == 2004
     assert encoder == "clip"
     del given["progress"]
+    np.testing.assert_array_equal(given.pop("features"), np.eye(3))
     assert given == {
         "views": 6,
         "resolution": 224,
@@ -368,6 +371,8 @@ def test_distill_hands_everything_on(run, folder):
         "steps": 7,
         "seed": 11,
         "device": "cpu",
+        "cache": False,
+        "checkpoint": Path("out.safetensors.partial"),
     }
     assert Field.load("out.safetensors").settings == field.settings
     assert drawn("loss.png").std() > 5
@@ -383,7 +388,28 @@ def test_distill_leaves_defaults_to_the_function(run, folder):
         assert worked(run("distill", "MESH", "-o", "out.safetensors"))
     (_, encoder), given = distill.call_args
     assert encoder == defaults["encoder"]
-    assert all(value == defaults[name] for name, value in given.items() if name != "progress")
+    assert all(value == defaults[name] for name, value in given.items() if name not in ("progress", "checkpoint"))
+
+
+def test_distill_interrupted_says_how_to_go_on(run):
+    def interrupted(*_, checkpoint, **__):
+        checkpoint.mkdir()
+        raise KeyboardInterrupt
+
+    with mock.patch("dfd.distill", interrupted):
+        result = run("distill", "MESH", "-o", "out.safetensors")
+    message = "interrupted: the same command goes on from here; what is done is in out.safetensors.partial"
+    assert failed(result, message, code=130)
+
+
+def test_features_that_are_no_array_are_refused(run):
+    Path("rows.npy").write_text("1 2 3")
+    assert failed(
+        run("distill", "MESH", "-o", "out.safetensors", "--features", "rows.npy"), "`--features` must be an .npy file"
+    )
+    np.save("rows.npy", np.array([{}], dtype=object))
+    assert failed(run("distill", "MESH", "-o", "out.safetensors", "--features", "rows.npy"), "rows.npy is not: Object")
+    assert failed(run("distill", "MESH", "-o", "out.safetensors", "--features", "none.npy"), "none.npy: No such file")
 
 
 @pytest.mark.parametrize(
@@ -420,6 +446,7 @@ def test_demo_writes_where_it_is_told(run):
         (FileNotFoundError(2, "No such file or directory", "a.obj"), "dfd: a.obj: No such file or directory", 2),
         (PermissionError("the cache is locked"), "dfd: the cache is locked", 2),
         (MemoryError(), "dfd: out of memory", 2),
+        (MemoryError("distill: lower `views`"), "dfd: out of memory: distill: lower `views`", 2),
         (KeyboardInterrupt(), "dfd: interrupted", 130),
     ],
 )

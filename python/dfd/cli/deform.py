@@ -92,7 +92,7 @@ def deform(
     stages = Stages()
     with stages.stage("read"):
         shape = load(mesh)
-        opened = Field.load(field)
+        opened = Field.load(field, mesh=shape)
         deformer = Deformer.load(edit, shape, opened) if edit else Deformer(shape, opened)
     if handle is not None:
         deformer.add(place(shape, "--handle", handle), **given)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from inspect import signature
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 import dfd
 from dfd.cli.arguments import MeshArgument, check_output
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = ["distill"]
 
@@ -39,9 +42,19 @@ def distill(
     device: Annotated[
         str | None, typer.Option(help="Where torch computes: cpu, cuda, …; by default CUDA when there is one.")
     ] = DEFAULTS["device"],
+    features: Annotated[
+        Path | None,
+        typer.Option(metavar="NPY", help="Fit these instead: another network's features, a row for each vertex."),
+    ] = DEFAULTS["features"],
+    cache: Annotated[
+        bool, typer.Option("--cache/--no-cache", help="Take it from the cache when it was made before.")
+    ] = DEFAULTS["cache"],
     loss_curve: Annotated[Path | None, typer.Option(metavar="PNG", help="Draw the loss of every step.")] = None,
 ) -> None:
-    """Distill an image encoder's features into a field around MESH. Needed once per shape."""
+    """Distill an image encoder's features into a field around MESH. Needed once per shape.
+
+    What is done is kept in a folder beside FIELD until FIELD is whole: the same command goes on from there.
+    """
     check_output("--output", output, (".safetensors",))
     check_output("--loss-curve", loss_curve, (".png",))
 
@@ -50,19 +63,28 @@ def distill(
     stages = Stages()
     with stages.stage("read"):
         shape = dfd.load(mesh)
-    field = dfd.distill(
-        shape,
-        encoder,
-        views=views,
-        resolution=resolution,
-        framing=framing,
-        simplify_to=simplify_to,
-        supervision=supervision,
-        steps=steps,
-        seed=seed,
-        device=device,
-        progress=stages,
-    )
+    partial = output.with_name(f"{output.name}.partial")
+    try:
+        field = dfd.distill(
+            shape,
+            encoder,
+            features=None if features is None else _read_features(features),
+            views=views,
+            resolution=resolution,
+            framing=framing,
+            simplify_to=simplify_to,
+            supervision=supervision,
+            steps=steps,
+            seed=seed,
+            device=device,
+            progress=stages,
+            cache=cache,
+            checkpoint=partial,
+        )
+    except KeyboardInterrupt:
+        if partial.exists():
+            raise KeyboardInterrupt(f"the same command goes on from here; what is done is in {partial}") from None
+        raise
     field.save(output)
     if loss_curve is not None:
         from dfd.cli.loss_curve import save_loss_curve
@@ -70,3 +92,22 @@ def distill(
         save_loss_curve(loss_curve, field.settings["losses"])
     times = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in stages.seconds.items())
     typer.echo(f"{output}: a field of {field.dimension} dimensions ({times})", err=True)
+
+
+def _read_features(path: Path) -> NDArray[Any]:
+    """The array in an `.npy` file.
+
+    Raises
+    ------
+    ValueError
+        If it is no such file, or cut short, or holds Python objects, which are never opened.
+    OSError
+        If it cannot be read.
+    """
+    import numpy as np
+
+    try:
+        with path.open("rb") as stream:
+            return np.lib.format.read_array(stream, allow_pickle=False)
+    except (ValueError, EOFError) as error:
+        raise ValueError(f"`--features` must be an .npy file of numbers, but {path} is not: {error}") from None

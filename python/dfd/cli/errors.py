@@ -28,10 +28,10 @@ class CommandGroup(TyperGroup):
             warnings.showwarning = _show_warning
             try:
                 code = super().main(args, prog_name, *rest, **options)
-            except _Interrupted:
-                code = _fail("interrupted", INTERRUPTED)
-            except MemoryError:
-                code = _fail("out of memory", BAD_INPUT)
+            except _Interrupted as stop:
+                code = _fail(": ".join(["interrupted", *stop.args]), INTERRUPTED)
+            except MemoryError as error:
+                code = _fail(": ".join(["out of memory", *filter(None, [str(error)])]), BAD_INPUT)
             except BrokenPipeError:  # whoever read our output has had enough
                 os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
                 code = 1
@@ -51,8 +51,8 @@ class CommandGroup(TyperGroup):
         """Run the command that `ctx` names."""
         try:
             return super().invoke(ctx)
-        except KeyboardInterrupt:  # caught here, since Typer's own `main` prints what it likes
-            raise _Interrupted from None
+        except KeyboardInterrupt as stop:  # caught here, since Typer's own `main` prints what it likes
+            raise _Interrupted(*stop.args) from None
 
 
 class _Interrupted(Exception):  # noqa: N818  # no error: somebody pressed Ctrl-C

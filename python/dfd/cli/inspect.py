@@ -27,7 +27,7 @@ def inspect(
     shape = load(mesh)
     report: dict[str, Any] = {"file": str(mesh), **asdict(topology.inspect(shape))}
     if field is not None:
-        opened = Field.load(field)
+        opened = Field.load(field, mesh=shape)
         report["field"] = {
             "file": str(field),
             "dimension": opened.dimension,

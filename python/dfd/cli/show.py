@@ -89,7 +89,7 @@ def _rows(
     from dfd import Deformer, Field
     from dfd.colors import feature_colors
 
-    deformer = Deformer(shape, Field.load(field))
+    deformer = Deformer(shape, Field.load(field, mesh=shape))
     for text in handles:
         deformer.add(place(shape, "--handle", text), locality=locality)
     for text in fix:
