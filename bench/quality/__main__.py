@@ -1,0 +1,160 @@
+"""`python -m bench.quality`: tables and a page of pictures in bench/results/quality."""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import os
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+import dfd
+from bench.quality import shapes, sheet, studies
+from bench.quality.judge import Draw
+from bench.quality.lab import Lab
+from bench.quality.report import to_csv, to_markdown
+from bench.quality.shapes import Shape
+from bench.quality.studies import Bench, Row, Settings
+from dfd.files import atomic_write
+from dfd.pictures import contact_sheet, save_png
+
+OUTPUT = Path(__file__).resolve().parents[1] / "results" / "quality"
+QUICK: Settings = {"views": 12, "resolution": 280, "batch": 2048}
+FEW_FACES, SOME_FACES, MANY_FACES = 4_000, 20_000, 100_000
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the studies that the command line asks for."""
+    options = _parser().parse_args(arguments)
+    console = Console(stderr=True, highlight=False)
+    start = time.perf_counter()
+
+    def say(text: str) -> None:
+        console.print(f"[dim]{time.perf_counter() - start:5.0f} s[/dim]  {text}", soft_wrap=True)
+
+    if not options.download:
+        os.environ["HF_HUB_OFFLINE"] = "1"  # encoders are those at hand; nobody wants gigabytes for a table
+    settings = {**(QUICK if options.quick else {}), **settings_of(options.set)}
+    bench = Bench(
+        Lab(settings, say),
+        Draw(each=4, seeds=(0,)) if options.quick else Draw(),
+        range(options.seeds or (1 if options.quick else 3)),
+        say,
+    )
+    folder = Path(os.environ["DFD_MESHES"]) if os.environ.get("DFD_MESHES") else None
+    if folder is None:
+        say("DFD_MESHES is not set: made shapes only")
+    labelled = shapes.made(FEW_FACES if options.quick else SOME_FACES)
+    labelled += shapes.characters(folder, say) if folder else []
+    rows: list[Row] = []
+    plan = _plan(bench, labelled, folder, options.quick, {text: settings_of([text]) for text in options.variant})
+    chosen = [study for study in plan if not options.study or study in options.study]
+    for study in chosen:
+        say(f"[bold]{study}[/bold]")
+        rows += plan[study]()
+        _write(options.output, rows, bench, options.quick)
+    if "methods" in chosen:
+        say("[bold]pictures[/bold]")
+        pages = [sheet.row(bench, shape) for shape in labelled]
+        save_png(
+            options.output / "quality.png", contact_sheet(pages, title="The best and the worst part of each shape")
+        )
+    say("done")
+    Console().print(f"{options.output / 'quality.md'}", highlight=False, soft_wrap=True)
+
+
+def settings_of(texts: Sequence[str]) -> dict[str, Any]:
+    """Settings from words such as "steps=300": Python literals, and plain words for the rest."""
+    settings: dict[str, Any] = {}
+    for word in " ".join(texts).split():
+        name, equals, value = word.partition("=")
+        if not equals:
+            raise ValueError(f"a setting must read name=value, got {word!r}")
+        try:
+            settings[name] = ast.literal_eval(value)
+        except (ValueError, SyntaxError):
+            settings[name] = value
+    return settings
+
+
+def _plan(
+    bench: Bench, labelled: list[Shape], folder: Path | None, quick: bool, variants: dict[str, Settings]
+) -> dict[str, Callable[[], list[Row]]]:
+    """The studies by name, in order."""
+    lab = bench.lab
+    spot = None if quick else shapes.unlabelled(folder, "spot.obj")
+    last = labelled[-1].mesh  # the character without what it carries, or the robot: under all its names
+    subjects = [shape for shape in labelled if shape.mesh is last]
+    subjects = subjects if quick else [labelled[1], *subjects, *([spot] if spot else [])]
+
+    def comparison(study: str, on: list[Shape], settings: Callable[[], dict[str, Settings]]) -> None:
+        plan[study] = lambda: studies.compare(bench, study, on, settings())
+
+    everything = [*labelled, *([spot] if spot else [])]
+    plan: dict[str, Callable[[], list[Row]]] = {
+        "methods": lambda: studies.methods(bench, everything, peers=not quick),
+    }
+    if variants:
+        comparison("variants", everything, lambda: {"default": {}, **variants})
+    comparison("supervision", subjects, studies.supervision)
+    comparison("fit length", subjects, lambda: studies.fit_length(lab))
+    if not quick:
+        comparison("views", subjects, lambda: studies.views(lab))
+        comparison("seeds", subjects, studies.seeds)
+        comparison("blocks", subjects, lambda: studies.blocks(lab))
+        comparison("encoders", subjects, lambda: studies.encoders(lab))
+        plan["casting"] = lambda: studies.compare(bench, "casting", [_detailed(folder)], studies.casting())
+    return plan
+
+
+def _detailed(folder: Path | None) -> Shape:
+    """A shape of a hundred thousand faces."""
+    found = shapes.unlabelled(folder, "koala.obj")
+    if found is not None:
+        return found
+    sample = dfd.samples.quadruped(MANY_FACES)
+    return Shape(f"quadruped, {len(sample.mesh.faces):,} faces", sample.mesh, sample.labels, sample.parts)
+
+
+def _write(output: Path, rows: Sequence[Row], bench: Bench, quick: bool) -> None:
+    """Whole files, after every study: a long run that is cut short has told what it knew."""
+    settings = ", ".join(
+        f"{name} {value}" for name, value in bench.lab.settings.items() if name not in ("seed", "progress", "device")
+    )
+    seeds = f"{len(bench.seeds)} seeds of the fit" if len(bench.seeds) > 1 else "one seed of the fit"
+    drawn = f"{bench.draw.each} handles in every part, drawn {len(bench.draw.seeds)} times"
+    heading = f"{'A quick look. ' if quick else ''}Settings: {settings}; {seeds}; {drawn}."
+    output.mkdir(parents=True, exist_ok=True)
+    for name, text in (("quality.csv", to_csv(rows)), ("quality.md", to_markdown(rows, heading))):
+        with atomic_write(output / name) as temporary:
+            temporary.write_text(text, "utf-8")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser("python -m bench.quality", description=__doc__)
+    parser.add_argument(
+        "--quick", action="store_true", help="smaller pictures, fewer handles, one seed: about a minute"
+    )
+    parser.add_argument("--output", type=Path, default=OUTPUT, help="folder to write to (%(default)s)")
+    parser.add_argument("--study", action="append", default=[], help="only this study; may be repeated")
+    parser.add_argument("--seeds", type=int, help="fits that each number is the mean of")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="NAME=VALUE", help="a setting of all distillations"
+    )
+    parser.add_argument(
+        "--variant",
+        action="append",
+        default=[],
+        metavar="'NAME=VALUE …'",
+        help="settings to compare with the default on every shape; may be repeated",
+    )
+    parser.add_argument("--download", action="store_true", help="fetch the weights of all encoder presets from the hub")
+    return parser
+
+
+if __name__ == "__main__":
+    main()

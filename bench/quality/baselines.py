@@ -1,0 +1,123 @@
+"""Weights by methods that know nothing of looks: distances, and libigl's where it is installed."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import dfd
+
+PATIENCE = 120.0  # seconds that a peer gets for one shape
+
+
+class PeerError(RuntimeError):
+    """A peer gave no usable weights; the message says why."""
+
+
+def euclidean(vertices: NDArray[np.floating], handles: NDArray[np.integer]) -> NDArray[np.float64]:
+    """1 − distance through space, of the farthest vertex's: (V, H)."""
+    distance = np.linalg.norm(vertices[:, None] - vertices[handles], axis=2)
+    return 1 - distance / np.maximum(distance.max(axis=0), 1e-300)
+
+
+def geodesic(geodesics: dfd.Geodesics, handles: NDArray[np.integer]) -> NDArray[np.float32]:
+    """1 − distance along the surface, of the farthest vertex's: (V, H)."""
+    return 1 - geodesics.distances(handles).T
+
+
+def rounds(labels: NDArray[np.integer], handles: NDArray[np.integer]) -> list[NDArray[np.int64]]:
+    """Columns of `handles` in rounds of one handle a part, the way a person would place them."""
+    count: dict[int, int] = {}
+    found: dict[int, list[int]] = {}
+    for column, handle in enumerate(handles):
+        part = int(labels[handle])
+        found.setdefault(count.get(part, 0), []).append(column)
+        count[part] = count.get(part, 0) + 1
+    return [np.array(columns) for columns in found.values()]
+
+
+def biharmonic(
+    mesh: dfd.Mesh, labels: NDArray[np.integer], handles: NDArray[np.integer], *, bounded: bool
+) -> NDArray[np.float64]:
+    """Biharmonic weights (V, H) over the surface by libigl; `bounded` ones by its quadratic programme (BBW).
+
+    Such weights fall off towards the other handles: each round of one handle a part is solved by itself, 1 at the
+    handle and 0 at the others. Unbounded weights are cut to [0, 1].
+
+    Raises
+    ------
+    PeerError
+        If libigl is not installed, fails, crashes or takes longer than `PATIENCE`.
+    """
+    vertices, faces = np.ascontiguousarray(mesh.vertices), mesh.faces.astype(np.int64)
+    columns = rounds(labels, handles)
+    solved = in_child(_solve, vertices, faces, [np.asarray(handles)[each] for each in columns], bounded)
+    weights = np.empty((len(vertices), len(handles)))
+    for each, values in zip(columns, solved, strict=True):
+        weights[:, each] = values
+    if not np.isfinite(weights).all():
+        raise PeerError("gives NaN: the surface has pieces without a handle, or slivers")
+    return weights.clip(0, 1)
+
+
+def in_child(function: Callable[..., Any], *arguments: Any, seconds: float = PATIENCE) -> Any:
+    """What `function` returns in a process of its own, so that a peer can neither hang nor crash the bench.
+
+    Raises
+    ------
+    PeerError
+        If it raises, dies, or takes longer than `seconds`.
+    """
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    child = context.Process(target=_answer, args=(theirs,), daemon=True)
+    child.start()
+    theirs.close()
+    try:
+        ours.send((function, arguments))  # not at the start, where a child that dies at once would never be noticed
+        if not ours.poll(seconds):
+            raise PeerError(f"takes longer than {seconds:g} s")
+        fine, result = ours.recv()
+    except (EOFError, BrokenPipeError, ConnectionResetError):
+        child.join()
+        raise PeerError(f"crashes (exit code {child.exitcode})") from None
+    finally:
+        child.kill()
+        child.join()
+        ours.close()
+    if not fine:
+        raise PeerError(result)
+    return result
+
+
+def _answer(connection: Connection) -> None:
+    function, arguments = connection.recv()
+    try:
+        answer = (True, function(*arguments))
+    except Exception as error:  # whatever a peer raises is its result
+        answer = (False, (str(error).splitlines() or [type(error).__name__])[0])
+    connection.send(answer)
+
+
+def _solve(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64], handle_sets: list[NDArray[np.int64]], bounded: bool
+) -> list[NDArray[np.float64]]:
+    try:
+        import igl
+    except ImportError:
+        raise PeerError("libigl is not installed") from None
+    solved = []
+    for handles in handle_sets:
+        ones = np.eye(len(handles))
+        weights = (
+            igl.bbw(vertices, faces, handles, ones) if bounded else igl.harmonic(vertices, faces, handles, ones, 2)
+        )
+        if np.shape(weights) != (len(vertices), len(handles)):
+            raise PeerError("finds no solution")
+        solved.append(np.asarray(weights))
+    return solved

@@ -1,0 +1,78 @@
+"""Distillations that several studies share: each is made once, and each set of pictures is encoded once."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import dfd
+from dfd.encode import Encoder, load_encoder
+
+DEFAULTS: dict[str, Any] = {
+    name: parameter.default
+    for name, parameter in inspect.signature(dfd.distill).parameters.items()
+    if parameter.default is not inspect.Parameter.empty
+}
+TOKENS_KEPT = 3  # sets of pictures; the studies of one shape come one after the other
+
+
+class Lab:
+    """Gives fields for settings, by `dfd.distill`."""
+
+    def __init__(self, settings: Mapping[str, Any], say: Callable[[str], None]) -> None:
+        """Settings, by their names in `dfd.distill`, of all distillations; `say` hears of each."""
+        self.settings = {**DEFAULTS, **settings}
+        self._say = say
+        self._fields: dict[tuple[Any, ...], dfd.Field] = {}
+        self._encoders: dict[tuple[str, int | None], Encoder] = {}
+
+    def field(self, shape: str, mesh: dfd.Mesh, **changes: Any) -> dfd.Field:
+        """The field of `mesh`, called `shape`: the lab's settings with some `changes`, an encoder's "block" among them.
+
+        Raises
+        ------
+        ValueError, OSError
+            As `dfd.distill` and `dfd.encode.load_encoder`.
+        """
+        unknown = changes.keys() - DEFAULTS.keys() - {"block"}
+        if unknown:
+            raise ValueError(f"dfd.distill has no setting {sorted(unknown)[0]!r}")
+        settings = {**self.settings, **changes, "progress": False}
+        key = (mesh.content_hash, *sorted((name, repr(value)) for name, value in settings.items()))
+        if key not in self._fields:
+            self._say(f"distilling {shape}" + "".join(f", {name} {value}" for name, value in changes.items()))
+            encoder = self._encoder(settings.pop("encoder"), settings.pop("block", None))
+            self._fields[key] = dfd.distill(mesh, encoder, **settings)
+        return self._fields[key]
+
+    def blocks(self, encoder: str) -> tuple[int, int]:
+        """The block that `encoder` uses by itself, and how many it has."""
+        loaded = self._encoder(encoder, None)
+        return loaded.block, loaded._model.depth
+
+    def _encoder(self, name: str, block: int | None) -> Encoder:
+        if (name, block) not in self._encoders:
+            self._encoders[name, block] = remembering(load_encoder(name, block=block, device=self.settings["device"]))
+        return self._encoders[name, block]
+
+
+def remembering(encoder: Encoder) -> Encoder:
+    """Let `encoder` keep the tokens of the pictures that it saw last, for fits of other lengths and seeds."""
+    kept: dict[bytes, NDArray[np.float32]] = {}
+    look = encoder.encode
+
+    def encode(images: NDArray[np.uint8], *, mirror: bool = False, **others: Any) -> NDArray[np.float32]:
+        key = hashlib.sha256(np.ascontiguousarray(images)).digest() + bytes([mirror])
+        if key not in kept:
+            kept[key] = look(images, mirror=mirror, **others)
+            while len(kept) > TOKENS_KEPT:
+                del kept[next(iter(kept))]
+        return kept[key]
+
+    encoder.encode = encode  # type: ignore[method-assign]
+    return encoder

@@ -1,0 +1,51 @@
+"""The table of results: as CSV for programs and as Markdown for people."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+
+from bench.quality.studies import Row
+
+MEASURES = ("precision", "precision ±", "ratio", "moving", "symmetry error", "Dirichlet energy", "off the first")
+LEGEND = {
+    "precision": "mean average precision, over parts, with which a handle's weights rank its own kind of part first",
+    "precision ±": "its standard deviation over the seeds of the fit",
+    "ratio": "mean weight of the same kind of part over mean weight of the rest, median over handles",
+    "moving": "share of the vertices with a weight above 0.01",
+    "symmetry error": "mean of |W(i, j) − W(mirror i, mirror j)| over the mean weight, on shapes that are their mirror",
+    "Dirichlet energy": "∫ ‖∇w‖² over the full mesh, mean over handles; less is smoother",
+    "off the first": "mean of |W − W'| over the mean of W', the weights of the group's first row",
+}
+
+
+def to_csv(rows: Sequence[Row]) -> str:
+    """One line a row of results, one column a measure, empty where it does not apply."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(["study", "shape", "setting", *MEASURES, "note"])
+    for row in rows:
+        values = (f"{row.verdict[measure]:.6g}" if measure in row.verdict else "" for measure in MEASURES)
+        table.writerow([row.study, row.shape, row.setting, *values, row.note])
+    return text.getvalue()
+
+
+def to_markdown(rows: Sequence[Row], heading: str) -> str:
+    """A section and a table a study; within it only the measures that some row has."""
+    lines = ["# Quality of the weights", "", heading, ""]
+    for study in dict.fromkeys(row.study for row in rows):
+        own = [row for row in rows if row.study == study]
+        measures = [measure for measure in MEASURES if any(measure in row.verdict for row in own)]
+        lines += [f"## {study.capitalize()}", ""]
+        lines += ["| " + " | ".join(["shape", "setting", *measures]) + " |"]
+        lines += ["|" + "---|" * 2 + "---:|" * len(measures)]
+        for row in own:
+            values = [f"{row.verdict[measure]:.3g}" if measure in row.verdict else "" for measure in measures]
+            if row.note:
+                values = [row.note.replace("|", "/"), *[""] * (len(measures) - 1)]
+            lines.append("| " + " | ".join([row.shape, row.setting, *values]) + " |")
+        lines.append("")
+    lines += ["## What the columns mean", ""]
+    lines += [f"- **{measure}**: {meaning}." for measure, meaning in LEGEND.items()]
+    return "\n".join(lines) + "\n"

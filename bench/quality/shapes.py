@@ -1,0 +1,79 @@
+"""The shapes that the weights are judged on: made ones, and what lies in the folder that DFD_MESHES names."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import dfd
+from bench.quality.measures import mirror_of
+from bench.quality.parts import label_vertices, merged, only, sides_as_one
+from bench.quality.skins import strongest_joints
+
+EXACT = 1e-5  # of the longest side: closer than that, a shape is its own mirror image
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A mesh, and a part per vertex where parts are known."""
+
+    name: str
+    mesh: dfd.Mesh
+    labels: NDArray[np.integer] | None = None  # (V,) index into `parts`, −1 where a vertex belongs to none
+    parts: tuple[str, ...] = ()
+
+    @cached_property
+    def partner(self) -> NDArray[np.int64] | None:
+        """(V,) the vertex at each one's mirror image across x; None if the shape is not its own mirror image."""
+        partner, miss = mirror_of(self.mesh.vertices)
+        return partner if miss < EXACT else None
+
+
+def made(faces: int) -> list[Shape]:
+    """The labelled samples of dfd, of about `faces` faces."""
+    found = []
+    for make in (dfd.samples.chair, dfd.samples.quadruped, dfd.samples.robot):
+        sample = make(faces)
+        found.append(Shape(make.__name__, sample.mesh, sample.labels, sample.parts))
+    return found
+
+
+def characters(folder: Path, say: Callable[[str], None]) -> Iterator[Shape]:
+    """Every skinned GLB in `folder`, four times: whole and only what is skinned, each by merged and by the rig's names.
+
+    What cannot be read is told to `say` and left out.
+    """
+    if importlib.util.find_spec("pygltflib") is None:
+        say("skinned shapes are left out: pygltflib is not installed")
+        return
+    for path in sorted(folder.glob("*.glb")):
+        try:
+            places, joints = strongest_joints(path)
+        except (ValueError, OSError, KeyError, IndexError, TypeError) as error:
+            say(f"{path.name}: {error}")
+            continue
+        if not joints:
+            continue
+        whole = dfd.load(path)
+        skinned = label_vertices(whole, places, joints, lambda _: "skinned")[0] >= 0
+        if skinned.mean() < 0.05:
+            say(f"{path.name}: its skin does not lie on its surface")
+            continue
+        bare, old = only(whole, skinned)
+        for naming, kind in (("merged", merged), ("rig", sides_as_one)):
+            labels, parts = label_vertices(whole, places, joints, kind)
+            yield Shape(f"{path.stem}, {naming} names", whole, labels, parts)
+            if len(old) < len(whole.vertices):
+                yield Shape(f"{path.stem} without accessories, {naming} names", bare, labels[old], parts)
+
+
+def unlabelled(folder: Path | None, name: str) -> Shape | None:
+    """A mesh of `folder` without labels, if it is there."""
+    path = None if folder is None else folder / name
+    return Shape(path.stem, dfd.load(path)) if path is not None and path.is_file() else None

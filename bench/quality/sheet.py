@@ -1,0 +1,61 @@
+"""The page of pictures: per shape its features, and its best and its worst part beside distance along the surface."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+import dfd
+from bench.quality.baselines import geodesic
+from bench.quality.judge import handles
+from bench.quality.measures import handle_precision
+from bench.quality.shapes import Shape
+from bench.quality.studies import Bench
+from dfd.colors import feature_colors
+from dfd.pictures import heat_bar, picture
+
+RESOLUTION = 320
+
+Picture = tuple[NDArray[np.uint8], str]
+
+
+def row(bench: Bench, shape: Shape) -> tuple[str, Sequence[Picture]]:
+    """Draw one labelled shape: a heading, and pictures with captions."""
+    assert shape.labels is not None
+    mesh, labels = shape.mesh, shape.labels
+    features = bench.lab.field(shape.name, mesh, seed=bench.seeds[0]).features(mesh)
+    chosen = handles(shape, bench.draw.each, bench.draw.seeds[0])
+    weights = dfd.bind(features, chosen)
+    precision = handle_precision(weights, labels, chosen)
+    own = labels[chosen]
+    by_part = {part: np.nanmean(precision[own == part]) for part in np.unique(own[~np.isnan(precision)])}
+    pictures: list[Picture] = [(picture(mesh, colors=feature_colors(features), resolution=RESOLUTION), "features")]
+    geodesics = dfd.Geodesics(mesh)
+    for word, part in (
+        ("best", max(by_part, key=by_part.__getitem__)),
+        ("worst", min(by_part, key=by_part.__getitem__)),
+    ):
+        column = _typical(precision, own == part)
+        handle = chosen[column : column + 1]
+        baseline = geodesic(geodesics, handle)
+        name = shape.parts[part]
+        ranked = float(handle_precision(baseline, labels, handle)[0])
+        pictures.append((_heat(mesh, weights[:, column], handle), f"{word}: {name}, precision {precision[column]:.2f}"))
+        pictures.append((_heat(mesh, baseline[:, 0], handle), f"{name} by geodesic distance, {ranked:.2f}"))
+    pictures.append((heat_bar(RESOLUTION), ""))
+    return f"{shape.name}: part precision {np.mean(list(by_part.values())):.2f}", pictures
+
+
+def _typical(precision: NDArray[np.float64], among: NDArray[np.bool_]) -> int:
+    """The column of `among` whose precision is nearest to their mean: neither a lucky nor an unlucky handle."""
+    columns = np.flatnonzero(among & ~np.isnan(precision))
+    return int(columns[np.abs(precision[columns] - precision[columns].mean()).argmin()])
+
+
+def _heat(mesh: dfd.Mesh, weights: NDArray[np.floating], handle: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """Weights of one handle, seen from the side that it is on."""
+    x, _, z = mesh.normals[handle[0]]
+    azimuth = float(np.degrees(np.arctan2(x, z))) if np.hypot(x, z) > 0.3 else 35.0
+    return picture(mesh, weights=weights, handles=handle, azimuth=azimuth, resolution=RESOLUTION)
