@@ -11,7 +11,7 @@
 namespace dfd {
 namespace {
 
-constexpr std::size_t grain = 64;                            // vertices
+constexpr std::size_t grain_entries = std::size_t{1} << 19;   // of features, compared: less is not worth a thread
 constexpr std::size_t streamed_bytes = std::size_t{1} << 24;  // results beyond this would only wash out the caches
 
 // Points rearranged in groups of 16, and the targets that refer to them.
@@ -144,6 +144,8 @@ void bind(const Features& features, const Points& handles, const Constraints& co
     const Scratch scratch(threads, bind_scratch(features.dimension, handles.rows.rows));
     const BindRange bind_range = range_of(kernels, features.layout);
     std::atomic<unsigned> faults = no_fault;
+    const std::size_t compared = features.dimension * (handles.rows.rows + fixed.rows.rows + 1) + 1;
+    const std::size_t grain = (grain_entries / compared / block_size + 1) * block_size;
     parallel_ranges(features.vertex_count, grain, threads, [&](std::size_t worker, std::size_t begin, std::size_t end) {
         faults |= bind_range(job, begin, end, scratch.of(worker));
     });

@@ -19,15 +19,15 @@ namespace dfd {
 template <class Work>
 void parallel_ranges(std::size_t count, std::size_t grain, int threads, const Work& work)
 {
-    constexpr std::size_t ranges_per_worker = 8;
+    constexpr std::size_t ranges_per_worker = 8, alignment = 16;
     const std::size_t workers =
-        std::min((count + grain - 1) / grain, static_cast<std::size_t>(std::max(threads, 1)));
+        std::min(count / grain, static_cast<std::size_t>(std::max(threads, 1)));
     if (workers <= 1) {
         if (count > 0) work(std::size_t{0}, std::size_t{0}, count);
         return;
     }
     const std::size_t share = (count + workers * ranges_per_worker - 1) / (workers * ranges_per_worker);
-    const std::size_t range = (share + grain - 1) / grain * grain;
+    const std::size_t range = (share + alignment - 1) / alignment * alignment;
     std::atomic<std::size_t> next = 0;
     const auto take_ranges = [&](std::size_t worker) {
         for (std::size_t begin; (begin = next.fetch_add(range, std::memory_order_relaxed)) < count;)

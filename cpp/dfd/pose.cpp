@@ -11,7 +11,7 @@
 namespace dfd {
 namespace {
 
-constexpr std::size_t grain = 1024;  // vertices
+constexpr std::size_t grain_weights = std::size_t{1} << 15;  // blended: less is not worth a thread
 
 using Point = std::array<double, 3>;
 
@@ -143,6 +143,7 @@ void pose(const PoseArrays<T>& arrays, const Motion& motion, int threads, const 
     const Scratch scratch(threads, pose_scratch(job.handle_count));
     const PoseRange<T> pose_range = range_of(kernels, job);
     std::atomic<bool> finite = true;
+    const std::size_t grain = (grain_weights / (job.handle_count + 1) / block_size + 1) * block_size;
     parallel_ranges(count, grain, threads, [&](std::size_t worker, std::size_t begin, std::size_t end) {
         if (!pose_range(job, begin, end, scratch.of(worker))) finite = false;
     });

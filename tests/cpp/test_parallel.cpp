@@ -12,7 +12,7 @@ CASE("every index is visited once, whatever the number of threads")
             std::vector<std::atomic<int>> visits(count);
             std::atomic<int> wrong = 0;
             dfd::parallel_ranges(count, 64, threads, [&](std::size_t worker, std::size_t begin, std::size_t end) {
-                wrong += begin % 64 != 0 || worker >= std::size_t(std::max(threads, 1));
+                wrong += begin % 16 != 0 || worker >= std::size_t(std::max(threads, 1));
                 for (std::size_t i = begin; i < end; ++i) ++visits[i];
             });
             CHECK(wrong == 0);

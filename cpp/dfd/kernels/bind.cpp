@@ -10,7 +10,7 @@ namespace {
 constexpr std::size_t width = lanes<float>;
 constexpr std::size_t parts = vectors<float>;
 constexpr std::size_t chunk = 128;              // entries summed before the sum joins the total
-constexpr std::size_t ahead = 16 * block_size;  // vertices to prefetch
+constexpr std::size_t geodesic_ahead = 1024;    // bytes of each handle's distances to prefetch
 constexpr float geodesic_slack = 1e-5f;         // what rounding may add to the largest distance
 
 // Handles whose sums stay in registers together.
@@ -270,7 +270,7 @@ DFD_INLINE void bind_block(const BindJob& job, const Panel& panel, std::size_t b
             result.part[part] = maximum(weight(squares.part[part]) - held.part[part], splat(0.0f));  // Equation (6)
         if (job.geodesic != nullptr) {
             const float* distances = job.geodesic + j * job.vertex_count + begin;
-            __builtin_prefetch(distances + ahead);  // more streams than the machine follows by itself
+            prefetch(distances, geodesic_ahead, 1);  // more streams than the machine follows by itself
             float padded[block_size] = {};
             if (count < block_size) {
                 for (std::size_t lane = 0; lane < count; ++lane) padded[lane] = distances[lane];

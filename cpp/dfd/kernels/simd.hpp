@@ -63,6 +63,13 @@ DFD_INLINE Float splat(float value) { return value - Float{}; }
 DFD_INLINE Double splat(double value) { return value - Double{}; }
 DFD_INLINE Int splat(std::int32_t value) { return value - Int{}; }
 
+// Asks for `size` bytes that lie `ahead` of a place, whether or not they are still part of its array.
+DFD_INLINE void prefetch(const void* place, std::size_t ahead, std::size_t size)
+{
+    const std::uintptr_t first = reinterpret_cast<std::uintptr_t>(place) + ahead;
+    for (std::size_t line = 0; line < size; line += 64) __builtin_prefetch(reinterpret_cast<const void*>(first + line));
+}
+
 // What a comparison of two vectors gives: a mask register where the machine has them, else a vector.
 #if defined(__AVX512F__)
 

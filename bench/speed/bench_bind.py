@@ -1,0 +1,73 @@
+"""Suite for asv: binding."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import dfd
+
+from .machine import reading
+from .scene import make_scene
+
+VERTICES = 500_000
+
+
+class Bind:
+    """Compact features, so many handles."""
+
+    params = (1, 10, 100)
+    param_names = ("handles",)
+
+    def setup(self, handles: int) -> None:
+        """Make the scene and a place for the weights."""
+        self.scene = make_scene(VERTICES)
+        self.handles = self.scene.handles(handles)
+        self.out = np.empty((VERTICES, handles), np.float32)
+        self.read = reading(self.scene.compact.nbytes)
+
+    def time_bind(self, handles: int) -> None:
+        """Weights into an array that is there already."""
+        dfd.bind(self.scene.compact, self.handles, out=self.out)
+
+    def time_read_ceiling(self, handles: int) -> None:
+        """Reading the same bytes."""
+        self.read()
+
+
+class Constrained:
+    """Ten handles, three fixed points, and locality."""
+
+    def setup(self) -> None:
+        """Make the scene, distances and a place for the weights."""
+        self.scene = make_scene(VERTICES)
+        self.geodesic = np.random.default_rng(0).random((10, VERTICES), dtype=np.float32)
+        self.out = np.empty((VERTICES, 10), np.float32)
+
+    def time_bind(self) -> None:
+        """Everything in one pass."""
+        dfd.bind(
+            self.scene.compact,
+            self.scene.handles(10),
+            fixed=[1, 2, 3],
+            geodesic=self.geodesic,
+            locality=2.0,
+            out=self.out,
+        )
+
+
+class Full:
+    """Full float32 features, read where they lie."""
+
+    params = (1, 10)
+    param_names = ("handles",)
+
+    def setup(self, handles: int) -> None:
+        """Make a tenth of the vertices' features."""
+        scene = make_scene(VERTICES)
+        self.features = scene.features(VERTICES // 10)
+        self.handles = np.arange(handles)
+        self.out = np.empty((len(self.features), handles), np.float32)
+
+    def time_bind(self, handles: int) -> None:
+        """Weights into an array that is there already."""
+        dfd.bind(self.features, self.handles, out=self.out)

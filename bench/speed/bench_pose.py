@@ -1,0 +1,47 @@
+"""Suite for asv: posing and dragging."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import dfd
+
+from .machine import copying
+from .scene import make_scene
+
+VERTICES = 500_000
+
+
+class Pose:
+    """Vertices in float32 and float64, one handle and a hundred."""
+
+    params = ((1, 100), ("float32", "float64"))
+    param_names = ("handles", "type")
+
+    def setup(self, handles: int, dtype: str) -> None:
+        """Bind, and make a place for the vertices."""
+        scene = make_scene(VERTICES)
+        self.weights = dfd.bind(scene.compact, scene.handles(handles)) / handles
+        self.transforms = scene.transforms[:handles]
+        self.vertices = scene.vertices.astype(dtype)
+        self.out = np.empty_like(self.vertices)
+        self.plane = dfd.SymmetryPlane((1.0, 0.0, 0.0), 0.0, band=0.01)
+        self.places = self.vertices[scene.handles(handles)]
+        self.drag = dfd.Drag(self.vertices, self.weights, self.transforms, [0])
+        self.copy = copying(28 * VERTICES)
+
+    def time_pose(self, handles: int, dtype: str) -> None:
+        """All handles move."""
+        dfd.pose(self.vertices, self.weights, self.transforms, out=self.out)
+
+    def time_mirrored(self, handles: int, dtype: str) -> None:
+        """All handles move, across a plane with a band."""
+        dfd.pose(self.vertices, self.weights, self.transforms, symmetry=self.plane, handles=self.places, out=self.out)
+
+    def time_drag(self, handles: int, dtype: str) -> None:
+        """One handle moves, the others rest."""
+        self.drag.pose(self.transforms[:1], out=self.out)
+
+    def time_copy_ceiling(self, handles: int, dtype: str) -> None:
+        """Copying 28 bytes a vertex."""
+        self.copy()

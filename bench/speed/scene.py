@@ -1,0 +1,55 @@
+"""Made input of any size: features of low rank as a field gives them, vertices, transforms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+import dfd
+
+__all__ = ["Scene", "make_scene"]
+
+WIDTH = 384  # of the features of a small vision transformer
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A shape without faces: what binding and posing see of one."""
+
+    vertices: NDArray[np.float32]  # (V, 3)
+    compact: dfd.CompactFeatures
+    transforms: NDArray[np.float64]  # (100, 3, 4)
+
+    def features(self, count: int | None = None) -> NDArray[np.float32]:
+        """(count, 384) unit rows of the first vertices, or of all."""
+        return field(self.vertices[:count])
+
+    def handles(self, count: int) -> NDArray[np.int64]:
+        """`count` distinct vertices, spread over the shape."""
+        return np.linspace(0, len(self.vertices) - 1, count).astype(np.int64)
+
+
+def field(points: NDArray[np.floating]) -> NDArray[np.float32]:
+    """(N, 384) unit rows: smooth functions of the place whose amplitudes fall off, as distilled features' do."""
+    random = np.random.default_rng(0)
+    rank = 64
+    frequencies = random.standard_normal((3, rank)) * np.linspace(0.3, 2.5, rank)
+    phases = random.uniform(0, 2 * np.pi, rank)
+    lift = random.standard_normal((rank, WIDTH)) * (0.9 ** np.arange(rank))[:, None]
+    offset = 2.5 * random.standard_normal(WIDTH)
+    rows = np.sin(points.astype(np.float32) @ frequencies.astype(np.float32) + phases.astype(np.float32))
+    rows = rows @ lift.astype(np.float32) + offset.astype(np.float32)
+    rows /= np.linalg.norm(rows, axis=1, keepdims=True)
+    return rows
+
+
+@lru_cache(maxsize=1)
+def make_scene(vertex_count: int) -> Scene:
+    """The scene with so many vertices."""
+    random = np.random.default_rng(1)
+    vertices = random.standard_normal((vertex_count, 3), dtype=np.float32)
+    transforms = np.eye(3, 4) + 0.05 * random.standard_normal((1000, 3, 4))
+    return Scene(vertices, dfd.compact(field, vertices), transforms)
