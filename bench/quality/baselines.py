@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 import dfd
 
@@ -52,16 +54,20 @@ def biharmonic(
     Raises
     ------
     PeerError
-        If libigl is not installed, fails, crashes or takes longer than `PATIENCE`.
+        If libigl is not installed, fails, crashes or takes longer than `PATIENCE`, or a piece of the surface has no
+        handle: the equations leave its weights open.
     """
     vertices, faces = np.ascontiguousarray(mesh.vertices), mesh.faces.astype(np.int64)
     columns = rounds(labels, handles)
+    pieces = _pieces(mesh)
+    if any(len(np.unique(pieces[np.asarray(handles)[each]])) <= pieces.max() for each in columns):
+        raise PeerError(f"needs a handle on every one of the {pieces.max() + 1} pieces of the surface")
     solved = in_child(_solve, vertices, faces, [np.asarray(handles)[each] for each in columns], bounded)
     weights = np.empty((len(vertices), len(handles)))
     for each, values in zip(columns, solved, strict=True):
         weights[:, each] = values
     if not np.isfinite(weights).all():
-        raise PeerError("gives NaN: the surface has pieces without a handle, or slivers")
+        raise PeerError("gives NaN")
     return weights.clip(0, 1)
 
 
@@ -102,6 +108,14 @@ def _answer(connection: Connection) -> None:
     except Exception as error:  # whatever a peer raises is its result
         answer = (False, (str(error).splitlines() or [type(error).__name__])[0])
     connection.send(answer)
+
+
+def _pieces(mesh: dfd.Mesh) -> NDArray[np.int32]:
+    """(V,) the connected piece of every vertex; vertices without faces are pieces of their own."""
+    edges = mesh.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
+    count = len(mesh.vertices)
+    graph = coo_array((np.ones(len(edges), bool), (edges[:, 0], edges[:, 1])), shape=(count, count))
+    return connected_components(graph, directed=False)[1]
 
 
 def _solve(
