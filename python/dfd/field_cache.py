@@ -30,7 +30,7 @@ def find(recipe: Mapping[str, Any]) -> Field | None:
     """Return the field that `recipe` made, or None where no sound entry has it."""
     for path in _entries(f"{digest(recipe)}-"):
         with contextlib.suppress(OSError, ValueError):  # tidied up by another process, or of no use
-            if _checksum(path) != path.stem.rpartition("-")[2]:
+            if not _sound(path):
                 continue
             field = Field.load(path)
             with contextlib.suppress(OSError):  # a cache that can only be read
@@ -40,7 +40,10 @@ def find(recipe: Mapping[str, Any]) -> Field | None:
 
 
 def store(recipe: Mapping[str, Any], field: Field) -> None:
-    """Keep `field` under `recipe`; where the cache cannot be written, say so once and go on."""
+    """Keep `field` under `recipe`; where the cache cannot be written, say so once and go on.
+
+    Two processes that make the same field at once may each leave an entry: one of them is never used, and goes in time.
+    """
     folder = _folder()
     temporary = folder / f".{secrets.token_hex(8)}.safetensors"
     try:
@@ -55,7 +58,7 @@ def store(recipe: Mapping[str, Any], field: Field) -> None:
             f"distill: the cache folder {folder} cannot be written ({error.strerror or error}): the field is not kept "
             "for another call; DFD_CACHE names another folder",
             RuntimeWarning,
-            stacklevel=3,
+            stacklevel=4,
         )
         return
     _tidy(entry)
@@ -63,10 +66,10 @@ def store(recipe: Mapping[str, Any], field: Field) -> None:
 
 def _tidy(newest: Path) -> None:
     """Let go of damaged twins of the `newest` entry, of litter, and of the oldest entries beyond the limit."""
-    recipe = newest.name.partition("-")[0]
-    for path in _entries(f"{recipe}-"):
-        if path != newest:
-            _remove(path)
+    for path in _entries(f"{newest.name.partition('-')[0]}-"):
+        with contextlib.suppress(OSError):
+            if not _sound(path):
+                _remove(path)
     now, total = time.time(), 0
     for path in _folder().glob(".*"):
         with contextlib.suppress(OSError):
@@ -89,14 +92,19 @@ def _folder() -> Path:
 
 def _entries(start: str = "") -> list[Path]:
     try:
-        return [path for path in _folder().iterdir() if path.suffix == ".safetensors" and path.name.startswith(start)]
+        names = [path for path in _folder().iterdir() if path.suffix == ".safetensors" and path.name[0] != "."]
     except OSError:
         return []
+    return [path for path in names if path.name.startswith(start)]
 
 
 def _remove(path: Path) -> None:
     with contextlib.suppress(OSError):
         path.unlink()
+
+
+def _sound(path: Path) -> bool:
+    return _checksum(path) == path.stem.rpartition("-")[2]
 
 
 def _checksum(path: Path) -> str:
