@@ -20,7 +20,7 @@ from dfd.files import atomic_write
 
 from .measure import measure
 from .peers import MESH_PEERS, torch_binding, torch_blending
-from .scene import Scene, make_scene
+from .scene import Scene, make_scene, torus
 
 __all__ = ["draw"]
 
@@ -142,7 +142,7 @@ def _fig10(sizes: list[int], distill_faces: int) -> Iterator[Row]:
             weights = dfd.bind(scene.compact, [0])
             yield "torch pose", faces, _milliseconds(torch_blending(scene.vertices, weights, scene.transforms[:1]))
         if faces <= distill_faces:
-            mesh = dfd.samples.quadruped(faces).mesh
+            mesh = dfd.Mesh(*torus(faces))
             start = time.perf_counter()
             dfd.compact(dfd.distill(mesh, progress=False), mesh.vertices)
             yield "dfd preprocess", faces, 1e3 * (time.perf_counter() - start)
@@ -170,10 +170,10 @@ def _in_a_process(name: str, faces: int) -> dict[str, float]:
 
 
 def _run_peer(sender: Connection, name: str, faces: int) -> None:
-    mesh = dfd.samples.quadruped(faces).mesh
+    vertices, triangles = torus(faces)
     stages: dict[str, float] = {}
     try:
-        for stage, call in MESH_PEERS[name](np.array(mesh.vertices), np.array(mesh.faces)).items():
+        for stage, call in MESH_PEERS[name](vertices, triangles).items():
             start = time.perf_counter()
             call()
             stages[stage] = 1e3 * (time.perf_counter() - start)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import dfd
 
-__all__ = ["Scene", "make_scene"]
+__all__ = ["Scene", "make_scene", "torus"]
 
 WIDTH = 384  # of the features of a small vision transformer
 
@@ -53,3 +53,18 @@ def make_scene(vertex_count: int) -> Scene:
     vertices = random.standard_normal((vertex_count, 3), dtype=np.float32)
     transforms = np.eye(3, 4) + 0.05 * random.standard_normal((1000, 3, 4))
     return Scene(vertices, dfd.compact(field, vertices), transforms)
+
+
+def torus(face_count: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Vertices (V, 3) and faces (F, 3) of a bumpy torus of about so many faces."""
+    around = max(int(np.sqrt(face_count / 6)), 4)
+    along = max(face_count // (2 * around), 4)
+    u, v = np.meshgrid(np.arange(along) * 2 * np.pi / along, np.arange(around) * 2 * np.pi / around, indexing="ij")
+    radius = 0.35 + 0.05 * np.sin(5 * u) * np.cos(2 * v)
+    ring = 1 + radius * np.cos(v)
+    vertices = np.stack([ring * np.cos(u), radius * np.sin(v), ring * np.sin(u)], axis=-1).reshape(-1, 3)
+    index = np.arange(along * around).reshape(along, around)
+    right, down = np.roll(index, -1, axis=0), np.roll(index, -1, axis=1)
+    across = np.roll(right, -1, axis=1)
+    corners = [np.stack([index, down, right], -1), np.stack([right, down, across], -1)]
+    return vertices, np.concatenate(corners).reshape(-1, 3).astype(np.int32)
