@@ -93,6 +93,12 @@ class Checkpoint:
             with atomic_write(self.folder / _RECIPE, "checkpoint") as temporary:
                 temporary.write_text(json.dumps(dict(recipe), indent=2, sort_keys=True), "utf-8")
 
+    @staticmethod
+    def discard(folder: str | os.PathLike[str], recipe: Mapping[str, Any]) -> None:
+        """Take away what an earlier run of `recipe` left in `folder`; anything else stays."""
+        if _read_recipe(Path(folder) / _RECIPE) == dict(recipe):
+            Checkpoint(folder, recipe).remove()
+
     def encode(
         self, model: Encoder, images: NDArray[np.uint8], *, mirror: bool = False, stages: Stages
     ) -> NDArray[np.float32]:
@@ -183,7 +189,8 @@ class FitState:
             return
         stream = io.BytesIO()
         state = {name: part.state_dict() for name, part in parts.items()}
-        torch.save({"losses": torch.stack(losses).cpu(), "parts": state, "generator": generator.get_state()}, stream)
+        so_far = torch.stack([loss.cpu() for loss in losses])  # some were read, and lie there already
+        torch.save({"losses": so_far, "parts": state, "generator": generator.get_state()}, stream)
         self._checkpoint._write(self._name, stream.getbuffer())
         self._saved = time.monotonic()
 

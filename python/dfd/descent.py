@@ -56,7 +56,7 @@ def descend(
             points, targets = draw()
             loss = (field.from_normalized(points) - targets).square().sum(dim=1).mean()
             optimizer.zero_grad(set_to_none=True)
-            loss.backward()
+            torch.autograd.backward(loss)
             optimizer.step()
             schedule.step()
             losses.append(loss.detach())

@@ -40,8 +40,11 @@ class Run:
         self._kept: Checkpoint | None = None
 
     def found(self) -> Field | None:
-        """The field, where the cache has it already."""
-        return field_cache.find(self._recipe) if self._cache else None
+        """The field, where the cache has it already; what an earlier run left undone is of no use then."""
+        field = field_cache.find(self._recipe) if self._cache else None
+        if field is not None and self._folder is not None:
+            Checkpoint.discard(self._folder, self._recipe)
+        return field
 
     def begin(self) -> None:
         """Make the checkpoint, or take up the one that is there.

@@ -150,7 +150,7 @@ def test_given_features_go_on_too(mesh: Mesh, tmp_path: Path, monkeypatch: pytes
 
 
 def start(mesh: Path, encoder: Path, output: Path) -> subprocess.Popen[str]:
-    """The command line with the settings of `SMALL` and 100 steps, slowed down to 15 ms a step and kept every few of them."""
+    """The command line with the settings of `SMALL` and 100 steps, each slowed down by 15 ms."""
     code = (
         "import sys, time; import torch; torch.set_num_threads(1)\n"
         "import dfd.encode; dfd.encode._PIXELS_AT_ONCE = {'cpu': 2 * 32 * 32}\n"
@@ -222,6 +222,19 @@ def test_other_settings_begin_anew_and_say_so(
     moved = Mesh(mesh.vertices * 2, mesh.faces)
     with pytest.warns(UserWarning, match=r"other settings \(another mesh\)"):
         dfd.distill(moved, encoder, checkpoint=tmp_path / "run", **SMALL)
+
+
+def test_a_field_from_the_cache_leaves_no_checkpoint(
+    encoder: Path, mesh: Mesh, whole: Field, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DFD_CACHE", str(tmp_path / "cache"))
+    interrupted(mesh, encoder, tmp_path / "run", monkeypatch)
+    interrupted(Mesh(mesh.vertices * 2, mesh.faces), encoder, tmp_path / "other", monkeypatch)
+    settings = {**SMALL, "cache": True}
+    assert same(dfd.distill(mesh, encoder, **settings), whole)
+    for folder in ("run", "other"):
+        assert same(dfd.distill(mesh, encoder, checkpoint=tmp_path / folder, **settings), whole)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["cache", "other"]
 
 
 def test_damaged_pieces_are_made_again(
