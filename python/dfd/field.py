@@ -20,7 +20,6 @@ from dfd.files import atomic_write
 
 if TYPE_CHECKING:
     from dfd.mesh import Mesh
-    from dfd.progress import Stages
 
 __all__ = ["Field"]
 
@@ -135,37 +134,26 @@ class Field(nn.Module):
 
     @classmethod
     def from_vertex_features(
-        cls,
-        mesh: Mesh,
-        features: ArrayLike | tuple[ArrayLike, ArrayLike],
-        *,
-        steps: int = 150,
-        batch: int = 8192,
-        learning_rate: float = 3e-3,
-        seed: int = 0,
-        device: str | None = None,
-        progress: bool | Stages = True,
+        cls, mesh: Mesh, features: ArrayLike | tuple[ArrayLike, ArrayLike], **settings: Any
     ) -> Field:
-        """Fit a field to features that any other network has given: `dfd.distill` with `features`, see there.
+        """Fit a field to features that any other network has given: `dfd.distill` with `features`.
 
         Parameters
         ----------
         features
-            (V, D), a row a vertex of `mesh`, or the pair points (N, 3) in mesh units and their rows (N, D).
+            (V, D), a row a vertex of `mesh`, or the pair points (N, 3) in mesh units and their rows (N, D). Rows need
+            not be of unit length; only their directions count.
+        settings
+            What `dfd.distill` takes for a fit: steps, batch, learning_rate, seed, device, progress, cache, checkpoint.
+
+        Raises
+        ------
+        ValueError
+            If a row is zero, a number not finite, or the length not that of the mesh or the points.
         """
         from dfd.distill import distill
 
-        return distill(
-            mesh,
-            features=features,
-            steps=steps,
-            batch=batch,
-            learning_rate=learning_rate,
-            seed=seed,
-            device=device,
-            progress=progress,
-            cache=False,
-        )
+        return distill(mesh, features=features, **settings)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the field to `path` (.safetensors), whole or not at all.
