@@ -15,7 +15,7 @@ from rich.console import Console
 import dfd
 from bench.quality import shapes, sheet, studies
 from bench.quality.judge import Draw
-from bench.quality.lab import Lab
+from bench.quality.lab import SETTINGS, Lab
 from bench.quality.report import to_csv, to_markdown
 from bench.quality.shapes import Shape
 from bench.quality.studies import Bench, Row, Settings
@@ -24,12 +24,14 @@ from dfd.pictures import contact_sheet, save_png
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "quality"
 QUICK: Settings = {"views": 12, "resolution": 280, "batch": 2048}
+UNTOLD = {"features", "seed", "device", "progress", "cache", "checkpoint"}  # no settings of a table's numbers
 FEW_FACES, SOME_FACES, MANY_FACES = 4_000, 20_000, 100_000
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the studies that the command line asks for."""
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    options = parser.parse_args(arguments)
     console = Console(stderr=True, highlight=False)
     start = time.perf_counter()
 
@@ -38,7 +40,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     if not options.download:
         os.environ["HF_HUB_OFFLINE"] = "1"  # encoders are those at hand; nobody wants gigabytes for a table
-    settings = {**(QUICK if options.quick else {}), **settings_of(options.set)}
+    try:
+        settings = {**(QUICK if options.quick else {}), **settings_of(options.set)}
+        variants = {text: settings_of([text]) for text in options.variant}
+    except ValueError as error:
+        parser.error(str(error))
     bench = Bench(
         Lab(settings, say),
         Draw(each=4, seeds=(0,)) if options.quick else Draw(),
@@ -51,7 +57,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     labelled = shapes.made(FEW_FACES if options.quick else SOME_FACES)
     labelled += shapes.characters(folder, say) if folder else []
     rows: list[Row] = []
-    plan = _plan(bench, labelled, folder, options.quick, {text: settings_of([text]) for text in options.variant})
+    plan = _plan(bench, labelled, folder, options.quick, variants)
+    unknown = set(options.study) - plan.keys()
+    if unknown:
+        parser.error(f"--study must be one of {', '.join(plan)}; got {sorted(unknown)[0]}")
     chosen = [study for study in plan if not options.study or study in options.study]
     for study in chosen:
         say(f"[bold]{study}[/bold]")
@@ -68,12 +77,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def settings_of(texts: Sequence[str]) -> dict[str, Any]:
-    """Settings from words such as "steps=300": Python literals, and plain words for the rest."""
+    """Settings from words such as "steps=300": Python literals, and plain words for the rest.
+
+    Raises
+    ------
+    ValueError
+        If a word has another form, or names no setting of `dfd.distill`.
+    """
     settings: dict[str, Any] = {}
     for word in " ".join(texts).split():
         name, equals, value = word.partition("=")
         if not equals:
             raise ValueError(f"a setting must read name=value, got {word!r}")
+        if name not in SETTINGS:
+            raise ValueError(f"dfd.distill has no setting {name!r}")
         try:
             settings[name] = ast.literal_eval(value)
         except (ValueError, SyntaxError):
@@ -122,12 +139,10 @@ def _detailed(folder: Path | None) -> Shape:
 
 def _write(output: Path, rows: Sequence[Row], bench: Bench, quick: bool) -> None:
     """Whole files, after every study: a long run that is cut short has told what it knew."""
-    settings = ", ".join(
-        f"{name} {value}" for name, value in bench.lab.settings.items() if name not in ("seed", "progress", "device")
-    )
+    told = (f"{name} {value}" for name, value in bench.lab.settings.items() if name not in UNTOLD)
     seeds = f"{len(bench.seeds)} seeds of the fit" if len(bench.seeds) > 1 else "one seed of the fit"
     drawn = f"{bench.draw.each} handles in every part, drawn {len(bench.draw.seeds)} times"
-    heading = f"{'A quick look. ' if quick else ''}Settings: {settings}; {seeds}; {drawn}."
+    heading = f"{'A quick look. ' if quick else ''}Settings: {', '.join(told)}; {seeds}; {drawn}."
     output.mkdir(parents=True, exist_ok=True)
     for name, text in (("quality.csv", to_csv(rows)), ("quality.md", to_markdown(rows, heading))):
         with atomic_write(output / name) as temporary:

@@ -18,6 +18,7 @@ DEFAULTS: dict[str, Any] = {
     for name, parameter in inspect.signature(dfd.distill).parameters.items()
     if parameter.default is not inspect.Parameter.empty
 }
+SETTINGS = DEFAULTS.keys() | {"block"}  # an encoder's block is one too
 TOKENS_KEPT = 3  # sets of pictures; the studies of one shape come one after the other
 
 
@@ -37,11 +38,8 @@ class Lab:
         Raises
         ------
         ValueError, OSError
-            As `dfd.distill` and `dfd.encode.load_encoder`.
+            See `dfd.distill` and `dfd.encode.load_encoder`.
         """
-        unknown = changes.keys() - DEFAULTS.keys() - {"block"}
-        if unknown:
-            raise ValueError(f"dfd.distill has no setting {sorted(unknown)[0]!r}")
         settings = {**self.settings, **changes, "progress": False}
         key = (mesh.content_hash, *sorted((name, repr(value)) for name, value in settings.items()))
         if key not in self._fields:

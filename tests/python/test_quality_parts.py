@@ -127,6 +127,8 @@ def test_settings_are_read_from_words():
     }
     with pytest.raises(ValueError, match="name=value, got 'steps'"):
         settings_of(["steps"])
+    with pytest.raises(ValueError, match="no setting 'stepps'"):
+        settings_of(["stepps=3"])
 
 
 def test_tables_hold_every_row_and_leave_empty_what_does_not_apply():
