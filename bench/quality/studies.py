@@ -80,21 +80,27 @@ def methods(bench: Bench, shapes: Sequence[Shape], *, peers: bool) -> list[Row]:
 def compare(bench: Bench, study: str, shapes: Sequence[Shape], settings: Mapping[str, Settings]) -> list[Row]:
     """Every setting on every shape, and how far its weights are from those of the first one.
 
-    What cannot be had, such as an encoder without weights on this machine, is a row with a note.
+    Encoders without weights on this machine share one row with a note.
     """
     rows = []
+    missing: list[str] = []
     for shape in shapes:
         chosen = handles(shape, bench.draw.each, bench.draw.seeds[0])
         reference = None
         for name, changes in settings.items():
+            if name in missing:
+                continue
             try:
                 verdict = bench.verdict(shape, changes)
                 weights = bench.method(shape, {"seed": bench.seeds[0], **changes})(chosen)
             except OSError as error:
-                rows.append(Row(study, shape.name, name, note=str(error).partition(". ")[0]))
+                bench.say(str(error).partition(". ")[0])
+                missing.append(name)
                 continue
             reference = weights if reference is None else reference
             rows.append(Row(study, shape.name, name, {**verdict, "off the first": difference(weights, reference)}))
+    if missing:
+        rows.append(Row(study, "none", ", ".join(missing), note="no weights at hand"))
     return rows
 
 
