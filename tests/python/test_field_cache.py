@@ -190,7 +190,7 @@ def test_processes_may_do_the_same_at_once(cache: Path) -> None:
         "import torch; torch.manual_seed(0)\n"
         "from dfd import Field, field_cache\n"
         "field = Field(8, width=64, layers=2)\n"
-        "for index in range(30):\n"
+        "for index in range(12):\n"
         "    field_cache.store({'name': index % 3}, field)\n"
         "    found = field_cache.find({'name': (index + 1) % 3})\n"
         "    assert index < 3 or found is not None"
