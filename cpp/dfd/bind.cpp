@@ -90,12 +90,13 @@ BindRange range_of(const Kernels& kernels, Features::Layout layout)
     }
 }
 
-// Whole vectors leave past the caches only from aligned places.
+// Only whole lines leave past the caches: those of rows that follow one another, or of columns that start with one.
 bool can_stream(const StridedMatrix<float>& weights)
 {
-    if (reinterpret_cast<std::uintptr_t>(weights.data) % 64 != 0) return false;
-    if (weights.columns == 1) return weights.row_stride == 1;
-    return weights.column_stride == 1 ? weights.row_stride == weights.columns : weights.column_stride % 16 == 0;
+    const bool aligned = reinterpret_cast<std::uintptr_t>(weights.data) % 64 == 0;
+    if (weights.columns == 1) return aligned && weights.row_stride == 1;
+    if (weights.column_stride == 1) return weights.row_stride == weights.columns;
+    return aligned && weights.column_stride % 16 == 0;
 }
 
 [[noreturn]] void throw_geodesic(const Matrix<const float>& geodesic)

@@ -254,11 +254,11 @@ def _packed(
     """All rows in blocks, and the step, larger than asked for when a row outside the sample needs it."""
     count, dimensions = source.count, basis.shape[1]
     block_count = -(-count // BLOCK)
-    blocks: NDArray[Any]
+    blocks: NDArray[Any]  # not zeros, whose pages would come one small one at a time
     if precision == "float16":
-        blocks = np.zeros((block_count, dimensions, BLOCK), np.uint16)
+        blocks = np.empty((block_count, dimensions, BLOCK), np.uint16)
     else:
-        blocks = np.zeros((block_count, dimensions // 4 + 1, BLOCK, 4), np.uint8)
+        blocks = np.empty((block_count, dimensions // 4 + 1, BLOCK, 4), np.uint8)
     for start in range(0, count, BATCH):
         stop = min(start + BATCH, count)
         projected = (source.rows(slice(start, stop)) - mean) @ basis

@@ -166,6 +166,23 @@ def test_out_may_be_a_column_of_a_larger_array():
     assert (rows[:, [0, 5]] == -1).all()
 
 
+@pytest.mark.parametrize("offset", [0, 3])
+def test_large_results_that_pass_by_the_caches_are_the_same(offset):
+    features = unit_rows(50_003, 8)
+    handles = features[:100]
+    memory = np.full(offset + 50_003 * 100, -1, np.float32)
+    rows = memory[offset:].reshape(50_003, 100)
+    dfd.bind(features, handles, out=rows)
+    columns = np.full((100, 50_016), -1, np.float32)
+    dfd.bind(features, handles, out=columns[:, :50_003].T)
+    for start in range(0, 50_003, 10_000):
+        wanted = dfd.bind(features[start : start + 10_000], handles)
+        np.testing.assert_array_equal(rows[start : start + 10_000], wanted)
+        np.testing.assert_array_equal(columns[:, start : min(start + 10_000, 50_003)].T, wanted)
+    assert (memory[:offset] == -1).all()
+    assert (columns[:, 50_003:] == -1).all()
+
+
 def test_torch_tensors_share_their_memory():
     features = torch.from_numpy(unit_rows(50, 12))
     weights = dfd.bind(features, torch.tensor([1, 2]))

@@ -232,6 +232,16 @@ DFD_INLINE Float weight(Float square)  // Equations (4) and (5)
     return maximum(1.0f - root(maximum(square, splat(0.0f))), splat(0.0f));
 }
 
+// Copies past the caches, but for the parts of lines at either end.
+DFD_INLINE void stream_out(const float* from, std::size_t count, float* to)
+{
+    const std::size_t head = (0 - reinterpret_cast<std::uintptr_t>(to)) % 64 / sizeof(float);
+    std::size_t k = 0;
+    for (; k < head && k < count; ++k) to[k] = from[k];
+    for (; k + width <= count; k += width) stream(to + k, load<Float>(from + k));
+    for (; k < count; ++k) to[k] = from[k];
+}
+
 typedef std::uint32_t Bits __attribute__((vector_size(vector_bytes)));
 
 // What a range has met.
@@ -305,8 +315,7 @@ DFD_INLINE void bind_block(const BindJob& job, const Panel& panel, std::size_t b
     if (job.stream && count == block_size) {  // the block's rows follow one another, so they leave as whole lines
         float* assembled = scratch + (job.handles.count + group_size) * block_size;
         lanes_to_rows(scratch, job.handles.count, assembled, job.handles.count, count);
-        for (std::size_t k = 0; k < job.handles.count * block_size; k += width)
-            stream(rows + k, load<Float>(assembled + k));
+        stream_out(assembled, job.handles.count * block_size, rows);
     } else {
         lanes_to_rows(scratch, job.handles.count, rows, job.row_stride, count);
     }
