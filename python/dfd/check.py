@@ -87,7 +87,7 @@ def whole(function: str, name: str, value: Any, *, minimum: int, maximum: int | 
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer):
         raise ValueError(f"{function}: `{name}` must be a whole number, got {value!r}")
     if value < minimum or (maximum is not None and value > maximum):
-        bounds = f"at least {minimum}" if maximum is None else f"from {minimum} to {maximum}"
+        bounds = f"of at least {minimum}" if maximum is None else f"from {minimum} to {maximum}"
         raise ValueError(f"{function}: `{name}` must be a whole number {bounds}, got {value}")
     return int(value)
 

@@ -6,8 +6,6 @@ import os
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from dfd import check
 from dfd.progress import Stages
 
@@ -32,9 +30,11 @@ def distill(
     framing: str = "shape",
     simplify_to: int | None = None,
     supervision: str = "barycentric",
-    steps: int = 150,
-    batch: int = 8192,
-    learning_rate: float = 3e-3,
+    mirrored: bool = True,
+    smoothing: float = 0.3,
+    steps: int = 300,
+    batch: int = 2048,
+    learning_rate: float = 1e-2,
     seed: int = 0,
     device: str | None = None,
     progress: bool | Stages = True,
@@ -61,6 +61,12 @@ def distill(
         mesh itself, which is faster up to several million faces and loses nothing.
     supervision
         "barycentric" fits every covered pixel (Eq. 2); "vertex" only pixels that hold a vertex, the paper's ablation.
+    mirrored
+        Take the views in mirrored pairs, pictures included: the encoder's own sense of left and right evens out.
+    smoothing
+        How far features spread along the surface before the field is fitted to them, as a part of half the longest
+        side of the box; 0 fits the pixels as they are, as the paper does, and then the length of the fit decides how
+        well its weights tell parts apart. What spreads, and why, stands in `dfd.diffusion`.
     steps, batch, learning_rate
         Length of the fit, surface points per step, peak of its one-cycle rate.
     seed
@@ -100,19 +106,20 @@ def distill(
     """
     if supervision not in ("barycentric", "vertex"):
         raise ValueError(f"distill: `supervision` must be 'barycentric' or 'vertex', got {supervision!r}")
-    for name, value in (("steps", steps), ("batch", batch)):
-        if not isinstance(value, int | np.integer) or value < 1:
-            raise ValueError(f"distill: `{name}` must be a whole number of at least 1, got {value!r}")
+    steps = check.whole("distill", "steps", steps, minimum=1)
+    batch = check.whole("distill", "batch", batch, minimum=1)
     learning_rate = check.number("distill", "learning_rate", learning_rate, minimum=0.0, exclusive=True)
-    if not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
-        raise ValueError(f"distill: `seed` must be a whole number from 0 to 2⁶³ − 1, got {seed!r}")
+    seed = check.whole("distill", "seed", seed, minimum=0, maximum=2**63 - 1)
+    smoothing = check.number("distill", "smoothing", smoothing, minimum=0.0, maximum=2.0)
+    if supervision == "vertex":
+        smoothing = 0.0  # the ablation is of the paper's own loss
     stages = progress if isinstance(progress, Stages) else Stages(show=bool(progress))
 
     settings: dict[str, Any] = {
-        "steps": int(steps),
-        "batch": int(batch),
+        "steps": steps,
+        "batch": batch,
         "learning_rate": learning_rate,
-        "seed": int(seed),
+        "seed": seed,
     }
     if features is not None:
         from dfd.vertex_features import fit_features
@@ -124,16 +131,20 @@ def distill(
         "framing": framing,
         "simplify_to": simplify_to,
         "supervision": supervision,
+        "mirrored": bool(mirrored),
+        "smoothing": smoothing,
         **settings,
     }
     import torch
 
+    from dfd.descent import descend
+    from dfd.diffusion import diffuse
     from dfd.encode import Encoder, load_encoder
     from dfd.field import Field
-    from dfd.fit import Samples, fit
     from dfd.recipe import plain, recipe
     from dfd.render import render
     from dfd.run import Run
+    from dfd.targets import PixelTargets, PointTargets
 
     with stages.stage("load"):
         source = _source(encoder, device)
@@ -148,6 +159,7 @@ def distill(
             views=views,
             resolution=resolution,
             framing=framing,
+            mirrored=mirrored,
             simplify_to=simplify_to,
             supervision=supervision,
             stages=stages,
@@ -155,18 +167,20 @@ def distill(
     run.begin()
     with run.step("the tokens", "lower `resolution` or `views`, or take a smaller encoder"):
         tokens = run.encode(model, seen.images, stages=stages)
-    samples = Samples(seen.points, seen.view, seen.row, seen.column)
     with run.step("the fit", "lower `batch`, `resolution` or `views`"):
+        pixels = PixelTargets(seen, tokens, model.device)
+        targets: PixelTargets | PointTargets = pixels
+        if smoothing > 0:
+            with stages.stage("spread"):
+                targets = PointTargets(*diffuse(seen, pixels, smoothing=smoothing, seed=seed), model.device)
+        generator = torch.Generator().manual_seed(seed)
         field = Field.seeded(seed, tokens.shape[-1], center=seen.center, scale=seen.scale).to(model.device)
-        losses = fit(
+        losses = descend(
             field,
-            samples,
-            tokens,
-            seen.images.shape[1],
+            lambda: targets.draw(batch, generator),
             steps=steps,
-            batch=batch,
             learning_rate=learning_rate,
-            generator=torch.Generator().manual_seed(seed),
+            generator=generator,
             stages=stages,
             state=run.fit_state(seen.points, seen.view, seen.row, seen.column, tokens),
         )

@@ -67,7 +67,7 @@ def blocked_attention(
         for row in range(0, rows, _ROWS):
             scores = torch.bmm(queries[some, row : row + _ROWS], keys[some])
             result[some, row : row + _ROWS] = torch.bmm(torch.softmax(scores, dim=-1), values[some])
-    return result.unflatten(0, (count, heads)).transpose(1, 2), None
+    return result.reshape(count, heads, rows, -1).transpose(1, 2), None
 
 
 def _cpu_has(feature: str) -> bool:

@@ -214,7 +214,7 @@ def _grid(sequence: Tensor, images: Tensor, patch: int) -> Tensor:
             f"encode: `encoder` gives an output of shape {tuple(sequence.shape)}, "
             f"not {rows} × {columns} tokens an image"
         )
-    return sequence[:, sequence.shape[1] - rows * columns :].unflatten(1, (rows, columns))
+    return sequence[:, sequence.shape[1] - rows * columns :].reshape(len(sequence), rows, columns, -1)
 
 
 def _plain(network: Any, images: Tensor) -> Tensor:
@@ -235,9 +235,9 @@ def _clip(network: Any, images: Tensor) -> Tensor:
 def _siglip2(network: Any, images: Tensor) -> Tensor:
     """SigLIP 2 of any shape takes patches, not pixels: (n, h·w, patch · patch · 3), channels last."""
     patch = network.config.patch_size
-    count, _, height, width = images.shape
+    count, channels, height, width = images.shape
     rows, columns = height // patch, width // patch
-    pixels = images.unflatten(3, (columns, patch)).unflatten(2, (rows, patch))
+    pixels = images.reshape(count, channels, rows, patch, columns, patch)
     pixels = pixels.permute(0, 2, 4, 3, 5, 1).reshape(count, rows * columns, -1)
     output = network(
         pixel_values=pixels,

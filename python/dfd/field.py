@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 import torch
@@ -65,10 +65,9 @@ class Field(nn.Module):
         settings: Mapping[str, Any] | None = None,
     ) -> None:
         super().__init__()
-        for name, value in (("dimension", dimension), ("width", width), ("layers", layers)):
-            if not isinstance(value, int | np.integer) or value < 1:
-                raise ValueError(f"Field: `{name}` must be a whole number of at least 1, got {value!r}")
-        self.dimension, self.width, self.layers = int(dimension), int(width), int(layers)
+        self.dimension = check.whole("Field", "dimension", dimension, minimum=1)
+        self.width = check.whole("Field", "width", width, minimum=1)
+        self.layers = check.whole("Field", "layers", layers, minimum=1)
         self.settings = dict(settings or {})
         self.register_buffer("center", torch.from_numpy(check.array("Field", "center", center, (3,), dtype=np.float64)))
         factor = check.number("Field", "scale", scale, minimum=0.0, exclusive=True)
@@ -94,7 +93,7 @@ class Field(nn.Module):
         """Features of (N, 3) float32 points that are normalised already."""
         return nn.functional.normalize(self.network(points), dim=-1)
 
-    @overload  # type: ignore[override]
+    @overload
     def __call__(self, points: torch.Tensor) -> torch.Tensor: ...
     @overload
     def __call__(self, points: ArrayLike) -> NDArray[np.float32]: ...
@@ -130,7 +129,7 @@ class Field(nn.Module):
 
     def features(self, mesh: Mesh) -> NDArray[np.float32]:
         """Features of every vertex of `mesh`, (V, D) float32 unit rows: what `dfd.bind` reads."""
-        return cast("NDArray[np.float32]", self(mesh.vertices))
+        return self(mesh.vertices)
 
     @classmethod
     def from_vertex_features(

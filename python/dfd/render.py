@@ -24,6 +24,8 @@ __all__ = ["Views", "render"]
 LARGEST_RESOLUTION = 4096
 LARGEST_VIEWS = 32767  # what numbers them has 16 bits
 
+Seen = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]  # of one picture
+
 
 @dataclass(frozen=True, eq=False)
 class Views:
@@ -39,6 +41,10 @@ class Views:
         (P, 3) float32 surface points in normalised coordinates: (p − `center`) · `scale` for p in mesh units.
     view, row, column
         (P,) the picture that shows each point, and where in it, in pixels; whole numbers are pixel centres.
+    face
+        (P,) the face of `faces` that each point lies on; empty when the points are vertices.
+    vertices, faces
+        (V, 3) float32 normalised and (F, 3): the surface that the rays met, the mesh's own or a simplified copy's.
     center, scale
         The normalisation: the middle of the bounding box comes to the origin, its longest side to [−1, 1].
     """
@@ -49,6 +55,9 @@ class Views:
     view: NDArray[np.int16]
     row: NDArray[np.float32]
     column: NDArray[np.float32]
+    face: NDArray[np.int32]
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.int32]
     center: NDArray[np.float64]
     scale: float
 
@@ -126,25 +135,26 @@ def render(
         images = np.empty((views, resolution, resolution, 3), np.uint8)
         covered = np.zeros(views, np.int64)  # pixels of each picture that show the surface
 
-        def take(index: int) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+        def take(index: int) -> Seen:
             images[index], hits = shading.picture(cameras[index], resolution)
             covered[index] = len(hits.ray)
             if supervision == "vertex":
-                return _visible_vertices(scene, used, cameras[index], resolution)
+                return *_visible_vertices(scene, used, cameras[index], resolution), np.zeros(0, np.int32)
             row, column = np.divmod(hits.ray.astype(np.int32), resolution)
-            return surface_points(vertices, mesh.faces, hits), row.astype(np.float32), column.astype(np.float32)
+            points = surface_points(vertices, mesh.faces, hits)
+            return points, row.astype(np.float32), column.astype(np.float32), hits.face
 
         seen = []
         # Embree and NumPy's large operations leave Python's lock to the other threads.
         with ThreadPoolExecutor(get_num_threads()) as threads:
-            for index, (points, row, column) in enumerate(threads.map(take, range(views))):
+            for index, (points, row, column, face) in enumerate(threads.map(take, range(views))):
                 view = np.full(len(points), index, np.int16)
-                seen.append((points, view, row, column))
+                seen.append((points, view, row, column, face))
                 advance()
-    points, view, row, column = (np.concatenate(parts) for parts in zip(*seen, strict=True))
+    points, view, row, column, face = (np.concatenate(parts) for parts in zip(*seen, strict=True))
     if not covered.any() or len(points) == 0:
         raise ValueError("render: `mesh` is seen by no camera: all its faces are without area, or smaller than a pixel")
-    return Views(images, cameras, points, view, row, column, center, scale)
+    return Views(images, cameras, points, view, row, column, face, vertices, mesh.faces, center, scale)
 
 
 def _used(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float32]:

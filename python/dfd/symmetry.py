@@ -61,12 +61,14 @@ class SymmetryPlane:
     def signed_distance(self, points: ArrayLike) -> NDArray[np.float64]:
         """Distance of (N, 3) points from the plane, (N,), mesh units; positive where the normal points."""
         array = check.array("SymmetryPlane", "points", points, ("N", 3), dtype=np.float64)
-        return array @ np.asarray(self.normal) - self.offset
+        distance: NDArray[np.float64] = array @ np.asarray(self.normal) - self.offset
+        return distance
 
     def reflect(self, points: ArrayLike) -> NDArray[np.float64]:
         """Mirror images R p of (N, 3) points, (N, 3), mesh units."""
         array = check.array("SymmetryPlane", "points", points, ("N", 3), dtype=np.float64)
-        return array - 2.0 * self.signed_distance(array)[:, None] * np.asarray(self.normal)
+        image: NDArray[np.float64] = array - 2.0 * self.signed_distance(array)[:, None] * np.asarray(self.normal)
+        return image
 
     def matrix(self) -> NDArray[np.float64]:
         """R as a (3, 4) affine matrix in mesh units."""

@@ -78,7 +78,7 @@ def test_bad_points_are_named(field: Field, bad: object, message: str) -> None:
     ("arguments", "message"),
     [
         ({"dimension": 0}, "`dimension` must be a whole number of at least 1, got 0"),
-        ({"dimension": 3, "width": 2.5}, "`width` must be a whole number of at least 1, got 2.5"),
+        ({"dimension": 3, "width": 2.5}, "`width` must be a whole number, got 2.5"),
         ({"dimension": 3, "scale": 0.0}, "`scale` must be above 0, got 0"),
         ({"dimension": 3, "center": (0, 0)}, r"`center` must have shape \(3,\), got \(2,\)"),
     ],

@@ -1,0 +1,138 @@
+"""Features spread along the surface: what views agree on stays, what they disagree on evens out.
+
+A patch of the encoder bleeds over outlines and over gaps between parts, views contradict each other, and some of the
+surface no camera sees. A field that follows every pixel learns all that; stopping its fit early hides it, by luck.
+Here the pixels' tokens are first gathered at points spread over the whole surface and then made smooth *along* it: the
+targets Z minimise
+
+    Σ_i c_i ‖Z_i − Ẑ_i‖² + t ∫ ‖∇Z‖²,    t = smoothing² / 2,
+
+a screened diffusion, with Ẑ_i the mean token of the pixels near point i and c_i how well it is seen. Legs that stand
+close together, or an arm that rests on a belly, do not mix, as they would in a blur through space.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import splu
+from scipy.spatial import cKDTree
+
+from dfd.topology import face_components
+from dfd.weld import weld
+
+if TYPE_CHECKING:
+    from dfd.render import Views
+    from dfd.targets import PixelTargets
+
+__all__ = ["diffuse"]
+
+NODES = 12_000  # points on the surface: on average 0.02 apart in normalised coordinates
+HITS = 400_000  # pixels that are gathered at most; more change nothing that can be measured
+NEIGHBOURS = 10
+# A piece hangs together by itself; to another one close by it is tied by this much, so that a piece that no camera
+# sees takes after the pieces around it.
+TIE = 0.02
+TIED_NEIGHBOURS = 4
+# More pixels than this part of the mean do not make a point better seen: faces towards many cameras count no more.
+ENOUGH = 0.3
+_APART = 10.0  # between pieces in the search for neighbours, beyond any distance within [−1, 1]³
+
+
+def diffuse(
+    views: Views, pixels: PixelTargets, *, smoothing: float, seed: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Gather tokens on the surface and spread them along it.
+
+    Parameters
+    ----------
+    views
+        The pictures' surface points, with the faces that they lie on.
+    pixels
+        The tokens, read at those points.
+    smoothing
+        How far features spread, in normalised coordinates; above 0.
+    seed
+        Draws the points.
+
+    Returns
+    -------
+    Points (N, 3), normalised, evenly by area over all of the surface that has features, and their unit targets (N, D).
+    """
+    generator = np.random.default_rng(seed)
+    vertices, faces = views.vertices.astype(np.float64), views.faces
+    piece = face_components(weld(vertices)[1][faces])
+    points, face, area = _draw_points(vertices, faces, NODES, generator)
+    place = np.column_stack([points, _APART * piece[face]])
+
+    chosen = np.arange(len(views.points))
+    if len(chosen) > HITS:
+        chosen = np.sort(generator.choice(len(chosen), HITS, replace=False))
+    _, nearest = cKDTree(place).query(
+        np.column_stack([views.points[chosen], _APART * piece[views.face[chosen]]]), workers=-1
+    )
+    tokens = pixels.mean_at(chosen, nearest, len(points))
+    seen = np.bincount(nearest, minlength=len(points)) / (len(chosen) / len(points))
+    confidence = np.minimum(seen, ENOUGH) * area
+    # The last term only keeps the system regular where nothing is seen and nothing is near.
+    stiffness = smoothing**2 / 2 * ENOUGH * _laplacian(points, place, piece[face], area)
+    system = stiffness + sparse.diags(confidence + 1e-6 * area)
+    smooth = splu(sparse.csc_matrix(system)).solve(confidence[:, None] * tokens).astype(np.float32)
+    length = np.linalg.norm(smooth, axis=1)
+    reached = length > 1e-4
+    return points[reached].astype(np.float32), smooth[reached] / length[reached, None]
+
+
+def _draw_points(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], count: int, generator: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.int64], float]:
+    """Draw points evenly by area: (count, 3), the face of each, and the area that each stands for."""
+    first = vertices[faces[:, 0]]
+    one, other = vertices[faces[:, 1]] - first, vertices[faces[:, 2]] - first
+    total = np.cumsum(np.linalg.norm(np.cross(one, other), axis=1) / 2)
+    # One draw in each of `count` equal shares of the area, so that they lie more evenly than by chance.
+    at = (np.arange(count) + generator.random(count)) / count * total[-1]
+    face = np.searchsorted(total, at, side="right").clip(0, len(faces) - 1)
+    u, v = generator.random((2, count))
+    u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
+    return first[face] + u[:, None] * one[face] + v[:, None] * other[face], face, float(total[-1]) / count
+
+
+def _laplacian(
+    points: NDArray[np.float64],  # (N, 3)
+    place: NDArray[np.float64],  # (N, 4), pieces apart
+    piece: NDArray[np.int32],  # (N,)
+    area: float,  # of each point
+) -> sparse.csr_matrix:
+    """L with Zᵀ L Z ≈ ∫ ‖∇Z‖² over the surface, from the nearest neighbours of each point.
+
+    For a gradient g that does not change near a point, ¼ Σ_j w_ij ‖p_i − p_j‖² g² is its part of the integral, so the
+    weights w_ij = 4 area / (k ‖p_i − p_j‖²) give area · g².
+    """
+    count = len(points)
+
+    def weights(tree_points: NDArray[np.float64], neighbours: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        neighbours = min(neighbours, count - 1)
+        _, near = cKDTree(tree_points).query(tree_points, neighbours + 1, workers=-1)
+        squared = np.square(points[near[:, 1:]] - points[:, None]).sum(axis=2)
+        # Points that fall together would otherwise hold each other infinitely fast.
+        floor = np.median(squared) / 16
+        return near[:, 1:], 4 * area / (neighbours * np.maximum(squared, max(floor, 1e-12)))
+
+    own, within = weights(place, NEIGHBOURS)
+    other, between = weights(points, TIED_NEIGHBOURS)
+    within = np.where(piece[own] == piece[:, None], within, 0.0)
+    between = np.where(piece[other] != piece[:, None], TIE * between, 0.0)
+    rows = np.repeat(np.arange(count), own.shape[1]), np.repeat(np.arange(count), other.shape[1])
+    adjacency = sparse.csr_matrix(
+        (
+            np.concatenate([within.ravel(), between.ravel()]),
+            (np.concatenate(rows), np.concatenate([own.ravel(), other.ravel()])),
+        ),
+        shape=(count, count),
+    )
+    adjacency = (adjacency + adjacency.T) / 2
+    return sparse.csr_matrix(sparse.diags(np.asarray(adjacency.sum(axis=1)).ravel()) - adjacency)
