@@ -87,9 +87,9 @@ def _against_torch(scene: Scene, outs: dict[int, np.ndarray], torch_vertices: in
     features = scene.features(torch_vertices)
     for count, wanted in ((1, 300), (100, 30)):
         peer = peers.torch_binding(features, np.arange(count))
-        timings = together({"bind": _bind(scene, outs[count]), "torch": peer}, least=3, seconds=0.5)
-        other = _scaled(timings["torch"], len(scene.vertices) / torch_vertices)
-        yield _speedup(f"bind {count}", timings["bind"], f"torch, D = {features.shape[1]}", other, wanted)
+        other = _scaled(measure(peer, least=3), len(scene.vertices) / torch_vertices)
+        own = measure(_bind(scene, outs[count]))
+        yield _speedup(f"bind {count}", own, f"torch, D = {features.shape[1]}", other, wanted)
 
 
 def _posing(scene: Scene, outs: dict[int, np.ndarray]) -> Iterator[Line]:
