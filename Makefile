@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: demo test lint bench clean
+.PHONY: demo test lint bench quality clean
 
 demo: $(VENV)/installed
 	$(BIN)/dfd demo
@@ -20,6 +20,12 @@ lint: $(VENV)/installed-test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+bench: $(VENV)/installed-bench
+	$(BIN)/python -m bench.speed
+
+quality: $(VENV)/installed-bench
+	$(BIN)/python -m bench.quality --quick
+
 # Rebuilt whenever a source that ends up in the package changes.
 SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find cpp python -name '*.[chp]*' -not -name '*.pyc')
 
@@ -32,6 +38,10 @@ $(VENV)/installed: $(SOURCES) | $(VENV)/bin/python
 
 $(VENV)/installed-test: $(SOURCES) | $(VENV)/bin/python
 	$(INSTALL) ".[offline,test]"
+	touch $(VENV)/installed $@
+
+$(VENV)/installed-bench: $(SOURCES) | $(VENV)/bin/python
+	$(INSTALL) ".[offline,bench]"
 	touch $(VENV)/installed $@
 
 clean:

@@ -13,6 +13,7 @@ close together, or an arm that rests on a belly, do not mix, as they would in a 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -66,19 +67,17 @@ def diffuse(
     vertices, faces = views.vertices.astype(np.float64), views.faces
     piece = face_components(weld(vertices)[1][faces])
     points, face, area = _draw_points(vertices, faces, NODES, generator)
-    place = np.column_stack([points, _APART * piece[face]])
-
     chosen = np.arange(len(views.points))
     if len(chosen) > HITS:
         chosen = np.sort(generator.choice(len(chosen), HITS, replace=False))
-    _, nearest = cKDTree(place).query(
-        np.column_stack([views.points[chosen], _APART * piece[views.face[chosen]]]), workers=-1
+    _, nearest = cKDTree(_place(points, piece[face])).query(
+        _place(views.points[chosen], piece[views.face[chosen]]), workers=-1
     )
     tokens = pixels.mean_at(chosen, nearest, len(points))
     seen = np.bincount(nearest, minlength=len(points)) / (len(chosen) / len(points))
     confidence = np.minimum(seen, ENOUGH) * area
     # The last term only keeps the system regular where nothing is seen and nothing is near.
-    stiffness = smoothing**2 / 2 * ENOUGH * _laplacian(points, place, piece[face], area)
+    stiffness = smoothing**2 / 2 * ENOUGH * _laplacian(points, piece[face], seen > 0, area)
     system = stiffness + sparse.diags(confidence + 1e-6 * area)
     smooth = splu(sparse.csc_matrix(system)).solve(confidence[:, None] * tokens).astype(np.float32)
     length = np.linalg.norm(smooth, axis=1)
@@ -103,8 +102,8 @@ def _draw_points(
 
 def _laplacian(
     points: NDArray[np.float64],  # (N, 3)
-    place: NDArray[np.float64],  # (N, 4), pieces apart
     piece: NDArray[np.int32],  # (N,)
+    seen: NDArray[np.bool_],  # (N,)
     area: float,  # of each point
 ) -> sparse.csr_matrix:
     """L with Zᵀ L Z ≈ ∫ ‖∇Z‖² over the surface, from the nearest neighbours of each point.
@@ -113,26 +112,41 @@ def _laplacian(
     weights w_ij = 4 area / (k ‖p_i − p_j‖²) give area · g².
     """
     count = len(points)
-
-    def weights(tree_points: NDArray[np.float64], neighbours: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        neighbours = min(neighbours, count - 1)
-        _, near = cKDTree(tree_points).query(tree_points, neighbours + 1, workers=-1)
-        squared = np.square(points[near[:, 1:]] - points[:, None]).sum(axis=2)
-        # Points that fall together would otherwise hold each other infinitely fast.
-        floor = np.median(squared) / 16
-        return near[:, 1:], 4 * area / (neighbours * np.maximum(squared, max(floor, 1e-12)))
-
-    own, within = weights(place, NEIGHBOURS)
-    other, between = weights(points, TIED_NEIGHBOURS)
-    within = np.where(piece[own] == piece[:, None], within, 0.0)
-    between = np.where(piece[other] != piece[:, None], TIE * between, 0.0)
-    rows = np.repeat(np.arange(count), own.shape[1]), np.repeat(np.arange(count), other.shape[1])
-    adjacency = sparse.csr_matrix(
-        (
-            np.concatenate([within.ravel(), between.ravel()]),
-            (np.concatenate(rows), np.concatenate([own.ravel(), other.ravel()])),
-        ),
-        shape=(count, count),
-    )
+    place = _place(points, piece)
+    everyone = np.arange(count)
+    blind = np.bincount(piece, seen)[piece] == 0  # on pieces of which nothing is seen
+    links = [
+        _links(place, everyone, everyone, NEIGHBOURS, lambda i, j: piece[i] == piece[j], 1.0),
+        _links(points, everyone, everyone, TIED_NEIGHBOURS, lambda i, j: piece[i] != piece[j], TIE),
+        _links(points, np.flatnonzero(blind), np.flatnonzero(~blind), TIED_NEIGHBOURS, lambda i, j: i != j, TIE),
+    ]
+    one, other, strength = (np.concatenate(parts) for parts in zip(*links, strict=True))
+    squared = np.square(points[one] - points[other]).sum(axis=1)
+    # Points that fall together would otherwise hold each other infinitely fast.
+    squared = np.maximum(squared, max(np.median(squared) / 16, 1e-12))
+    adjacency = sparse.csr_matrix((4 * area * strength / squared, (one, other)), shape=(count, count))
     adjacency = (adjacency + adjacency.T) / 2
     return sparse.csr_matrix(sparse.diags(np.asarray(adjacency.sum(axis=1)).ravel()) - adjacency)
+
+
+def _links(
+    place: NDArray[np.float64],  # (N, 3 or 4)
+    ends: NDArray[np.int64],
+    others: NDArray[np.int64],
+    neighbours: int,
+    linked: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.bool_]],
+    strength: float,
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Links of each of `ends` to its nearest among `others`, itself aside: both ends, and a share of `strength`."""
+    wanted = min(neighbours + 1, len(others))
+    if len(ends) == 0 or wanted == 0:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
+    _, near = cKDTree(place[others]).query(place[ends], np.arange(1, wanted + 1), workers=-1)
+    one, other = np.repeat(ends, wanted), others[near.ravel()]
+    kept = (one != other) & linked(one, other)
+    return one[kept], other[kept], np.full(int(kept.sum()), strength / neighbours)
+
+
+def _place(points: NDArray[np.floating], piece: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Points (N, 3) with a fourth coordinate that keeps pieces apart in a search for neighbours, (N, 4)."""
+    return np.column_stack([points, _APART * piece])

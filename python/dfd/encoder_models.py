@@ -73,7 +73,7 @@ def build(weights: Weights, block: int | None = None, normalisation: Normalisati
     blocks = network.get_submodule(family.blocks) if family.blocks else _largest_list(network, kind)
     assert isinstance(blocks, nn.ModuleList)
     depth = len(blocks)
-    chosen = family.block(config, depth) if block is None else block
+    chosen: object = family.block(config, depth) if block is None else block
     if isinstance(chosen, bool) or not isinstance(chosen, SupportsIndex) or not 1 <= index(chosen) <= depth:
         raise ValueError(f"load_encoder: `block` must lie in 1 … {depth}, got {chosen!r}")
     chosen = index(chosen)

@@ -52,6 +52,7 @@ def _nothing_of_the_user(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Non
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     monkeypatch.setenv("DFD_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path / "hub"))
+    monkeypatch.setattr(constants, "HF_HUB_OFFLINE", False)  # read once at import: the variable above decides
     monkeypatch.setattr(encoder_weights, "_asked_in_vain", {})
     transformers.utils.logging.disable_progress_bar()
 

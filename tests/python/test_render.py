@@ -131,8 +131,9 @@ def test_mirrored_views_of_a_mirrored_shape_are_the_same(robot: Mesh) -> None:
     def part(start: int) -> Views:
         here = (views.view >= start) & (views.view < start + 3)
         points = views.points[here] * (MIRROR if start else 1)
-        place = (views.view[here] - start, views.row[here], views.column[here])
-        return Views(views.images[start : start + 3], [], points, *place, views.center, views.scale)
+        place = (views.view[here] - start, views.row[here], views.column[here], views.face[here])
+        shape = (views.vertices, views.faces, views.center, views.scale)
+        return Views(views.images[start : start + 3], [], points, *place, *shape)
 
     same(part(0), part(3), 1e-4)
 

@@ -1,0 +1,96 @@
+"""Features spread along the surface: an energy that is the integral, pieces that do not mix, and none left out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from numpy.typing import NDArray
+
+from dfd import Mesh, diffusion
+from dfd.diffusion import diffuse
+from dfd.render import Views, render
+from dfd.targets import PixelTargets
+
+
+def views_of(mesh: Mesh) -> Views:
+    return render(mesh, views=8, resolution=64)
+
+
+def colored(views: Views, color: NDArray[np.floating]) -> PixelTargets:
+    """Targets that are a colour of each surface point, (P, D), as if every pixel were a patch."""
+    count, size = views.images.shape[:2]
+    tokens = np.ones((count, size, size, color.shape[1]), np.float32)
+    tokens[views.view, views.row.astype(int), views.column.astype(int)] = color
+    return PixelTargets(views, tokens, torch.device("cpu"))
+
+
+def two_sheets(gap: float) -> Mesh:
+    grid = trimesh.creation.box((1, 0.01, 1)).subdivide().subdivide()
+    other = grid.copy().apply_translation((0, gap, 0))
+    both = trimesh.util.concatenate([grid, other])
+    return Mesh(both.vertices, both.faces)
+
+
+@pytest.mark.parametrize("gradient", [(1.0, 0.0, 0.0), (0.3, -0.5, 0.8)])
+def test_the_energy_is_the_integral_of_the_squared_gradient(gradient: tuple[float, float, float]) -> None:
+    # On the unit sphere the coordinate along a direction has ∫ ‖∇f‖² = 8π/3 times its squared length.
+    sphere = trimesh.creation.icosphere(subdivisions=4)
+    points, _, area = diffusion._draw_points(
+        sphere.vertices, sphere.faces.astype(np.int32), 8000, np.random.default_rng(0)
+    )
+    piece = np.zeros(len(points), np.int32)
+    laplacian = diffusion._laplacian(points, piece, piece == 0, area)
+    values = points @ np.array(gradient)
+    assert values @ (laplacian @ values) == pytest.approx(8 * np.pi / 3 * np.dot(gradient, gradient), rel=0.05)
+    assert abs(laplacian @ np.ones(len(points))).max() < 1e-9
+
+
+def test_points_are_spread_by_area() -> None:
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 5], [3, 0, 5], [0, 3, 5], [9, 9, 9]], float)
+    faces = np.array([[0, 1, 2], [3, 4, 5], [6, 6, 6]], np.int32)
+    points, face, area = diffusion._draw_points(vertices, faces, 1000, np.random.default_rng(0))
+    assert area == pytest.approx(5 / 1000)
+    assert np.bincount(face, minlength=3).tolist() == [100, 900, 0]
+    assert np.isin(points[:, 2], (0, 5)).all()
+
+
+def test_sheets_that_lie_close_do_not_mix() -> None:
+    views = views_of(two_sheets(0.04))
+    upper = views.points[:, 1] > 0
+    color = np.stack([upper, ~upper], axis=1)
+    points, targets = diffuse(views, colored(views, color), smoothing=0.3, seed=0)
+    share = targets[:, 0] / targets.sum(axis=1)
+    assert share[points[:, 1] > 0].mean() > 0.9
+    assert share[points[:, 1] < 0].mean() < 0.1
+
+
+def test_what_no_camera_sees_takes_after_what_is_near() -> None:
+    shell, core = trimesh.creation.icosphere(radius=1.0), trimesh.creation.icosphere(radius=0.9)
+    both = trimesh.util.concatenate([shell, core])
+    views = views_of(Mesh(both.vertices, both.faces))
+    right = views.points[:, 0] > 0
+    points, targets = diffuse(views, colored(views, np.stack([right, ~right], axis=1)), smoothing=0.1, seed=0)
+    inside = np.linalg.norm(points, axis=1) < 0.95
+    assert inside.sum() > 1000
+    far = inside & (np.abs(points[:, 0]) > 0.5)
+    assert ((targets[far, 0] > targets[far, 1]) == (points[far, 0] > 0)).mean() > 0.95
+
+
+def test_targets_are_unit_and_the_same_twice() -> None:
+    views = views_of(two_sheets(0.5))
+    pixels = colored(views, np.abs(views.points) + 0.1)
+    points, targets = diffuse(views, pixels, smoothing=0.2, seed=3)
+    np.testing.assert_allclose(np.linalg.norm(targets, axis=1), 1, atol=1e-5)
+    again = diffuse(views, pixels, smoothing=0.2, seed=3)
+    np.testing.assert_array_equal(points, again[0])
+    np.testing.assert_array_equal(targets, again[1])
+
+
+def test_more_smoothing_leaves_less_variation() -> None:
+    views = views_of(two_sheets(0.5))
+    noise = np.random.default_rng(0).random((len(views.points), 4))
+    pixels = colored(views, noise)
+    variation = [diffuse(views, pixels, smoothing=width, seed=0)[1].std(axis=0).sum() for width in (0.02, 0.1, 0.5)]
+    assert variation[0] > 2 * variation[1] > 4 * variation[2]
