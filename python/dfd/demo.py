@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,12 +28,15 @@ if TYPE_CHECKING:
 
 __all__ = ["run"]
 
-Row = tuple[str, Sequence[tuple[NDArray[np.uint8], str]]]
+Picture = tuple[NDArray[np.uint8], str]
+Row = tuple[str, Sequence[Picture]]
 AXES = "xyz"
 
 
 def run(output: Path, *, encoder: str = "dinov2-small", faces: int = 20_000, console: Console | None = None) -> None:
-    """Make a chair and a quadruped, distill them, deform them, and write meshes and `story.png` into `output`.
+    """Make a chair and a quadruped, distill them, deform them, and write meshes and pictures into `output`.
+
+    `story.png` tells everything from the views to the moved shapes; `opening.png` is its shortest form.
 
     Parameters
     ----------
@@ -52,6 +55,7 @@ def run(output: Path, *, encoder: str = "dinov2-small", faces: int = 20_000, con
     console = console or Console()
     output.mkdir(parents=True, exist_ok=True)
     rows: list[Row] = []
+    opening: list[Picture] = []
     table = Table("stage", title="Seconds")
     seconds: list[dict[str, float]] = []
     model = load_encoder(encoder)
@@ -66,15 +70,18 @@ def run(output: Path, *, encoder: str = "dinov2-small", faces: int = 20_000, con
         sample.mesh.save(output / f"{name}.glb")
         rows.append((f"The {name}: what the encoder sees, and its features by colour", first))
         with stages.stage("deform and draw"):
-            rows += edits(sample, field, output)
+            stories = edits(sample, field, output)
+        rows += [story.row() for story in stories]
+        opening += [picture for story in stories if story.opens for picture in story.opening()]
         table.add_column(name, justify="right")
         seconds.append(stages.seconds)
     with Stages().stage("sheet"):
         save_png(output / "story.png", contact_sheet(rows, title="Deep feature deformation: grab one, move all alike"))
+        save_png(output / "opening.png", contact_sheet([("", opening)], cell=260))
     for stage in seconds[0]:
         table.add_row(stage, *(f"{times[stage]:.1f}" for times in seconds))
     console.print(table)
-    console.print(f"Pictures: {output / 'story.png'}\nMeshes:   {output}")
+    console.print(f"Pictures: {output / 'story.png'}, {output / 'opening.png'}\nMeshes:   {output}")
 
 
 def _distill(sample: Sample, model: Encoder, stages: Stages) -> tuple[Field, list[tuple[NDArray[np.uint8], str]]]:
@@ -93,69 +100,92 @@ def _distill(sample: Sample, model: Encoder, stages: Stages) -> tuple[Field, lis
     return field, pictures
 
 
-def _edit_chair(sample: Sample, field: Field, output: Path) -> list[Row]:
+def _edit_chair(sample: Sample, field: Field, output: Path) -> list[_Story]:
     mesh = sample.mesh
     foot = _lowest(mesh.vertices, sample.vertices_of("leg", 0))
     back = _highest(mesh.vertices, sample.vertices_of("back"))
     legs = Deformer(mesh, field)
     legs.add(foot, translation=(0.0, -0.35, 0.0), name="foot")
-    wide = Deformer(mesh, field)
-    wide.add(back, scale=(1.0, 1.5, 1.0), translation=(0.0, 0.12, 0.0), name="back")
+    tall = Deformer(mesh, field)
+    tall.add(back, scale=(1.0, 1.5, 1.0), translation=(0.0, 0.12, 0.0), name="back")
     return [
-        _story("One foot of the chair is pulled down: all four legs grow", legs, output / "chair_legs"),
-        _story("The top of its back is pulled up", wide, output / "chair_back"),
+        _Story("One foot of the chair is pulled down: all four legs grow", legs, output / "chair_legs", "one foot"),
+        _Story("The top of its back is pulled up", tall, output / "chair_back"),
     ]
 
 
-def _edit_quadruped(sample: Sample, field: Field, output: Path) -> list[Row]:
+def _edit_quadruped(sample: Sample, field: Field, output: Path) -> list[_Story]:
     mesh = sample.mesh
     hoof = _lowest(mesh.vertices, sample.vertices_of("hoof", 0))
     horn = _highest(mesh.vertices, sample.vertices_of("horn", 0))
     root = mesh.vertices[_lowest(mesh.vertices, sample.vertices_of("horn", 0))]
-    muzzle = int(sample.vertices_of("head")[np.argmax(mesh.vertices[sample.vertices_of("head"), 2])])
+    head = sample.vertices_of("head")
+    muzzle = int(head[np.argmax(mesh.vertices[head, 2])])
+
+    def bent(locality: float = 0.0) -> Deformer:
+        session = Deformer(mesh, field)
+        session.add(horn, rotation=(-50.0, 0.0, 0.0), scale=1.4, pivot=root, locality=locality, name="horn")
+        return session
 
     legs = Deformer(mesh, field)
     legs.add(hoof, translation=(0.0, -0.3, 0.0), name="hoof")
-    bend = {"rotation": (-50.0, 0.0, 0.0), "scale": 1.4, "pivot": root, "name": "horn"}
-    free = Deformer(mesh, field)
-    free.add(horn, **bend)
-    local = Deformer(mesh, field)
-    local.add(horn, locality=6.0, **bend)
-    held = Deformer(mesh, field)
-    held.add(horn, **bend)
+    held = bent()
     held.fix(muzzle)
     return [
-        _story("One hoof of the quadruped is pulled down: all four legs grow", legs, output / "quadruped_legs"),
-        _story("One horn is bent: what looks alike follows", free, output / "quadruped_horn"),
-        _story("The same with locality 6: it stays near", local, output / "quadruped_horn_local"),
-        _story("The same with a fixed point on the muzzle: the head holds", held, output / "quadruped_horn_fixed"),
+        _Story(
+            "One hoof of the quadruped is pulled down: all four legs grow", legs, output / "quadruped_legs", "one hoof"
+        ),
+        _Story("One horn is bent: what looks alike follows", bent(), output / "quadruped_horn"),
+        _Story("The same with locality 6: it stays near", bent(6.0), output / "quadruped_horn_local"),
+        _Story(
+            "The same with a fixed point on the muzzle: the head holds",
+            held,
+            output / "quadruped_horn_fixed",
+            "one horn",
+        ),
     ]
 
 
-def _story(title: str, deformer: Deformer, stem: Path) -> Row:
-    """Draw weights, before and after of one edit; keep its mesh and its document beside them."""
-    mesh, moved = deformer.mesh, deformer.vertices
-    mesh.save(stem.with_suffix(".glb"), moved)
-    deformer.save(stem.with_suffix(".json"))
-    handles = np.array([handle.place.position for handle in deformer.handles])
-    fixed = np.array([place.position for place in deformer.fixed]).reshape(-1, 3)
-    weights = np.asarray(deformer.weights)[:, 0]
-    both = [mesh.vertices, moved]
+class _Story:
+    """One edit: its mesh and document on disk, and its pictures.
 
-    def view(azimuth: float, **options: object) -> NDArray[np.uint8]:
-        return picture(mesh, azimuth=azimuth, frame=both, **options)  # type: ignore[arg-type]
+    With `opens`, what its handle is on, it is one of those that the opening picture shows.
+    """
 
-    return (
-        title,
-        [
-            (view(35, weights=weights, handles=handles, fixed=fixed), "weights"),
-            (view(215, weights=weights, handles=handles, fixed=fixed), "weights, behind"),
-            (heat_bar(512), ""),
-            (view(35), "before"),
-            (view(35, vertices=moved), "after"),
-            (view(215, vertices=moved), "after, behind"),
-        ],
-    )
+    def __init__(self, title: str, deformer: Deformer, stem: Path, opens: str = "") -> None:
+        self.title, self.opens = title, opens
+        self._mesh, self._moved = deformer.mesh, deformer.vertices
+        self._mesh.save(stem.with_suffix(".glb"), self._moved)
+        deformer.save(stem.with_suffix(".json"))
+        self._marks = {
+            "handles": np.array([handle.place.position for handle in deformer.handles]),
+            "fixed": np.array([place.position for place in deformer.fixed]).reshape(-1, 3),
+            "weights": deformer.weights[:, 0],
+        }
+
+    def row(self) -> Row:
+        """Weights, before and after, from both sides."""
+        return (
+            self.title,
+            [
+                (self._view(35, **self._marks), "weights"),
+                (self._view(215, **self._marks), "weights, behind"),
+                (heat_bar(512), ""),
+                (self._view(35), "before"),
+                (self._view(35, vertices=self._moved), "after"),
+                (self._view(215, vertices=self._moved), "after, behind"),
+            ],
+        )
+
+    def opening(self) -> list[Picture]:
+        """Weights and what came of them."""
+        return [
+            (self._view(35, **self._marks), f"{self.opens} held: weights"),
+            (self._view(35, vertices=self._moved), ""),
+        ]
+
+    def _view(self, azimuth: float, **options: Any) -> NDArray[np.uint8]:
+        return picture(self._mesh, azimuth=azimuth, frame=[self._mesh.vertices, self._moved], **options)
 
 
 def _lowest(vertices: NDArray[np.float64], among: NDArray[np.int64]) -> int:

@@ -58,7 +58,7 @@ def distill(
         "shape": every view is filled by the shape; "paper": the cameras of the paper, at a distance of 2.8.
     simplify_to
         Take the pictures of a copy of at most so many faces, as the paper does above 50,000; None casts rays at the
-        mesh itself, which is faster up to several million faces and loses nothing.
+        mesh itself, as fast below half a million faces and faster above.
     supervision
         "barycentric" fits every covered pixel (Eq. 2); "vertex" only pixels that hold a vertex, the paper's ablation.
     mirrored

@@ -35,11 +35,12 @@ def simplify(mesh: Mesh, face_count: int) -> Mesh:
         return mesh
     # Quadrics hold squared coordinates: around the origin and of size 1 they lose least.
     center, scale = normalization(mesh)
-    vertices, faces = fast_simplification.simplify(
-        (mesh.vertices - center) * scale, faces, target_count=min(face_count, len(faces))
-    )
+    normalized = (mesh.vertices - center) * scale
+    vertices, faces = fast_simplification.simplify(normalized, faces, target_count=min(face_count, len(faces)))
     if len(faces) == 0 or not np.isfinite(vertices).all():
         return mesh
+    # On flat ground the best place for a vertex is nearly free, and it may be put anywhere: not outside the box.
+    vertices = np.clip(vertices, normalized.min(axis=0), normalized.max(axis=0))
     coarse = Mesh(vertices / scale + center, faces)
     if mesh.appearance is None:
         return coarse

@@ -37,6 +37,12 @@ def distill(
     supervision: Annotated[
         str, typer.Option(help="barycentric: fit every pixel; vertex: only those that hold a vertex.")
     ] = DEFAULTS["supervision"],
+    mirrored: Annotated[
+        bool, typer.Option("--mirrored/--not-mirrored", help="Take the pictures in mirrored pairs.")
+    ] = DEFAULTS["mirrored"],
+    smoothing: Annotated[
+        float, typer.Option(help="How far features spread along the surface before the fit; 0 is the paper's loss.")
+    ] = DEFAULTS["smoothing"],
     steps: Annotated[int, typer.Option(help="Length of the fit.")] = DEFAULTS["steps"],
     seed: Annotated[int, typer.Option(help="Equal seeds give equal fields.")] = DEFAULTS["seed"],
     device: Annotated[
@@ -74,6 +80,8 @@ def distill(
             framing=framing,
             simplify_to=simplify_to,
             supervision=supervision,
+            mirrored=mirrored,
+            smoothing=smoothing,
             steps=steps,
             seed=seed,
             device=device,
