@@ -16,7 +16,7 @@ from bench.quality.judge import Draw, handles, judge, mean
 from bench.quality.lab import Lab
 from bench.quality.measures import difference
 from bench.quality.shapes import Shape
-from dfd.encoder_presets import PRESETS
+from dfd.encoders.presets import PRESETS
 
 Settings = Mapping[str, Any]  # by their names in `dfd.distill`, and an encoder's "block"
 

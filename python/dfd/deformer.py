@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dfd import check
-from dfd.edit import Edit, Handle, Place, Transform, box_center, place_on, symmetry_on
-from dfd.edit_file import read_edit, write_edit
-from dfd.handle_weights import HandleWeights
-from dfd.history import History
+from dfd.editing.edit import Edit, Handle, Place, Transform, box_center, place_on, symmetry_on
+from dfd.editing.edit_file import read_edit, write_edit
+from dfd.editing.handle_weights import HandleWeights
+from dfd.editing.history import History
 from dfd.pose import pose
 from dfd.symmetry import SymmetryPlane, symmetry_planes
 
@@ -380,7 +380,7 @@ class Deformer:
     # --- files
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the present edit, without its history, as the JSON document of `dfd.edit_file`.
+        """Write the present edit, without its history, as the JSON document of `dfd.editing.edit_file`.
 
         Raises
         ------

@@ -12,12 +12,12 @@ from rich.console import Console
 from rich.table import Table
 
 from dfd import samples
-from dfd.colors import feature_colors
-from dfd.contact_sheet import contact_sheet, heat_bar
 from dfd.deformer import Deformer
 from dfd.distill import distill
+from dfd.drawing.colors import feature_colors
+from dfd.drawing.contact_sheet import contact_sheet, heat_bar
+from dfd.drawing.pictures import picture, save_png
 from dfd.encode import Encoder, load_encoder
-from dfd.pictures import picture, save_png
 from dfd.progress import Stages
 from dfd.render import render
 from dfd.symmetry import symmetry_planes

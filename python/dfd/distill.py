@@ -66,7 +66,7 @@ def distill(
     smoothing
         How far features spread along the surface before the field is fitted to them, as a part of half the longest
         side of the box; 0 fits the pixels as they are, as the paper does, and then the length of the fit decides how
-        well its weights tell parts apart. What spreads, and why, stands in `dfd.diffusion`.
+        well its weights tell parts apart. What spreads, and why, stands in `dfd.distillation.diffusion`.
     steps, batch, learning_rate
         Length of the fit, surface points per step, peak of its one-cycle rate.
     seed
@@ -122,7 +122,7 @@ def distill(
         "seed": seed,
     }
     if features is not None:
-        from dfd.vertex_features import fit_features
+        from dfd.distillation.vertex_features import fit_features
 
         return fit_features(mesh, features, settings, device=device, stages=stages, cache=cache, checkpoint=checkpoint)
     settings = {
@@ -137,14 +137,14 @@ def distill(
     }
     import torch
 
-    from dfd.descent import descend
-    from dfd.diffusion import diffuse
+    from dfd.distillation.descent import descend
+    from dfd.distillation.diffusion import diffuse
+    from dfd.distillation.recipe import plain, recipe
+    from dfd.distillation.run import Run
+    from dfd.distillation.targets import PixelTargets, PointTargets
     from dfd.encode import Encoder, load_encoder
     from dfd.field import Field
-    from dfd.recipe import plain, recipe
     from dfd.render import render
-    from dfd.run import Run
-    from dfd.targets import PixelTargets, PointTargets
 
     with stages.stage("load"):
         source = _source(encoder, device)
@@ -191,7 +191,7 @@ def distill(
 def _source(encoder: str | PathLike[str] | Encoder, device: str | None) -> dict[str, Any] | None:
     """What tells the encoder from any other, without loading it; None where its weights are not at hand."""
     from dfd.encode import Encoder
-    from dfd.encoder_weights import find_fingerprint
+    from dfd.encoders.weights import find_fingerprint
 
     if isinstance(encoder, Encoder):
         return encoder.identity()

@@ -14,11 +14,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from dfd.devices import choose_device, out_of_memory
-from dfd.encoder_attention import choose_precision, use_blocked_attention
-from dfd.encoder_models import VisionModel, build
-from dfd.encoder_presets import PRESETS
-from dfd.encoder_weights import Weights, find_weights
+from dfd.distillation.devices import choose_device, out_of_memory
+from dfd.encoders.attention import choose_precision, use_blocked_attention
+from dfd.encoders.models import VisionModel, build
+from dfd.encoders.presets import PRESETS
+from dfd.encoders.weights import Weights, find_weights
 from dfd.progress import Stages
 
 __all__ = ["Encoder", "load_encoder"]

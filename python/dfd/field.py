@@ -194,7 +194,7 @@ class Field(nn.Module):
         if not Path(path).is_file():
             raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is no file")
         if Path(path).suffix.lower() == ".pth":
-            from dfd.reference_checkpoint import load_reference
+            from dfd.distillation.reference_checkpoint import load_reference
 
             if mesh is None:
                 raise ValueError(f"Field.load: `mesh` must be given for {os.fspath(path)}: it has the normalisation")

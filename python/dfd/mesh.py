@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dfd import check
 from dfd.appearance import Appearance
-from dfd.scene_file import SceneFile
+from dfd.mesh_file.scene_file import SceneFile
 
 __all__ = ["Mesh", "load"]
 
@@ -119,7 +119,7 @@ class Mesh:
         OSError
             If the file cannot be written; what was there before stays.
         """
-        from dfd import scene_save  # writing is the rarer errand
+        from dfd.mesh_file import scene_save  # writing is the rarer errand
 
         moved = self.vertices
         if vertices is not None:

@@ -21,8 +21,9 @@ from tiny_encoder import save_tiny_encoder
 import dfd
 import dfd.encode
 import dfd.render
-from dfd import Field, Mesh, checkpoint
-from dfd.checkpoint import Checkpoint, FitState
+from dfd import Field, Mesh
+from dfd.distillation import checkpoint
+from dfd.distillation.checkpoint import Checkpoint, FitState
 from dfd.encode import Encoder
 
 SMALL: dict[str, Any] = {
@@ -154,7 +155,7 @@ def start(mesh: Path, encoder: Path, output: Path) -> subprocess.Popen[str]:
     code = (
         "import sys, time; import torch; torch.set_num_threads(1)\n"
         "import dfd.encode; dfd.encode._PIXELS_AT_ONCE = {'cpu': 2 * 32 * 32}\n"
-        "from dfd import checkpoint; checkpoint.SECONDS = 0.05\n"
+        "from dfd.distillation import checkpoint; checkpoint.SECONDS = 0.05\n"
         "keep = checkpoint.FitState.keep\n"
         "def slow(*given): time.sleep(0.015); keep(*given)\n"
         "checkpoint.FitState.keep = slow\n"

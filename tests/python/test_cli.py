@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 import dfd
 from dfd.cli import app
-from dfd.edit_file import read_edit
+from dfd.editing.edit_file import read_edit
 from dfd.field import Field
 
 
@@ -353,7 +353,7 @@ def test_distill_hands_everything_on(run, folder):
     options = ("--encoder", "clip", "--views", 6, "--resolution", 224, "--framing", "paper", "--simplify-to", 500)
     more = ("--supervision", "vertex", "--steps", 7, "--seed", 11, "--device", "cpu", "--loss-curve", "loss.png")
     np.save("rows.npy", np.eye(3))
-    more += ("--features", "rows.npy", "--no-cache")
+    more += ("--features", "rows.npy", "--no-cache", "--not-mirrored", "--smoothing", 0.1)
     with mock.patch("dfd.distill", return_value=field) as distill:
         result = run("distill", "MESH", "-o", "out.safetensors", *options, *more)
     assert worked(result)
@@ -368,6 +368,8 @@ def test_distill_hands_everything_on(run, folder):
         "framing": "paper",
         "simplify_to": 500,
         "supervision": "vertex",
+        "mirrored": False,
+        "smoothing": 0.1,
         "steps": 7,
         "seed": 11,
         "device": "cpu",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dfd.appearance import srgb
-from dfd.colors import CLAY, feature_colors, oklab, to_linear, weight_colors
+from dfd.drawing.colors import CLAY, feature_colors, oklab, to_linear, weight_colors
 
 
 def test_heat_begins_at_clay_and_is_clamped() -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dfd.colors import weight_colors
-from dfd.contact_sheet import contact_sheet, heat_bar
-from dfd.typography import font, spelled, wrapped
+from dfd.drawing.colors import weight_colors
+from dfd.drawing.contact_sheet import contact_sheet, heat_bar
+from dfd.drawing.typography import font, spelled, wrapped
 
 
 def filled(height: int, width: int, color: tuple[int, int, int]) -> np.ndarray:

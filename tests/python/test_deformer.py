@@ -8,11 +8,11 @@ import pytest
 import torch
 
 import dfd
-from dfd import handle_weights
-from dfd.edit import Edit, Place, Transform
+from dfd.editing import handle_weights
+from dfd.editing.edit import Edit, Place, Transform
+from dfd.editing.transforms import affine
 from dfd.field import Field
 from dfd.symmetry import SymmetryPlane
-from dfd.transforms import affine
 
 
 @pytest.fixture(scope="module")

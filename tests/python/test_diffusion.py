@@ -8,10 +8,11 @@ import torch
 import trimesh
 from numpy.typing import NDArray
 
-from dfd import Mesh, diffusion
-from dfd.diffusion import diffuse
+from dfd import Mesh
+from dfd.distillation import diffusion
+from dfd.distillation.diffusion import diffuse
+from dfd.distillation.targets import PixelTargets
 from dfd.render import Views, render
-from dfd.targets import PixelTargets
 
 
 def views_of(mesh: Mesh) -> Views:

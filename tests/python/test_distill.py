@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import dfd
-from dfd.encoder_offline import find_wheel
+from dfd.encoders.offline import find_wheel
 from dfd.samples import Sample
 
 # A small but real setting: enough for parts to be told apart, quick enough for every run of the tests.

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dfd.edit import Edit, Handle, Place, Transform, place_on, symmetry_on
-from dfd.edit_file import from_document, read_edit, to_document, write_edit
-from dfd.history import History
+from dfd.editing.edit import Edit, Handle, Place, Transform, place_on, symmetry_on
+from dfd.editing.edit_file import from_document, read_edit, to_document, write_edit
+from dfd.editing.history import History
 from dfd.mesh import Mesh
 from dfd.symmetry import SymmetryPlane
 
@@ -111,9 +111,9 @@ def test_the_file_is_json_that_people_can_read(edit, mesh, tmp_path):
 
 
 def test_the_example_of_the_documentation_is_read(mesh):
-    import dfd.edit_file
+    import dfd.editing.edit_file
 
-    example = re.search(r"^    \{.*?^    \}", dfd.edit_file.__doc__, re.DOTALL | re.MULTILINE)[0]
+    example = re.search(r"^    \{.*?^    \}", dfd.editing.edit_file.__doc__, re.DOTALL | re.MULTILINE)[0]
     edit = from_document(json.loads(example), mesh)
     assert edit.handles[0].name == "left horn"
     assert edit.handles[0].transform == Transform((0.0, 0.2, 0.0), (0.0, 0.0, 30.0))

@@ -17,8 +17,8 @@ import transformers
 
 import dfd.encode
 from dfd.encode import Encoder, load_encoder
-from dfd.encoder_attention import blocked_attention, use_blocked_attention
-from dfd.encoder_presets import PRESETS
+from dfd.encoders.attention import blocked_attention, use_blocked_attention
+from dfd.encoders.presets import PRESETS
 from dfd.progress import Stages
 
 VISION = {
@@ -468,7 +468,7 @@ def test_blocked_attention_heeds_masks_and_shared_keys() -> None:
 
 
 def test_blocked_attention_leaves_amx_to_torch(dinov2: Saved, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dfd.encoder_attention._cpu_has", lambda feature: feature == "amx_tile")
+    monkeypatch.setattr("dfd.encoders.attention._cpu_has", lambda feature: feature == "amx_tile")
     network = load_encoder(dinov2.folder, device="cpu", precision="float32")._model.network
     use_blocked_attention(network)
     assert network.config._attn_implementation == "sdpa"
@@ -476,7 +476,7 @@ def test_blocked_attention_leaves_amx_to_torch(dinov2: Saved, monkeypatch: pytes
 
 def test_precision_is_chosen_by_the_processor(dinov2: Saved, monkeypatch: pytest.MonkeyPatch) -> None:
     for has, expected in ((True, "bfloat16"), (False, "float32")):
-        monkeypatch.setattr("dfd.encoder_attention._cpu_has", lambda feature, has=has: has)
+        monkeypatch.setattr("dfd.encoders.attention._cpu_has", lambda feature, has=has: has)
         encoder = load_encoder(dinov2.folder, device="cpu", precision="auto")
         assert encoder.settings()["encoder_precision"] == expected
 

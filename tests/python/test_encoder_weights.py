@@ -21,11 +21,12 @@ import torch
 import transformers
 from huggingface_hub import constants, errors
 
-from dfd import encoder_offline, encoder_weights
 from dfd.cache import cache_directory
 from dfd.encode import Encoder, load_encoder
-from dfd.encoder_models import build
-from dfd.encoder_weights import find_weights
+from dfd.encoders import offline as encoder_offline
+from dfd.encoders import weights as encoder_weights
+from dfd.encoders.models import build
+from dfd.encoders.weights import find_weights
 
 SIZES = {
     "hidden_size": 16,
@@ -235,7 +236,7 @@ def test_the_first_of_two_writers_serves_both(small: bytes, monkeypatch: pytest.
 
 _CONVERT = """
 import sys, onnx, safetensors.torch
-from dfd import encoder_offline
+from dfd.encoders import offline as encoder_offline
 print("ready", flush=True)
 sys.stdin.readline()
 print(encoder_offline.wheel_weights(*encoder_offline.find_wheel()).fingerprint)

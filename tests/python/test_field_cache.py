@@ -19,8 +19,11 @@ from tiny_encoder import save_tiny_encoder
 import dfd
 import dfd.encode
 import dfd.render
-from dfd import Field, Mesh, encoder_offline, encoder_weights, field_cache
-from dfd.recipe import difference, digest, recipe
+from dfd import Field, Mesh
+from dfd.distillation import field_cache
+from dfd.distillation.recipe import difference, digest, recipe
+from dfd.encoders import offline as encoder_offline
+from dfd.encoders import weights as encoder_weights
 
 SMALL: dict[str, Any] = {"views": 2, "resolution": 32, "steps": 3, "batch": 32, "progress": False, "device": "cpu"}
 
@@ -188,7 +191,7 @@ def test_entries_longest_unused_go_first(cache: Path, monkeypatch: pytest.Monkey
 def test_processes_may_do_the_same_at_once(cache: Path) -> None:
     code = (
         "import torch; torch.manual_seed(0)\n"
-        "from dfd import Field, field_cache\n"
+        "from dfd import Field\nfrom dfd.distillation import field_cache\n"
         "field = Field(8, width=64, layers=2)\n"
         "for index in range(12):\n"
         "    field_cache.store({'name': index % 3}, field)\n"

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import dfd.pictures
+import dfd.drawing.pictures
 from dfd.appearance import Appearance, Material
-from dfd.colors import CLAY, weight_colors
+from dfd.drawing.colors import CLAY, weight_colors
+from dfd.drawing.pictures import picture, save_png
 from dfd.mesh import Mesh
-from dfd.pictures import picture, save_png
 from dfd.threads import get_num_threads, set_num_threads
 
 FRONT = {"azimuth": 0.0, "elevation": 0.0}
@@ -209,7 +209,7 @@ def test_threads_and_bands_change_nothing_visible(monkeypatch: pytest.MonkeyPatc
         set_num_threads(1)
         one = picture(mesh, resolution=80)
         set_num_threads(3)
-        monkeypatch.setattr(dfd.pictures, "BAND", 2 * 2 * 80 * 20)
+        monkeypatch.setattr(dfd.drawing.pictures, "BAND", 2 * 2 * 80 * 20)
         several = picture(mesh, resolution=80)
         set_num_threads(1)
         np.testing.assert_array_equal(picture(mesh, resolution=80), several)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
+from dfd.distillation.targets import PixelTargets, PointTargets
 from dfd.render import Views
-from dfd.targets import PixelTargets, PointTargets
 
 CPU = torch.device("cpu")
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dfd.transforms import affine, rotation_matrix, rotation_vector, scale_factors, vector
+from dfd.editing.transforms import affine, rotation_matrix, rotation_vector, scale_factors, vector
 
 coordinate = st.floats(-10, 10)
 points = st.tuples(coordinate, coordinate, coordinate)

@@ -10,7 +10,7 @@ import torch
 
 import dfd
 from dfd import Field, Mesh
-from dfd.vertex_features import GivenFeatures
+from dfd.distillation.vertex_features import GivenFeatures
 
 QUIET = {"device": "cpu", "progress": False}
 

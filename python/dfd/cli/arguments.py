@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from dfd.edit import Place
+    from dfd.editing.edit import Place
     from dfd.mesh import Mesh
 
 __all__ = ["FieldOption", "MeshArgument", "check_output", "place"]
@@ -29,7 +29,7 @@ def place(mesh: Mesh, option: str, text: str) -> Place:
     ValueError
         In the name of `option`, if it is neither, or there is no such vertex.
     """
-    from dfd.edit import place_on
+    from dfd.editing.edit import place_on
 
     at: Any
     try:

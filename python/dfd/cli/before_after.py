@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dfd.deformer import Deformer
+from dfd.drawing.pictures import contact_sheet, picture, save_png
 from dfd.mesh import Mesh
-from dfd.pictures import contact_sheet, picture, save_png
 
 __all__ = ["azimuth_towards", "save_before_after"]
 

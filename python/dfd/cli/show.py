@@ -54,7 +54,7 @@ def show(
 
     from dfd import load
     from dfd.cli.before_after import azimuth_towards
-    from dfd.pictures import contact_sheet, picture, save_png
+    from dfd.drawing.pictures import contact_sheet, picture, save_png
     from dfd.progress import Stages
 
     stages = Stages()
@@ -87,7 +87,7 @@ def _rows(
         return [("the mesh", {})]
 
     from dfd import Deformer, Field
-    from dfd.colors import feature_colors
+    from dfd.drawing.colors import feature_colors
 
     deformer = Deformer(shape, Field.load(field, mesh=shape))
     for text in handles:

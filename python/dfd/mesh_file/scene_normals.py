@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.scene_file import SceneFile
-from dfd.scene_parts import Part
+from dfd.mesh_file.scene_file import SceneFile
+from dfd.mesh_file.scene_parts import Part
 from dfd.weld import weld
 
 __all__ = ["follow"]

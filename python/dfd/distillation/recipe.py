@@ -69,8 +69,9 @@ def _short(before: Mapping[str, Any], now: Mapping[str, Any], name: str) -> bool
 def _code() -> str:
     """SHA-256 of the package's own modules; of its version where they cannot be read, as in an archive."""
     summed = hashlib.sha256(_version("dfd").encode())
-    for path in sorted(Path(__file__).parent.glob("*.py")):
-        summed.update(path.name.encode() + path.read_bytes())
+    package = Path(__file__).parents[1]
+    for path in sorted(package.rglob("*.py")):
+        summed.update(path.relative_to(package).as_posix().encode() + path.read_bytes())
     return summed.hexdigest()
 
 

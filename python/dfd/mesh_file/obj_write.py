@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.appearance import GREY
-from dfd.scene_colors import vertex_colors
-from dfd.scene_file import SceneFile
-from dfd.scene_visuals import is_stand_in, simple
+from dfd.mesh_file.scene_colors import vertex_colors
+from dfd.mesh_file.scene_file import SceneFile
+from dfd.mesh_file.scene_visuals import is_stand_in, simple
 
 __all__ = ["encode", "encode_scene"]
 

@@ -19,8 +19,8 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from dfd import gltf_header
-from dfd.scene_parts import MovedPart
+from dfd.mesh_file import gltf_header
+from dfd.mesh_file.scene_parts import MovedPart
 
 __all__ = ["GltfSource", "encode", "places"]
 

@@ -17,8 +17,8 @@ from typing import Any, SupportsIndex
 import torch
 from torch import Tensor, nn
 
-from dfd.encoder_presets import CLIP, IMAGENET, SYMMETRIC, Normalisation
-from dfd.encoder_weights import Weights
+from dfd.encoders.presets import CLIP, IMAGENET, SYMMETRIC, Normalisation
+from dfd.encoders.weights import Weights
 
 __all__ = ["VisionModel", "build"]
 

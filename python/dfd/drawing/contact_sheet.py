@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from dfd import check
-from dfd.colors import weight_colors
-from dfd.typography import font, wrapped
+from dfd.drawing.colors import weight_colors
+from dfd.drawing.typography import font, wrapped
 
 __all__ = ["contact_sheet", "heat_bar"]
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from dfd.encoder_offline import MANIFEST, find_wheel, wheel_fingerprint, wheel_weights
-from dfd.encoder_presets import PRESETS, Normalisation
+from dfd.encoders.offline import MANIFEST, find_wheel, wheel_fingerprint, wheel_weights
+from dfd.encoders.presets import PRESETS, Normalisation
 
 __all__ = ["Weights", "find_fingerprint", "find_weights"]
 

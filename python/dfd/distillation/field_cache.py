@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from dfd.cache import cache_directory
+from dfd.distillation.recipe import digest
 from dfd.field import Field
-from dfd.recipe import digest
 
 __all__ = ["find", "store"]
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd import field_cache
-from dfd.checkpoint import Checkpoint, FitState
-from dfd.devices import out_of_memory
+from dfd.distillation import field_cache
+from dfd.distillation.checkpoint import Checkpoint, FitState
+from dfd.distillation.devices import out_of_memory
 from dfd.encode import Encoder
 from dfd.field import Field
 from dfd.progress import Stages
@@ -21,7 +21,7 @@ __all__ = ["Run"]
 
 
 class Run:
-    """A distillation by its recipe (see `dfd.recipe`), with its place in the cache and its checkpoint if wanted.
+    """A distillation by its `recipe`, with its place in the cache and its checkpoint if wanted.
 
     Parameters
     ----------

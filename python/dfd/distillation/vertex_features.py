@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 from torch import Tensor, nn
 
 from dfd import check
-from dfd.descent import descend
-from dfd.devices import choose_device
+from dfd.distillation.descent import descend
+from dfd.distillation.devices import choose_device
+from dfd.distillation.recipe import recipe, summed
+from dfd.distillation.run import Run
 from dfd.field import Field
 from dfd.progress import Stages
-from dfd.recipe import recipe, summed
 from dfd.render import normalization
-from dfd.run import Run
 
 if TYPE_CHECKING:
     from dfd.mesh import Mesh

@@ -58,10 +58,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dfd.edit import Edit, Handle, Place, Transform, box_center, symmetry_on
+from dfd.editing.edit import Edit, Handle, Place, Transform, box_center, symmetry_on
+from dfd.editing.transforms import Vector, rotation_vector, scale_factors, vector
 from dfd.files import atomic_write
 from dfd.symmetry import AXES, SymmetryPlane
-from dfd.transforms import Vector, rotation_vector, scale_factors, vector
 
 if TYPE_CHECKING:
     from dfd.mesh import Mesh

@@ -20,8 +20,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from dfd.distillation.recipe import difference, digest, summed
 from dfd.files import atomic_write
-from dfd.recipe import difference, digest, summed
 
 if TYPE_CHECKING:
     from dfd.encode import Encoder
@@ -53,7 +53,7 @@ class Checkpoint:
     folder
         Made if it is not there; of a run with another recipe it is emptied, with a warning.
     recipe
-        All that the result depends on, see `dfd.recipe`.
+        All that the result depends on, see `dfd.distillation.recipe`.
 
     Raises
     ------

@@ -16,10 +16,10 @@ from scipy.ndimage import uniform_filter
 from dfd import check
 from dfd.appearance import srgb
 from dfd.cameras import Camera, camera_towards
-from dfd.colors import CLAY, to_linear, weight_colors
-from dfd.contact_sheet import contact_sheet, heat_bar
+from dfd.drawing.colors import CLAY, to_linear, weight_colors
+from dfd.drawing.contact_sheet import contact_sheet, heat_bar
+from dfd.drawing.marks import draw_marks
 from dfd.files import atomic_write
-from dfd.marks import draw_marks
 from dfd.render import surface_points
 from dfd.scene import Hits, Scene
 from dfd.threads import get_num_threads

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from PIL import Image
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
-from dfd import gltf_header
 from dfd.appearance import Appearance, Material, Wrap, srgb
-from dfd.scene_parts import Part
-from dfd.scene_visuals import is_stand_in
+from dfd.mesh_file import gltf_header
+from dfd.mesh_file.scene_parts import Part
+from dfd.mesh_file.scene_visuals import is_stand_in
 
 __all__ = ["read_appearance", "vertex_colors"]
 

@@ -12,7 +12,7 @@ from dfd.field import Field
 from dfd.progress import Stages
 
 if TYPE_CHECKING:
-    from dfd.checkpoint import FitState, Stateful
+    from dfd.distillation.checkpoint import FitState, Stateful
 
 __all__ = ["descend"]
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.bind import bind
-from dfd.edit import Edit, Handle, Place
-from dfd.transforms import Vector, vector
+from dfd.editing.edit import Edit, Handle, Place
+from dfd.editing.transforms import Vector, vector
 
 if TYPE_CHECKING:
     from dfd.field import Field

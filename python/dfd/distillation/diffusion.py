@@ -26,8 +26,8 @@ from dfd.topology import face_components
 from dfd.weld import weld
 
 if TYPE_CHECKING:
+    from dfd.distillation.targets import PixelTargets
     from dfd.render import Views
-    from dfd.targets import PixelTargets
 
 __all__ = ["diffuse"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterator
 from contextlib import contextmanager
 
-from dfd.edit import Edit
+from dfd.editing.edit import Edit
 
 __all__ = ["History"]
 

@@ -14,11 +14,11 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from dfd import gltf_header, gltf_patch, obj_text
 from dfd.appearance import Appearance
-from dfd.asset_folder import AssetFolder
-from dfd.scene_colors import read_appearance
-from dfd.scene_parts import Part, place
+from dfd.mesh_file import gltf_header, gltf_patch, obj_text
+from dfd.mesh_file.asset_folder import AssetFolder
+from dfd.mesh_file.scene_colors import read_appearance
+from dfd.mesh_file.scene_parts import Part, place
 from dfd.weld import weld
 
 __all__ = ["ENDINGS", "SceneFile"]

@@ -1,6 +1,6 @@
 """An edit of a shape, as one immutable value: handles, fixed points, symmetry and default transform.
 
-It is what `Deformer` steps through and what it keeps in a file; `dfd.edit_file` describes the document.
+It is what `Deformer` steps through and what it keeps in a file; `dfd.editing.edit_file` describes the document.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dfd import check
+from dfd.editing.transforms import Vector, affine, rotation_vector, scale_factors, vector
 from dfd.symmetry import AXES, SymmetryPlane, axis_plane
-from dfd.transforms import Vector, affine, rotation_vector, scale_factors, vector
 
 if TYPE_CHECKING:
     from dfd.mesh import Mesh

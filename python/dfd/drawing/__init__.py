@@ -1,0 +1,1 @@
+"""Pictures for people: ray-cast shapes, colours that stand for numbers, sheets."""

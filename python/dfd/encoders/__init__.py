@@ -1,0 +1,1 @@
+"""Encoders: presets, families of networks, and where their weights come from."""
