@@ -31,7 +31,7 @@ def distill(
     simplify_to: int | None = None,
     supervision: str = "barycentric",
     mirrored: bool = True,
-    smoothing: float = 0.3,
+    smoothing: float = 0.2,
     steps: int = 300,
     batch: int = 2048,
     learning_rate: float = 1e-2,

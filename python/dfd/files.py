@@ -29,7 +29,11 @@ def atomic_write(path: str | os.PathLike[str], argument: str = "path") -> Iterat
         raise IsADirectoryError(f"`{argument}`: {target} is a folder, not a file")
     temporary = target.with_name(f".{target.stem}.{secrets.token_hex(4)}{target.suffix}")
     try:
+        # A writer may keep its file to itself; what it replaces, or an ordinary new file, says who may read it.
+        temporary.touch()
+        mode = (target if target.exists() else temporary).stat().st_mode
         yield temporary
+        temporary.chmod(mode & 0o777)
         with temporary.open("rb+") as stream:
             os.fsync(stream.fileno())
         temporary.replace(target)

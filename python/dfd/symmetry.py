@@ -21,7 +21,7 @@ AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 LARGEST_SAMPLE = 50_000
 # A plane also counts as one of symmetry when a reflection changes the features by less than this part of what an
 # arbitrary exchange of two vertices changes. Encoders differ in the spread of their features, and ε does not follow.
-RELATIVE_THRESHOLD = 0.5
+RELATIVE_THRESHOLD = 0.25
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def symmetry_planes(field: Field, mesh: Mesh, *, threshold: float = 0.1) -> list
     """Find the axis planes across which `mesh` looks alike.
 
     A plane through the box centre is one of visual symmetry when the mean of ‖Φ(v) − Φ(R v)‖, over the vertices of
-    both sides, is below `threshold` (the paper's ε) or below half of what exchanging arbitrary vertices gives: the
+    both sides, is below `threshold` (the paper's ε) or below a quarter of what exchanging arbitrary vertices gives: the
     spread of the features, and with it a fair ε, depends on the encoder and its block.
 
     Returns

@@ -7,6 +7,7 @@ import pytest
 import torch
 import trimesh
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from dfd import Mesh
 from dfd.distillation import diffusion
@@ -89,9 +90,18 @@ def test_targets_are_unit_and_the_same_twice() -> None:
     np.testing.assert_array_equal(targets, again[1])
 
 
-def test_more_smoothing_leaves_less_variation() -> None:
+def test_more_smoothing_leaves_neighbours_more_alike_and_all_as_far_apart() -> None:
     views = views_of(two_sheets(0.5))
     noise = np.random.default_rng(0).random((len(views.points), 4))
     pixels = colored(views, noise)
-    variation = [diffuse(views, pixels, smoothing=width, seed=0)[1].std(axis=0).sum() for width in (0.02, 0.1, 0.5)]
-    assert variation[0] > 2 * variation[1] > 4 * variation[2]
+    wanted = pixels.at(torch.randperm(len(noise), generator=torch.Generator().manual_seed(0))).numpy()
+    wanted = np.linalg.norm(wanted[1:] - wanted[:-1], axis=1).mean()
+    unlike = []
+    for width in (0.05, 0.15, 0.5):
+        points, targets = diffuse(views, pixels, smoothing=width, seed=0)
+        _, near = cKDTree(points).query(points, 2)
+        unlike.append(np.linalg.norm(targets[near[:, 1]] - targets, axis=1).mean())
+        some = np.random.default_rng(1).permutation(len(targets))
+        if width < 0.1:  # noise that is smoothed further would have to be magnified beyond sense
+            assert np.linalg.norm(targets[some] - targets, axis=1).mean() == pytest.approx(0.75 * wanted, rel=0.05)
+    assert unlike[0] > 1.5 * unlike[1] > 2 * unlike[2]
