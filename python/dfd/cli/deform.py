@@ -115,7 +115,8 @@ def deform(
         with stages.stage("draw"):
             save_before_after(picture, deformer)
     written = ", ".join(str(path) for path in (output, picture, save_edit) if path is not None)
-    typer.echo(f"{written}: {len(deformer.handles)} handles on {len(vertices)} vertices", err=True)
+    count = len(deformer.handles)
+    typer.echo(f"{written}: {count} handle{'' if count == 1 else 's'} on {len(vertices)} vertices", err=True)
 
 
 def _factors(text: str | None) -> float | list[float] | None:
