@@ -17,7 +17,7 @@ from dfd.editing.edit_file import read_edit, write_edit
 from dfd.editing.handle_weights import HandleWeights
 from dfd.editing.history import History
 from dfd.pose import pose
-from dfd.symmetry import SymmetryPlane, symmetry_planes
+from dfd.symmetry import SymmetryPlane, axis_name, symmetry_planes
 
 if TYPE_CHECKING:
     from dfd.field import Field
@@ -266,7 +266,7 @@ class Deformer:
             found = symmetry_planes(self.field, self.mesh)
             if not found:
                 raise ValueError(f"{function}: `plane` cannot be 'auto': the shape looks alike across no axis plane")
-            plane = "xyz"[int(np.argmax(np.abs(found[0].normal)))]
+            plane = axis_name(found[0].normal)
         chosen = None if plane is None else symmetry_on(self.mesh, function, plane, band)
         self._history.commit(replace(self.edit, symmetry=chosen))
 

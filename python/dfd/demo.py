@@ -20,7 +20,7 @@ from dfd.drawing.pictures import picture, save_png
 from dfd.encode import Encoder, load_encoder
 from dfd.progress import Stages
 from dfd.render import render
-from dfd.symmetry import symmetry_planes
+from dfd.symmetry import axis_name, symmetry_planes
 
 if TYPE_CHECKING:
     from dfd.field import Field
@@ -30,7 +30,6 @@ __all__ = ["run"]
 
 Picture = tuple[NDArray[np.uint8], str]
 Row = tuple[str, Sequence[Picture]]
-AXES = "xyz"
 
 
 def run(output: Path, *, encoder: str = "dinov2-small", faces: int = 20_000, console: Console | None = None) -> None:
@@ -89,7 +88,7 @@ def _distill(sample: Sample, model: Encoder, stages: Stages) -> tuple[Field, lis
     field = distill(mesh, model, progress=stages, cache=False)
     with stages.stage("symmetry"):
         planes = symmetry_planes(field, mesh)
-    found = ", ".join(f"{AXES[int(np.argmax(np.abs(plane.normal)))]} ({plane.score:.2f})" for plane in planes) or "none"
+    found = ", ".join(f"{axis_name(plane.normal)} ({plane.score:.2f})" for plane in planes) or "none"
     views = render(mesh, views=24, resolution=320)
     pictures = [(views.images[index], f"view {index + 1} of 24") for index in (6, 9, 16)]
     colors = feature_colors(field.features(mesh))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from dfd.field import Field
     from dfd.mesh import Mesh
 
-__all__ = ["SymmetryPlane", "axis_plane", "symmetry_planes"]
+__all__ = ["SymmetryPlane", "axis_name", "axis_plane", "symmetry_planes"]
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 # The mean over this many evenly strided vertices stands for the mean over more: its standard error is below 0.2 %.
@@ -74,6 +75,11 @@ class SymmetryPlane:
         """R as a (3, 4) affine matrix in mesh units."""
         normal = np.asarray(self.normal)
         return np.column_stack([np.eye(3) - 2.0 * np.outer(normal, normal), 2.0 * self.offset * normal])
+
+
+def axis_name(normal: Sequence[float]) -> str:
+    """The axis, "x", "y" or "z", that a plane's `normal` (3,) lies along, or lies nearest to."""
+    return list(AXES)[int(np.argmax(np.abs(normal)))]
 
 
 def axis_plane(mesh: Mesh, axis: str, *, band: float = 0.0) -> SymmetryPlane:

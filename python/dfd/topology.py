@@ -12,7 +12,9 @@ from scipy.sparse.csgraph import connected_components
 from dfd.mesh import Mesh
 from dfd.weld import weld
 
-__all__ = ["Topology", "face_components", "first_at_place", "inspect", "sound_faces"]
+__all__ = ["Topology", "face_areas", "face_components", "first_at_place", "inspect", "sound_faces"]
+
+_FACES_AT_ONCE = 1 << 16  # to bound memory
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,16 @@ def face_components(faces: NDArray[np.int32]) -> NDArray[np.int32]:
     )
     component = connected_components(links, directed=False)[1][faces[:, 0]]
     return np.unique(component, return_inverse=True)[1].astype(np.int32)
+
+
+def face_areas(vertices: NDArray[np.floating], faces: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Return the area of every face (F,), in squared units of `vertices` (V, 3)."""
+    doubled = np.empty(len(faces))
+    for start in range(0, len(faces), _FACES_AT_ONCE):
+        some = slice(start, start + _FACES_AT_ONCE)
+        first, second, third = (vertices[faces[some, corner]].astype(np.float64) for corner in range(3))
+        doubled[some] = np.linalg.norm(np.cross(second - first, third - first), axis=1)
+    return doubled / 2
 
 
 def _three_corners(faces: NDArray[np.int32]) -> NDArray[np.bool_]:

@@ -38,16 +38,13 @@ SMALL: dict[str, Any] = {
 
 
 @pytest.fixture(autouse=True, scope="module")
-def _small_steps() -> Iterator[None]:
-    """One thread, two pictures at once, and every step of the fit is kept."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
+def _small_steps(one_thread: None) -> Iterator[None]:
+    """Two pictures at once, and every step of the fit is kept."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HF_HUB_OFFLINE", "1")
         patch.setattr(checkpoint, "SECONDS", 0.0)
         patch.setattr(dfd.encode, "_PIXELS_AT_ONCE", {"cpu": 2 * 32 * 32})
         yield
-    torch.set_num_threads(threads)
 
 
 @pytest.fixture(scope="module")

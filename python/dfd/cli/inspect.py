@@ -44,6 +44,8 @@ def _print_table(report: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from dfd.symmetry import axis_name
+
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold")
     table.add_column(overflow="fold")
@@ -54,7 +56,7 @@ def _print_table(report: dict[str, Any]) -> None:
                 table.add_row(f"  {setting.replace('_', ' ')}", _shown(chosen))
         elif name == "symmetry_planes":
             planes = [
-                f"{'xyz'[[abs(x) for x in plane['normal']].index(1.0)]} = {plane['offset']:.6g}"
+                f"{axis_name(plane['normal'])} = {plane['offset']:.6g}"
                 f" (score {plane['score']:.3f}, {plane['relative_score']:.0%} of chance)"
                 for plane in value
             ]

@@ -27,7 +27,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
-from dfd.topology import face_components
+from dfd.topology import face_areas, face_components
 from dfd.weld import weld
 
 if TYPE_CHECKING:
@@ -124,15 +124,15 @@ def _draw_points(
     vertices: NDArray[np.float64], faces: NDArray[np.int32], count: int, generator: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], float]:
     """Draw points evenly by area: (count, 3), the face of each, and the area that each stands for."""
-    first = vertices[faces[:, 0]]
-    one, other = vertices[faces[:, 1]] - first, vertices[faces[:, 2]] - first
-    total = np.cumsum(np.linalg.norm(np.cross(one, other), axis=1) / 2)
+    total = np.cumsum(face_areas(vertices, faces))
     # One draw in each of `count` equal shares of the area, so that they lie more evenly than by chance.
     at = (np.arange(count) + generator.random(count)) / count * total[-1]
     face = np.searchsorted(total, at, side="right").clip(0, len(faces) - 1)
     u, v = generator.random((2, count))
     u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
-    return first[face] + u[:, None] * one[face] + v[:, None] * other[face], face, float(total[-1]) / count
+    first, second, third = vertices[faces[face]].transpose(1, 0, 2)
+    points = first + u[:, None] * (second - first) + v[:, None] * (third - first)
+    return points, face, float(total[-1]) / count
 
 
 def _laplacian(

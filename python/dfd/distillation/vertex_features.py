@@ -18,6 +18,7 @@ from dfd.distillation.run import Run
 from dfd.field import Field
 from dfd.progress import Stages
 from dfd.render import normalization
+from dfd.topology import face_areas
 
 if TYPE_CHECKING:
     from dfd.mesh import Mesh
@@ -126,7 +127,7 @@ class GivenFeatures:
         self._rows, self._places = torch.from_numpy(self.features), torch.from_numpy(self.points)
         if not self.at_points:
             self._faces = torch.tensor(mesh.faces)
-            self._area = torch.from_numpy(np.cumsum(_areas(self.points, mesh.faces)))
+            self._area = torch.from_numpy(np.cumsum(face_areas(self.points, mesh.faces)))
             if not float(self._area[-1]) > 0:
                 raise ValueError("distill: `mesh` must have a face with an area: features are fitted on the surface")
 
@@ -153,13 +154,3 @@ def _unit(rows: Tensor) -> Tensor:
     """Rows at unit length, whatever their length was; zero where they cancelled out."""
     largest = rows.abs().amax(dim=-1, keepdim=True).clamp_min_(torch.finfo(torch.float32).tiny)
     return nn.functional.normalize(rows / largest, dim=-1)
-
-
-def _areas(points: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Twice the area of every face, (F,)."""
-    doubled = np.empty(len(faces))
-    for start in range(0, len(faces), _ROWS_AT_ONCE):
-        some = slice(start, start + _ROWS_AT_ONCE)
-        first, second, third = (points[faces[some, corner]].astype(np.float64) for corner in range(3))
-        doubled[some] = np.linalg.norm(np.cross(second - first, third - first), axis=1)
-    return doubled
