@@ -25,6 +25,7 @@ from dfd.encode import Encoder, load_encoder
 from dfd.encoders import offline as encoder_offline
 from dfd.encoders import weights as encoder_weights
 from dfd.encoders.models import build
+from dfd.encoders.weight_files import MANIFEST
 from dfd.encoders.weights import find_weights
 
 SIZES = {
@@ -170,7 +171,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> bytes:
 def test_a_damaged_cache_is_rebuilt(small: bytes, damage: str, monkeypatch: pytest.MonkeyPatch) -> None:
     first = wheel_weights()
     (folder,) = (cache_directory() / "encoders").iterdir()
-    path, manifest = folder / "model.safetensors", folder / encoder_offline.MANIFEST
+    path, manifest = folder / "model.safetensors", folder / MANIFEST
     assert path.read_bytes() == small
     if damage == "cut short":
         path.write_bytes(small[: len(small) // 2])
@@ -224,7 +225,7 @@ def test_the_first_of_two_writers_serves_both(small: bytes, monkeypatch: pytest.
     monkeypatch.setattr(encoder_offline, "_write_cached", late)
     assert wheel_weights().tensors is not None
     (folder,) = (cache_directory() / "encoders").iterdir()
-    assert json.loads((folder / encoder_offline.MANIFEST).read_text())["source"] == "another process"
+    assert json.loads((folder / MANIFEST).read_text())["source"] == "another process"
 
 
 _CONVERT = """
@@ -287,6 +288,26 @@ def test_a_half_downloaded_model_is_not_taken(folder: Path) -> None:
         load_encoder("dinov2-base")
 
 
+def test_a_model_downloaded_without_its_other_formats_is_whole(folder: Path) -> None:
+    snapshot = put_in_hub_cache(folder, "facebook/dinov2-base")
+    files = {name: {"size": 1, "blob_id": "0" * 40} for name in ("model.safetensors", "pytorch_model.bin", "README.md")}
+    trees = snapshot.parents[1] / "trees"  # where the hub's client keeps what the repository has
+    trees.mkdir()
+    (trees / f"{snapshot.name}.json").write_text(json.dumps({"format_version": 1, "files": files}))
+    assert find_weights("dinov2-base").folder == snapshot
+    assert encoder_weights.find_fingerprint("dinov2-base") == f"revision:{snapshot.name}"
+
+
+def test_without_a_branch_no_snapshot_is_taken(folder: Path) -> None:
+    snapshot = put_in_hub_cache(folder, "facebook/dinov2-base")
+    main = snapshot.parents[1] / "refs" / "main"
+    for revision in ("", "c" * 40):
+        main.write_text(revision)
+        assert encoder_weights.find_fingerprint("dinov2-base") is None
+    main.unlink()
+    assert encoder_weights.find_fingerprint("dinov2-base") is None
+
+
 def test_a_hub_name_has_the_settings_of_its_preset(tmp_path: Path) -> None:
     sizes = {key: value for key, value in SIZES.items() if key != "mlp_ratio"} | {"num_hidden_layers": 14}
     transformers.CLIPVisionModel(transformers.CLIPVisionConfig(**sizes, intermediate_size=32)).save_pretrained(
@@ -317,9 +338,7 @@ def test_the_hub_is_asked_for_what_is_needed_only(
     monkeypatch.setattr(huggingface_hub.HfApi, "model_info", lambda self, name, timeout: info)
     asked: dict[str, Any] = {}
 
-    def download(name: str, local_files_only: bool = False, **options: Any) -> str:
-        if local_files_only:
-            raise errors.LocalEntryNotFoundError("not there")
+    def download(name: str, **options: Any) -> str:
         asked.update(name=name, **options)
         target = put_in_hub_cache(folder, name, info.sha)
         if form == "pytorch_model.bin":
@@ -331,7 +350,6 @@ def test_the_hub_is_asked_for_what_is_needed_only(
     encoder = load_encoder("dinov2-large", device="cpu")
     assert asked == {
         "name": "facebook/dinov2-large",
-        "revision": info.sha,
         "allow_patterns": ["config.json", "preprocessor_config.json", form],
     }
     assert encoder.settings()["encoder_weights"] == f"revision:{info.sha}"
@@ -341,7 +359,7 @@ def test_a_broken_download_and_a_closed_model_say_so(monkeypatch: pytest.MonkeyP
     monkeypatch.delenv("HF_HUB_OFFLINE")
     info = SimpleNamespace(sha="b" * 40, siblings=[])
 
-    def broken(name: str, local_files_only: bool = False, **options: Any) -> str:
+    def broken(name: str, **options: Any) -> str:
         raise errors.LocalEntryNotFoundError("the line went dead")
 
     monkeypatch.setattr(huggingface_hub, "snapshot_download", broken)

