@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
+from inspect import signature
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -13,11 +15,13 @@ from dfd.progress import Stages
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from dfd.distillation.field_cache import CachedField
+    from dfd.distillation.run import Run
     from dfd.encode import Encoder
     from dfd.field import Field
     from dfd.mesh import Mesh
 
-__all__ = ["distill"]
+__all__ = ["distill", "find_distilled"]
 
 
 def distill(
@@ -104,37 +108,33 @@ def distill(
 
     Source: paper, Eq. 2 and 3 and supplement L.
     """
-    if supervision not in ("barycentric", "vertex"):
-        raise ValueError(f"distill: `supervision` must be 'barycentric' or 'vertex', got {supervision!r}")
-    steps = check.whole("distill", "steps", steps, minimum=1)
-    batch = check.whole("distill", "batch", batch, minimum=1)
-    learning_rate = check.number("distill", "learning_rate", learning_rate, minimum=0.0, exclusive=True)
-    seed = check.whole("distill", "seed", seed, minimum=0, maximum=2**63 - 1)
-    smoothing = check.number("distill", "smoothing", smoothing, minimum=0.0, maximum=2.0)
-    if supervision == "vertex":
-        smoothing = 0.0  # the ablation is of the paper's own loss
+    settings = _checked(
+        views=views,
+        resolution=resolution,
+        framing=framing,
+        simplify_to=simplify_to,
+        supervision=supervision,
+        mirrored=mirrored,
+        smoothing=smoothing,
+        steps=steps,
+        batch=batch,
+        learning_rate=learning_rate,
+        seed=seed,
+    )
+    of_fit = {name: settings[name] for name in ("steps", "batch", "learning_rate", "seed")}
+    smoothing, steps, batch, learning_rate, seed = settings["smoothing"], *of_fit.values()
     stages = progress if isinstance(progress, Stages) else Stages(show=bool(progress))
 
-    settings: dict[str, Any] = {
-        "steps": steps,
-        "batch": batch,
-        "learning_rate": learning_rate,
-        "seed": seed,
-    }
     if features is not None:
         from dfd.distillation.vertex_features import fit_features
 
-        return fit_features(mesh, features, settings, device=device, stages=stages, cache=cache, checkpoint=checkpoint)
-    settings = {
-        "views": views,
-        "resolution": resolution,
-        "framing": framing,
-        "simplify_to": simplify_to,
-        "supervision": supervision,
-        "mirrored": bool(mirrored),
-        "smoothing": smoothing,
-        **settings,
-    }
+        return fit_features(mesh, features, of_fit, device=device, stages=stages, cache=cache, checkpoint=checkpoint)
+    with stages.stage("load"):
+        known = _run(mesh, encoder, settings, device, cache, checkpoint)
+        found = known.found() if known else None
+    if found is not None:
+        return found
+    # What follows takes seconds to import.
     import torch
 
     from dfd.distillation.descent import descend
@@ -147,10 +147,6 @@ def distill(
     from dfd.render import render
 
     with stages.stage("load"):
-        source = _source(encoder, device)
-        found = Run(recipe(mesh, **settings, **source), cache, checkpoint).found() if source else None
-        if found is not None:
-            return found
         model = encoder if isinstance(encoder, Encoder) else load_encoder(encoder, device=device)
         run = Run(recipe(mesh, **settings, **_loaded(encoder, device, model)), cache, checkpoint)
     with run.step("the pictures", "lower `resolution` or `views`"):
@@ -188,12 +184,82 @@ def distill(
     return run.finish(field)
 
 
+def find_distilled(mesh: Mesh, encoder: str | PathLike[str] = "dinov2-small", **given: Any) -> CachedField | None:
+    """Return what `distill` would take from the user's cache for the same arguments, or None where it would work.
+
+    No torch is imported for it, which takes longer than all the rest.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of its range.
+    """
+    call = signature(distill).bind(mesh, encoder, **given)
+    call.apply_defaults()
+    options = call.arguments
+    if not options["cache"] or options["features"] is not None:
+        return None
+    settings = _checked(**{name: options[name] for name in signature(_checked).parameters})
+    run = _run(mesh, encoder, settings, options["device"], True, options["checkpoint"])
+    return run.found_file() if run else None
+
+
+def _checked(
+    *,
+    views: int,
+    resolution: int,
+    framing: str,
+    simplify_to: int | None,
+    supervision: str,
+    mirrored: bool,
+    smoothing: float,
+    steps: int,
+    batch: int,
+    learning_rate: float,
+    seed: int,
+) -> dict[str, Any]:
+    """What a field depends on besides its mesh and encoder; what concerns the pictures is checked by `render`."""
+    if supervision not in ("barycentric", "vertex"):
+        raise ValueError(f"distill: `supervision` must be 'barycentric' or 'vertex', got {supervision!r}")
+    smoothing = check.number("distill", "smoothing", smoothing, minimum=0.0, maximum=2.0)
+    return {
+        "views": views,
+        "resolution": resolution,
+        "framing": framing,
+        "simplify_to": simplify_to,
+        "supervision": supervision,
+        "mirrored": bool(mirrored),
+        "smoothing": 0.0 if supervision == "vertex" else smoothing,  # the ablation is of the paper's own loss
+        "steps": check.whole("distill", "steps", steps, minimum=1),
+        "batch": check.whole("distill", "batch", batch, minimum=1),
+        "learning_rate": check.number("distill", "learning_rate", learning_rate, minimum=0.0, exclusive=True),
+        "seed": check.whole("distill", "seed", seed, minimum=0, maximum=2**63 - 1),
+    }
+
+
+def _run(
+    mesh: Mesh,
+    encoder: str | PathLike[str] | Encoder,
+    settings: Mapping[str, Any],
+    device: str | None,
+    cache: bool,
+    checkpoint: str | PathLike[str] | None,
+) -> Run | None:
+    """The run that an encoder's weights would have as they are at hand; None where they are not."""
+    from dfd.distillation.recipe import recipe
+    from dfd.distillation.run import Run
+
+    source = _source(encoder, device)
+    return Run(recipe(mesh, **settings, **source), cache, checkpoint) if source else None
+
+
 def _source(encoder: str | PathLike[str] | Encoder, device: str | None) -> dict[str, Any] | None:
     """What tells the encoder from any other, without loading it; None where its weights are not at hand."""
-    from dfd.encode import Encoder
     from dfd.encoders.weights import find_fingerprint
 
-    if isinstance(encoder, Encoder):
+    if not isinstance(encoder, str | PathLike):
+        if not hasattr(encoder, "identity"):
+            raise ValueError(f"distill: `encoder` must be a name, a folder or a loaded Encoder, got {encoder!r}")
         return encoder.identity()
     weights = find_fingerprint(encoder)
     place = None if device is None else str(device)

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
+from tiny_encoder import save_tiny_encoder
 from typer.testing import CliRunner
 
 import dfd
@@ -42,8 +43,10 @@ def chair(folder):
 
 @pytest.fixture
 def run(folder, tmp_path, monkeypatch):
-    """Run dfd in an empty folder; MESH and FIELD stand for the chair's files."""
+    """Run dfd in an empty folder with an empty cache; MESH and FIELD stand for the chair's files."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("DFD_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     names = {"MESH": str(folder / "chair.obj"), "FIELD": str(folder / "chair.field.safetensors")}
 
     def invoke(*arguments):
@@ -391,6 +394,31 @@ def test_distill_leaves_defaults_to_the_function(run, folder):
     (_, encoder), given = distill.call_args
     assert encoder == defaults["encoder"]
     assert all(value == defaults[name] for name, value in given.items() if name not in ("progress", "checkpoint"))
+
+
+def test_distill_copies_what_the_cache_has(run, tmp_path):
+    save_tiny_encoder(tmp_path / "tiny")
+    command = ("distill", "MESH", "--encoder", "./tiny", "--views", 2, "--resolution", 32, "--steps", 3)
+    first = run(*command, "-o", "first.safetensors")
+    assert worked(first)
+    assert "from the cache" not in first.stderr
+    with mock.patch("dfd.distill", side_effect=AssertionError("it was made before")):
+        again = run(*command, "-o", "again.safetensors", "--loss-curve", "loss.png")
+    assert worked(again)
+    assert "again.safetensors: a field of 16 dimensions, from the cache (" in again.stderr
+    assert drawn("loss.png").std() > 5
+    one, two = (Field.load(f"{name}.safetensors") for name in ("first", "again"))
+    assert one.settings == two.settings
+    assert all(torch.equal(value, two.state_dict()[name]) for name, value in one.state_dict().items())
+
+    (entry,) = (tmp_path / "cache" / "fields").iterdir()
+    entry.write_bytes(entry.read_bytes()[:-1])
+    with mock.patch("dfd.distill", return_value=one) as distill:
+        third = run(*command, "-o", "third.safetensors")
+    assert worked(third)
+    assert distill.called
+    assert "from the cache" not in third.stderr
+    Field.load("third.safetensors")
 
 
 def test_distill_interrupted_says_how_to_go_on(run):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import subprocess
 import sys
@@ -19,6 +20,7 @@ import dfd
 import dfd.encode
 import dfd.render
 from dfd import Field, Mesh
+from dfd.distill import find_distilled
 from dfd.distillation import field_cache
 from dfd.distillation.recipe import difference, digest, recipe
 from dfd.encoders import offline as encoder_offline
@@ -79,6 +81,58 @@ def test_the_second_call_does_no_work(encoder: Path, mesh: Mesh, work: list[str]
     assert same(Field.load(entry), first)
 
 
+def test_its_file_is_found_without_torch(encoder: Path, mesh: Mesh, cache: Path, tmp_path: Path) -> None:
+    given = {name: value for name, value in SMALL.items() if name != "progress"}
+    assert find_distilled(mesh, encoder, **given) is None
+    first = dfd.distill(mesh, encoder, **SMALL)
+    found = find_distilled(mesh, encoder, **given)
+    assert found is not None
+    assert (found.dimension, found.settings) == (first.dimension, first.settings)
+    found.save(tmp_path / "copy.safetensors")
+    assert same(Field.load(tmp_path / "copy.safetensors"), first)
+    assert find_distilled(mesh, encoder, **given, cache=False) is None
+    assert find_distilled(mesh, encoder, **given, features=np.eye(3)) is None
+    assert find_distilled(mesh, encoder, **{**given, "steps": 4}) is None
+    assert find_distilled(mesh, tmp_path / "none", **given) is None
+    with pytest.raises(ValueError, match="`steps` must be a whole number of at least 1, got 0"):
+        find_distilled(mesh, encoder, **{**given, "steps": 0})
+
+    mesh.save(tmp_path / "chair.obj")
+    code = (
+        "import sys, dfd\nfrom dfd.distill import find_distilled\n"
+        f"mesh = dfd.load({str(tmp_path / 'chair.obj')!r})\n"
+        f"found = find_distilled(mesh, {str(encoder)!r}, **{given!r})\n"
+        "print(found is not None, sorted({'torch', 'transformers', 'huggingface_hub.hf_api'} & sys.modules.keys()))"
+    )
+    same_mesh = dfd.load(tmp_path / "chair.obj")
+    dfd.distill(same_mesh, encoder, **SMALL)
+    asked = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert asked.stdout.split(maxsplit=1) == ["True", "[]\n"]
+
+
+def test_what_was_left_undone_goes_when_the_cache_has_it(encoder: Path, mesh: Mesh, tmp_path: Path) -> None:
+    given = {name: value for name, value in SMALL.items() if name != "progress"}
+    left = tmp_path / "left"
+    dfd.distill(mesh, encoder, **SMALL)
+    for find in (find_distilled, dfd.distill):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(dfd.encode.Encoder, "encode", stop)
+            with pytest.raises(KeyboardInterrupt):
+                dfd.distill(mesh, encoder, **SMALL, cache=False, checkpoint=left)
+        assert left.exists()
+        find(mesh, encoder, **given, checkpoint=left)
+        assert not left.exists()
+
+
+def stop(*_: Any, **__: Any) -> None:
+    raise KeyboardInterrupt
+
+
+def test_an_encoder_that_is_none_is_refused(mesh: Mesh) -> None:
+    with pytest.raises(ValueError, match="`encoder` must be a name, a folder or a loaded Encoder, got 5"):
+        dfd.distill(mesh, 5, **SMALL)  # type: ignore[arg-type]
+
+
 def test_an_encoder_that_is_loaded_works_too(encoder: Path, mesh: Mesh, work: list[str]) -> None:
     loaded = dfd.encode.load_encoder(encoder, device="cpu")
     first = dfd.distill(mesh, loaded, **SMALL)
@@ -125,13 +179,23 @@ def test_a_damaged_entry_is_made_again(encoder: Path, mesh: Mesh, work: list[str
     first = dfd.distill(mesh, encoder, **SMALL)
     (entry,) = cache.iterdir()
     whole = entry.read_bytes()
+    given = {name: value for name, value in SMALL.items() if name != "progress"}
     for content in (whole[:-20], whole[:-20] + bytes(20), b""):
         entry.write_bytes(content)
         work.clear()
+        assert find_distilled(mesh, encoder, **given) is None
         assert same(dfd.distill(mesh, encoder, **SMALL), first)
         assert work == ["load_encoder", "render"]
         (entry,) = cache.iterdir()
         assert same(Field.load(entry), first)
+
+
+@pytest.mark.parametrize("content", [b"", b"no field", b"\x02" + bytes(7) + b"{}", b"\x05" + bytes(7) + b"[[1]]"])
+def test_an_entry_that_is_no_field_is_none(cache: Path, content: bytes) -> None:
+    cache.mkdir(parents=True)
+    (cache / f"{digest({})}-{hashlib.sha256(content).hexdigest()[:32]}.safetensors").write_bytes(content)
+    assert field_cache.find_file({}) is None
+    assert field_cache.find({}) is None
 
 
 def test_a_cache_that_cannot_be_written_is_one_warning(

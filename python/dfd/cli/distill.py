@@ -10,6 +10,8 @@ import typer
 
 import dfd
 from dfd.cli.arguments import MeshArgument, check_output
+from dfd.distill import find_distilled
+from dfd.progress import Stages
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -64,31 +66,28 @@ def distill(
     check_output("--output", output, (".safetensors",))
     check_output("--loss-curve", loss_curve, (".png",))
 
-    from dfd.progress import Stages
-
     stages = Stages()
     with stages.stage("read"):
         shape = dfd.load(mesh)
     partial = output.with_name(f"{output.name}.partial")
+    options: dict[str, Any] = {
+        "views": views,
+        "resolution": resolution,
+        "framing": framing,
+        "simplify_to": simplify_to,
+        "supervision": supervision,
+        "mirrored": mirrored,
+        "smoothing": smoothing,
+        "steps": steps,
+        "seed": seed,
+        "device": device,
+        "features": None if features is None else _read_features(features),
+        "cache": cache,
+        "checkpoint": partial,
+    }
+    cached = find_distilled(shape, encoder, **options)
     try:
-        field = dfd.distill(
-            shape,
-            encoder,
-            features=None if features is None else _read_features(features),
-            views=views,
-            resolution=resolution,
-            framing=framing,
-            simplify_to=simplify_to,
-            supervision=supervision,
-            mirrored=mirrored,
-            smoothing=smoothing,
-            steps=steps,
-            seed=seed,
-            device=device,
-            progress=stages,
-            cache=cache,
-            checkpoint=partial,
-        )
+        field = cached or dfd.distill(shape, encoder, **options, progress=stages)
     except KeyboardInterrupt:
         if partial.exists():
             raise KeyboardInterrupt(f"the same command goes on from here; what is done is in {partial}") from None
@@ -99,7 +98,8 @@ def distill(
 
         save_loss_curve(loss_curve, field.settings["losses"])
     times = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in stages.seconds.items())
-    typer.echo(f"{output}: a field of {field.dimension} dimensions ({times})", err=True)
+    origin = ", from the cache" if cached else ""
+    typer.echo(f"{output}: a field of {field.dimension} dimensions{origin} ({times})", err=True)
 
 
 def _read_features(path: Path) -> NDArray[Any]:

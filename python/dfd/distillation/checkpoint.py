@@ -17,13 +17,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from dfd.distillation.recipe import difference, digest, summed
 from dfd.files import atomic_write
 
+# torch is not needed to look at a folder, only for the state of a fit.
 if TYPE_CHECKING:
+    import torch
+
     from dfd.encode import Encoder
     from dfd.progress import Stages
 
@@ -172,6 +174,8 @@ class FitState:
 
         Without an earlier run nothing changes and there are none.
         """
+        import torch
+
         try:
             content = (self._checkpoint.folder / self._name).read_bytes()
             state = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
@@ -187,6 +191,8 @@ class FitState:
         """Write the state after a step, if the last time is a while ago."""
         if time.monotonic() - self._saved < SECONDS:
             return
+        import torch
+
         stream = io.BytesIO()
         state = {name: part.state_dict() for name, part in parts.items()}
         so_far = torch.stack([loss.cpu() for loss in losses])  # some were read, and lie there already

@@ -7,35 +7,85 @@ processes may look, write and tidy up at once; a file whose content is not what 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import hashlib
+import json
 import os
 import secrets
 import time
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from dfd.cache import cache_directory
 from dfd.distillation.recipe import digest
-from dfd.field import Field
+from dfd.files import atomic_write
 
-__all__ = ["find", "store"]
+if TYPE_CHECKING:
+    from dfd.field import Field
+
+__all__ = ["CachedField", "find", "find_file", "store"]
+
+Found = TypeVar("Found")
 
 LIMIT = 2 << 30  # bytes of all entries together; the ones longest unused go first
 _ABANDONED = 3600.0  # seconds after which a file that nobody finished is litter
 
 
+@dataclass(frozen=True)
+class CachedField:
+    """A field as its file has it, for those who want a copy of that: looking at it takes no torch."""
+
+    content: bytes = dataclasses.field(repr=False)
+    dimension: int
+    settings: dict[str, Any]
+
+    @classmethod
+    def of(cls, content: bytes) -> CachedField:
+        """Read the header of what `Field.save` wrote.
+
+        Raises
+        ------
+        ValueError
+            If it was another's.
+        """
+        length = int.from_bytes(content[:8], "little")
+        try:
+            header = json.loads(content[8 : 8 + length])["__metadata__"]
+            return cls(content, int(json.loads(header["network"])["dimension"]), json.loads(header["settings"]))
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"no field: {error}") from None
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the field to `path`, whole or not at all; raises what `Field.save` raises."""
+        with atomic_write(path) as temporary:
+            temporary.write_bytes(self.content)
+
+
 def find(recipe: Mapping[str, Any]) -> Field | None:
     """Return the field that `recipe` made, or None where no sound entry has it."""
+    from dfd.field import Field
+
+    return _first_sound(recipe, lambda path, _: Field.load(path))
+
+
+def find_file(recipe: Mapping[str, Any]) -> CachedField | None:
+    """As `find`, without making it a network."""
+    return _first_sound(recipe, lambda _, content: CachedField.of(content))
+
+
+def _first_sound(recipe: Mapping[str, Any], read: Callable[[Path, bytes], Found]) -> Found | None:
     for path in _entries(f"{digest(recipe)}-"):
         with contextlib.suppress(OSError, ValueError):  # tidied up by another process, or of no use
-            if not _sound(path):
+            content = path.read_bytes()
+            if not _is_of(path, content):
                 continue
-            field = Field.load(path)
+            found = read(path, content)
             with contextlib.suppress(OSError):  # a cache that can only be read
                 os.utime(path)
-            return field
+            return found
     return None
 
 
@@ -49,7 +99,7 @@ def store(recipe: Mapping[str, Any], field: Field) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         field.save(temporary)
-        entry = folder / f"{digest(recipe)}-{_checksum(temporary)}.safetensors"
+        entry = folder / f"{digest(recipe)}-{_checksum(temporary.read_bytes())}.safetensors"
         temporary.replace(entry)
     except OSError as error:
         with contextlib.suppress(OSError):
@@ -68,7 +118,7 @@ def _tidy(newest: Path) -> None:
     """Let go of damaged twins of the `newest` entry, of litter, and of the oldest entries beyond the limit."""
     for path in _entries(f"{newest.name.partition('-')[0]}-"):
         with contextlib.suppress(OSError):
-            if not _sound(path):
+            if not _is_of(path, path.read_bytes()):
                 _remove(path)
     now, total = time.time(), 0
     for path in _folder().glob(".*"):
@@ -103,9 +153,9 @@ def _remove(path: Path) -> None:
         path.unlink()
 
 
-def _sound(path: Path) -> bool:
-    return _checksum(path) == path.stem.rpartition("-")[2]
+def _is_of(path: Path, content: bytes) -> bool:
+    return _checksum(content) == path.stem.rpartition("-")[2]
 
 
-def _checksum(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:32]
+def _checksum(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:32]

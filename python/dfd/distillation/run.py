@@ -5,17 +5,20 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dfd.distillation import field_cache
 from dfd.distillation.checkpoint import Checkpoint, FitState
-from dfd.distillation.devices import out_of_memory
-from dfd.encode import Encoder
-from dfd.field import Field
-from dfd.progress import Stages
+from dfd.distillation.field_cache import CachedField, Found
+
+# torch is not needed for what the cache has.
+if TYPE_CHECKING:
+    from dfd.encode import Encoder
+    from dfd.field import Field
+    from dfd.progress import Stages
 
 __all__ = ["Run"]
 
@@ -41,10 +44,16 @@ class Run:
 
     def found(self) -> Field | None:
         """The field, where the cache has it already; what an earlier run left undone is of no use then."""
-        field = field_cache.find(self._recipe) if self._cache else None
-        if field is not None and self._folder is not None:
+        return self._served(field_cache.find(self._recipe) if self._cache else None)
+
+    def found_file(self) -> CachedField | None:
+        """As `found`, for the file alone."""
+        return self._served(field_cache.find_file(self._recipe) if self._cache else None)
+
+    def _served(self, found: Found | None) -> Found | None:
+        if found is not None and self._folder is not None:
             Checkpoint.discard(self._folder, self._recipe)
-        return field
+        return found
 
     def begin(self) -> None:
         """Make the checkpoint, or take up the one that is there.
@@ -94,6 +103,8 @@ class Run:
                 self._kept.remove()
             raise
         except (MemoryError, RuntimeError) as error:
+            from dfd.distillation.devices import out_of_memory
+
             if not out_of_memory(error) or str(error).startswith("encode: "):
                 raise
             raise MemoryError(f"distill: too little memory for {needs}: {advice}") from error
