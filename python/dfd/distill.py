@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from dfd.distillation.field_cache import CachedField
+    from dfd.distillation.recipe import Content
     from dfd.distillation.run import Run
     from dfd.encode import Encoder
     from dfd.field import Field
@@ -184,7 +185,7 @@ def distill(
     return run.finish(field)
 
 
-def find_distilled(mesh: Mesh, encoder: str | PathLike[str] = "dinov2-small", **given: Any) -> CachedField | None:
+def find_distilled(mesh: Content, encoder: str | PathLike[str] = "dinov2-small", **given: Any) -> CachedField | None:
     """Return what `distill` would take from the user's cache for the same arguments, or None where it would work.
 
     No torch is imported for it, which takes longer than all the rest.
@@ -238,7 +239,7 @@ def _checked(
 
 
 def _run(
-    mesh: Mesh,
+    mesh: Content,
     encoder: str | PathLike[str] | Encoder,
     settings: Mapping[str, Any],
     device: str | None,

@@ -396,13 +396,17 @@ def test_distill_leaves_defaults_to_the_function(run, folder):
     assert all(value == defaults[name] for name, value in given.items() if name not in ("progress", "checkpoint"))
 
 
+def worked_from_cache(result):
+    assert worked(result)
+    return "from the cache" in result.stderr
+
+
 def test_distill_copies_what_the_cache_has(run, tmp_path):
     save_tiny_encoder(tmp_path / "tiny")
     command = ("distill", "MESH", "--encoder", "./tiny", "--views", 2, "--resolution", 32, "--steps", 3)
-    first = run(*command, "-o", "first.safetensors")
-    assert worked(first)
-    assert "from the cache" not in first.stderr
-    with mock.patch("dfd.distill", side_effect=AssertionError("it was made before")):
+    assert not worked_from_cache(run(*command, "-o", "first.safetensors"))
+    made_before = AssertionError("it was made before")
+    with mock.patch("dfd.distill", side_effect=made_before), mock.patch("dfd.load", side_effect=made_before):
         again = run(*command, "-o", "again.safetensors", "--loss-curve", "loss.png")
     assert worked(again)
     assert "again.safetensors: a field of 16 dimensions, from the cache (" in again.stderr
@@ -411,13 +415,15 @@ def test_distill_copies_what_the_cache_has(run, tmp_path):
     assert one.settings == two.settings
     assert all(torch.equal(value, two.state_dict()[name]) for name, value in one.state_dict().items())
 
+    assert not worked_from_cache(run(*command, "-o", "anew.safetensors", "--no-cache"))
+    (tmp_path / "cache" / "meshes.json").unlink()
+    assert worked_from_cache(run(*command, "-o", "again.safetensors"))
     (entry,) = (tmp_path / "cache" / "fields").iterdir()
     entry.write_bytes(entry.read_bytes()[:-1])
     with mock.patch("dfd.distill", return_value=one) as distill:
         third = run(*command, "-o", "third.safetensors")
-    assert worked(third)
+    assert not worked_from_cache(third)
     assert distill.called
-    assert "from the cache" not in third.stderr
     Field.load("third.safetensors")
 
 

@@ -11,6 +11,7 @@ import typer
 import dfd
 from dfd.cli.arguments import MeshArgument, check_output
 from dfd.distill import find_distilled
+from dfd.distillation.known_meshes import file_digest, note, recall
 from dfd.progress import Stages
 
 if TYPE_CHECKING:
@@ -66,9 +67,6 @@ def distill(
     check_output("--output", output, (".safetensors",))
     check_output("--loss-curve", loss_curve, (".png",))
 
-    stages = Stages()
-    with stages.stage("read"):
-        shape = dfd.load(mesh)
     partial = output.with_name(f"{output.name}.partial")
     options: dict[str, Any] = {
         "views": views,
@@ -85,7 +83,16 @@ def distill(
         "cache": cache,
         "checkpoint": partial,
     }
-    cached = find_distilled(shape, encoder, **options)
+    stages = Stages()
+    with stages.stage("read"):
+        file = file_digest(mesh) if cache else None
+        known = recall(file)
+        cached = find_distilled(known, encoder, **options) if known else None
+        if cached is None:
+            shape = dfd.load(mesh)
+            cached = find_distilled(shape, encoder, **options)
+            if file == file_digest(mesh):  # the file that was read, and no later one
+                note(file, shape)
     try:
         field = cached or dfd.distill(shape, encoder, **options, progress=stages)
     except KeyboardInterrupt:

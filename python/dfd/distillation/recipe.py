@@ -8,27 +8,36 @@ from collections.abc import Mapping
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from dfd.mesh import Mesh
-
-__all__ = ["difference", "digest", "plain", "recipe", "summed"]
+__all__ = ["Content", "difference", "digest", "origin", "plain", "recipe", "summed"]
 
 # Goes up when the same ingredients are to be written down, or their results kept, in another way.
 FORMAT = 1
 
 
-def recipe(mesh: Mesh, **settings: Any) -> dict[str, Any]:
-    """Return everything that the bits of a field depend on, as values that JSON keeps apart.
+class Content(Protocol):
+    """A mesh, as far as its content tells it from any other."""
 
-    Besides the mesh and `settings` these are the code itself, since an entry of last week's code must not pass for
-    the result of today's, and the version of torch.
+    @property
+    def content_hash(self) -> str:
+        """See `dfd.Mesh`."""
+
+
+def recipe(mesh: Content, **settings: Any) -> dict[str, Any]:
+    """Return everything that the bits of a field depend on, as values that JSON keeps apart."""
+    return plain({**origin("torch"), "mesh": mesh.content_hash, **settings})
+
+
+def origin(*packages: str) -> dict[str, Any]:
+    """By what something was made: the versions of `packages` and the code itself.
+
+    An entry of last week's code must not pass for the result of today's.
     """
-    return plain({"format": FORMAT, "code": _code(), "torch": _version("torch"), "mesh": mesh.content_hash, **settings})
+    return {"format": FORMAT, "code": _code(), **{package: _version(package) for package in packages}}
 
 
 def plain(values: Mapping[str, Any]) -> dict[str, Any]:
