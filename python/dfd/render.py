@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dfd import check
 from dfd.cameras import FRAMINGS, Camera, place_cameras
+from dfd.normalization import normalization
 from dfd.progress import Stages
 from dfd.scene import Hits, Scene
 from dfd.shading import Shading, blend
@@ -60,21 +61,6 @@ class Views:
     faces: NDArray[np.int32]
     center: NDArray[np.float64]
     scale: float
-
-
-def normalization(mesh: Mesh) -> tuple[NDArray[np.float64], float]:
-    """Centre (3,) and factor that bring the box of `mesh` to [−1, 1] along its longest side.
-
-    Raises
-    ------
-    ValueError
-        If all vertices are one point.
-    """
-    low, high = mesh.bounds / 2  # halved before they meet, so that no sum overflows
-    half = float(np.max(high - low))
-    if half < np.finfo(np.float64).tiny:
-        raise ValueError("render: `mesh` must have some extent, got all vertices at one point")
-    return low + high, 1.0 / half
 
 
 def render(

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from dfd import check
 from dfd.appearance import Appearance, Material
 from dfd.mesh import Mesh
-from dfd.render import normalization
+from dfd.normalization import normalization
 
 __all__ = ["simplify"]
 

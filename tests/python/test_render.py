@@ -8,7 +8,7 @@ import pytest
 import dfd
 from dfd import Mesh
 from dfd.progress import Stages
-from dfd.render import Views, normalization, render
+from dfd.render import Views, render
 
 MIRROR = np.array([-1.0, 1.0, 1.0], np.float32)
 
@@ -185,12 +185,6 @@ def test_flat_and_open_shapes_have_views() -> None:
     flat = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
     views = render(flat, views=8, resolution=32)
     assert set(np.unique(views.view)) == set(range(8))  # back faces as well
-
-
-def test_normalization_fills_the_box() -> None:
-    center, scale = normalization(Mesh([[1, 2, 3], [5, 2, 3], [1, 3, 3]], [[0, 1, 2]]))
-    assert center == pytest.approx([3, 2.5, 3])
-    assert scale == pytest.approx(0.5)
 
 
 def test_simplified_copies_show_the_same(robot: Mesh, seen: Views) -> None:

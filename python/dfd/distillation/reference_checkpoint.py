@@ -19,7 +19,7 @@ import torch
 from torch import Tensor
 
 from dfd.field import Field
-from dfd.render import normalization
+from dfd.normalization import normalization
 
 if TYPE_CHECKING:
     from dfd.mesh import Mesh

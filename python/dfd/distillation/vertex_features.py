@@ -16,8 +16,8 @@ from dfd.distillation.devices import choose_device
 from dfd.distillation.recipe import recipe, summed
 from dfd.distillation.run import Run
 from dfd.field import Field
+from dfd.normalization import normalization
 from dfd.progress import Stages
-from dfd.render import normalization
 from dfd.topology import face_areas
 
 if TYPE_CHECKING:

@@ -20,6 +20,7 @@ from dfd.drawing.colors import CLAY, to_linear, weight_colors
 from dfd.drawing.contact_sheet import contact_sheet, heat_bar
 from dfd.drawing.marks import draw_marks
 from dfd.files import atomic_write
+from dfd.normalization import box_normalization
 from dfd.render import surface_points
 from dfd.scene import Hits, Scene
 from dfd.threads import get_num_threads
@@ -104,7 +105,7 @@ def picture(
     ]
     others = [check.array("picture", "frame", points, ("N", 3), dtype=np.float64) for points in frame]
     around = np.concatenate([drawn, *others])
-    center, scale = _box(around)
+    center, scale = _normalization(around)
     camera = camera_towards(
         _direction(azimuth, elevation), ((around - center) * scale).astype(np.float32), field_of_view=FIELD_OF_VIEW
     )
@@ -294,13 +295,11 @@ def _vertex_colors(mesh: Mesh, colors: ArrayLike | None, weights: ArrayLike | No
     return None
 
 
-def _box(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Centre (3,) and factor that bring the box around `points` to [-1, 1] along its longest side."""
-    low, high = points.min(axis=0) / 2, points.max(axis=0) / 2
-    half = float((high - low).max())
-    if half <= 0 or not np.isfinite(1 / half):
+def _normalization(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    found = box_normalization(points.min(axis=0), points.max(axis=0))
+    if found is None:
         raise ValueError("picture: all points lie in one place, so there is nothing to see")
-    return low + high, 1 / half
+    return found
 
 
 def _positions(name: str, dots: Any, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
