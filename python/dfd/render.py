@@ -20,7 +20,7 @@ from dfd.threads import get_num_threads
 if TYPE_CHECKING:
     from dfd.mesh import Mesh
 
-__all__ = ["Views", "render"]
+__all__ = ["Views", "render", "surface_points", "used_vertices"]
 
 LARGEST_RESOLUTION = 4096
 LARGEST_VIEWS = 32767  # what numbers them has 16 bits
@@ -116,7 +116,7 @@ def render(
         vertices = ((mesh.vertices - center) * scale).astype(np.float32)
         scene = Scene(vertices, mesh.faces)
         shading = Shading(scene, mesh, vertices)
-        used = _used(vertices, mesh.faces)
+        used = used_vertices(vertices, mesh.faces)
         cameras = place_cameras(views, used, framing=framing, mirrored=mirrored)
         images = np.empty((views, resolution, resolution, 3), np.uint8)
         covered = np.zeros(views, np.int64)  # pixels of each picture that show the surface
@@ -143,7 +143,7 @@ def render(
     return Views(images, cameras, points, view, row, column, face, vertices, mesh.faces, center, scale)
 
 
-def _used(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float32]:
+def used_vertices(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float32]:
     """Return the vertices that some face has."""
     used = np.zeros(len(vertices), bool)
     used[faces] = True
@@ -159,11 +159,7 @@ def _visible_vertices(
     scene: Scene, vertices: NDArray[np.float32], camera: Camera, resolution: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
     """Vertices that nothing hides from the camera, and the pixels that they fall on."""
-    offset = vertices - camera.position
-    hits = scene.cast(camera.position, offset)
-    # The ray ends at the vertex at distance 1; what it meets clearly before is in front of it.
-    hidden = np.zeros(len(vertices), bool)
-    hidden[hits.ray] = hits.distance < 1 - 1e-3
+    hidden = scene.hides(camera.position, vertices, 1e-3)  # by what is clearly in front of them
     row, column = camera.project(vertices, resolution)
     inside = (np.minimum(row, column) >= -0.5) & (np.maximum(row, column) <= resolution - 0.5)
     chosen = ~hidden & inside

@@ -74,3 +74,18 @@ class Scene:
         barycentric = np.stack([1 - u - v, u, v], axis=1).clip(0, 1)
         barycentric /= barycentric.sum(axis=1, keepdims=True)
         return Hits(ray, found["primID"][ray], barycentric, found["tfar"][ray])
+
+    def hides(
+        self, eye: NDArray[np.floating[Any]], points: NDArray[np.floating[Any]], tolerance: float
+    ) -> NDArray[np.bool_]:
+        """Return whether the surface stands between `eye` (3,) and each of `points` (N, 3).
+
+        What is met by less than a share `tolerance` of the distance before a point is the surface it lies on.
+        """
+        if len(points) == 0:
+            return np.zeros(0, bool)
+        eyes = np.ascontiguousarray(np.broadcast_to(eye, points.shape), dtype=np.float32)
+        reach = np.full(len(points), 1 - tolerance, np.float32)
+        met = self._scene.run(eyes, np.asarray(points - eye, np.float32, order="C"), dists=reach, query="OCCLUDED")
+        hidden: NDArray[np.bool_] = met >= 0
+        return hidden

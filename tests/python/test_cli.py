@@ -12,11 +12,13 @@ from unittest import mock
 import numpy as np
 import pytest
 import torch
+from mesh_files import CORNERS, CUBE
 from PIL import Image
 from tiny_encoder import save_tiny_encoder
 from typer.testing import CliRunner
 
 import dfd
+from dfd import Mesh
 from dfd.cli import app
 from dfd.editing.edit_file import read_edit
 from dfd.field import Field
@@ -229,6 +231,15 @@ def test_an_odd_edit_is_named(run, tmp_path, content, message):
     assert failed(run(*DEFORM, "--edit", "edit.json", "-o", "out.obj"), message)
 
 
+@pytest.mark.parametrize("command", ["deform", "show"])
+def test_a_field_of_a_shape_in_other_units_is_named(run, chair, command):
+    chair.save("metres.obj", 0.01 * chair.vertices)
+    rest = ("--handle", 1, "-o", "out.obj" if command == "deform" else "out.png")
+    result = run(command, "metres.obj", "--field", "FIELD", *rest)
+    assert failed(result, "a longest side of 0.9897 around (0, 0.526, -0.007948), and this mesh has one of 0.009897")
+    assert [path.name for path in Path().iterdir()] == ["metres.obj"]
+
+
 # --- files that are none
 
 
@@ -268,6 +279,22 @@ def test_show_draws_the_mesh_its_features_or_weights(run):
     for i, one in enumerate(pictures):
         for other in pictures[:i]:
             assert np.abs(one - other).max() > 30
+
+
+def test_many_vertices_are_shown_and_deformed_from_compact_features(run, chair):
+    show = ("show", "MESH", "--field", "FIELD", "--resolution", 64, "-o")
+    move = ("--handle", 40, "--translate", 0, 0.2, 0, "-o")
+    results = []
+    for most_exact in (10_000, 100):
+        with mock.patch("dfd.editing.handle_weights.MOST_EXACT", most_exact):
+            assert worked(run(*show, "features.png"))
+            assert worked(run(*show, "heat.png", "--handle", 40))
+            assert worked(run(*DEFORM, *move, "out.ply"))
+        results.append((drawn("features.png"), drawn("heat.png"), dfd.load("out.ply").vertices))
+    (features, heat, vertices), (compact_features, compact_heat, compact_vertices) = results
+    assert np.abs(features - compact_features).max() < 10
+    assert np.abs(heat - compact_heat).max() < 10
+    assert 0 < np.abs(vertices - compact_vertices).max() <= 0.01 * 0.2
 
 
 def test_show_makes_a_sheet_of_handles_and_sides(run):
@@ -322,7 +349,31 @@ def test_inspect_prints_a_table(run):
     assert ["vertex", "count", "2,004"] in lines
     assert ["face", "count", "4,008"] in lines
     assert ["boundary", "edges", "0"] in lines
+    assert ["unseen", "nothing,", "in", "24", "views"] in lines
     assert "symmetry" not in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "line"),
+    [
+        (
+            np.vstack([CORNERS, CORNERS / 2 + 0.25]),
+            np.vstack([CUBE, CUBE + 8]),
+            "unseen 20.0% of the surface, 1 of 2 pieces wholly, in 24 views: it takes the nearest seen features",
+        ),
+        (
+            np.vstack([CORNERS, CORNERS + [0, 0, 1]]),
+            np.vstack([CUBE, CUBE + 8]),
+            "unseen 16.7% of the surface, in 24 views: it takes the nearest seen features",
+        ),
+        ([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]], "unseen all of it, for no face has an area"),
+    ],
+)
+def test_inspect_says_what_no_camera_sees(run, vertices, faces, line):
+    Mesh(vertices, faces).save("shape.obj")
+    result = run("inspect", "shape.obj")
+    assert worked(result)
+    assert line in " ".join(result.stdout.split())
 
 
 def test_inspect_prints_json_with_the_planes_of_a_field(run, folder):
@@ -334,6 +385,7 @@ def test_inspect_prints_json_with_the_planes_of_a_field(run, folder):
     assert report["file"] == str(folder / "chair.obj")
     assert report["vertex_count"] == 2004
     assert report["components"] == 1
+    assert report["unseen"] == {"views": 24, "area": 0, "pieces": 0, "piece_count": 1}
     assert report["field"]["dimension"] == 16
     assert report["field"]["settings"] == {"encoder": "none", "seed": 3}
     assert sorted(plane["normal"] for plane in report["symmetry_planes"]) == [[0, 0, 1], [0, 1, 0], [1, 0, 0]]

@@ -98,3 +98,11 @@ def test_threads_cast_at_once() -> None:
         for hits in threads.map(lambda _: scene.cast(np.zeros(3), directions), range(8)):
             assert np.array_equal(hits.ray, alone.ray)
             assert np.array_equal(hits.barycentric, alone.barycentric)
+
+
+def test_a_surface_hides_what_is_behind_it_and_not_what_lies_on_it(triangle: Scene) -> None:
+    eye = np.array([0.2, 0.3, 1.0])
+    points = np.array([[0.2, 0.3, 0.5], [0.2, 0.3, 0.0], [0.2, 0.3, -0.01], [0.2, 0.3, -1], [5, 5, -1]])
+    assert triangle.hides(eye, points, 1e-4).tolist() == [False, False, True, True, False]
+    assert triangle.hides(eye, points, 0.1).tolist() == [False, False, False, True, False]
+    assert triangle.hides(eye, points[:0], 1e-4).shape == (0,)

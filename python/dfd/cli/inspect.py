@@ -21,11 +21,12 @@ def inspect(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")] = False,
 ) -> None:
-    """Say what MESH is made of, and what is odd about it."""
+    """Say what MESH is made of, what is odd about it, and how much of it the pictures of `dfd distill` do not show."""
     from dfd import Field, load, symmetry_planes, topology
+    from dfd.visibility import unseen
 
     shape = load(mesh)
-    report: dict[str, Any] = {"file": str(mesh), **asdict(topology.inspect(shape))}
+    report: dict[str, Any] = {"file": str(mesh), **asdict(topology.inspect(shape)), "unseen": asdict(unseen(shape))}
     if field is not None:
         opened = Field.load(field, mesh=shape)
         report["field"] = {
@@ -61,9 +62,21 @@ def _print_table(report: dict[str, Any]) -> None:
                 for plane in value
             ]
             table.add_row("symmetry planes", "\n".join(planes) or "none")
+        elif name == "unseen":
+            table.add_row("unseen", _unseen(**value))
         else:
             table.add_row(name.replace("_", " "), _shown(value))
     Console(highlight=False, markup=False).print(table)
+
+
+def _unseen(views: int, area: float, pieces: int, piece_count: int) -> str:
+    if piece_count == 0:
+        return "all of it, for no face has an area"
+    if area == 0:
+        return f"nothing, in {views} views"
+    share = f"{area:.1%}" if area >= 0.001 else "less than 0.1%"
+    wholly = f", {pieces:,} of {piece_count:,} pieces wholly" if pieces else ""
+    return f"{share} of the surface{wholly}, in {views} views: it takes the nearest seen features"
 
 
 def _shown(value: Any) -> str:
