@@ -19,7 +19,7 @@ from dfd import check, tensors
 __all__ = ["CompactFeatures", "compact"]
 
 BLOCK = 16  # vertices side by side, as the kernels take them
-BATCH = 32_768  # rows projected together
+BATCH = 8_192  # rows projected together, as many as a field evaluates together
 SPAN = 127  # steps to either side of 0 that a byte holds
 # Directions, handles and weights are judged on samples of these sizes; the largest error grows slowly beyond.
 DIRECTION_SAMPLE, VERTEX_SAMPLE, HANDLE_SAMPLE = 16_384, 4_096, 128
@@ -84,6 +84,29 @@ class CompactFeatures:
         entries = self.blocks[block, :-1, lane].reshape(len(block), self.dimensions)
         return entries.astype(np.float32) - 128
 
+    def rows(self, indices: NDArray[np.integer[Any]]) -> Float32:
+        """(N, D) feature rows of vertices as far as they are stored; `project` gives what is stored of them back."""
+        stored = self.stored(indices)
+        stored *= self.step
+        return stored @ self.basis.T + self.mean
+
+    def principal(self, count: int) -> Float32:
+        """(V, count) coordinates of all vertices along their features' main directions, the widest first.
+
+        A direction's sign makes the largest of its D parts positive, so that equal features have equal coordinates.
+        There are no more directions than stored dimensions.
+        """
+        sample = self.stored(np.arange(0, len(self), -(-len(self) // DIRECTION_SAMPLE))).astype(np.float64)
+        mean = sample.mean(axis=0)
+        axes = np.linalg.eigh((sample - mean).T @ (sample - mean))[1][:, ::-1][:, :count]
+        parts = self.basis @ axes
+        axes *= self.step * np.where(np.take_along_axis(parts, np.abs(parts).argmax(axis=0)[None], axis=0) < 0, -1, 1)
+        coordinates = np.empty((len(self), axes.shape[1]), np.float32)
+        for start in range(0, len(self), BATCH):
+            stored = self.stored(np.arange(start, min(start + BATCH, len(self))))
+            coordinates[start : start + BATCH] = (stored - mean.astype(np.float32)) @ axes.astype(np.float32)
+        return coordinates
+
     def project(self, rows: Float32) -> tuple[Float32, Float32]:
         """(N, d) what would be stored of rows (N, D), and (N,) the squared distance that it misses of points far off.
 
@@ -110,7 +133,7 @@ def compact(
     tolerance
         Largest difference from the weights of the full features in float64, held on a sample of vertices and handles.
     progress
-        Called with the number of further rows that are done.
+        Called with the number of further rows that are done; below 0 when they have to be done again.
 
     Raises
     ------
@@ -123,42 +146,41 @@ def compact(
     random = np.random.default_rng(0)
     sample = source.rows(_sample(random, source.count, DIRECTION_SAMPLE)).astype(np.float64)
     mean = sample.mean(axis=0)
-    directions = np.linalg.eigh((sample - mean).T @ (sample - mean))[1][:, ::-1]
-    trial = _Trial(sample[:VERTEX_SAMPLE], sample[_sample(random, len(sample), HANDLE_SAMPLE)])
-    witness = source.rows(_sample(random, source.count, VERTEX_SAMPLE)).astype(np.float64)
-    verdict = _Trial(witness, witness[_sample(random, len(witness), HANDLE_SAMPLE)])
+    sample -= mean
+    directions = np.linalg.eigh(sample.T @ sample)[1][:, ::-1]
+    sample = sample @ directions
+    witness = (source.rows(_sample(random, source.count, VERTEX_SAMPLE)) - mean) @ directions
+    trials = [_Trial(rows, rows[_sample(random, len(rows), HANDLE_SAMPLE)]) for rows in (sample, witness)]
 
     for precision, dimensions in _candidates(source.dimension):
-        basis = np.zeros((source.dimension, dimensions))
         kept = min(dimensions, source.dimension)
-        basis[:, :kept] = directions[:, :kept]
+        turn = np.eye(kept)
+        step = 1.0
         if precision == "int8":  # one step serves all dimensions best when they all spread alike
-            basis[:, :kept] = basis[:, :kept] @ np.linalg.qr(random.standard_normal((kept, kept)))[0]
-        largest = np.abs((sample - mean) @ basis).max()
-        step = float(1.02 * largest / SPAN or 1.0) if precision == "int8" else 1.0
-        if (
-            max(trial.error(mean, basis, precision, step), verdict.error(mean, basis, precision, step))
-            <= SAFETY * wanted
-        ):
+            turn = np.linalg.qr(random.standard_normal((kept, kept)))[0]
+            step = float(1.02 * np.abs(sample[:, :kept] @ turn).max() / SPAN or 1.0)
+        if max(trial.error(turn, precision, step) for trial in trials) <= SAFETY * wanted:
             break
     else:
         raise ValueError(f"compact: `tolerance` must be larger for features of 16 bits, got {wanted:g}")
 
-    blocks, step = _packed(source, mean.astype(np.float32), basis.astype(np.float32), precision, step, progress)
-    error = max(trial.error(mean, basis, precision, step), verdict.error(mean, basis, precision, step))
-    radius = max(trial.radius(mean, basis, precision, step), verdict.radius(mean, basis, precision, step))
-    for array in (blocks, basis, mean):
+    del sample  # as large as a batch of the rows to come
+    basis = np.zeros((source.dimension, dimensions), np.float32)
+    basis[:, :kept] = directions[:, :kept] @ turn
+    center = mean.astype(np.float32)
+    blocks, step = _packed(source, center, basis, precision, step, progress)
+    for array in (blocks, basis, center):
         array.flags.writeable = False
     return CompactFeatures(
         shape=(source.count, source.dimension),
         precision=precision,
         blocks=blocks,
-        basis=basis.astype(np.float32),
-        mean=mean.astype(np.float32),
+        basis=basis,
+        mean=center,
         step=step,
-        radius=radius,
+        radius=max(trial.radius(turn, precision, step) for trial in trials),
         tolerance=wanted,
-        error=error,
+        error=max(trial.error(turn, precision, step) for trial in trials),
     )
 
 
@@ -193,22 +215,30 @@ class _Source:
 
 
 class _Trial:
-    """Weights of sampled vertices for sampled handles, from the full features in float64 and from what is stored."""
+    """Weights of sampled vertices for sampled handles, of the full features in float64 and of what is stored.
+
+    Vertices, of which the first few will do, and handles are (N, D) and (M, D) coordinates along all main directions.
+    The first of them, as many as `turn` (d, d) has rows, are turned and stored.
+    """
 
     def __init__(self, vertices: Float64, handles: Float64) -> None:
-        self._vertices, self._handles = vertices, handles
-        self._weights = _weights(vertices, handles)
+        self._vertices, self._handles = vertices[:VERTEX_SAMPLE].copy(), handles
+        self._weights = _weights(self._vertices, handles)
 
-    def error(self, mean: Float64, basis: Float64, precision: Precision, step: float) -> float:
+    def error(self, turn: Float64, precision: Precision, step: float) -> float:
         """Largest difference of a weight."""
-        stored = [step * _rounded((rows - mean) @ basis, precision, step) for rows in (self._vertices, self._handles)]
-        return float(np.abs(_weights(stored[0].astype(np.float64), stored[1].astype(np.float64)) - self._weights).max())
+        vertices, handles = (_stored(rows, turn, precision, step) for rows in (self._vertices, self._handles))
+        return float(np.abs(_weights(vertices, handles) - self._weights).max())
 
-    def radius(self, mean: Float64, basis: Float64, precision: Precision, step: float) -> float:
+    def radius(self, turn: Float64, precision: Precision, step: float) -> float:
         """Largest distance of a vertex from what is stored of it."""
-        centered = self._vertices - mean
-        stored = step * _rounded(centered @ basis, precision, step)
-        return float(np.linalg.norm(centered - stored @ basis.T, axis=1).max())
+        missed = self._vertices.copy()
+        missed[:, : len(turn)] -= _stored(self._vertices, turn, precision, step) @ turn.T
+        return float(np.linalg.norm(missed, axis=1).max())
+
+
+def _stored(rows: Float64, turn: Float64, precision: Precision, step: float) -> Float64:
+    return step * _rounded(rows[:, : len(turn)] @ turn, precision, step).astype(np.float64)
 
 
 def _weights(vertices: Float64, handles: Float64) -> Float64:
@@ -264,6 +294,8 @@ def _packed(
         projected = (source.rows(slice(start, stop)) - mean) @ basis
         largest = float(np.abs(projected).max())
         if precision == "int8" and largest > (SPAN + 0.5) * step:
+            if progress is not None:
+                progress(-start)
             return _packed(source, mean, basis, precision, 1.02 * largest / SPAN, progress)
         padded = np.zeros((-(-(stop - start) // BLOCK) * BLOCK, dimensions), np.float32)
         padded[: stop - start] = _rounded(projected, precision, step)

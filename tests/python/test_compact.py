@@ -12,6 +12,7 @@ import torch
 
 import dfd
 from dfd import _core, reference
+from dfd.drawing.colors import feature_colors
 
 
 def features_of_low_rank(count=3000, dimension=96, rank=20, *, seed=0):
@@ -61,6 +62,27 @@ def test_stored_rows_bind_as_the_twin_says(compact):
 def test_a_feature_row_of_the_shape_weighs_as_its_vertex(compact):
     by_row, by_index = dfd.bind(compact, FEATURES[HANDLES]), dfd.bind(compact, HANDLES)
     np.testing.assert_allclose(by_row, by_index, rtol=0, atol=2e-6)
+
+
+def test_rows_give_back_what_is_stored(compact):
+    rows = compact.rows(HANDLES)
+    assert rows.dtype == np.float32
+    np.testing.assert_allclose(rows, FEATURES[HANDLES], rtol=0, atol=1.001 * compact.radius)
+    stored, missed = compact.project(rows)
+    np.testing.assert_allclose(stored, compact.stored(HANDLES), rtol=1e-3, atol=1e-6)
+    np.testing.assert_array_equal(missed, 0)
+
+
+def test_principal_coordinates_are_those_of_the_full_features(compact):
+    centered = FEATURES.astype(np.float64) - FEATURES.mean(axis=0)
+    directions = np.linalg.eigh(centered.T @ centered)[1][:, ::-1][:, :3]
+    directions *= np.sign(directions[np.abs(directions).argmax(axis=0), np.arange(3)])
+    coordinates = compact.principal(3)
+    assert coordinates.dtype == np.float32
+    np.testing.assert_allclose(coordinates, centered @ directions, rtol=0, atol=0.05 * centered.std() * 96**0.5)
+    assert np.corrcoef(coordinates[:, 2], centered @ directions[:, 2])[0, 1] > 0.999
+    assert np.abs(feature_colors(coordinates) - feature_colors(FEATURES)).max() < 0.1
+    assert compact.principal(200).shape == (len(FEATURES), compact.dimensions)
 
 
 def test_a_feature_row_far_from_the_shape_is_far(compact):
@@ -113,8 +135,12 @@ def test_a_field_is_asked_in_parts():
 
 def test_rows_outside_the_sample_widen_the_step():
     features = FEATURES.repeat(7, axis=0).copy()
-    features[::5000] *= 3
-    compact = dfd.compact(features, tolerance=0.05)
+    sample = np.random.default_rng(0).choice(len(features), 16_384, replace=False)
+    features[np.setdiff1d(np.arange(len(features)), sample)[-1]] *= 3
+    done = []
+    compact = dfd.compact(features, tolerance=0.05, progress=done.append)
+    assert min(done) < 0
+    assert sum(done) == len(features)
     full = reference.feature_weights(features, features[[0, 1]])
     assert np.abs(dfd.bind(compact, [0, 1]) - full).max() <= 0.05
 
