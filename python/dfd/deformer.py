@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dfd import check
-from dfd.editing.edit import Edit, Handle, Place, Transform, box_center, place_on, symmetry_on
+from dfd.compact import CompactFeatures
+from dfd.editing.edit import Edit, Handle, Place, Transform, box_center, edit_on, handle_on, place_on, symmetry_on
 from dfd.editing.edit_file import read_edit, write_edit
+from dfd.editing.field_fit import check_fit
 from dfd.editing.handle_weights import HandleWeights
 from dfd.editing.history import History
-from dfd.pose import pose
-from dfd.symmetry import SymmetryPlane, axis_name, symmetry_planes
+from dfd.editing.posed_shape import PosedShape
+from dfd.symmetry import SymmetryPlane
 
 if TYPE_CHECKING:
     from dfd.field import Field
@@ -30,8 +31,8 @@ class Deformer:
     """One editing session of one shape.
 
     Nothing is ever baked: every handle keeps the numbers it was given and can be changed or removed at any time, and
-    `vertices` always follows from the resting mesh. Every change is a step that `undo` takes back, without limit. A
-    moved handle costs one pose; a new one, one column of weights more.
+    `vertices` always follows from the resting mesh. Every change is a step that `undo` takes back, without limit. A new
+    handle costs one column of weights, a frame of a drag what the handles that move cost, however many others rest.
 
     Parameters
     ----------
@@ -40,26 +41,34 @@ class Deformer:
     field
         The shape's feature field, or that of another resolution of the same shape.
     features
-        (V, D) features of the vertices, when they are at hand; otherwise `field.features(mesh)`, once they are needed.
+        (V, D) features of the vertices when they are at hand, in full or as `dfd.compact` makes them; the field is then
+        asked for points in space alone. Otherwise it is asked once they are needed, above 16,384 vertices for compact
+        ones: their weights are within 0.01 of exact (`features.error`), and the full ones never exist.
 
     Raises
     ------
     ValueError
-        If `features` is not finite or not one row of the field's width per vertex.
+        If `features` is not finite or not one row of the field's width per vertex; without `features`, if the field's
+        shape was of another size, below half or above twice the mesh's, or lay elsewhere.
+
+    Warns
+    -----
+    UserWarning
+        If a part of the mesh lies far outside the box of the field's shape.
     """
 
     def __init__(self, mesh: Mesh, field: Field, *, features: Any = None) -> None:
         self.mesh = mesh
         self.field = field
-        if features is not None:
-            features = check.array("Deformer", "features", features, (len(mesh.vertices), field.dimension))
+        if features is None:
+            check_fit("Deformer", field, mesh)
         self._weights = HandleWeights(mesh, field, features)
+        self._posed = PosedShape(mesh, self._weights)
         self._start(Edit())
 
     def _start(self, edit: Edit) -> None:
         self._history = History(edit)
         self._next_id = 1 + max((handle.id for handle in edit.handles), default=0)
-        self._posed: tuple[Edit, NDArray[np.float64]] | None = None
 
     def __repr__(self) -> str:
         """Say how much is being done to what."""
@@ -141,8 +150,7 @@ class Deformer:
         """
         function = "Deformer.add"
         transform = Transform().changed(function, translation=translation, rotation=rotation, scale=scale, pivot=pivot)
-        place = place_on(self.mesh, function, "at", at)
-        handle = Handle(self._next_id, place, transform, *_checked(function, locality, name))
+        handle = handle_on(self.mesh, function, self._next_id, at, transform, locality, name)
         self._commit(handle, replace(self.edit, handles=(*self.handles, handle)))
         self._next_id += 1
         return handle.id
@@ -201,9 +209,8 @@ class Deformer:
         """
         function = "Deformer.change"
         held = self.edit.handle(function, handle)
-        place = held.place if at is None else place_on(self.mesh, function, "at", at)
-        own = _checked(function, held.locality if locality is None else locality, held.name if name is None else name)
-        changed = Handle(held.id, place, held.transform, *own)
+        own = held.locality if locality is None else locality, held.name if name is None else name
+        changed = handle_on(self.mesh, function, held.id, held.place if at is None else at, held.transform, *own)
         self._commit(changed, self.edit.replaced(changed))
 
     def remove(self, handle: int) -> None:
@@ -239,10 +246,7 @@ class Deformer:
             If that point is not fixed.
         """
         place = place_on(self.mesh, "Deformer.release", "at", at)
-        kept = tuple(other for other in self.fixed if other.position != place.position)
-        if len(kept) == len(self.fixed):
-            raise ValueError(f"Deformer.release: `at` must be a fixed point, got {place}")
-        self._history.commit(replace(self.edit, fixed=kept))
+        self._history.commit(self.edit.released("Deformer.release", place))
 
     def set_symmetry(self, plane: SymmetryPlane | str | None, *, band: float | None = None) -> None:
         """Let every handle act on both sides of a plane, mirrored on the other side (Eq. 8).
@@ -261,13 +265,9 @@ class Deformer:
         ValueError
             If it is no such plane, `band` is negative or not finite, or "auto" finds no plane.
         """
-        function = "Deformer.set_symmetry"
-        if plane == "auto":
-            found = symmetry_planes(self.field, self.mesh)
-            if not found:
-                raise ValueError(f"{function}: `plane` cannot be 'auto': the shape looks alike across no axis plane")
-            plane = axis_name(found[0].normal)
-        chosen = None if plane is None else symmetry_on(self.mesh, function, plane, band)
+        chosen = None
+        if plane is not None:
+            chosen = symmetry_on(self.mesh, "Deformer.set_symmetry", plane, band, field=self.field)
         self._history.commit(replace(self.edit, symmetry=chosen))
 
     def set_default(
@@ -300,13 +300,8 @@ class Deformer:
         ValueError
             If a vertex of `edit` is none of the mesh.
         """
-        function = "Deformer.apply"
-        handles = tuple(
-            replace(handle, place=place_on(self.mesh, function, "edit", handle.place)) for handle in edit.handles
-        )
-        fixed = tuple(place_on(self.mesh, function, "edit", place) for place in edit.fixed)
-        self._history.commit(replace(edit, handles=handles, fixed=fixed))
-        self._next_id = max(self._next_id, 1 + max((handle.id for handle in handles), default=0))
+        self._history.commit(edit_on(self.mesh, "Deformer.apply", edit))
+        self._next_id = max(self._next_id, 1 + max((handle.id for handle in edit.handles), default=0))
 
     # --- steps
 
@@ -338,14 +333,24 @@ class Deformer:
 
     # --- what comes of it
 
+    def prepare(self, progress: Callable[[int], object] | None = None) -> None:
+        """Ask the field for the vertices' features now rather than when they are first needed.
+
+        It is the one long step of a session. `progress` is called with the number of further vertices that are done.
+        """
+        self._weights.prepare(progress)
+
     @property
-    def features(self) -> NDArray[np.float32]:
-        """(V, D) features of the vertices, unit rows; the field is asked once."""
+    def features(self) -> NDArray[np.float32] | CompactFeatures:
+        """(V, D) features of the vertices, what `dfd.bind` takes: full unit rows or compact ones, see `Deformer`."""
         return self._weights.features
 
     @property
     def weights(self) -> NDArray[np.float32]:
-        """(V, H) weights of the handles, in the order of `handles`; read-only. Only what changed is bound again."""
+        """(V, H) weights of the handles, in the order of `handles`, column-major and read-only; they stay as they are.
+
+        Only what changed is bound again.
+        """
         return self._weights.of(self.edit)
 
     @property
@@ -359,23 +364,7 @@ class Deformer:
 
         Where weights sum to more than 1, handles add up and those at rest count for nothing (`HandleWeights.blend_of`).
         """
-        edit = self.edit
-        if self._posed is None or self._posed[0] is not edit:
-            weights = self._weights.blend_of(edit)
-            # The handle that rests, when there is one, stands anywhere: mirrored, it rests too.
-            resting = weights.shape[1] - len(edit.handles)
-            places = [handle.place.position for handle in edit.handles] + [(0.0, 0.0, 0.0)] * resting
-            posed = pose(
-                self.mesh.vertices,
-                weights,
-                np.concatenate([self.transforms, np.eye(4)[None, :3].repeat(resting, axis=0)]),
-                default=None if edit.default is None else edit.default.matrix(box_center(self.mesh)),
-                symmetry=edit.symmetry,
-                handles=None if edit.symmetry is None else np.reshape(places, (-1, 3)),
-            )
-            posed.flags.writeable = False
-            self._posed = (edit, posed)
-        return self._posed[1]
+        return self._posed.of(self.edit)
 
     # --- files
 
@@ -403,9 +392,3 @@ class Deformer:
         deformer = cls(mesh, field, features=features)
         deformer._start(read_edit(path, mesh))
         return deformer
-
-
-def _checked(function: str, locality: float, name: Any) -> tuple[float, str | None]:
-    if name is not None and not (isinstance(name, str) and name):
-        raise ValueError(f"{function}: `name` must be a text that is not empty, got {name!r}")
-    return check.number(function, "locality", locality, minimum=0.0), name

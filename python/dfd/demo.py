@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -64,12 +65,12 @@ def run(output: Path, *, encoder: str = "dinov2-small", faces: int = 20_000, con
     ):
         console.print(f"[bold]{name}[/bold]: {len(sample.mesh.faces):,} faces")
         stages = Stages()
-        field, first = _distill(sample, model, stages)
+        field, features, first = _distill(sample, model, stages)
         field.save(output / f"{name}.field.safetensors")
         sample.mesh.save(output / f"{name}.glb")
         rows.append((f"The {name}: what the encoder sees, and its features by colour", first))
         with stages.stage("deform and draw"):
-            stories = edits(sample, field, output)
+            stories = edits(sample, partial(Deformer, sample.mesh, field, features=features), output)
         rows += [story.row() for story in stories]
         opening += [picture for story in stories if story.opens for picture in story.opening()]
         table.add_column(name, justify="right")
@@ -83,7 +84,7 @@ def run(output: Path, *, encoder: str = "dinov2-small", faces: int = 20_000, con
     console.print(f"Pictures: {output / 'story.png'}, {output / 'opening.png'}\nMeshes:   {output}")
 
 
-def _distill(sample: Sample, model: Encoder, stages: Stages) -> tuple[Field, list[tuple[NDArray[np.uint8], str]]]:
+def _distill(sample: Sample, model: Encoder, stages: Stages) -> tuple[Field, NDArray[np.float32], list[Picture]]:
     mesh = sample.mesh
     field = distill(mesh, model, progress=stages, cache=False)
     with stages.stage("symmetry"):
@@ -91,21 +92,22 @@ def _distill(sample: Sample, model: Encoder, stages: Stages) -> tuple[Field, lis
     found = ", ".join(f"{axis_name(plane.normal)} ({plane.score:.2f})" for plane in planes) or "none"
     views = render(mesh, views=24, resolution=320)
     pictures = [(views.images[index], f"view {index + 1} of 24") for index in (6, 9, 16)]
-    colors = feature_colors(field.features(mesh))
+    features = field.features(mesh)
+    colors = feature_colors(features)
     pictures += [
         (picture(mesh, colors=colors, azimuth=35), "features"),
         (picture(mesh, colors=colors, azimuth=215), f"features, behind; mirror plane found: {found}"),
     ]
-    return field, pictures
+    return field, features, pictures
 
 
-def _edit_chair(sample: Sample, field: Field, output: Path) -> list[_Story]:
+def _edit_chair(sample: Sample, session: Callable[[], Deformer], output: Path) -> list[_Story]:
     mesh = sample.mesh
     foot = _lowest(mesh.vertices, sample.vertices_of("leg", 0))
     back = _highest(mesh.vertices, sample.vertices_of("back"))
-    legs = Deformer(mesh, field)
+    legs = session()
     legs.add(foot, translation=(0.0, -0.35, 0.0), name="foot")
-    tall = Deformer(mesh, field)
+    tall = session()
     tall.add(back, scale=(1.0, 1.5, 1.0), translation=(0.0, 0.12, 0.0), name="back")
     return [
         _Story("One foot of the chair is pulled down: all four legs grow", legs, output / "chair_legs", "one foot"),
@@ -113,7 +115,7 @@ def _edit_chair(sample: Sample, field: Field, output: Path) -> list[_Story]:
     ]
 
 
-def _edit_quadruped(sample: Sample, field: Field, output: Path) -> list[_Story]:
+def _edit_quadruped(sample: Sample, session: Callable[[], Deformer], output: Path) -> list[_Story]:
     mesh = sample.mesh
     hoof = _lowest(mesh.vertices, sample.vertices_of("hoof", 0))
     horn = _highest(mesh.vertices, sample.vertices_of("horn", 0))
@@ -122,11 +124,11 @@ def _edit_quadruped(sample: Sample, field: Field, output: Path) -> list[_Story]:
     muzzle = int(head[np.argmax(mesh.vertices[head, 2])])
 
     def bent(locality: float = 0.0) -> Deformer:
-        session = Deformer(mesh, field)
-        session.add(horn, rotation=(-50.0, 0.0, 0.0), scale=1.4, pivot=root, locality=locality, name="horn")
-        return session
+        horns = session()
+        horns.add(horn, rotation=(-50.0, 0.0, 0.0), scale=1.4, pivot=root, locality=locality, name="horn")
+        return horns
 
-    legs = Deformer(mesh, field)
+    legs = session()
     legs.add(hoof, translation=(0.0, -0.3, 0.0), name="hoof")
     held = bent()
     held.fix(muzzle)

@@ -1,14 +1,18 @@
 """The editing session: what each change does to the shape, what it costs, and what is refused."""
 
 import math
+import re
+import warnings
 from unittest import mock
 
 import numpy as np
 import pytest
 import torch
+from hypothesis import given
+from hypothesis import strategies as st
 
 import dfd
-from dfd.editing import handle_weights
+from dfd.editing import handle_weights, posed_shape
 from dfd.editing.edit import Edit, Place, Transform
 from dfd.editing.transforms import affine
 from dfd.field import Field
@@ -70,6 +74,23 @@ def bound():
         yield counts
 
 
+@pytest.fixture
+def folds():
+    """How many handles each `Drag` was made to move, and -1 for each whole pose."""
+    counts = []
+
+    def whole(*arguments, **options):
+        counts.append(-1)
+        return dfd.pose(*arguments, **options)
+
+    def drag(*arguments, moving, **options):
+        counts.append(len(moving))
+        return dfd.Drag(*arguments, moving=moving, **options)
+
+    with mock.patch.object(posed_shape, "pose", whole), mock.patch.object(posed_shape, "Drag", drag):
+        yield counts
+
+
 def size(mesh):
     return mesh.diagonal
 
@@ -78,19 +99,23 @@ def size(mesh):
 
 
 def test_without_handles_the_shape_rests(deformer, mesh):
-    np.testing.assert_allclose(deformer.vertices, mesh.vertices, atol=1e-6 * size(mesh))
+    np.testing.assert_array_equal(deformer.vertices, mesh.vertices)
     assert deformer.weights.shape == (len(mesh.vertices), 0)
     assert deformer.transforms.shape == (0, 3, 4)
 
 
 @pytest.mark.parametrize("symmetry", [None, "x"])
-def test_untransformed_handles_leave_the_shape_at_rest(deformer, mesh, symmetry):
-    for vertex in (5, 6, 7):
-        deformer.add(vertex)
+def test_untransformed_handles_change_nothing_at_all(deformer, mesh, folds, symmetry):
+    handles = [deformer.add(vertex) for vertex in (5, 6, 7)]
     deformer.add((0.1, 0.2, 0.3))
     deformer.set_symmetry(symmetry)
     assert deformer.weights.sum(axis=1).max() > 3
-    np.testing.assert_allclose(deformer.vertices, mesh.vertices, atol=1e-6 * size(mesh))
+    np.testing.assert_array_equal(deformer.vertices, mesh.vertices)
+    deformer.move(handles[0], translation=(0, 0.2, 0))
+    assert np.abs(deformer.vertices - mesh.vertices).max() > 0.1
+    deformer.move(handles[0], translation=(0, 0, 0), pivot=(3, 4, 5))
+    np.testing.assert_array_equal(deformer.vertices, mesh.vertices)
+    assert folds == [1]
 
 
 @pytest.mark.parametrize("symmetry", [None, "x"])
@@ -161,11 +186,11 @@ def test_fixed_points_stay_and_can_be_released(deformer, mesh):
     assert deformer.weights[600, 0] > 0
 
 
-def test_points_in_space_can_be_fixed_among_vertices(deformer, field):
+def test_points_in_space_can_be_fixed_among_vertices(deformer, field, features):
     deformer.add(5)
     deformer.fix(600)
     deformer.fix((0.3, 0.1, 0.2))
-    rows = np.concatenate([deformer.features[[600]], field(np.array([[0.3, 0.1, 0.2]]))])
+    rows = np.concatenate([features[[600]], field(np.array([[0.3, 0.1, 0.2]]))])
     np.testing.assert_array_equal(deformer.weights, dfd.bind(deformer.features, [5], fixed=rows))
     deformer.release((0.3, 0.1, 0.2))
     assert [place.vertex for place in deformer.fixed] == [600]
@@ -203,12 +228,12 @@ def test_any_plane_can_be_one_of_symmetry(deformer):
 
 def test_auto_takes_the_plane_that_looks_most_alike(deformer, mesh, field):
     planes = [SymmetryPlane((0.0, 0.0, 1.0), 0.5, 0.02), SymmetryPlane((1.0, 0.0, 0.0), 0.0, 0.05)]
-    with mock.patch("dfd.deformer.symmetry_planes", return_value=planes):
+    with mock.patch("dfd.editing.edit.symmetry_planes", return_value=planes):
         deformer.set_symmetry("auto")
     assert deformer.symmetry.normal == (0.0, 0.0, 1.0)
     assert deformer.symmetry.band > 0
     with (
-        mock.patch("dfd.deformer.symmetry_planes", return_value=[]),
+        mock.patch("dfd.editing.edit.symmetry_planes", return_value=[]),
         pytest.raises(ValueError, match="looks alike across no axis plane"),
     ):
         deformer.set_symmetry("auto")
@@ -281,12 +306,13 @@ def test_a_move_binds_nothing_and_a_new_handle_binds_itself(deformer, bound):
         _ = deformer.vertices
     assert bound == [1]
     second = deformer.add(900)
+    _ = deformer.vertices
     third = deformer.add((0.5, 0.5, 0.5))
     _ = deformer.vertices
-    assert bound == [1, 2]
+    assert bound == [1, 1, 1]
     deformer.remove(second)
     _ = deformer.vertices
-    assert bound == [1, 2]
+    assert bound == [1, 1, 1]
     np.testing.assert_array_equal(deformer.weights[:, 0], dfd.bind(deformer.features, [5])[:, 0])
     assert deformer.handles[1].id == third
     assert deformer.weights.shape[1] == 2
@@ -297,8 +323,24 @@ def test_nothing_is_bound_before_somebody_looks(deformer, bound):
         deformer.add(vertex)
     deformer.fix(100)
     assert bound == []
-    _ = deformer.vertices
+    _ = deformer.vertices  # nothing moves yet
+    assert bound == []
+    _ = deformer.weights
     assert bound == [10]
+
+
+def test_one_call_binds_what_it_can(deformer, bound, geodesics, features, field):
+    for at in (1, 2, (0.1, 0.2, 0.3), (0.2, 0.1, 0.3), 3):
+        deformer.add(at)
+    for vertex in (4, 5):
+        deformer.add(vertex, locality=2.0)
+    weights = deformer.weights
+    assert bound == [2, 2, 1, 1, 1]
+    points = field(np.array([(0.1, 0.2, 0.3), (0.2, 0.1, 0.3)]))
+    np.testing.assert_array_equal(weights[:, [0, 1, 4]], dfd.bind(features, [1, 2, 3]))
+    np.testing.assert_array_equal(weights[:, 2:4], dfd.bind(features, points))
+    near = dfd.bind(features, [4, 5], geodesic=geodesics.distances([4, 5]), locality=2.0)
+    np.testing.assert_array_equal(weights[:, 5:], near)
 
 
 def test_new_fixed_points_bind_all_handles_once(deformer, bound):
@@ -320,18 +362,308 @@ def test_looking_twice_costs_nothing(deformer):
 def test_features_are_asked_for_once_and_only_when_needed(mesh, field):
     with mock.patch.object(Field, "features", return_value=field.features(mesh)) as asked:
         deformer = dfd.Deformer(mesh, field)
-        deformer.add(5)
+        deformer.add(5, scale=2)
         asked.assert_not_called()
         _ = deformer.vertices
         deformer.add(6)
         _ = deformer.vertices
+        deformer.prepare()
         asked.assert_called_once()
+
+
+def test_a_drag_costs_what_moves_and_gives_what_a_pose_gives(mesh, field, features, folds):
+    for symmetry, default in ((None, None), ("x", None), (None, (0, 0, 5)), ("x", (0, 0, 5))):
+        deformer = dfd.Deformer(mesh, field, features=features)
+        handles = [deformer.add(vertex, translation=(0, 0.01 * vertex, 0)) for vertex in (5, 6, 7, 8, 9)]
+        deformer.set_symmetry(symmetry)
+        deformer.set_default(rotation=default)
+        assert deformer.weights.sum(axis=1).max() > 4
+        start = deformer.vertices
+        del folds[:]
+        for frame in range(1, 4):
+            deformer.move(handles[2], rotation=(0, 10 * frame, 0), scale=1 + 0.1 * frame, merge=frame > 1)
+            dragged = deformer.vertices
+        assert folds == [1]
+        whole = dfd.Deformer(mesh, field, features=features)
+        whole.apply(deformer.edit)
+        np.testing.assert_allclose(dragged, whole.vertices, rtol=0, atol=1e-12)
+        assert np.abs(dragged - start).max() > 0.05
+        deformer.undo()
+        np.testing.assert_allclose(deformer.vertices, start, rtol=0, atol=1e-12)
+        deformer.redo()
+        np.testing.assert_allclose(deformer.vertices, dragged, rtol=0, atol=1e-12)
+
+
+def test_a_drag_ends_with_whatever_else_changes(deformer, mesh, field, features, folds):
+    handles = [deformer.add(vertex) for vertex in (5, 6, 7, 8, 9)]
+    deformer.add(900, translation=(0.1, 0, 0))
+    changes = (
+        lambda: deformer.move(handles[0], scale=2),
+        lambda: deformer.move(handles[0], scale=1.5),
+        lambda: deformer.move(handles[1], scale=2),
+        lambda: deformer.change(handles[1], at=10),
+        lambda: deformer.move(handles[1], scale=3),
+        lambda: deformer.fix(1500),
+        lambda: deformer.move(handles[1], scale=1.2),
+        lambda: deformer.set_symmetry("x"),
+        lambda: deformer.move(handles[1], scale=1.1),
+        lambda: deformer.set_default(translation=(0, 0, 1)),
+        lambda: deformer.remove(handles[3]),
+        lambda: deformer.change(handles[2], name="knee"),
+    )
+    _ = deformer.vertices
+    for change in changes:
+        change()
+        moved = deformer.vertices
+        fresh = dfd.Deformer(mesh, field, features=features)
+        fresh.apply(deformer.edit)
+        with mock.patch.object(posed_shape, "pose", dfd.pose):
+            np.testing.assert_allclose(moved, fresh.vertices, rtol=0, atol=1e-12)
+    assert folds == [-1, 1, 1, -1, 1, -1, 1, -1, 1, -1, -1]
+
+
+def test_several_handles_can_be_dragged_at_once(deformer, mesh, field, features, folds):
+    handles = [deformer.add(vertex) for vertex in (5, 6, 900, 8, 9)]
+    deformer.move(handles[4], translation=(0.1, 0, 0))
+    _ = deformer.vertices
+    for frame in range(1, 4):
+        with deformer.step():
+            deformer.move(handles[0], translation=(0, 0.1 * frame, 0))
+            deformer.move(handles[2], rotation=(0, 0, 9 * frame))
+        _ = deformer.vertices
+    deformer.move(handles[2], rotation=(0, 0, 5))
+    moved = deformer.vertices
+    assert folds == [-1, 2]
+    fresh = dfd.Deformer(mesh, field, features=features)
+    fresh.apply(deformer.edit)
+    np.testing.assert_allclose(moved, fresh.vertices, rtol=0, atol=1e-12)
+
+
+# --- columns of weights
+
+
+def test_a_new_handle_touches_no_other_column(deformer):
+    deformer.add(5)
+    first = deformer.weights
+    deformer.add(6)
+    both = deformer.weights
+    assert np.shares_memory(first, both[:, :1])
+    assert not np.shares_memory(first, both[:, 1:])
+    assert both[:, 0].flags.c_contiguous
+    assert both[:, 1].flags.c_contiguous
+
+
+def test_weights_that_somebody_holds_stay_as_they_are(deformer):
+    second = [deformer.add(vertex) for vertex in (5, 6, 7)][1]
+    changes = (
+        lambda: deformer.remove(second),
+        lambda: deformer.undo(),
+        lambda: deformer.change(second, at=900),
+        lambda: deformer.fix(1500),
+        lambda: deformer.undo(),
+        lambda: deformer.apply(Edit(handles=deformer.handles[::-1])),
+        lambda: deformer.apply(Edit()),
+        lambda: deformer.add(8),
+    )
+    held = []
+    for change in changes:
+        held += [(array, array.copy()) for array in (deformer.weights, deformer.weights[:, -1:])]
+        change()
+    for array, copy in held:
+        np.testing.assert_array_equal(array, copy)
+
+
+def test_weights_that_nobody_holds_make_room_in_their_place(deformer):
+    second = [deformer.add(vertex) for vertex in (5, 6, 7)][1]
+    first = deformer.weights.__array_interface__["data"]
+    deformer.remove(second)
+    assert deformer.weights.__array_interface__["data"] == first
+    deformer.undo()
+    assert deformer.weights.__array_interface__["data"] == first
+
+
+STEPS = st.sampled_from(["add", "remove", "change", "undo", "redo", "look", "hold"])
+
+
+@given(st.lists(st.tuples(STEPS, st.integers(0))))
+def test_weights_are_those_of_the_handles_whatever_was_done_before(steps):
+    features = FEW.features(SMALL)
+    deformer = dfd.Deformer(SMALL, FEW, features=features)
+    held = []
+    for step, number in steps:
+        taken = [handle.place.vertex for handle in deformer.handles]
+        free = [vertex for vertex in range(len(SMALL.vertices)) if vertex not in taken]
+        if step == "add":
+            deformer.add(free[number % len(free)])
+        elif step == "remove" and taken:
+            deformer.remove(deformer.handles[number % len(taken)].id)
+        elif step == "change" and taken:
+            deformer.change(deformer.handles[number % len(taken)].id, at=free[number % len(free)])
+        elif step == "undo":
+            deformer.undo()
+        elif step == "redo":
+            deformer.redo()
+        elif step == "hold":
+            held.append((deformer.weights, deformer.weights.copy()))
+        elif step == "look":
+            now = [handle.place.vertex for handle in deformer.handles]
+            np.testing.assert_array_equal(deformer.weights, dfd.bind(features, now))
+    now = [handle.place.vertex for handle in deformer.handles]
+    np.testing.assert_array_equal(deformer.weights, dfd.bind(features, now))
+    for array, copy in held:
+        np.testing.assert_array_equal(array, copy)
+
+
+SMALL = dfd.Mesh(np.random.default_rng(0).standard_normal((40, 3)), [[0, 1, 2]])
+FEW = Field.seeded(0, 4, width=8, layers=1, center=SMALL.bounds.mean(0), scale=2 / max(SMALL.extents))
+
+
+def test_the_memory_of_many_handles_is_given_back(deformer):
+    with deformer.step():
+        for vertex in range(100):
+            deformer.add(vertex)
+    _ = deformer.weights
+    many = deformer._weights._columns._rows.nbytes
+    deformer.apply(Edit())
+    _ = deformer.weights
+    assert deformer._weights._columns._rows.nbytes < many / 5
+
+
+# --- compact features
+
+
+@pytest.fixture
+def compacted():
+    """Every shape is one of many vertices."""
+    with (
+        mock.patch.object(handle_weights, "MOST_EXACT", 100),
+        mock.patch.object(Field, "features", side_effect=AssertionError),
+    ):
+        yield
+
+
+def test_many_vertices_bind_from_compact_features(compacted, mesh, field, features):
+    deformer = dfd.Deformer(mesh, field)
+    for vertex in (5, 900, 1500):
+        deformer.add(vertex, translation=(0, 0.1, 0))
+    deformer.add(mesh.vertices[70], scale=2)
+    deformer.add((0.3, 0.1, 0.2))
+    places = np.concatenate([features[[5, 900, 1500, 70]], field(np.array([(0.3, 0.1, 0.2)]))])
+    for fixed in (None, 600, (0.1, 0.2, 0.3)):
+        if fixed is not None:
+            deformer.fix(fixed)
+        rows = {
+            None: None,
+            600: features[[600]],
+            (0.1, 0.2, 0.3): np.concatenate([features[[600]], field(np.array([(0.1, 0.2, 0.3)]))]),
+        }[fixed]
+        exact = dfd.bind(features, places, fixed=rows)
+        assert 0 < np.abs(deformer.weights - exact).max() <= (0.01 if fixed is None else 0.02)  # W less W of the fixed
+    assert isinstance(deformer.features, dfd.CompactFeatures)
+    assert deformer.features.error <= 0.01
+    np.testing.assert_array_equal(deformer.weights[600], 0)
+    exactly = dfd.Deformer(mesh, field, features=features)
+    exactly.apply(deformer.edit)
+    np.testing.assert_allclose(deformer.vertices, exactly.vertices, atol=0.02 * size(mesh))
+
+
+def test_a_vertex_that_is_held_weighs_1_whatever_binds_it(compacted, mesh, field):
+    for tolerance, precision in ((0.01, None), (0.05, "int8"), (0.002, "float16")):
+        compact = dfd.compact(field, mesh.vertices, tolerance=tolerance)
+        assert precision is None or compact.precision == precision
+        deformer = dfd.Deformer(mesh, field, features=compact)
+        assert deformer.features is compact
+        deformer.add((0.3, 0.1, 0.2))
+        vertices = list(range(0, len(mesh.vertices), 100))
+        for vertex in vertices:
+            deformer.add(vertex)
+        np.testing.assert_array_equal(deformer.weights[vertices, np.arange(1, 1 + len(vertices))], 1)
+        np.testing.assert_array_equal(deformer.vertices, mesh.vertices)
+
+
+@pytest.mark.parametrize("most_exact", [100, 10_000])
+def test_preparing_tells_how_far_it_is(mesh, field, most_exact):
+    done = []
+    with mock.patch.object(handle_weights, "MOST_EXACT", most_exact):
+        deformer = dfd.Deformer(mesh, field)
+        deformer.prepare(done.append)
+        deformer.prepare(done.append)
+    assert sum(done) == len(mesh.vertices)
+    assert isinstance(deformer.features, dfd.CompactFeatures) == (most_exact == 100)
+
+
+def test_compact_features_of_another_shape_are_refused(mesh, field, features):
+    with pytest.raises(ValueError, match=r"Deformer: `features` must have shape \(2004, 16\), got \(2003, 16\)"):
+        dfd.Deformer(mesh, field, features=dfd.compact(features[1:]))
+
+
+# --- a field of another shape
+
+
+def moved(mesh, factor=1.0, shift=(0.0, 0.0, 0.0)):
+    """The mesh in other units and at another place; a shift of 1 is its longest side."""
+    return dfd.Mesh(factor * mesh.vertices + np.array(shift) * max(mesh.extents), mesh.faces)
+
+
+@pytest.mark.parametrize(
+    "stranger",
+    [
+        lambda mesh: moved(mesh, 100),
+        lambda mesh: moved(mesh, 0.01),
+        lambda mesh: moved(mesh, 2.54),
+        lambda mesh: moved(mesh, 1 / 2.54),
+        lambda mesh: moved(mesh, 1, (0, 3, 0)),
+        lambda mesh: moved(mesh, 1, (-1.6, 0, 0)),
+    ],
+)
+def test_a_field_of_another_shape_is_refused(mesh, field, features, stranger):
+    other = stranger(mesh)
+    message = (
+        "Deformer: `field` must belong to this mesh, but it was distilled from a shape with a longest side of 0.9897 "
+        f"around (0, 0.526, -0.007948), and this mesh has one of {max(other.extents):.4g} around "
+    )
+    with pytest.raises(ValueError, match=re.escape(message) + r"\(.*\): bring the mesh to that shape's units"):
+        dfd.Deformer(other, field)
+    dfd.Deformer(other, field, features=features)  # whoever brings features knows what they are
+
+
+@pytest.mark.parametrize(
+    "relative",
+    [
+        lambda mesh: dfd.samples.chair(9000).mesh,
+        lambda mesh: moved(mesh, 1.2),
+        lambda mesh: moved(mesh, 0.6),
+        lambda mesh: moved(mesh, 1, (0.2, 0, 0)),
+        lambda mesh: dfd.Mesh(mesh.vertices[mesh.vertices[:, 1] > 0.4], [[0, 1, 2]]),
+        lambda mesh: dfd.Mesh(mesh.vertices - (mesh.vertices[:, 1:2] < 0.4) * [0, 0.2, 0], mesh.faces),
+    ],
+)
+def test_relatives_of_the_field_s_shape_are_welcome(mesh, field, relative):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        deformer = dfd.Deformer(relative(mesh), field)
+    deformer.add(0, scale=2)
+    assert np.isfinite(deformer.vertices).all()
+
+
+def test_a_mesh_that_reaches_far_out_of_the_field_s_box_is_told_so(mesh, field):
+    standing = moved(mesh, 1, -np.array([0, mesh.bounds[0, 1], 0]) / max(mesh.extents))
+    ground = Field(16, center=standing.bounds.mean(0), scale=2 / max(standing.extents))
+    dfd.Deformer(standing, ground)
+    lying = dfd.Mesh(standing.vertices @ [[1, 0, 0], [0, 0, 1], [0, -1, 0]], mesh.faces)
+    with pytest.warns(UserWarning, match=r"weights beyond that shape's box are a guess\. Unless the mesh is a pose"):
+        dfd.Deformer(lying, ground)
+
+
+# --- what geodesics are asked
 
 
 def test_geodesics_are_for_those_who_ask_for_locality(deformer, geodesics, bound):
     near, far = deformer.add(5), deformer.add(900)
     _ = deformer.vertices
     assert geodesics.asked == []
+    deformer.move(far, scale=2)
+    _ = deformer.vertices
     deformer.change(near, locality=2.0)
     _ = deformer.vertices
     assert geodesics.asked == [[5]]
@@ -367,7 +699,7 @@ def test_locality_of_a_symmetric_edit_starts_at_both_mirror_images(deformer, geo
     both = geodesics.distances([vertex, mirrored]).min(axis=0)
     wanted = dfd.bind(deformer.features, [vertex], geodesic=both[None], locality=3.0)
     np.testing.assert_array_equal(deformer.weights[:, :1], wanted)
-    assert bound == [2, 1]
+    assert bound == [1, 1, 1]
 
 
 # --- steps

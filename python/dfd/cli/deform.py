@@ -100,8 +100,8 @@ def deform(
         deformer.fix(place(shape, "--fix", text))
     if symmetry is not None:
         deformer.set_symmetry(symmetry, band=band)
-    with stages.stage("features"):
-        _ = deformer.features
+    with stages.stage("features", len(shape.vertices)) as advance:
+        deformer.prepare(advance)
     with stages.stage("deform"):
         vertices = deformer.vertices
 

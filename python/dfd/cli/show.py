@@ -86,7 +86,7 @@ def _rows(
     if field is None:
         return [("the mesh", {})]
 
-    from dfd import Deformer, Field
+    from dfd import CompactFeatures, Deformer, Field
     from dfd.drawing.colors import feature_colors
 
     deformer = Deformer(shape, Field.load(field, mesh=shape))
@@ -94,10 +94,12 @@ def _rows(
         deformer.add(place(shape, "--handle", text), locality=locality)
     for text in fix:
         deformer.fix(place(shape, "--fix", text))
-    with stages.stage("features"):
-        features = deformer.features
+    with stages.stage("features", len(shape.vertices)) as advance:
+        deformer.prepare(advance)
     if not handles:
-        return [("features", {"colors": feature_colors(features)})]
+        features = deformer.features
+        shown = features.principal(3) if isinstance(features, CompactFeatures) else features
+        return [("features", {"colors": feature_colors(shown)})]
     with stages.stage("bind"):
         weights = deformer.weights
     fixed = [point.position for point in deformer.fixed] or None

@@ -13,12 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from dfd import check
 from dfd.editing.transforms import Vector, affine, rotation_vector, scale_factors, vector
-from dfd.symmetry import AXES, SymmetryPlane, axis_plane
+from dfd.symmetry import AXES, SymmetryPlane, axis_name, axis_plane, symmetry_planes
 
 if TYPE_CHECKING:
+    from dfd.field import Field
     from dfd.mesh import Mesh
 
-__all__ = ["Edit", "Handle", "Place", "Transform", "box_center", "place_on", "symmetry_on"]
+__all__ = ["Edit", "Handle", "Place", "Transform", "box_center", "edit_on", "handle_on", "place_on", "symmetry_on"]
 
 # Half width of the band in which a symmetric edit passes from one side to the other, as a part of the longest side.
 # Wide enough that no crease shows, narrow enough that what is mirrored stays on its own side.
@@ -181,6 +182,19 @@ class Edit:
         known = ", ".join(str(handle.id) for handle in self.handles) or "none"
         raise ValueError(f"{function}: `handle` must be the id of a handle ({known}), got {id!r}")
 
+    def released(self, function: str, place: Place) -> Edit:
+        """The edit without the fixed point at `place`.
+
+        Raises
+        ------
+        ValueError
+            In the name of `function`, if there is none.
+        """
+        kept = tuple(other for other in self.fixed if other.position != place.position)
+        if len(kept) == len(self.fixed):
+            raise ValueError(f"{function}: `at` must be a fixed point, got {place}")
+        return replace(self, fixed=kept)
+
     def replaced(self, changed: Handle) -> Edit:
         """The edit with `changed` in place of the handle of its id."""
         return replace(self, handles=tuple(changed if handle.id == changed.id else handle for handle in self.handles))
@@ -204,16 +218,59 @@ def place_on(mesh: Mesh, function: str, name: str, at: Any) -> Place:
     return Place(vector(function, name, at))
 
 
-def symmetry_on(mesh: Mesh, function: str, plane: SymmetryPlane | str, band: float | None) -> SymmetryPlane:
-    """The plane that a person means by "x", "y" or "z" (through the centre of the box) or by a plane.
-
-    `band`, in mesh units, replaces the plane's own. Without it, a named axis gets 3 % of the longest side.
+def handle_on(
+    mesh: Mesh,
+    function: str,
+    id: int,  # noqa: A002  # the handle's own word for it
+    at: Any,
+    transform: Transform,
+    locality: float,
+    name: Any,
+) -> Handle:
+    """The handle that a person means, its place as in `place_on`.
 
     Raises
     ------
     ValueError
-        In the name of `function`, if `plane` is neither, or `band` is negative or not finite.
+        In the name of `function`, if the place is none, `locality` is negative or not finite, or `name` is no text.
     """
+    place = place_on(mesh, function, "at", at)
+    if name is not None and not (isinstance(name, str) and name):
+        raise ValueError(f"{function}: `name` must be a text that is not empty, got {name!r}")
+    return Handle(id, place, transform, check.number(function, "locality", locality, minimum=0.0), name)
+
+
+def edit_on(mesh: Mesh, function: str, edit: Edit) -> Edit:
+    """`edit` with its vertices where those of `mesh` lie.
+
+    Raises
+    ------
+    ValueError
+        In the name of `function`, if one of them is no vertex of `mesh`.
+    """
+    handles = (replace(handle, place=place_on(mesh, function, "edit", handle.place)) for handle in edit.handles)
+    fixed = (place_on(mesh, function, "edit", place) for place in edit.fixed)
+    return replace(edit, handles=tuple(handles), fixed=tuple(fixed))
+
+
+def symmetry_on(
+    mesh: Mesh, function: str, plane: SymmetryPlane | str, band: float | None, *, field: Field | None = None
+) -> SymmetryPlane:
+    """The plane that a person means by "x", "y" or "z" (through the centre of the box) or by a plane.
+
+    With a `field`, "auto" is the one of these across which the shape looks most alike. `band`, in mesh units, replaces
+    the plane's own. Without it, a named axis gets 3 % of the longest side.
+
+    Raises
+    ------
+    ValueError
+        In the name of `function`, if `plane` is neither, "auto" finds none, or `band` is negative or not finite.
+    """
+    if plane == "auto" and field is not None:
+        found = symmetry_planes(field, mesh)
+        if not found:
+            raise ValueError(f"{function}: `plane` cannot be 'auto': the shape looks alike across no axis plane")
+        plane = axis_name(found[0].normal)
     if isinstance(plane, str):
         if plane not in AXES:
             raise ValueError(f"{function}: `plane` must be x, y, z or a SymmetryPlane, got {plane!r}")
