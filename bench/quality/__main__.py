@@ -82,7 +82,7 @@ def settings_of(texts: Sequence[str]) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        If a word has another form, or names no setting of `dfd.distill`.
+        If a word has another form, or names no setting of the lab's.
     """
     settings: dict[str, Any] = {}
     for word in " ".join(texts).split():
@@ -90,7 +90,7 @@ def settings_of(texts: Sequence[str]) -> dict[str, Any]:
         if not equals:
             raise ValueError(f"a setting must read name=value, got {word!r}")
         if name not in SETTINGS:
-            raise ValueError(f"dfd.distill has no setting {name!r}")
+            raise ValueError(f"there is no setting {name!r}")
         try:
             settings[name] = ast.literal_eval(value)
         except (ValueError, SyntaxError):
@@ -118,6 +118,9 @@ def _plan(
     if variants:
         comparison("variants", everything, lambda: {"default": {}, **variants})
     comparison("supervision", subjects, studies.supervision)
+    coloured = [shape for shape in (subjects if quick else labelled) if shape.mesh.appearance is not None]
+    if coloured:
+        comparison("textures", coloured, studies.textures)
     comparison("fit length", subjects, lambda: studies.fit_length(lab))
     if not quick:
         comparison("views", subjects, lambda: studies.views(lab))

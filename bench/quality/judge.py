@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.quality.measures import dirichlet_energy, draw_handles, part_precision, spread, symmetry_error
+from bench.quality.measures import difference, dirichlet_energy, draw_handles, part_precision, spread
 from bench.quality.shapes import Shape
 
 Method = Callable[[NDArray[np.int64]], NDArray[np.floating]]  # handles (H,) to weights (V, H)
@@ -22,12 +22,13 @@ class Draw:
     seeds: Sequence[int] = (0, 1, 2)
 
 
-def judge(shape: Shape, method: Method, draw: Draw, *, symmetric: bool = True) -> dict[str, float]:
+def judge(shape: Shape, method: Method, draw: Draw, *, mirrored: Method | None = None) -> dict[str, float]:
     """All measures that `shape` allows, by name, mean over the draws of handles.
 
-    "precision", "ratio" and "moving" need labels, "symmetry error" a shape that is its own mirror image.
+    "precision", "ratio" and "moving" need labels, "symmetry error" the weights that `mirrored` gives to the mirror
+    images of vertices and handles.
     """
-    verdicts = [_once(shape, method, handles(shape, draw.each, seed), symmetric) for seed in draw.seeds]
+    verdicts = [_once(shape, method, handles(shape, draw.each, seed), mirrored) for seed in draw.seeds]
     return mean(verdicts)
 
 
@@ -43,13 +44,13 @@ def mean(verdicts: Sequence[dict[str, float]]) -> dict[str, float]:
     return {measure: float(np.mean([verdict[measure] for verdict in verdicts])) for measure in verdicts[0]}
 
 
-def _once(shape: Shape, method: Method, chosen: NDArray[np.int64], symmetric: bool) -> dict[str, float]:
+def _once(shape: Shape, method: Method, chosen: NDArray[np.int64], mirrored: Method | None) -> dict[str, float]:
     weights = method(chosen)
     verdict = {}
     if shape.labels is not None:
         verdict["precision"] = float(np.mean(list(part_precision(weights, shape.labels, chosen).values())))
         verdict["ratio"], verdict["moving"] = spread(weights, shape.labels, chosen)
     verdict["Dirichlet energy"] = dirichlet_energy(weights, shape.mesh.vertices, shape.mesh.faces)
-    if symmetric and shape.partner is not None:
-        verdict["symmetry error"] = symmetry_error(weights, method(shape.partner[chosen]), shape.partner)
+    if mirrored is not None:
+        verdict["symmetry error"] = difference(mirrored(chosen), weights)
     return verdict

@@ -18,7 +18,7 @@ DEFAULTS: dict[str, Any] = {
     for name, parameter in inspect.signature(dfd.distill).parameters.items()
     if parameter.default is not inspect.Parameter.empty
 }
-SETTINGS = DEFAULTS.keys() | {"block"}  # an encoder's block is one too
+SETTINGS = DEFAULTS.keys() | {"block", "texture"}  # an encoder's block, and whether a shape keeps its colours
 TOKENS_KEPT = 3  # sets of pictures; the studies of one shape come one after the other
 
 
@@ -33,7 +33,9 @@ class Lab:
         self._encoders: dict[tuple[str, int | None], Encoder] = {}
 
     def field(self, shape: str, mesh: dfd.Mesh, **changes: Any) -> dfd.Field:
-        """The field of `mesh`, called `shape`: the lab's settings with some `changes`, an encoder's "block" among them.
+        """The field of `mesh`, called `shape`: the lab's settings with some `changes`.
+
+        Besides those of `dfd.distill` there are "block", the encoder's, and "texture": False takes pictures in grey.
 
         Raises
         ------
@@ -45,6 +47,8 @@ class Lab:
         if key not in self._fields:
             self._say(f"distilling {shape}" + "".join(f", {name} {value}" for name, value in changes.items()))
             encoder = self._encoder(settings.pop("encoder"), settings.pop("block", None))
+            if not settings.pop("texture", True):
+                mesh = dfd.Mesh(mesh.vertices, mesh.faces)
             self._fields[key] = dfd.distill(mesh, encoder, **settings)
         return self._fields[key]
 

@@ -66,20 +66,12 @@ def spread(weights: Weights, labels: Labels, handles: Handles) -> tuple[float, f
     return float(np.median(ratios)) if ratios else float("nan"), float(np.mean(moving))
 
 
-def mirror_of(vertices: NDArray[np.floating]) -> tuple[NDArray[np.int64], float]:
-    """For every vertex the one nearest to its image across x, and the largest miss, of the longest side of the box."""
+def mirror_image(vertices: NDArray[np.floating]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The image (V, 3) of every vertex across x, and its distance (V,) to a vertex, of the longest side of the box."""
     center = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
     image = (vertices - center) * [-1, 1, 1] + center
-    miss, partner = cKDTree(vertices).query(image)
-    return partner, float(miss.max() / np.ptp(vertices, axis=0).max())
-
-
-def symmetry_error(weights: Weights, weights_of_mirrored: Weights, partner: NDArray[np.integer]) -> float:
-    """Mean of |W(i, j) − W(mirror i, mirror j)|, relative to the mean weight.
-
-    `weights_of_mirrored` are the weights of the mirrored handles, column for column.
-    """
-    return difference(weights_of_mirrored[partner], weights)
+    miss, _ = cKDTree(vertices).query(image)
+    return image, miss / np.ptp(vertices, axis=0).max()
 
 
 def difference(weights: Weights, reference: Weights) -> float:

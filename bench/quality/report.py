@@ -6,6 +6,7 @@ import csv
 import io
 from collections.abc import Sequence
 
+from bench.quality.findings import in_words
 from bench.quality.studies import Row
 
 MEASURES = ("precision", "precision ±", "ratio", "moving", "symmetry error", "Dirichlet energy", "off the first")
@@ -14,9 +15,11 @@ LEGEND = {
     "precision ±": "its standard deviation over the seeds of the fit",
     "ratio": "mean weight of the same kind of part over mean weight of the rest, median over handles",
     "moving": "share of the vertices with a weight above 0.01",
-    "symmetry error": "mean of |W(i, j) − W(mirror i, mirror j)| over the mean weight, on shapes that are their mirror",
+    "symmetry error": "mean of |W(i, j) − W(mirror i, mirror j)| over the mean weight, where a shape mirrors itself",
     "Dirichlet energy": "∫ ‖∇w‖² over the full mesh, mean over handles; less is smoother",
     "off the first": "mean of |W − W'| over the mean of W', the weights of the group's first row",
+    "plain": "with neither mirrored views nor smoothing: the paper's own loss",
+    "grey": "pictures taken without the file's colours and textures",
 }
 
 
@@ -32,7 +35,7 @@ def to_csv(rows: Sequence[Row]) -> str:
 
 
 def to_markdown(rows: Sequence[Row], heading: str) -> str:
-    """A section and a table a study; within it only the measures that some row has."""
+    """A section and a table a study, with what it shows in words; columns are the measures that some row has."""
     lines = ["# Quality of the weights", "", heading, ""]
     for study in dict.fromkeys(row.study for row in rows):
         own = [row for row in rows if row.study == study]
@@ -46,6 +49,8 @@ def to_markdown(rows: Sequence[Row], heading: str) -> str:
                 values = [row.note.replace("|", "/"), *[""] * (len(measures) - 1)]
             lines.append("| " + " | ".join([row.shape, row.setting, *values]) + " |")
         lines.append("")
-    lines += ["## What the columns mean", ""]
-    lines += [f"- **{measure}**: {meaning}." for measure, meaning in LEGEND.items()]
+        if said := in_words(own):
+            lines += [*(f"- {sentence}" for sentence in said), ""]
+    lines += ["## What the words mean", ""]
+    lines += [f"- **{word}**: {meaning}." for word, meaning in LEGEND.items()]
     return "\n".join(lines) + "\n"

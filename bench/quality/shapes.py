@@ -12,11 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 import dfd
-from bench.quality.measures import mirror_of
+from bench.quality.measures import mirror_image
 from bench.quality.parts import label_vertices, merged, only, sides_as_one
 from bench.quality.skins import strongest_joints
 
-EXACT = 1e-5  # of the longest side: closer than that, a shape is its own mirror image
+# A shape is its own mirror image when so many vertices have another one that near to their images, of the longest side:
+# the surface may be the same on both sides where the triangles are not.
+MOST, NEAR = 0.95, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,11 +30,19 @@ class Shape:
     labels: NDArray[np.integer] | None = None  # (V,) index into `parts`, −1 where a vertex belongs to none
     parts: tuple[str, ...] = ()
 
+    @property
+    def image(self) -> NDArray[np.float64]:
+        """(V, 3) the mirror image of every vertex across the middle of x."""
+        return self._mirror[0]
+
+    @property
+    def is_its_mirror(self) -> bool:
+        """Whether the shape is its own mirror image, or nearly so."""
+        return bool(np.quantile(self._mirror[1], MOST) < NEAR)
+
     @cached_property
-    def partner(self) -> NDArray[np.int64] | None:
-        """(V,) the vertex at each one's mirror image across x; None if the shape is not its own mirror image."""
-        partner, miss = mirror_of(self.mesh.vertices)
-        return partner if miss < EXACT else None
+    def _mirror(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return mirror_image(self.mesh.vertices)
 
 
 def made(faces: int) -> list[Shape]:

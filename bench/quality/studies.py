@@ -8,17 +8,18 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import dfd
 from bench.quality.baselines import PeerError, biharmonic, euclidean, geodesic
-from bench.quality.judge import Draw, handles, judge, mean
+from bench.quality.judge import Draw, Method, handles, judge, mean
 from bench.quality.lab import Lab
 from bench.quality.measures import difference
 from bench.quality.shapes import Shape
 from dfd.encoders.presets import PRESETS
 
-Settings = Mapping[str, Any]  # by their names in `dfd.distill`, and an encoder's "block"
+Settings = Mapping[str, Any]  # by their names in `dfd.distill`, and those of `bench.quality.lab`
+BARYCENTRIC, PLAIN, VERTEX = "barycentric", "plain barycentric", "plain vertex"
+TEXTURED, GREY = "textured", "grey"
 
 
 @dataclass(frozen=True)
@@ -41,15 +42,20 @@ class Bench:
     seeds: Sequence[int]  # of the fits that a verdict is the mean of
     say: Callable[[str], None]
 
-    def method(self, shape: Shape, settings: Settings) -> Callable[[NDArray[np.int64]], NDArray[np.float32]]:
-        """Weights of `shape` by dfd, as a function of the handles."""
-        features = self.lab.field(shape.name, shape.mesh, **settings).features(shape.mesh)
+    def method(self, shape: Shape, settings: Settings, *, mirrored: bool = False) -> Method:
+        """Weights of `shape` by dfd; `mirrored`: those that the mirror image of each vertex has for handles' images."""
+        points = shape.image if mirrored else shape.mesh.vertices
+        features = self.lab.field(shape.name, shape.mesh, **settings)(points)
         return lambda chosen: dfd.bind(features, chosen)
 
     def verdict(self, shape: Shape, settings: Settings) -> dict[str, float]:
         """Mean over the seeds of the fit, with the spread of the precision among them."""
         seeds = [settings["seed"]] if "seed" in settings else self.seeds
-        verdicts = [judge(shape, self.method(shape, {**settings, "seed": seed}), self.draw) for seed in seeds]
+        verdicts = []
+        for seed in seeds:
+            method = self.method(shape, {**settings, "seed": seed})
+            mirrored = self.method(shape, {**settings, "seed": seed}, mirrored=True) if shape.is_its_mirror else None
+            verdicts.append(judge(shape, method, self.draw, mirrored=mirrored))
         result = mean(verdicts)
         if len(seeds) > 1 and "precision" in result:
             result["precision ±"] = float(np.std([verdict["precision"] for verdict in verdicts]))
@@ -66,7 +72,7 @@ def methods(bench: Bench, shapes: Sequence[Shape], *, peers: bool) -> list[Row]:
             continue
         bench.say(f"baselines on {shape.name}")
         geodesics = dfd.Geodesics(shape.mesh)
-        judged = partial(judge, shape, draw=bench.draw, symmetric=False)
+        judged = partial(judge, shape, draw=bench.draw)
         rows.append(row("Euclidean distance", judged(partial(euclidean, shape.mesh.vertices))))
         rows.append(row("geodesic distance", judged(partial(geodesic, geodesics))))
         for name, bounded in (("biharmonic (libigl)", False), *([("BBW (libigl)", True)] if peers else [])):
@@ -105,8 +111,14 @@ def compare(bench: Bench, study: str, shapes: Sequence[Shape], settings: Mapping
 
 
 def supervision() -> dict[str, Settings]:
-    """The paper's Fig. 13: as many steps over as many points."""
-    return {"barycentric": {}, "vertex": {"supervision": "vertex"}}
+    """The paper's Fig. 13, as many steps over as many points: by default, and plain, with the paper's loss alone."""
+    plain = {"mirrored": False, "smoothing": 0.0}
+    return {BARYCENTRIC: {}, PLAIN: plain, VERTEX: {**plain, "supervision": "vertex"}}
+
+
+def textures() -> dict[str, Settings]:
+    """What colours say beside shape."""
+    return {TEXTURED: {}, GREY: {"texture": False}}
 
 
 def casting() -> dict[str, Settings]:

@@ -127,7 +127,7 @@ def test_settings_are_read_from_words():
     }
     with pytest.raises(ValueError, match="name=value, got 'steps'"):
         settings_of(["steps"])
-    with pytest.raises(ValueError, match="no setting 'stepps'"):
+    with pytest.raises(ValueError, match="there is no setting 'stepps'"):
         settings_of(["stepps=3"])
 
 
