@@ -305,9 +305,9 @@ def test_a_move_binds_nothing_and_a_new_handle_binds_itself(deformer, bound):
         deformer.move(first, rotation=(0, 0, angle))
         _ = deformer.vertices
     assert bound == [1]
-    second = deformer.add(900)
+    second = deformer.add(900, scale=2)
     _ = deformer.vertices
-    third = deformer.add((0.5, 0.5, 0.5))
+    third = deformer.add((0.5, 0.5, 0.5), scale=2)
     _ = deformer.vertices
     assert bound == [1, 1, 1]
     deformer.remove(second)
@@ -422,6 +422,37 @@ def test_a_drag_ends_with_whatever_else_changes(deformer, mesh, field, features,
     assert folds == [-1, 1, 1, -1, 1, -1, 1, -1, 1, -1, -1]
 
 
+def test_what_moves_nearly_whole_is_posed_whole(deformer, folds):
+    first, second = deformer.add(5), deformer.add(6)
+    _ = deformer.vertices
+    for frame in range(1, 3):
+        with deformer.step():
+            deformer.move(first, scale=1 + frame)
+            deformer.move(second, scale=1 + frame)
+        _ = deformer.vertices
+    deformer.remove(second)
+    _ = deformer.vertices
+    deformer.move(first, scale=1)
+    deformer.move(first, scale=2)
+    _ = deformer.vertices
+    assert folds == [-1, -1, -1, -1]
+
+
+def test_handles_that_rest_come_and_go_for_nothing(deformer, folds, bound):
+    deformer.add(5, translation=(0, 0.2, 0))
+    second = deformer.add(6)
+    moved = deformer.vertices
+    deformer.add(7, pivot=(1, 2, 3))
+    assert deformer.vertices is moved
+    deformer.remove(second)
+    assert deformer.vertices is moved
+    assert (folds, bound) == ([-1], [2])
+    deformer.set_default(scale=2)
+    held = deformer.vertices
+    deformer.add(900)
+    assert np.abs(deformer.vertices - held).max() > 0.05
+
+
 def test_several_handles_can_be_dragged_at_once(deformer, mesh, field, features, folds):
     handles = [deformer.add(vertex) for vertex in (5, 6, 900, 8, 9)]
     deformer.move(handles[4], translation=(0.1, 0, 0))
@@ -464,11 +495,13 @@ def test_weights_that_somebody_holds_stay_as_they_are(deformer):
         lambda: deformer.apply(Edit(handles=deformer.handles[::-1])),
         lambda: deformer.apply(Edit()),
         lambda: deformer.add(8),
+        lambda: deformer.add(9),
     )
     held = []
     for change in changes:
         held += [(array, array.copy()) for array in (deformer.weights, deformer.weights[:, -1:])]
         change()
+    _ = deformer.weights
     for array, copy in held:
         np.testing.assert_array_equal(array, copy)
 
@@ -482,7 +515,15 @@ def test_weights_that_nobody_holds_make_room_in_their_place(deformer):
     assert deformer.weights.__array_interface__["data"] == first
 
 
-STEPS = st.sampled_from(["add", "remove", "change", "undo", "redo", "look", "hold"])
+def test_handles_may_come_in_another_order(deformer, features):
+    for vertex in (5, 6, 7):
+        deformer.add(vertex)
+    assert deformer.weights.shape == (len(features), 3)
+    deformer.apply(Edit(handles=deformer.handles[::-1]))
+    np.testing.assert_array_equal(deformer.weights, dfd.bind(features, [7, 6, 5]))
+
+
+STEPS = st.sampled_from(["add", "remove", "change", "turn", "undo", "redo", "look", "hold"])
 
 
 @given(st.lists(st.tuples(STEPS, st.integers(0))))
@@ -499,6 +540,8 @@ def test_weights_are_those_of_the_handles_whatever_was_done_before(steps):
             deformer.remove(deformer.handles[number % len(taken)].id)
         elif step == "change" and taken:
             deformer.change(deformer.handles[number % len(taken)].id, at=free[number % len(free)])
+        elif step == "turn":
+            deformer.apply(Edit(handles=deformer.handles[::-1]))
         elif step == "undo":
             deformer.undo()
         elif step == "redo":
@@ -665,13 +708,13 @@ def test_geodesics_are_for_those_who_ask_for_locality(deformer, geodesics, bound
     deformer.move(far, scale=2)
     _ = deformer.vertices
     deformer.change(near, locality=2.0)
-    _ = deformer.vertices
+    _ = deformer.weights
     assert geodesics.asked == [[5]]
     assert bound == [2, 1]
     deformer.change(near, locality=4.0)
-    _ = deformer.vertices
+    _ = deformer.weights
     deformer.fix(100)
-    _ = deformer.vertices
+    _ = deformer.weights
     assert geodesics.asked == [[5]]
     assert deformer.handle(far).locality == 0
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 __all__ = ["Columns"]
 
-LEAST_CAPACITY = 8
+LEAST_CAPACITY = 32
 
 Float32 = NDArray[np.float32]
 

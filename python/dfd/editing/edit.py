@@ -93,6 +93,11 @@ class Transform:
             own_pivot,
         )
 
+    @property
+    def rests(self) -> bool:
+        """Whether it leaves every point in place, whatever the pivot."""
+        return self == Transform(pivot=self.pivot)
+
     def matrix(self, center: Vector) -> NDArray[np.float64]:
         """The (3, 4) affine matrix in mesh units; `center` is the pivot of a transform without one."""
         pivot = center if self.pivot is None else self.pivot

@@ -48,7 +48,7 @@ class PosedShape:
             return self._vertices
         if moved is None or 2 * len(moved) > len(edit.handles):
             self._drag = None
-            return self._whole(edit)
+            return self._vertices if _acting(self._edit) == _acting(edit) else self._whole(edit)
         if self._drag is None or not set(moved) <= set(self._moving):
             arguments = self._arguments(edit)
             resting = len(arguments["transforms"]) - len(edit.handles)
@@ -58,7 +58,7 @@ class PosedShape:
         return posed
 
     def _whole(self, edit: Edit) -> NDArray[np.float64]:
-        if edit.default is None and all((handle.matrix == IDENTITY).all() for handle in edit.handles):
+        if _acting(edit) == _acting(Edit()):
             return self._mesh.vertices  # no weight changes that
         posed: NDArray[np.float64] = pose(self._mesh.vertices, **self._arguments(edit))
         return posed
@@ -91,3 +91,13 @@ def _moved(before: Edit, after: Edit) -> list[int] | None:
         if old is not new and old.transform != new.transform:
             moved.append(i)
     return moved
+
+
+def _acting(edit: Edit) -> tuple[Any, ...]:
+    """What of an edit tells in the shape: handles that rest do not, unless they keep a D₀ from what they hold."""
+    handles = [
+        (handle.place, handle.locality, handle.transform)
+        for handle in edit.handles
+        if edit.default is not None or not handle.transform.rests
+    ]
+    return handles, (edit.fixed, edit.symmetry) if handles else None, edit.default
