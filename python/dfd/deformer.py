@@ -43,7 +43,7 @@ class Deformer:
     features
         (V, D) features of the vertices when they are at hand, in full or as `dfd.compact` makes them; the field is then
         asked for points in space alone. Otherwise it is asked once they are needed, above 16,384 vertices for compact
-        ones: their weights are within 0.01 of exact (`features.error`), and the full ones never exist.
+        ones, whose weights are within 0.01 of exact, judged by a sample (`features.error`); full ones never exist.
 
     Raises
     ------
