@@ -23,7 +23,7 @@ from dfd.drawing.pictures import contact_sheet, save_png
 from dfd.files import atomic_write
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "quality"
-QUICK: Settings = {"views": 12, "resolution": 280, "batch": 2048}
+QUICK: Settings = {"views": 12, "resolution": 280}
 UNTOLD = {"features", "seed", "device", "progress", "cache", "checkpoint"}  # no settings of a table's numbers
 FEW_FACES, SOME_FACES, MANY_FACES = 4_000, 20_000, 100_000
 

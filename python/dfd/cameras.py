@@ -17,6 +17,7 @@ PAPER_DISTANCE = 2.8  # from the origin of normalised coordinates, likewise
 MARGIN = 1.06  # a framed shape leaves this much room, so that no patch at its rim is cut
 CLEARANCE = 0.2  # of half the shape's size, between it and the eye: a needle seen from its tip does not poke it
 FRAMINGS = ("shape", "paper")
+_MIRROR_IMAGES = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [-1.0, 1.0, -1.0]])
 _CHUNK = 1 << 12  # points that are measured together: their products stay in the cache
 
 
@@ -29,8 +30,8 @@ class Camera:
     position
         (3,) the eye.
     right, up, back
-        (3,) orthonormal axes; it looks along −`back`. A camera of a mirrored pair has its `right` turned round, so
-        that it sees the mirror image of what its partner sees.
+        (3,) orthonormal axes; it looks along −`back`. The mirror image of a camera has its `right` turned round, so
+        that it sees the mirror image of what the other sees.
     field_of_view
         Full angle across the picture, degrees.
     """
@@ -69,19 +70,20 @@ class Camera:
 def fibonacci_directions(count: int, *, mirrored: bool = False) -> NDArray[np.float64]:
     """Unit directions spread evenly over the sphere, (count, 3).
 
-    With `mirrored` the second half of them is the first half mirrored at x = 0 (and one more lies in that plane when
-    `count` is odd).
+    With `mirrored` they are a quarter and its mirror images at x = 0, at z = 0 and at both; what four do not divide
+    lies in those planes.
     """
     count = check.whole("fibonacci_directions", "count", count, minimum=1)
-    golden = np.pi * (1 + np.sqrt(5))
     if not mirrored:
         index = np.arange(count) + 0.5
-        return _sphere(1 - 2 * index / count, golden * index)
-    half = count // 2
-    index = np.arange(half) + 0.5
-    side = _sphere(1 - index / max(half, 1), golden * index)[:, [1, 0, 2]]  # a half sphere about the x axis
-    between = np.array([[0.0, 0.0, 1.0]])[: count % 2]
-    return np.concatenate([side, side * [-1.0, 1.0, 1.0], between])
+        return _sphere(1 - 2 * index / count, np.pi * (1 + np.sqrt(5)) * index)
+    # A Fibonacci spiral would come close to its own images at the planes; few meridians, taken in turn, keep off them.
+    index = np.arange(count // 4)
+    meridians = max(2, round(np.sqrt(len(index) / 2.5)))
+    quarter = _sphere(1 - (2 * index + 1) / max(len(index), 1), np.pi / 2 * (index % meridians + 0.5) / meridians)
+    sides = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])[: count % 4 // 2 * 2]
+    front = np.array([[0.0, 0.0, 1.0]])[: count % 2]
+    return np.concatenate([*(quarter * signs for signs in _MIRROR_IMAGES), sides, front])
 
 
 def camera_towards(
@@ -113,7 +115,8 @@ def place_cameras(
         "shape": the smallest distance at which the whole shape is in the picture with a small margin (and no point
         nearer to the eye than a tenth of its size); "paper": a distance of 2.8 from the origin, looking at it.
     mirrored
-        Cameras come in pairs that are mirror images of each other at x = 0, pictures included.
+        Cameras, and with them pictures, come in fours that are mirror images of each other at x = 0 and at z = 0: a
+        shape that is its own image across one of these planes is seen alike on both sides, whichever plane it is.
 
     Raises
     ------
@@ -121,9 +124,8 @@ def place_cameras(
         If `count` is not at least 1 or `framing` is unknown.
     """
     directions = fibonacci_directions(count, mirrored=mirrored)
-    flipped = np.zeros(count, bool)
-    if mirrored:
-        flipped[count // 2 : 2 * (count // 2)] = True
+    x, z = directions[:, 0], directions[:, 2]
+    flipped = mirrored & ((x * z < 0) | ((z == 0) & (x < 0)))  # mirrored once, not twice
     return _place(directions, points, framing, FIELD_OF_VIEW, flipped)
 
 

@@ -36,10 +36,11 @@ def distill(
     simplify_to: int | None = None,
     supervision: str = "barycentric",
     mirrored: bool = True,
-    smoothing: float = 0.2,
-    steps: int = 300,
-    batch: int = 2048,
-    learning_rate: float = 1e-2,
+    smoothing: float = 0.3,
+    octaves: int = 5,
+    steps: int = 600,
+    batch: int = 512,
+    learning_rate: float = 2e-2,
     seed: int = 0,
     device: str | None = None,
     progress: bool | Stages = True,
@@ -67,11 +68,14 @@ def distill(
     supervision
         "barycentric" fits every covered pixel (Eq. 2); "vertex" only pixels that hold a vertex, the paper's ablation.
     mirrored
-        Take the views in mirrored pairs, pictures included: the encoder's own sense of left and right evens out.
+        Take the views in fours that are each other's mirror images at the upright middle planes, pictures included: the
+        encoder's own sense of left and right evens out.
     smoothing
         How far features spread along the surface before the field is fitted to them, as a part of half the longest
         side of the box; 0 fits the pixels as they are, as the paper does, and then the length of the fit decides how
         well its weights tell parts apart. What spreads, and why, stands in `dfd.distillation.diffusion`.
+    octaves
+        Wavelengths of the sines that the field's network is given beside the coordinates; 0 is the paper's network.
     steps, batch, learning_rate
         Length of the fit, surface points per step, peak of its one-cycle rate.
     seed
@@ -117,13 +121,14 @@ def distill(
         supervision=supervision,
         mirrored=mirrored,
         smoothing=smoothing,
+        octaves=octaves,
         steps=steps,
         batch=batch,
         learning_rate=learning_rate,
         seed=seed,
     )
-    of_fit = {name: settings[name] for name in ("steps", "batch", "learning_rate", "seed")}
-    smoothing, steps, batch, learning_rate, seed = settings["smoothing"], *of_fit.values()
+    of_fit = {name: settings[name] for name in ("octaves", "steps", "batch", "learning_rate", "seed")}
+    smoothing, octaves, steps, batch, learning_rate, seed = settings["smoothing"], *of_fit.values()
     stages = progress if isinstance(progress, Stages) else Stages(show=bool(progress))
 
     if features is not None:
@@ -171,7 +176,8 @@ def distill(
             with stages.stage("spread"):
                 targets = PointTargets(*diffuse(seen, pixels, smoothing=smoothing, seed=seed), model.device)
         generator = torch.Generator().manual_seed(seed)
-        field = Field.seeded(seed, tokens.shape[-1], center=seen.center, scale=seen.scale).to(model.device)
+        field = Field.seeded(seed, tokens.shape[-1], octaves=octaves, center=seen.center, scale=seen.scale)
+        field.to(model.device)
         losses = descend(
             field,
             lambda: targets.draw(batch, generator),
@@ -214,6 +220,7 @@ def _checked(
     supervision: str,
     mirrored: bool,
     smoothing: float,
+    octaves: int,
     steps: int,
     batch: int,
     learning_rate: float,
@@ -231,6 +238,7 @@ def _checked(
         "supervision": supervision,
         "mirrored": bool(mirrored),
         "smoothing": 0.0 if supervision == "vertex" else smoothing,  # the ablation is of the paper's own loss
+        "octaves": check.whole("distill", "octaves", octaves, minimum=0, maximum=16),
         "steps": check.whole("distill", "steps", steps, minimum=1),
         "batch": check.whole("distill", "batch", batch, minimum=1),
         "learning_rate": check.number("distill", "learning_rate", learning_rate, minimum=0.0, exclusive=True),

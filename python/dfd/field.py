@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -27,6 +28,7 @@ FORMAT = "dfd-field"
 VERSION = 1
 # Activations of one batch stay within a few megabytes, so that they live in the cache between two layers.
 BATCH = 8192
+MOST_OCTAVES = 16  # beyond, float32 no longer tells the angles apart
 
 
 class Field(nn.Module):
@@ -35,7 +37,8 @@ class Field(nn.Module):
     The network is the paper's (supplement L): hidden layers of `width` neurons, each a linear map, a ReLU and a
     LayerNorm, then a linear map to `dimension` numbers and division by their length. Points are first brought to
     (p − `center`) · `scale`, the normalisation of the mesh that the field was distilled from: it belongs to the
-    field, never to the mesh.
+    field, never to the mesh. With `octaves` the network also sees sines and cosines of the coordinates, the longest
+    two boxes long (Mildenhall et al. 2020, section 5.1): borders between parts are then fitted in far fewer steps.
 
     Parameters
     ----------
@@ -43,6 +46,8 @@ class Field(nn.Module):
         Width D of a feature row.
     width, layers
         Neurons of a hidden layer, and how many hidden layers.
+    octaves
+        How many wavelengths of sines and cosines the network is given, each half of the one before; 0 is the paper's.
     center
         (3,) in mesh units, the point that becomes the origin.
     scale
@@ -60,6 +65,7 @@ class Field(nn.Module):
         *,
         width: int = 256,
         layers: int = 4,
+        octaves: int = 0,
         center: ArrayLike = (0.0, 0.0, 0.0),
         scale: float = 1.0,
         settings: Mapping[str, Any] | None = None,
@@ -68,13 +74,15 @@ class Field(nn.Module):
         self.dimension = check.whole("Field", "dimension", dimension, minimum=1)
         self.width = check.whole("Field", "width", width, minimum=1)
         self.layers = check.whole("Field", "layers", layers, minimum=1)
+        self.octaves = check.whole("Field", "octaves", octaves, minimum=0, maximum=MOST_OCTAVES)
         self.settings = dict(settings or {})
         self.register_buffer("center", torch.from_numpy(check.array("Field", "center", center, (3,), dtype=np.float64)))
         factor = check.number("Field", "scale", scale, minimum=0.0, exclusive=True)
         self.register_buffer("scale", torch.tensor(factor, dtype=torch.float64))
+        entering = 3 + 6 * self.octaves
         hidden: list[nn.Module] = []
         for layer in range(self.layers):
-            hidden += [nn.Linear(self.width if layer else 3, self.width), nn.ReLU(), nn.LayerNorm(self.width)]
+            hidden += [nn.Linear(self.width if layer else entering, self.width), nn.ReLU(), nn.LayerNorm(self.width)]
         self.network = nn.Sequential(*hidden, nn.Linear(self.width, self.dimension))
 
     @classmethod
@@ -91,7 +99,11 @@ class Field(nn.Module):
 
     def from_normalized(self, points: torch.Tensor) -> torch.Tensor:
         """Features of (N, 3) float32 points that are normalised already."""
-        return nn.functional.normalize(self.network(points), dim=-1)
+        waves = [points]
+        for octave in range(self.octaves):
+            angle = points * (math.pi / 2 * 2**octave)
+            waves += [angle.sin(), angle.cos()]
+        return nn.functional.normalize(self.network(torch.cat(waves, dim=-1)), dim=-1)
 
     @overload
     def __call__(self, points: torch.Tensor) -> torch.Tensor: ...
@@ -165,7 +177,7 @@ class Field(nn.Module):
         metadata = {
             "format": FORMAT,
             "version": str(VERSION),
-            "network": json.dumps({"dimension": self.dimension, "width": self.width, "layers": self.layers}),
+            "network": json.dumps({name: getattr(self, name) for name in ("dimension", "width", "layers", "octaves")}),
             "settings": json.dumps(self.settings, sort_keys=True),
         }
         tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in self.state_dict().items()}
@@ -206,12 +218,14 @@ class Field(nn.Module):
                 network = json.loads(metadata["network"])
                 settings = json.loads(metadata["settings"])
                 tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118  # no mapping
+            with torch.device("meta"):  # which takes no memory, whatever the header says
+                promised = cls(**network, settings=settings).state_dict()
         except SafetensorError as error:
             raise ValueError(f"Field.load: `path` {os.fspath(path)} is cut short or no field: {error}") from error
-        except (KeyError, json.JSONDecodeError) as error:
+        except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"Field.load: `path` {os.fspath(path)} has an unreadable header: {error}") from error
+        _check_tensors(path, promised, tensors)
         field = cls.seeded(0, **network, settings=settings)
-        _check_tensors(path, field.state_dict(), tensors)
         field.load_state_dict(tensors)
         return field.eval().requires_grad_(False)
 

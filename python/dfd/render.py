@@ -86,7 +86,7 @@ def render(
     framing
         "shape" fills every picture with the shape, "paper" keeps the paper's distance.
     mirrored
-        Cameras, and with them pictures, come in mirrored pairs.
+        Cameras, and with them pictures, come in fours that mirror each other; see `place_cameras`.
     simplify_to
         Cast rays at a copy of about so many faces (quadric error simplification) instead of the mesh itself.
     supervision

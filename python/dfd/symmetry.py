@@ -20,9 +20,13 @@ __all__ = ["SymmetryPlane", "axis_name", "axis_plane", "symmetry_planes"]
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 # The mean over this many evenly strided vertices stands for the mean over more: its standard error is below 0.2 %.
 LARGEST_SAMPLE = 50_000
+THRESHOLD = 0.1  # the paper's ε
 # A plane also counts as one of symmetry when a reflection changes the features by less than this part of what an
 # arbitrary exchange of two vertices changes. Encoders differ in the spread of their features, and ε does not follow.
 RELATIVE_THRESHOLD = 0.25
+# Front and back of a figure that spreads its arms look much alike too, though far less than its two sides: a plane must
+# not be more than this many times as unlike as the best one, give or take what the fit itself leaves.
+WORSE_THAN_BEST, FIT_LEAVES = 3.0, 0.01
 
 
 @dataclass(frozen=True)
@@ -90,12 +94,17 @@ def axis_plane(mesh: Mesh, axis: str, *, band: float = 0.0) -> SymmetryPlane:
     return SymmetryPlane(AXES[axis], float(center @ np.asarray(AXES[axis])), band=band)
 
 
-def symmetry_planes(field: Field, mesh: Mesh, *, threshold: float = 0.1) -> list[SymmetryPlane]:
+def symmetry_planes(field: Field, mesh: Mesh, *, threshold: float | None = None) -> list[SymmetryPlane]:
     """Find the axis planes across which `mesh` looks alike.
 
-    A plane through the box centre is one of visual symmetry when the mean of ‖Φ(v) − Φ(R v)‖, over the vertices of
-    both sides, is below `threshold` (the paper's ε) or below a quarter of what exchanging arbitrary vertices gives: the
-    spread of the features, and with it a fair ε, depends on the encoder and its block.
+    What counts is the mean of ‖Φ(v) − Φ(R v)‖ over the vertices of both sides of a plane through the box centre.
+
+    Parameters
+    ----------
+    threshold
+        The paper's ε, 0.1 there: planes with a smaller mean are found. If left out, those below 0.1 or below a quarter
+        of what exchanging arbitrary vertices gives (the spread of the features, and with it a fair ε, depends on the
+        encoder and its block), but none beside a plane across which the shape looks far more alike.
 
     Returns
     -------
@@ -108,9 +117,17 @@ def symmetry_planes(field: Field, mesh: Mesh, *, threshold: float = 0.1) -> list
 
     Source: paper, section 3.3.3.
     """
-    threshold = check.number("symmetry_planes", "threshold", threshold, minimum=0.0)
+    if threshold is not None:
+        threshold = check.number("symmetry_planes", "threshold", threshold, minimum=0.0)
     planes = scored_planes(field, mesh)
-    return [plane for plane in planes if plane.score < threshold or plane.relative_score < RELATIVE_THRESHOLD]
+    if threshold is not None:
+        return [plane for plane in planes if plane.score < threshold]
+    most = WORSE_THAN_BEST * planes[0].relative_score + FIT_LEAVES
+    return [
+        plane
+        for plane in planes
+        if (plane.score < THRESHOLD or plane.relative_score < RELATIVE_THRESHOLD) and plane.relative_score <= most
+    ]
 
 
 def scored_planes(field: Field, mesh: Mesh) -> list[SymmetryPlane]:

@@ -34,14 +34,24 @@ def test_directions_spread_evenly_over_the_sphere() -> None:
     assert between.min() > 0.5 * np.sqrt(4 * np.pi / 200)
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 24, 25])
-def test_mirrored_directions_come_in_pairs(count: int) -> None:
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 24, 25, 26, 27])
+@pytest.mark.parametrize("axis", [0, 2])
+def test_mirrored_directions_are_their_own_mirror_images(count: int, axis: int) -> None:
     directions = fibonacci_directions(count, mirrored=True)
-    half = count // 2
     assert directions.shape == (count, 3)
-    assert np.array_equal(directions[half : 2 * half], directions[:half] * MIRROR)
-    assert (directions[:half, 0] > 0).all()
-    assert (directions[2 * half :, 0] == 0).all()
+    assert np.linalg.norm(directions, axis=1) == pytest.approx(1)
+    image = directions.copy()
+    image[:, axis] *= -1
+    found = {tuple(direction) for direction in directions.round(9) + 0.0}
+    missing = [direction for direction in image.round(9) + 0.0 if tuple(direction) not in found]
+    assert len(missing) == (count % 2 if axis == 2 else 0)  # the one from the front has no other behind
+
+
+@pytest.mark.parametrize("count", [24, 48, 200])
+def test_mirrored_directions_keep_apart(count: int) -> None:
+    directions = fibonacci_directions(count, mirrored=True)
+    between = np.arccos((directions @ directions.T - 2 * np.eye(count)).max(axis=1))
+    assert between.min() > 0.3 * np.sqrt(4 * np.pi / count)
 
 
 def test_mirrored_directions_spread_evenly_too() -> None:
@@ -118,15 +128,21 @@ def test_the_paper_looks_at_the_origin_from_its_distance() -> None:
 
 
 @pytest.mark.parametrize("framing", ["shape", "paper"])
-def test_mirrored_cameras_are_mirror_images(framing: str) -> None:
+@pytest.mark.parametrize("axis", [0, 2])
+def test_mirrored_cameras_are_mirror_images(framing: str, axis: int) -> None:
+    mirror = np.where(np.arange(3) == axis, -1.0, 1.0)
     points = cloud(4, 100)
-    points = np.concatenate([points, points * MIRROR.astype(np.float32)])
-    cameras = place_cameras(8, points, framing=framing, mirrored=True)
-    for one, other in zip(cameras[:4], cameras[4:], strict=True):
-        for axis in ("right", "up", "back"):
-            assert np.array_equal(getattr(other, axis), getattr(one, axis) * MIRROR)
-        assert other.position == pytest.approx(one.position * MIRROR, abs=1e-6)
-        assert np.array_equal(other.ray_directions(5), one.ray_directions(5) * MIRROR.astype(np.float32))
+    points = np.concatenate([points, points * mirror.astype(np.float32)])
+    cameras = place_cameras(10, points, framing=framing, mirrored=True)
+    partners = {tuple((camera.back * mirror).round(9) + 0.0): camera for camera in cameras}
+    for camera in cameras:
+        other = partners[tuple(camera.back.round(9) + 0.0)]
+        if other is camera:
+            continue  # it lies in the plane
+        for name in ("right", "up", "back"):
+            assert getattr(other, name) == pytest.approx(getattr(camera, name) * mirror, abs=1e-12)
+        assert other.position == pytest.approx(camera.position * mirror, abs=1e-6)
+        assert other.ray_directions(5) == pytest.approx(camera.ray_directions(5) * mirror, abs=1e-6)
 
 
 @pytest.mark.parametrize("count", [0, -1, 2.0, True, "3", None])

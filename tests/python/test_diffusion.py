@@ -43,7 +43,7 @@ def test_the_energy_is_the_integral_of_the_squared_gradient(gradient: tuple[floa
         sphere.vertices, sphere.faces.astype(np.int32), 8000, np.random.default_rng(0)
     )
     piece = np.zeros(len(points), np.int32)
-    laplacian = diffusion._laplacian(points, piece, piece == 0, area)
+    laplacian = diffusion._laplacian(diffusion._surface_links(points, piece, piece == 0, area))
     values = points @ np.array(gradient)
     assert values @ (laplacian @ values) == pytest.approx(8 * np.pi / 3 * np.dot(gradient, gradient), rel=0.05)
     assert abs(laplacian @ np.ones(len(points))).max() < 1e-9
@@ -105,3 +105,33 @@ def test_more_smoothing_leaves_neighbours_more_alike_and_all_as_far_apart() -> N
         if width < 0.1:  # noise that is smoothed further would have to be magnified beyond sense
             assert np.linalg.norm(targets[some] - targets, axis=1).mean() == pytest.approx(0.75 * wanted, rel=0.05)
     assert unlike[0] > 1.5 * unlike[1] > 2 * unlike[2]
+
+
+def test_mirror_images_that_look_alike_are_tied_and_no_others() -> None:
+    sphere = trimesh.creation.icosphere(subdivisions=4)
+    points, _, _ = diffusion._draw_points(
+        sphere.vertices, sphere.faces.astype(np.int32), 4000, np.random.default_rng(0)
+    )
+    # The sides of x look alike; above and below differ; front and back differ as well.
+    looks = np.stack([np.where(points[:, 1] > 0, 1, -1), np.where(points[:, 2] > 0, 1, -1)], axis=1) / np.sqrt(2)
+    links = diffusion._mirror_links(points, looks.astype(np.float32), 1.0, np.random.default_rng(1)).tocoo()
+    assert abs(links - links.T).max() < 1e-12
+    across = {axis: links.data[points[links.row, axis] * points[links.col, axis] < -0.01].sum() for axis in range(3)}
+    assert across[0] > 100
+    assert across[1] < 0.05 * across[0]
+    assert across[2] < 0.05 * across[0]
+    reach = np.linalg.norm(np.abs(points[links.row]) - np.abs(points[links.col]), axis=1)
+    assert reach.max() <= diffusion.MIRROR_REACH
+
+
+def test_two_sides_that_views_show_differently_come_to_agree() -> None:
+    views = views_of(two_sheets(0.5))
+    right = views.points[:, 0] > 0
+    base = np.column_stack([np.ones(len(right)), views.points[:, 1] > 0, np.zeros(len(right))]).astype(float)
+    base[right, 2] = 0.3  # as if a light stood on one side
+    pixels = colored(views, base)
+    points, targets = diffuse(views, pixels, smoothing=0.3, seed=0)
+    left = points[:, 0] < -0.5
+    sides = np.linalg.norm(targets[left].mean(axis=0) - targets[points[:, 0] > 0.5].mean(axis=0))
+    levels = np.linalg.norm(targets[points[:, 1] > 0].mean(axis=0) - targets[points[:, 1] < 0].mean(axis=0))
+    assert sides < 0.5 * levels

@@ -15,11 +15,14 @@ from safetensors.torch import save_file
 
 from dfd import Field
 
+NETWORK = {"dimension": 12, "width": 16, "layers": 2, "octaves": 2}
+
 
 @pytest.fixture
 def field() -> Field:
     torch.manual_seed(1)
-    return Field(12, width=16, layers=2, center=(1.0, 2.0, 3.0), scale=0.5, settings={"encoder": "test", "views": 3})
+    place = {"center": (1.0, 2.0, 3.0), "scale": 0.5}
+    return Field(**NETWORK, **place, settings={"encoder": "test", "views": 3})
 
 
 def points(count: int = 100) -> np.ndarray:
@@ -43,12 +46,36 @@ def test_array_and_tensor_agree_and_only_tensors_carry_gradients(field: Field) -
 
 
 def test_center_and_scale_undo_the_units_of_the_mesh(field: Field) -> None:
-    far = Field(12, width=16, layers=2, center=(1e7, 2e7, -1e7), scale=1e-3)
+    far = Field(**NETWORK, center=(1e7, 2e7, -1e7), scale=1e-3)
     far.network.load_state_dict(field.network.state_dict())
     normalized = points()
     np.testing.assert_allclose(
         far(normalized * 1e3 + np.array([1e7, 2e7, -1e7])), field(normalized * 2 + np.array([1, 2, 3])), atol=1e-5
     )
+
+
+def test_sines_are_of_the_normalised_coordinates() -> None:
+    plain, waved = Field(3, width=4, layers=1), Field(3, width=4, layers=1, octaves=2, center=(1, 0, 0), scale=2.0)
+    with torch.no_grad():  # the first layer passes on one sine: of x, at half of the longest wavelength
+        for network in (plain.network, waved.network):
+            network[0].weight.zero_()
+            network[0].bias.fill_(1.0)
+            network[3].weight.copy_(torch.eye(3, 4))
+            network[3].bias.zero_()
+        waved.network[0].weight[0, 3 + 6] = 1.0
+        plain.network[0].weight[0, 0] = 1.0
+    x = np.linspace(0.55, 0.95, 9)
+    normalized = (x - 1) * 2
+    at = np.column_stack([x, x * 0, x * 0])
+    np.testing.assert_allclose(waved(at), plain(np.column_stack([np.sin(np.pi * normalized), at[:, 1:]])), atol=1e-6)
+
+
+def test_a_field_from_before_the_sines_is_read(field: Field, tmp_path: Path) -> None:
+    plain = Field(12, width=16, layers=2)
+    plain.save(tmp_path / "a.safetensors")
+    network = {"dimension": 12, "width": 16, "layers": 2}
+    rewrite(plain, tmp_path / "a.safetensors", {"network": json.dumps(network)}, {})
+    np.testing.assert_array_equal(Field.load(tmp_path / "a.safetensors")(points()), plain(points()))
 
 
 def test_many_points_equal_few(field: Field) -> None:
@@ -122,11 +149,15 @@ def rewrite(field: Field, path: Path, metadata: dict | None = None, tensors: dic
         ({"format": "other"}, {}, "is a safetensors file but no field"),
         ({"version": "99"}, {}, "has version 99, this dfd reads 1"),
         ({"network": "{"}, {}, "has an unreadable header"),
-        ({}, {"network.0.weight": torch.zeros(16, 4)}, r"must hold network.0.weight \(16, 3\), found .*\(16, 4\)"),
+        ({}, {"network.0.weight": torch.zeros(16, 4)}, r"must hold network.0.weight \(16, 15\), found .*\(16, 4\)"),
         ({}, {"network.0.bias": torch.full((16,), torch.nan)}, "not finite in network.0.bias"),
         ({}, {"extra": torch.zeros(1)}, "unknown tensor extra"),
         ({}, {"scale": torch.tensor(-1.0, dtype=torch.float64)}, "has scale -1.0, not above 0"),
-        ({"network": json.dumps({"dimension": 12, "width": 16, "layers": 3})}, {}, "must hold network.6.weight"),
+        ({"network": json.dumps({**NETWORK, "layers": 3})}, {}, "must hold network.6.weight"),
+        ({"network": json.dumps({**NETWORK, "octaves": 99})}, {}, "`octaves` must be .* 16, got 99"),
+        ({"network": json.dumps({**NETWORK, "depth": 3})}, {}, "has an unreadable header: .*depth"),
+        ({"network": json.dumps({**NETWORK, "width": 10**9})}, {}, "must hold network.0.weight"),
+        ({"network": "[3]"}, {}, "has an unreadable header"),
     ],
 )
 def test_wrong_file_is_refused(field: Field, tmp_path: Path, metadata: dict, tensors: dict, message: str) -> None:

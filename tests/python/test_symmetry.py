@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import dfd
-from dfd.symmetry import SymmetryPlane, axis_plane, scored_planes
+from dfd.symmetry import SymmetryPlane, axis_name, axis_plane, scored_planes
 
 
 class MirrorField:
@@ -39,6 +39,27 @@ def test_only_the_true_plane_is_found(cloud: SimpleNamespace) -> None:
 
 def test_a_large_threshold_takes_every_plane(cloud: SimpleNamespace) -> None:
     assert len(dfd.symmetry_planes(MirrorField(), cloud, threshold=2.0)) == 3
+
+
+class HalfMirrorField:
+    """Features that know |x − 5| and a little of its sign, and of y and z; `tilt` says how little of y's sign."""
+
+    def __init__(self, tilt: float) -> None:
+        self.tilt = tilt
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        x, y, z = (np.asarray(points) - [5.0, 0.0, 0.0]).T
+        rows = np.stack([np.abs(x) + 0.01 * x, np.abs(y) + self.tilt * y, z, np.ones(len(x))], 1)
+        return (rows / np.linalg.norm(rows, axis=1, keepdims=True)).astype(np.float32)
+
+
+@pytest.mark.parametrize(("tilt", "found"), [(0.012, ["x", "y"]), (0.09, ["x"])])
+def test_a_plane_far_less_alike_than_the_best_is_none(cloud: SimpleNamespace, tilt: float, found: list[str]) -> None:
+    field = HalfMirrorField(tilt)
+    assert scored_planes(field, cloud)[1].score < 0.1
+    assert [axis_name(plane.normal) for plane in dfd.symmetry_planes(field, cloud)] == found
+    # The paper's rule, asked for by its ε, takes both.
+    assert len(dfd.symmetry_planes(field, cloud, threshold=0.1)) == 2
 
 
 def test_reflection_matrix_and_distance_agree() -> None:

@@ -41,7 +41,7 @@ def distill(
         str, typer.Option(help="barycentric: fit every pixel; vertex: only those that hold a vertex.")
     ] = DEFAULTS["supervision"],
     mirrored: Annotated[
-        bool, typer.Option("--mirrored/--not-mirrored", help="Take the pictures in mirrored pairs.")
+        bool, typer.Option("--mirrored/--not-mirrored", help="Take the pictures in fours that mirror each other.")
     ] = DEFAULTS["mirrored"],
     smoothing: Annotated[
         float, typer.Option(help="How far features spread along the surface before the fit; 0 is the paper's loss.")

@@ -13,6 +13,10 @@ close together, or an arm that rests on a belly, do not mix, as they would in a 
 Whatever is averaged draws together, and weights are distances: everything would come to move with everything. So the
 smooth features are then moved apart about their mean until they are, on average, three quarters as far from each other
 as the tokens of the pixels were; the last quarter is the disagreement of views, not a difference of parts.
+
+One hand may hold a shield and the other a sword, and the encoder then sees two different hands. So a point is also
+tied, weakly, to the points at its mirror image, across the one middle plane of the box that suits the shape best, by as
+much as they look alike: parts that answer each other come to agree, and where nothing answers nothing is tied.
 """
 
 from __future__ import annotations
@@ -43,6 +47,9 @@ NEIGHBOURS = 10
 # sees takes after the pieces around it.
 TIE = 0.02
 TIED_NEIGHBOURS = 4
+MIRROR_REACH = 0.06  # how far from its mirror image a point finds what it is tied to, normalised
+ALIKE = 0.8  # of the mean distance of features: so far apart, a tie has lost all but 1/e of its strength
+ALIKE_DIRECTIONS = 32  # of the features that decide how alike points look; more change nothing
 # More pixels than this part of the mean do not make a point better seen: faces towards many cameras count no more.
 ENOUGH = 0.3
 DISTANCE_KEPT = 0.75
@@ -84,10 +91,12 @@ def diffuse(
     tokens = pixels.mean_at(chosen, nearest, len(points))
     seen = np.bincount(nearest, minlength=len(points)) / (len(chosen) / len(points))
     confidence = np.minimum(seen, ENOUGH) * area
-    # The last term only keeps the system regular where nothing is seen and nothing is near.
-    stiffness = smoothing**2 / 2 * ENOUGH * _laplacian(points, piece[face], seen > 0, area)
-    system = stiffness + sparse.diags(confidence + 1e-6 * area)
-    smooth = splu(sparse.csc_matrix(system)).solve(confidence[:, None] * tokens).astype(np.float32)
+    links = _surface_links(points, piece[face], seen > 0, area)
+    diffusion = smoothing**2 / 2 * ENOUGH
+    main = tokens @ _main_directions(tokens, confidence)
+    looks = _unit(_smooth(main, confidence, area, diffusion * _laplacian(links)))
+    links = links + _mirror_links(points, looks, float(np.median(links.data)), generator)
+    smooth = _smooth(tokens, confidence, area, diffusion * _laplacian(links))
     length = np.linalg.norm(smooth, axis=1)
     reached = length > 1e-4
     targets = smooth[reached] / length[reached, None]
@@ -102,9 +111,7 @@ def _moved_apart(rows: NDArray[np.float32], distance: float, generator: np.rando
     mean = rows.mean(axis=0)
 
     def stretched(some: NDArray[np.float32], factor: float) -> NDArray[np.float32]:
-        moved: NDArray[np.float32] = mean + np.float32(factor) * (some - mean)
-        moved /= np.maximum(np.linalg.norm(moved, axis=1, keepdims=True), np.float32(1e-6))
-        return moved
+        return _unit(mean + np.float32(factor) * (some - mean))
 
     low, high = 1.0, LARGEST_STRETCH
     for _ in range(20):  # the distance grows with the factor
@@ -114,6 +121,11 @@ def _moved_apart(rows: NDArray[np.float32], distance: float, generator: np.rando
         else:
             high = middle
     return stretched(rows, low)
+
+
+def _unit(rows: NDArray[np.float32]) -> NDArray[np.float32]:
+    unit: NDArray[np.float32] = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), np.float32(1e-6))
+    return unit
 
 
 def _distance(one: NDArray[np.float32], other: NDArray[np.float32]) -> float:
@@ -135,13 +147,34 @@ def _draw_points(
     return points, face, float(total[-1]) / count
 
 
-def _laplacian(
+def _smooth(
+    tokens: NDArray[np.float32], confidence: NDArray[np.float64], area: float, stiffness: sparse.csr_matrix
+) -> NDArray[np.float32]:
+    """The Z (N, D) of least Σ_i c_i ‖Z_i − Ẑ_i‖² + Zᵀ (stiffness) Z."""
+    # The last term only keeps the system regular where nothing is seen and nothing is near.
+    system = stiffness + sparse.diags(confidence + 1e-6 * area)
+    smooth: NDArray[np.float32] = splu(sparse.csc_matrix(system)).solve(confidence[:, None] * tokens).astype(np.float32)
+    return smooth
+
+
+def _main_directions(tokens: NDArray[np.float32], confidence: NDArray[np.float64]) -> NDArray[np.float32]:
+    """The directions (D, d) in which the tokens (N, D) of points that are seen have their largest moments."""
+    weighted = tokens * np.sqrt(confidence / confidence.max()).astype(np.float32)[:, None]
+    return np.ascontiguousarray(np.linalg.eigh(weighted.T @ weighted)[1][:, : -ALIKE_DIRECTIONS - 1 : -1])
+
+
+def _laplacian(links: sparse.csr_matrix) -> sparse.csr_matrix:
+    """L with Zᵀ L Z = Σ_ij w_ij ‖Z_i − Z_j‖², each link w_ij (N, N) counted once."""
+    return sparse.csr_matrix(sparse.diags(np.asarray(links.sum(axis=1)).ravel()) - links)
+
+
+def _surface_links(
     points: NDArray[np.float64],  # (N, 3)
     piece: NDArray[np.int32],  # (N,)
     seen: NDArray[np.bool_],  # (N,)
     area: float,  # of each point
 ) -> sparse.csr_matrix:
-    """L with Zᵀ L Z ≈ ∫ ‖∇Z‖² over the surface, from the nearest neighbours of each point.
+    """Symmetric weights (N, N) from the nearest neighbours of each point, for Zᵀ L Z ≈ ∫ ‖∇Z‖² over the surface.
 
     For a gradient g that does not change near a point, ¼ Σ_j w_ij ‖p_i − p_j‖² g² is its part of the integral, so the
     weights w_ij = 4 area / (k ‖p_i − p_j‖²) give area · g².
@@ -159,9 +192,41 @@ def _laplacian(
     squared = np.square(points[one] - points[other]).sum(axis=1)
     # Points that fall together would otherwise hold each other infinitely fast.
     squared = np.maximum(squared, max(np.median(squared) / 16, 1e-12))
-    adjacency = sparse.csr_matrix((4 * area * strength / squared, (one, other)), shape=(count, count))
-    adjacency = (adjacency + adjacency.T) / 2
-    return sparse.csr_matrix(sparse.diags(np.asarray(adjacency.sum(axis=1)).ravel()) - adjacency)
+    return _symmetric(4 * area * strength / squared, one, other, count)
+
+
+def _mirror_links(
+    points: NDArray[np.float64],  # (N, 3)
+    looks: NDArray[np.float32],  # (N, d) unit rows
+    strength: float,  # of a link between neighbours
+    generator: np.random.Generator,
+) -> sparse.csr_matrix:
+    """Symmetric weights (N, N) between each point and those near its mirror image, where they look alike.
+
+    Of the three planes through the centre of the box it is the one across which most of the shape does.
+    """
+    tree = cKDTree(points)
+    mean = _distance(looks, looks[generator.permutation(len(points))])
+    best = sparse.csr_matrix((len(points), len(points)))
+    for axis in range(3):
+        image = points.copy()
+        image[:, axis] *= -1
+        distance, near = tree.query(image, TIED_NEIGHBOURS, distance_upper_bound=MIRROR_REACH, workers=-1)
+        one, rank = np.nonzero(np.isfinite(distance) & (near != np.arange(len(points))[:, None]))
+        other = near[one, rank]
+        apart = np.linalg.norm(looks[one] - looks[other], axis=1)
+        alike = np.exp(-np.square(apart / max(ALIKE * mean, 1e-6)))
+        links = _symmetric(2 * TIE * strength * alike, one, other, len(points))
+        best = max(best, links, key=lambda links: float(links.sum()))
+    return best
+
+
+def _symmetric(
+    weights: NDArray[np.floating], one: NDArray[np.int64], other: NDArray[np.int64], count: int
+) -> sparse.csr_matrix:
+    """(N, N), half of each weight on either side."""
+    links = sparse.csr_matrix((weights, (one, other)), shape=(count, count))
+    return sparse.csr_matrix((links + links.T) / 2)
 
 
 def _links(

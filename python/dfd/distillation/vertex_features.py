@@ -56,7 +56,9 @@ def fit_features(
         return points.to(target), targets.to(target)
 
     with run.step("the fit", "lower `batch`, or give features with fewer columns"):
-        field = Field.seeded(settings["seed"], given.dimension, center=center, scale=scale).to(target)
+        field = Field.seeded(
+            settings["seed"], given.dimension, octaves=settings["octaves"], center=center, scale=scale
+        ).to(target)
         losses = descend(
             field,
             draw,
