@@ -76,7 +76,7 @@ Timing measure(const std::function<void()>& work)
 
 void report(const char* variant, const std::string& work, Timing timing, double bytes, const Timing* ceiling)
 {
-    std::printf("%-9s %-34s %9.3f %9.3f %9.1f %9.1f", variant, work.c_str(), 1e3 * timing.best, 1e3 * timing.median,
+    std::printf("%-9s %-40s %9.3f %9.3f %9.1f %9.1f", variant, work.c_str(), 1e3 * timing.best, 1e3 * timing.median,
                 bytes / 1e6, bytes / timing.best / 1e9);
     if (ceiling != nullptr) std::printf(" %6.0f %%", 100 * ceiling->best / timing.best);
     std::printf("\n");
@@ -127,7 +127,7 @@ int main(int argc, char** argv)
     const std::size_t dimensions = argc > 3 ? std::strtoul(argv[3], nullptr, 10) / 4 * 4 : 64;
     const std::size_t blocks = vertices / 16;
     std::printf("%zu vertices, %zu dimensions, %d threads\n", vertices, dimensions, thread_count);
-    std::printf("%-9s %-34s %9s %9s %9s %9s\n", "", "", "best ms", "median ms", "MB", "GB/s");
+    std::printf("%-9s %-40s %9s %9s %9s %9s\n", "", "", "best ms", "median ms", "MB", "GB/s");
 
     const std::size_t byte_size = blocks * (dimensions + 4) * 16, half_size = blocks * dimensions * 32;
     const std::size_t pose_size = vertices * 28;
@@ -153,8 +153,12 @@ int main(int argc, char** argv)
         halves.data()[k] = static_cast<std::uint16_t>(0x2800 + random_bits() % 0x400);
     constexpr std::size_t most_handles = 100;
     Buffer<float> handles(most_handles * dimensions), weights(vertices * most_handles), geodesic(vertices * 10);
+    Buffer<std::uint16_t> geodesic_halves(vertices * 10);
     for (std::size_t k = 0; k < handles.size; ++k) handles.data()[k] = static_cast<float>(int(random_bits() % 61) - 30);
-    for (std::size_t k = 0; k < geodesic.size; ++k) geodesic.data()[k] = uniform();
+    for (std::size_t k = 0; k < geodesic.size; ++k) {
+        geodesic.data()[k] = uniform();
+        geodesic_halves.data()[k] = static_cast<std::uint16_t>(0x2c00 + random_bits() % 0x1000);  // 1/16 to 1
+    }
     const std::vector<float> locality(10, 2.0f);
 
     Buffer<float> points(3 * vertices), posed(3 * vertices), single(vertices);
@@ -170,28 +174,35 @@ int main(int argc, char** argv)
 
     for (const std::string& name : dfd::instruction_sets()) {
         const dfd::Kernels& kernels = dfd::kernels(name);
-        const auto bind = [&](dfd::Features::Layout layout, std::size_t count, bool constrained) {
+        enum class Distances { none, floats, halves };
+        const auto bind = [&](dfd::Features::Layout layout, std::size_t count, Distances distances) {
             const bool is_bytes = layout == dfd::Features::Layout::bytes;
             const void* data = is_bytes ? static_cast<const void*>(bytes.data()) : halves.data();
             const dfd::Features features{layout, data, vertices, dimensions, 0.003f};
             dfd::Constraints constraints;
-            if (constrained) {
+            if (distances != Distances::none) {
                 constraints.fixed.rows = {handles.data() + 20 * dimensions, 3, dimensions};
-                constraints.geodesic = {geodesic.data(), count, vertices};
                 constraints.locality = {locality.data(), count};
+                if (distances == Distances::floats)
+                    constraints.geodesic = dfd::Matrix<const float>{geodesic.data(), count, vertices};
+                else
+                    constraints.geodesic = dfd::Matrix<const std::uint16_t>{geodesic_halves.data(), count, vertices};
             }
             const Timing timing = measure([&] {
-                dfd::bind(features, {{handles.data(), count, dimensions}, {}}, constraints,
+                dfd::bind(features, {.rows = {handles.data(), count, dimensions}}, constraints,
                           {weights.data(), vertices, count}, thread_count, kernels);
             });
-            const std::size_t moved = (is_bytes ? byte_size : half_size) + vertices * count * (constrained ? 8 : 4);
+            const std::size_t width = distances == Distances::none ? 0 : distances == Distances::floats ? 4 : 2;
+            const std::size_t moved = (is_bytes ? byte_size : half_size) + vertices * count * (4 + width);
+            const char* const narrowed[] = {"", " + 3 fixed + locality", " + 3 fixed + locality, half"};
             const std::string work = std::string("bind ") + std::to_string(count) + (is_bytes ? " int8" : " float16") +
-                                     (constrained ? " + 3 fixed + locality" : "");
+                                     narrowed[static_cast<std::size_t>(distances)];
             report(kernels.name, work, timing, double(moved), count == 1 ? (is_bytes ? &read_bytes : &read_halves) : nullptr);
         };
         for (const auto layout : {dfd::Features::Layout::bytes, dfd::Features::Layout::halves}) {
-            for (const std::size_t count : {1u, 10u, 100u}) bind(layout, count, false);
-            bind(layout, 10, true);
+            for (const std::size_t count : {1u, 10u, 100u}) bind(layout, count, Distances::none);
+            bind(layout, 10, Distances::floats);
+            bind(layout, 10, Distances::halves);
         }
 
         const auto pose = [&](const char* work, std::size_t count, bool mirrored, bool based) {

@@ -40,32 +40,62 @@ dfd::Features features_of(const Bytes& blocks, std::size_t vertex_count, float s
     return {dfd::Features::Layout::bytes, blocks.data(), vertex_count, 4 * (blocks.shape(1) - 1), scale};
 }
 
-// Points of handles or fixed points, and the arrays that keep them alive.
-struct PointArrays {
-    std::optional<InputMatrix<float>> rows;
-    std::optional<InputVector<float>> offsets;
+using Array = nb::ndarray<nb::ro, nb::c_contig, nb::device::cpu>;
+using OptionalArray = std::optional<Array>;
+using Offsets = std::optional<InputVector<float>>;
 
-    dfd::Points points() const
-    {
-        dfd::Points result;
-        if (rows) result.rows = matrix(*rows);
-        if (offsets) result.offsets = {offsets->data(), offsets->size()};
-        return result;
-    }
-};
-
-void bind(const dfd::Features& features, const PointArrays& handles, const PointArrays& fixed,
-                const std::optional<InputMatrix<float>>& geodesic, const std::optional<InputVector<float>>& locality,
-                const StridedOutput<float>& out, int threads)
+bool holds(const Array& array, std::size_t dimensions, nb::dlpack::dtype type)
 {
-    dfd::Constraints constraints;
-    constraints.fixed = fixed.points();
-    if (geodesic) constraints.geodesic = matrix(*geodesic);
+    return array.ndim() == dimensions && array.dtype() == type;
+}
+
+template <class T>
+dfd::Matrix<const T> matrix_of(const Array& array)
+{
+    return {static_cast<const T*>(array.data()), array.shape(0), array.shape(1)};
+}
+
+// Handles or fixed points: int64 vertices (N), or float32 rows (N, D) with what they miss.
+dfd::Points points_of(const OptionalArray& points, const Offsets& offsets)
+{
+    dfd::Points result;
+    if (!points) return result;
+    if (holds(*points, 1, nb::dtype<std::int64_t>()))
+        result.vertices = {static_cast<const std::int64_t*>(points->data()), points->shape(0)};
+    else if (holds(*points, 2, nb::dtype<float>())) result.rows = matrix_of<float>(*points);
+    else throw nb::type_error("bind: points must be int64 vertices (N) or float32 rows (N, D)");
+    if (offsets) result.offsets = {offsets->data(), offsets->size()};
+    return result;
+}
+
+dfd::Geodesic geodesic_of(const OptionalArray& geodesic)
+{
+    constexpr nb::dlpack::dtype half{static_cast<std::uint8_t>(nb::dlpack::dtype_code::Float), 16, 1};
+    if (!geodesic) return {};
+    if (holds(*geodesic, 2, nb::dtype<float>())) return matrix_of<float>(*geodesic);
+    if (holds(*geodesic, 2, half)) return matrix_of<std::uint16_t>(*geodesic);
+    throw nb::type_error("bind: `geodesic` must be float32 or float16 (H, V)");
+}
+
+void bind(const dfd::Features& features, const dfd::Points& handles, const dfd::Points& fixed,
+          const OptionalArray& geodesic, const std::optional<InputVector<float>>& locality,
+          const StridedOutput<float>& out, int threads)
+{
+    dfd::Constraints constraints{fixed, geodesic_of(geodesic), {}};
     if (locality) constraints.locality = {locality->data(), locality->size()};
     const auto weights = strided_matrix<float>(out, "bind: `out` must have contiguous rows or columns");
     nb::gil_scoped_release release;
-    dfd::bind(features, handles.points(), constraints, weights, threads, dfd::kernels());
+    dfd::bind(features, handles, constraints, weights, threads, dfd::kernels());
 }
+
+#define DFD_POINTS_SIGNATURE                                                                                          \
+    "handles: numpy.typing.NDArray[numpy.float32] | numpy.typing.NDArray[numpy.int64], "                              \
+    "handle_offsets: numpy.typing.NDArray[numpy.float32] | None, "                                                    \
+    "fixed: numpy.typing.NDArray[numpy.float32] | numpy.typing.NDArray[numpy.int64] | None, "                         \
+    "fixed_offsets: numpy.typing.NDArray[numpy.float32] | None, "                                                     \
+    "geodesic: numpy.typing.NDArray[numpy.float32] | numpy.typing.NDArray[numpy.float16] | None, "                    \
+    "locality: numpy.typing.NDArray[numpy.float32] | None, out: numpy.typing.NDArray[numpy.float32], threads: int) "  \
+    "-> None"
 
 }  // namespace
 
@@ -73,53 +103,43 @@ void init_bind(nb::module_& m)
 {
     m.def(
         "bind",
-        [](InputMatrix<float> features, InputMatrix<float> handles, std::optional<InputMatrix<float>> fixed,
-           std::optional<InputMatrix<float>> geodesic, std::optional<InputVector<float>> locality,
+        [](InputMatrix<float> features, Array handles, Offsets handle_offsets, OptionalArray fixed,
+           Offsets fixed_offsets, OptionalArray geodesic, std::optional<InputVector<float>> locality,
            StridedOutput<float> out, int threads) {
-            bind(features_of(features), {handles, {}}, {fixed, {}}, geodesic, locality, out, threads);
+            bind(features_of(features), points_of(handles, handle_offsets), points_of(fixed, fixed_offsets), geodesic,
+                 locality, out, threads);
         },
-        "features"_a.noconvert(), "handles"_a.noconvert(), "fixed"_a.noconvert().none(),
-        "geodesic"_a.noconvert().none(), "locality"_a.noconvert().none(), "out"_a.noconvert(), "threads"_a,
-        nb::sig("def bind(features: numpy.typing.NDArray[numpy.float32], handles: numpy.typing.NDArray[numpy.float32], "
-                "fixed: numpy.typing.NDArray[numpy.float32] | None, geodesic: numpy.typing.NDArray[numpy.float32] | None, "
-                "locality: numpy.typing.NDArray[numpy.float32] | None, out: numpy.typing.NDArray[numpy.float32], "
-                "threads: int) -> None"),
-        "Weights (V, H) of features (V, D) for handles (H, D), to `out`; Eq. 4-7.");
-    m.def(
-        "bind_halves",
-        [](Halves features, std::size_t vertex_count, InputMatrix<float> handles, InputVector<float> handle_offsets,
-           std::optional<InputMatrix<float>> fixed, std::optional<InputVector<float>> fixed_offsets,
-           std::optional<InputMatrix<float>> geodesic, std::optional<InputVector<float>> locality,
-           StridedOutput<float> out, int threads) {
-            bind(features_of(features, vertex_count), {handles, handle_offsets}, {fixed, fixed_offsets},
-                        geodesic, locality, out, threads);
-        },
-        "features"_a.noconvert(), "vertex_count"_a, "handles"_a.noconvert(), "handle_offsets"_a.noconvert(),
+        "features"_a.noconvert(), "handles"_a.noconvert(), "handle_offsets"_a.noconvert().none(),
         "fixed"_a.noconvert().none(), "fixed_offsets"_a.noconvert().none(), "geodesic"_a.noconvert().none(),
         "locality"_a.noconvert().none(), "out"_a.noconvert(), "threads"_a,
-        nb::sig("def bind_halves(features: numpy.typing.NDArray[numpy.uint16], vertex_count: int, handles: numpy.typing.NDArray[numpy.float32], "
-                "handle_offsets: numpy.typing.NDArray[numpy.float32], fixed: numpy.typing.NDArray[numpy.float32] | None, "
-                "fixed_offsets: numpy.typing.NDArray[numpy.float32] | None, geodesic: numpy.typing.NDArray[numpy.float32] | None, "
-                "locality: numpy.typing.NDArray[numpy.float32] | None, out: numpy.typing.NDArray[numpy.float32], "
-                "threads: int) -> None"),
+        nb::sig("def bind(features: numpy.typing.NDArray[numpy.float32], " DFD_POINTS_SIGNATURE),
+        "Weights (V, H) of features (V, D) for handles, (H) vertices or (H, D) rows, to `out`; Eq. 4-7.");
+    m.def(
+        "bind_halves",
+        [](Halves features, std::size_t vertex_count, Array handles, Offsets handle_offsets, OptionalArray fixed,
+           Offsets fixed_offsets, OptionalArray geodesic, std::optional<InputVector<float>> locality,
+           StridedOutput<float> out, int threads) {
+            bind(features_of(features, vertex_count), points_of(handles, handle_offsets),
+                 points_of(fixed, fixed_offsets), geodesic, locality, out, threads);
+        },
+        "features"_a.noconvert(), "vertex_count"_a, "handles"_a.noconvert(), "handle_offsets"_a.noconvert().none(),
+        "fixed"_a.noconvert().none(), "fixed_offsets"_a.noconvert().none(), "geodesic"_a.noconvert().none(),
+        "locality"_a.noconvert().none(), "out"_a.noconvert(), "threads"_a,
+        nb::sig("def bind_halves(features: numpy.typing.NDArray[numpy.uint16], vertex_count: int, "
+                DFD_POINTS_SIGNATURE),
         "`bind` for float16 features in blocks (B, D, 16), given as their bits.");
     m.def(
         "bind_bytes",
-        [](Bytes features, std::size_t vertex_count, float scale, InputMatrix<float> handles,
-           InputVector<float> handle_offsets, std::optional<InputMatrix<float>> fixed,
-           std::optional<InputVector<float>> fixed_offsets, std::optional<InputMatrix<float>> geodesic,
+        [](Bytes features, std::size_t vertex_count, float scale, Array handles, Offsets handle_offsets,
+           OptionalArray fixed, Offsets fixed_offsets, OptionalArray geodesic,
            std::optional<InputVector<float>> locality, StridedOutput<float> out, int threads) {
-            bind(features_of(features, vertex_count, scale), {handles, handle_offsets}, {fixed, fixed_offsets},
-                        geodesic, locality, out, threads);
+            bind(features_of(features, vertex_count, scale), points_of(handles, handle_offsets),
+                 points_of(fixed, fixed_offsets), geodesic, locality, out, threads);
         },
-        "features"_a.noconvert(), "vertex_count"_a, "scale"_a, "handles"_a.noconvert(), "handle_offsets"_a.noconvert(),
-        "fixed"_a.noconvert().none(), "fixed_offsets"_a.noconvert().none(), "geodesic"_a.noconvert().none(),
-        "locality"_a.noconvert().none(), "out"_a.noconvert(), "threads"_a,
+        "features"_a.noconvert(), "vertex_count"_a, "scale"_a, "handles"_a.noconvert(),
+        "handle_offsets"_a.noconvert().none(), "fixed"_a.noconvert().none(), "fixed_offsets"_a.noconvert().none(),
+        "geodesic"_a.noconvert().none(), "locality"_a.noconvert().none(), "out"_a.noconvert(), "threads"_a,
         nb::sig("def bind_bytes(features: numpy.typing.NDArray[numpy.uint8], vertex_count: int, scale: float, "
-                "handles: numpy.typing.NDArray[numpy.float32], "
-                "handle_offsets: numpy.typing.NDArray[numpy.float32], fixed: numpy.typing.NDArray[numpy.float32] | None, "
-                "fixed_offsets: numpy.typing.NDArray[numpy.float32] | None, geodesic: numpy.typing.NDArray[numpy.float32] | None, "
-                "locality: numpy.typing.NDArray[numpy.float32] | None, out: numpy.typing.NDArray[numpy.float32], "
-                "threads: int) -> None"),
+                DFD_POINTS_SIGNATURE),
         "`bind` for uint8 features in blocks (B, D / 4 + 1, 16, 4), the last quad of each being its squared length.");
 }

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <span>
+#include <variant>
 
 namespace dfd {
 
@@ -23,16 +24,22 @@ struct Features {
     float scale = 1;            // what one step of a byte is worth
 };
 
-/// Feature rows of handles or of fixed points.
+/// Handles or fixed points: feature rows of their own, or vertices of the shape.
 struct Points {
-    Matrix<const float> rows;            // (N, D); for bytes whole numbers of steps within ±127
-    std::span<const float> offsets;      // (N) squared distance that the stored dimensions miss, or empty for none
+    Matrix<const float> rows = {};                // (N, D); for bytes whole numbers of steps within ±127
+    std::span<const float> offsets = {};          // (N) squared distance >= 0 that the stored dimensions miss, or empty
+    std::span<const std::int64_t> vertices = {};  // (N) in place of rows
+
+    std::size_t count() const { return vertices.empty() ? rows.rows : vertices.size(); }
 };
+
+/// Geodesic distances (H, V) in [0, 1], as float or as the bits of float16; may be empty.
+using Geodesic = std::variant<Matrix<const float>, Matrix<const std::uint16_t>>;
 
 /// What narrows the weights of Eq. (4-5): fixed points of Eq. (6) and the geodesic falloff of Eq. (7).
 struct Constraints {
     Points fixed;                      // may be empty
-    Matrix<const float> geodesic;      // (H, V) distances in [0, 1], may be empty
+    Geodesic geodesic;
     std::span<const float> locality;   // (H) exponents >= 0; empty without `geodesic`
 };
 
@@ -42,7 +49,8 @@ struct Constraints {
 /// among others.
 ///
 /// @param weights  (V, H) result, overwritten
-/// @throws std::invalid_argument if shapes disagree, a value is not finite, or a distance or exponent out of range
+/// @throws std::invalid_argument if shapes disagree, a value is not finite, a distance, exponent or vertex out of range,
+///         or a vertex twice among the handles
 void bind(const Features& features, const Points& handles, const Constraints& constraints,
           const StridedMatrix<float>& weights, int threads, const Kernels& kernels);
 

@@ -3,6 +3,8 @@
 #include "check.hpp"
 #include "dfd/isa.hpp"
 
+#include <algorithm>
+#include <array>
 #include <cstdint>
 #include <cstring>
 #include <limits>
@@ -81,13 +83,66 @@ CASE("geodesic falloff, Equation (7)")
     Problem problem(64, 8, 3);
     std::vector<float> geodesic, locality{0.0f, 1.0f, 2.5f};
     for (std::size_t k = 0; k < 3 * 64; ++k) geodesic.push_back(static_cast<float>(k % 64) / 63.0f);
-    problem.bind({.fixed = {}, .geodesic = {geodesic.data(), 3, 64}, .locality = locality});
+    problem.bind({.fixed = {}, .geodesic = dfd::Matrix<const float>{geodesic.data(), 3, 64}, .locality = locality});
     for (std::size_t i = 0; i < 64; ++i) {
         for (std::size_t j = 0; j < 3; ++j) {
             const double wanted = problem.expected(i, &problem.rows[j * 8]) *
                                   std::pow(1.0 - double(geodesic[j * 64 + i]), double(locality[j]));
             CHECK_NEAR(problem.weights[i * 3 + j], wanted, 1e-6);
         }
+    }
+END
+
+CASE("float16 distances weigh as the same numbers in float")
+    const std::vector<std::uint16_t> halves{0x0000, 0x0001, 0x03ff, 0x0400, 0x2e66, 0x3555, 0x3800, 0x3bff, 0x3c00};
+    const std::vector<float> same{0, 0x1p-24f, 0x3ffp-24f, 0x1p-14f, 0x666p-14f, 0x555p-12f, 0.5f, 0x7ffp-11f, 1};
+    for (const std::string& name : dfd::instruction_sets()) {
+        Problem problem(101, 8, 3);
+        std::vector<std::uint16_t> bits;
+        std::vector<float> numbers;
+        for (std::size_t k = 0; k < 303; ++k) bits.push_back(halves[k % 9]), numbers.push_back(same[k % 9]);
+        const std::vector<float> locality{1, 2, 0.5f};
+        const dfd::Matrix<const std::uint16_t> narrow{bits.data(), 3, 101};
+        const dfd::Matrix<const float> wide{numbers.data(), 3, 101};
+        const std::vector<float> first = problem.bind({{}, narrow, locality}, 2, dfd::kernels(name));
+        CHECK(problem.bind({{}, wide, locality}, 2, dfd::kernels(name)) == first);
+    }
+END
+
+CASE("handles may be vertices, in every layout")
+    Problem problem(40, 8, 3);
+    const std::array<std::int64_t, 3> vertices{39, 0, 17};
+    std::vector<float> weights(120);
+    for (std::size_t j = 0; j < 3; ++j) std::copy_n(&problem.features[std::size_t(vertices[j]) * 8], 8, &problem.rows[j * 8]);
+    problem.bind();
+    dfd::bind(problem.source(), {.vertices = vertices}, {}, {weights.data(), 40, 3}, 2, dfd::kernels());
+    CHECK(weights == problem.weights);
+
+    // Halves and bytes of whole numbers: entry k of vertex i is (i * 7 + k) mod 5 - 2.
+    std::vector<std::uint16_t> halves(3 * 8 * 16);
+    std::vector<std::uint8_t> bytes(3 * 12 * 16);
+    const std::array<std::uint16_t, 5> half_of{0xc000, 0xbc00, 0x0000, 0x3c00, 0x4000};
+    for (std::size_t i = 0; i < 48; ++i) {
+        std::int32_t square = 0;
+        for (std::size_t k = 0; k < 8; ++k) {
+            const std::size_t entry = (i * 7 + k) % 5;
+            halves[(i / 16 * 8 + k) * 16 + i % 16] = half_of[entry];
+            bytes[i / 16 * 192 + (k / 4 * 16 + i % 16) * 4 + k % 4] = static_cast<std::uint8_t>(entry + 126);
+            square += (std::int32_t(entry) - 2) * (std::int32_t(entry) - 2);
+        }
+        std::memcpy(&bytes[i / 16 * 192 + (2 * 16 + i % 16) * 4], &square, 4);
+    }
+    for (std::size_t j = 0; j < 3; ++j)
+        for (std::size_t k = 0; k < 8; ++k)
+            problem.rows[j * 8 + k] = static_cast<float>((std::size_t(vertices[j]) * 7 + k) % 5) - 2;
+    using Layout = dfd::Features::Layout;
+    for (const dfd::Features& source : {dfd::Features{Layout::halves, halves.data(), 40, 8, 1},
+                                        dfd::Features{Layout::bytes, bytes.data(), 40, 8, 0.1f}}) {
+        std::vector<float> by_rows(120);
+        dfd::bind(source, {.rows = {problem.rows.data(), 3, 8}}, {}, {by_rows.data(), 40, 3}, 2, dfd::kernels());
+        dfd::bind(source, {.vertices = vertices}, {}, {weights.data(), 40, 3}, 2, dfd::kernels());
+        CHECK(weights == by_rows);
+        CHECK(weights[39 * 3] == 1 && weights[1] == 1 && weights[17 * 3 + 2] == 1);
     }
 END
 
@@ -99,6 +154,30 @@ CASE("the same bits for every number of threads and every place of a row")
     for (const int threads : {2, 3, 8}) CHECK(problem.bind({}, threads) == once);
     for (std::size_t i = 1; i < 333; i += 2)
         for (std::size_t j = 0; j < 9; ++j) CHECK(once[i * 9 + j] == once[j]);
+END
+
+CASE("large results leave past the caches the same, wherever they start")
+    constexpr std::size_t count = 16393, stride = 16400, handles = 65;  // 4.06 MiB
+    Problem problem(count, 4, handles);
+    const std::vector<float>& wanted = problem.bind({}, 1);
+    std::vector<float> memory(stride * handles + 48);
+    for (const std::string& name : dfd::instruction_sets()) {
+        for (const std::size_t offset : {0u, 1u, 7u, 15u}) {
+            for (const bool columns : {false, true}) {
+                std::fill(memory.begin(), memory.end(), -1.0f);
+                float* start = memory.data() + (0 - reinterpret_cast<std::uintptr_t>(memory.data())) % 64 / 4 + offset;
+                const std::size_t down = columns ? 1 : handles, beside = columns ? stride : 1;
+                dfd::bind(problem.source(), {.rows = {problem.rows.data(), handles, 4}}, {},
+                          {start, count, handles, down, beside}, 3, dfd::kernels(name));
+                std::size_t wrong = 0;
+                for (std::size_t i = 0; i < count; ++i)
+                    for (std::size_t j = 0; j < handles; ++j)
+                        wrong += std::abs(start[i * down + j * beside] - wanted[i * handles + j]) > 1e-5f;
+                CHECK(wrong == 0);
+                CHECK(std::size_t(std::count(memory.begin(), memory.end(), -1.0f)) == memory.size() - count * handles);
+            }
+        }
+    }
 END
 
 CASE("bytes: whole numbers, hence the same bits on every instruction set")
@@ -161,6 +240,15 @@ CASE("bad input is named")
     geodesic[77] = 0.5f;
     locality[1] = -1;
     CHECK_THROWS(problem.bind({.fixed = {}, .geodesic = distances, .locality = locality}), "`locality` must be");
+    const std::array<std::int64_t, 2> outside{3, 40}, twice{5, 5};
+    const auto bind_vertices = [&](const dfd::Points& handles, const dfd::Points& fixed) {
+        dfd::bind(problem.source(), handles, {fixed, {}, {}}, {problem.weights.data(), 40, 2}, 1, dfd::kernels());
+    };
+    CHECK_THROWS(bind_vertices({.vertices = outside}, {}), "`handles` must lie in 0 … 39, got 40");
+    CHECK_THROWS(bind_vertices({.vertices = twice}, {}), "`handles` names vertex 5 more than once");
+    CHECK_THROWS(bind_vertices({.rows = {problem.rows.data(), 2, 6}}, {.vertices = outside}), "`fixed` must lie in 0 … 39");
+    const std::array<float, 2> offsets{0, -1};
+    CHECK_THROWS(bind_vertices({.rows = {problem.rows.data(), 2, 6}, .offsets = offsets}, {}), "must be at least 0");
     problem.rows[8] = std::numeric_limits<float>::infinity();
     CHECK_THROWS(problem.bind(), "`handles` must be finite, got inf at [1, 2]");
     problem.rows[8] = 0;

@@ -31,7 +31,7 @@ def twin(features, handles, *, fixed=None, geodesic=None, locality=0.0):
     count=st.integers(1, 200),
     dimension=st.integers(1, 130),
     handle_count=st.integers(0, 20),
-    fixed_count=st.integers(0, 4),
+    fixed_count=st.integers(0, 40),
     seed=st.integers(0, 2**32 - 1),
     local=st.booleans(),
 )
@@ -108,11 +108,12 @@ def test_equal_rows_weigh_the_same_wherever_they_stand(dimension):
         np.testing.assert_array_equal(weights[start : start + 71], np.broadcast_to(weights[start], (71, 13)))
 
 
-def test_a_handle_weighs_the_same_alone_and_among_others():
+@pytest.mark.parametrize("fixed", [[77], [77, 78, 79], list(range(60, 93))])
+def test_a_handle_weighs_the_same_alone_and_among_others(fixed):
     features = unit_rows(500, 96)
-    together = dfd.bind(features, np.arange(40), fixed=[77])
-    for handle in (0, 7, 39):
-        np.testing.assert_array_equal(dfd.bind(features, [handle], fixed=[77])[:, 0], together[:, handle])
+    together = dfd.bind(features, np.arange(40), fixed=fixed)
+    for handle in range(40):
+        np.testing.assert_array_equal(dfd.bind(features, [handle], fixed=fixed)[:, 0], together[:, handle])
 
 
 def test_locality_zero_changes_nothing_and_more_only_lowers():
@@ -125,6 +126,39 @@ def test_locality_zero_changes_nothing_and_more_only_lowers():
     assert (mild <= plain).all()
     mixed = dfd.bind(features, [0, 1], geodesic=geodesic, locality=[0, 4])
     np.testing.assert_array_equal(mixed, np.column_stack([plain[:, 0], strong[:, 1]]))
+
+
+@pytest.mark.parametrize("locality", [0, 1, 2, 3, 5, 8, 9, 40, 0.5, 1.5, 8.25])
+def test_falloff_takes_any_power(locality):
+    features = unit_rows(80, 16, spread=0.1)
+    geodesic = np.linspace(0, 1, 80, dtype=np.float32)[None]
+    weights = dfd.bind(features, [4], geodesic=geodesic, locality=locality)
+    np.testing.assert_allclose(weights, twin(features, [4], geodesic=geodesic, locality=locality), rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("count", [1, 16, 17, 333])
+def test_float16_distances_weigh_as_the_same_ones_in_float32(count):
+    features, random = unit_rows(count, 24), np.random.default_rng(0)
+    handles = random.permutation(count)[:11]
+    geodesic = random.random((len(handles), count)).astype(np.float16)
+    geodesic[0, 0], geodesic[-1, -1] = 0, 1
+    wanted = dfd.bind(features, handles, geodesic=geodesic.astype(np.float32), locality=1.5)
+    np.testing.assert_array_equal(dfd.bind(features, handles, geodesic=geodesic, locality=1.5), wanted)
+    as_tensor = torch.from_numpy(geodesic)
+    np.testing.assert_array_equal(dfd.bind(features, handles, geodesic=as_tensor, locality=1.5), wanted)
+    np.testing.assert_array_equal(
+        dfd.bind(features, handles, geodesic=geodesic[:, ::-1][:, ::-1], locality=1.5), wanted
+    )
+
+
+def test_distances_that_rounding_leaves_beside_their_range_are_taken():
+    features = unit_rows(40, 8)
+    geodesic = np.full((1, 40), -0.0, np.float32)
+    np.testing.assert_array_equal(dfd.bind(features, [3], geodesic=geodesic, locality=2), dfd.bind(features, [3]))
+    geodesic[0, 5:] = np.nextafter(np.float32(1), np.float32(2))
+    weights = dfd.bind(features, [3], geodesic=geodesic, locality=[1])
+    assert (weights[5:] == 0).all()
+    assert (weights >= 0).all()
 
 
 def test_no_vertices_and_no_handles():
@@ -166,21 +200,40 @@ def test_out_may_be_a_column_of_a_larger_array():
     assert (rows[:, [0, 5]] == -1).all()
 
 
-@pytest.mark.parametrize("offset", [0, 3])
-def test_large_results_that_pass_by_the_caches_are_the_same(offset):
+def lines(count, offset):
+    """`count` numbers of -1 that start `offset` numbers after a line of the caches does, and all memory around them."""
+    memory = np.full(count + offset + 64, -1, np.float32)
+    start = -memory.ctypes.data // 4 % 16 + offset
+    return memory[start : start + count], memory
+
+
+@pytest.fixture
+def three_threads():
+    before = dfd.get_num_threads()
+    dfd.set_num_threads(3)
+    yield
+    dfd.set_num_threads(before)
+
+
+@pytest.mark.usefixtures("three_threads")
+@pytest.mark.parametrize("offset", [0, 3, 15])
+@pytest.mark.parametrize("handle_count", [21, 100])
+def test_large_results_that_pass_by_the_caches_are_the_same(offset, handle_count):
     features = unit_rows(50_003, 8)
-    handles = features[:100]
-    memory = np.full(offset + 50_003 * 100, -1, np.float32)
-    rows = memory[offset:].reshape(50_003, 100)
+    handles = features[:handle_count]
+    flat, memory = lines(50_003 * handle_count, offset)
+    rows = flat.reshape(50_003, handle_count)
     dfd.bind(features, handles, out=rows)
-    columns = np.full((100, 50_016), -1, np.float32)
+    columns, around = lines(handle_count * 50_016, offset)
+    columns = columns.reshape(handle_count, 50_016)
     dfd.bind(features, handles, out=columns[:, :50_003].T)
     for start in range(0, 50_003, 10_000):
         wanted = dfd.bind(features[start : start + 10_000], handles)
         np.testing.assert_array_equal(rows[start : start + 10_000], wanted)
         np.testing.assert_array_equal(columns[:, start : min(start + 10_000, 50_003)].T, wanted)
-    assert (memory[:offset] == -1).all()
     assert (columns[:, 50_003:] == -1).all()
+    assert np.count_nonzero(memory == -1) == memory.size - rows.size
+    assert np.count_nonzero(around == -1) == around.size - 50_003 * handle_count
 
 
 def test_torch_tensors_share_their_memory():
@@ -207,6 +260,8 @@ NAN_FEATURES = np.where(np.arange(24).reshape(6, 4) == 14, np.nan, FEATURES)
         ({"features": np.full((6, 4), np.inf)}, r"`features` must be finite, got inf at \[0, 0\]"),
         ({"handles": [6]}, r"`handles` must lie in 0 … 5, got 6"),
         ({"handles": [-1]}, r"`handles` must lie in 0 … 5, got -1"),
+        ({"handles": np.array([1, 2**63], np.uint64)}, r"`handles` must lie in 0 … 5, got 9223372036854775808"),
+        ({"handles": np.array([-7], np.int32)}, r"`handles` must lie in 0 … 5, got -7"),
         ({"handles": [2, 3, 2]}, r"`handles` names vertex 2 more than once"),
         ({"handles": [0.5]}, r"`handles` must be a list of vertex indices"),
         ({"handles": FEATURES[:, :3]}, r"`handles` must have shape \(N, 4\), got \(6, 3\)"),
@@ -223,6 +278,11 @@ NAN_FEATURES = np.where(np.arange(24).reshape(6, 4) == 14, np.nan, FEATURES)
         ({"geodesic": np.full((1, 6), 1.5)}, r"`geodesic` must lie in \[0, 1\]"),
         ({"geodesic": np.full((1, 6), -0.1)}, r"`geodesic` must lie in \[0, 1\]"),
         ({"geodesic": np.full((1, 6), np.nan)}, r"`geodesic` must lie in \[0, 1\]"),
+        ({"geodesic": np.full((1, 6), 1.5, np.float16)}, r"`geodesic` must lie in \[0, 1\], got 1.5\d* at \[0, 0\]"),
+        ({"geodesic": np.full((1, 6), -6e-8, np.float16)}, r"`geodesic` must lie in \[0, 1\], got -0.0\d* at \[0, 0\]"),
+        ({"geodesic": np.full((1, 6), np.nan, np.float16)}, r"`geodesic` must lie in \[0, 1\], got -?nan at \[0, 0\]"),
+        ({"geodesic": np.full((1, 6), np.inf, np.float16)}, r"`geodesic` must lie in \[0, 1\], got inf at \[0, 0\]"),
+        ({"geodesic": np.zeros((6, 1), np.float16)}, r"`geodesic` must have shape \(1, 6\), got \(6, 1\)"),
         ({"out": np.empty((6, 2), np.float32)}, r"`out` must be an array of shape \(6, 1\) and type float32"),
         ({"out": np.empty((6, 1))}, r"`out` must be .* float32, got \(6, 1\) and float64"),
         (

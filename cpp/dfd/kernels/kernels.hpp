@@ -16,12 +16,22 @@ constexpr std::size_t group_size = 16;
 
 /// Feature rows to measure distances to, rearranged for the kernels.
 struct Targets {
-    const float* rows = nullptr;              // (G, D, 16): entry k of each handle of a group, side by side
-    const float* squares = nullptr;           // (16 G) squared length
-    const std::int32_t* quads = nullptr;      // (G, D / 4, 16): four int8 entries of each handle of a group
+    const float* rows = nullptr;                 // (G, D, 16): entry k of each handle of a group, side by side
+    const float* squares = nullptr;              // (16 G) squared length
+    const std::int32_t* quads = nullptr;         // (G, D / 4, 16): four int8 entries of each handle of a group
+    const std::int32_t* pairs = nullptr;         // (G, D / 4, 2, 16): the even and the odd ones of the four, as int16
     const std::int32_t* quad_squares = nullptr;  // (16 G) squared length + 256 times the sum of the entries
-    const float* offsets = nullptr;           // (16 G) added to the squared distance, 0 for points of the shape
+    const float* offsets = nullptr;              // (16 G) >= 0, added to the squared distance; 0 for points of the shape
     std::size_t count = 0;
+};
+
+/// What rounding may have added to the largest geodesic distance.
+constexpr float geodesic_slack = 1e-5f;
+
+/// How the geodesic falloff of a handle is taken.
+struct Falloff {
+    float power;            // the exponent of Eq. (7)
+    std::int32_t products;  // multiplications that take it, or -1 where it is not whole and small
 };
 
 struct BindJob {
@@ -29,16 +39,18 @@ struct BindJob {
     std::size_t vertex_count = 0;
     std::size_t dimension = 0;
     float scale = 1;                   // of an int8 entry
-    Targets fixed, handles;
-    const float* geodesic = nullptr;   // (H, V) or null
-    const float* locality = nullptr;   // (H) or null
+    Targets targets;                   // the fixed points, then the handles
+    std::size_t fixed_count = 0, handle_count = 0;
+    const void* geodesic = nullptr;    // (H, V) or null
+    bool geodesic_halves = false;      // float16, otherwise float
+    const Falloff* falloffs = nullptr; // (H)
     float* weights = nullptr;          // entry (i, j) at i * row_stride + j * column_stride; one stride is 1
     std::size_t row_stride = 0, column_stride = 0;
     bool stream = false;               // write past the caches
 };
 
 /// What went wrong in a range, if anything.
-enum Fault : unsigned { no_fault = 0, features_suspect = 1, geodesic_invalid = 2 };
+enum Fault : unsigned { no_fault = 0, features_suspect = 1, geodesic_suspect = 2 };
 
 /// Binds the vertices [begin, end), where `begin` is a multiple of `block_size`; `scratch` is aligned to 64 bytes.
 using BindRange = unsigned (*)(const BindJob& job, std::size_t begin, std::size_t end, float* scratch);
@@ -46,7 +58,7 @@ using BindRange = unsigned (*)(const BindJob& job, std::size_t begin, std::size_
 /// Floats of scratch that a range needs.
 constexpr std::size_t bind_scratch(std::size_t dimension, std::size_t handle_count)
 {
-    return block_size * (dimension + 2 * (handle_count + group_size));
+    return block_size * (dimension + 2 * handle_count + 1);
 }
 
 template <class T>

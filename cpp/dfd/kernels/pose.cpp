@@ -1,6 +1,6 @@
 // Eq. (1) and (8) for blocks of vertices, one vertex per lane. A vertex moves by its blended displacement.
 
-#include "dfd/kernels/simd.hpp"
+#include "dfd/kernels/transpose.hpp"
 #include "dfd/kernels/variants.hpp"
 
 namespace dfd {

@@ -63,11 +63,35 @@ DFD_INLINE Float splat(float value) { return value - Float{}; }
 DFD_INLINE Double splat(double value) { return value - Double{}; }
 DFD_INLINE Int splat(std::int32_t value) { return value - Int{}; }
 
+// Four bytes of a target in every lane, as `dot4` takes them. Where products of neighbouring bytes could saturate their
+// 16 bits, even and odd bytes go apart.
+#if defined(__x86_64__) && !defined(__AVX512F__)
+struct Quad {
+    Int even, odd;
+};
+DFD_INLINE Quad quad_of(const std::int32_t*, const std::int32_t* pairs)
+{
+    return {splat(pairs[0]), splat(pairs[group_size])};
+}
+#else
+struct Quad {
+    Int bytes;
+};
+DFD_INLINE Quad quad_of(const std::int32_t* bytes, const std::int32_t*) { return {splat(*bytes)}; }
+#endif
+
 // Asks for `size` bytes that lie `ahead` of a place, whether or not they are still part of its array.
 DFD_INLINE void prefetch(const void* place, std::size_t ahead, std::size_t size)
 {
     const std::uintptr_t first = reinterpret_cast<std::uintptr_t>(place) + ahead;
+#pragma GCC unroll 8
     for (std::size_t line = 0; line < size; line += 64) __builtin_prefetch(reinterpret_cast<const void*>(first + line));
+}
+
+// Takes the line of a place that lies `ahead` for its own, whether or not it is still part of its array.
+DFD_INLINE void prefetch_to_write(const void* place, std::size_t ahead)
+{
+    __builtin_prefetch(reinterpret_cast<const void*>(reinterpret_cast<std::uintptr_t>(place) + ahead), 1);
 }
 
 // What a comparison of two vectors gives: a mask register where the machine has them, else a vector.
@@ -139,13 +163,25 @@ DFD_INLINE Double fused(Double a, Double b, Double c)
 }
 DFD_INLINE Float root(Float a) { return (Float)_mm512_sqrt_ps((__m512)a); }
 DFD_INLINE Double root(Double a) { return (Double)_mm512_sqrt_pd((__m512d)a); }
+// The same bits as `root` from 2^-60 on, whatever the estimate within its bounds; below, something as small.
+DFD_INLINE Float root_by_products(Float a)
+{
+    const __m512 half = _mm512_set1_ps(0.5f);
+    const __m512 x = _mm512_max_ps((__m512)a, _mm512_set1_ps(0x1p-60f));
+    const __m512 estimate = _mm512_rsqrt14_ps(x);
+    __m512 r = _mm512_mul_ps(x, estimate), h = _mm512_mul_ps(estimate, half);
+    const __m512 error = _mm512_fnmadd_ps(r, h, half);
+    r = _mm512_fmadd_ps(r, error, r);
+    h = _mm512_fmadd_ps(h, error, h);
+    return (Float)_mm512_fmadd_ps(_mm512_fnmadd_ps(r, r, x), h, r);
+}
 DFD_INLINE Float from_halves(const std::uint16_t* from)
 {
     return (Float)_mm512_cvtph_ps(_mm256_loadu_si256(reinterpret_cast<const __m256i*>(from)));
 }
-DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, Int signed_bytes)
+DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, const Quad& quad)
 {
-    return (Int)_mm512_dpbusd_epi32((__m512i)sum, (__m512i)unsigned_bytes, (__m512i)signed_bytes);
+    return (Int)_mm512_dpbusd_epi32((__m512i)sum, (__m512i)unsigned_bytes, (__m512i)quad.bytes);
 }
 DFD_INLINE void stream(float* to, Float value) { _mm512_stream_ps(to, (__m512)value); }
 DFD_INLINE void stream_fence() { _mm_sfence(); }
@@ -163,13 +199,11 @@ DFD_INLINE Float from_halves(const std::uint16_t* from)
 {
     return (Float)_mm256_cvtph_ps(_mm_loadu_si128(reinterpret_cast<const __m128i*>(from)));
 }
-DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, Int signed_bytes)
+DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, const Quad& quad)
 {
-    // Products of neighbouring bytes could saturate 16 bits, so even and odd bytes go apart.
-    const __m256i u = (__m256i)unsigned_bytes, s = (__m256i)signed_bytes;
-    const __m256i even = _mm256_madd_epi16(_mm256_and_si256(u, _mm256_set1_epi16(255)),
-                                           _mm256_srai_epi16(_mm256_slli_epi16(s, 8), 8));
-    const __m256i odd = _mm256_madd_epi16(_mm256_srli_epi16(u, 8), _mm256_srai_epi16(s, 8));
+    const __m256i u = (__m256i)unsigned_bytes;
+    const __m256i even = _mm256_madd_epi16(_mm256_and_si256(u, _mm256_set1_epi16(255)), (__m256i)quad.even);
+    const __m256i odd = _mm256_madd_epi16(_mm256_srli_epi16(u, 8), (__m256i)quad.odd);
     return sum + (Int)_mm256_add_epi32(even, odd);
 }
 DFD_INLINE void stream(float* to, Float value) { _mm256_stream_ps(to, (__m256)value); }
@@ -179,8 +213,8 @@ DFD_INLINE void stream_fence() { _mm_sfence(); }
 
 DFD_INLINE Float from_halves(const std::uint16_t* from)
 {
-    Int bits;
-    for (std::size_t lane = 0; lane < lanes<float>; ++lane) bits[lane] = from[lane];
+    typedef std::uint16_t Halves __attribute__((vector_size(vector_bytes / 2)));
+    const Int bits = __builtin_convertvector(load<Halves>(from), Int);
     // The exponents differ by 112: one multiplication sets them right, for subnormal halves as well.
     const Int magnitude = (bits & 0x7fff) << 13;
     return (Float)((Int)((Float)magnitude * splat(0x1p112f)) | ((bits & 0x8000) << 16));
@@ -192,12 +226,11 @@ DFD_INLINE Float fused(Float a, Float b, Float c) { return a * b + c; }
 DFD_INLINE Double fused(Double a, Double b, Double c) { return a * b + c; }
 DFD_INLINE Float root(Float a) { return (Float)_mm_sqrt_ps((__m128)a); }
 DFD_INLINE Double root(Double a) { return (Double)_mm_sqrt_pd((__m128d)a); }
-DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, Int signed_bytes)
+DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, const Quad& quad)
 {
-    const __m128i u = (__m128i)unsigned_bytes, s = (__m128i)signed_bytes;
-    const __m128i even =
-        _mm_madd_epi16(_mm_and_si128(u, _mm_set1_epi16(255)), _mm_srai_epi16(_mm_slli_epi16(s, 8), 8));
-    const __m128i odd = _mm_madd_epi16(_mm_srli_epi16(u, 8), _mm_srai_epi16(s, 8));
+    const __m128i u = (__m128i)unsigned_bytes;
+    const __m128i even = _mm_madd_epi16(_mm_and_si128(u, _mm_set1_epi16(255)), (__m128i)quad.even);
+    const __m128i odd = _mm_madd_epi16(_mm_srli_epi16(u, 8), (__m128i)quad.odd);
     return sum + (Int)_mm_add_epi32(even, odd);
 }
 DFD_INLINE void stream(float* to, Float value) { _mm_stream_ps(to, (__m128)value); }
@@ -227,12 +260,12 @@ DFD_INLINE Double root(Double a)
     return a;
 }
 #endif
-DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, Int signed_bytes)
+DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, const Quad& quad)
 {
-    sum += (unsigned_bytes & 255) * ((signed_bytes << 24) >> 24);
-    sum += ((unsigned_bytes >> 8) & 255) * ((signed_bytes << 16) >> 24);
-    sum += ((unsigned_bytes >> 16) & 255) * ((signed_bytes << 8) >> 24);
-    sum += ((unsigned_bytes >> 24) & 255) * (signed_bytes >> 24);
+    sum += (unsigned_bytes & 255) * ((quad.bytes << 24) >> 24);
+    sum += ((unsigned_bytes >> 8) & 255) * ((quad.bytes << 16) >> 24);
+    sum += ((unsigned_bytes >> 16) & 255) * ((quad.bytes << 8) >> 24);
+    sum += ((unsigned_bytes >> 24) & 255) * (quad.bytes >> 24);
     return sum;
 }
 DFD_INLINE void stream(float* to, Float value) { store(to, value); }
@@ -241,104 +274,9 @@ DFD_INLINE void stream_fence() {}
 #endif
 #endif
 
-// Alternating entries of the first, and of the second, halves of two vectors.
-DFD_INLINE void interleave(Float a, Float b, Float& first, Float& second)
-{
-#if defined(__AVX512F__)
-    first = __builtin_shufflevector(a, b, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
-    second = __builtin_shufflevector(a, b, 8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31);
-#elif defined(__AVX2__)
-    first = __builtin_shufflevector(a, b, 0, 8, 1, 9, 2, 10, 3, 11);
-    second = __builtin_shufflevector(a, b, 4, 12, 5, 13, 6, 14, 7, 15);
-#else
-    first = __builtin_shufflevector(a, b, 0, 4, 1, 5);
-    second = __builtin_shufflevector(a, b, 2, 6, 3, 7);
+#if !defined(__AVX512F__)
+DFD_INLINE Float root_by_products(Float a) { return root(a); }
 #endif
-}
-
-// Rows become columns: each round of interleaving takes the next bit of the row's number to the lane's.
-DFD_INLINE void transpose(Float (&v)[lanes<float>])
-{
-    constexpr std::size_t size = lanes<float>;
-#pragma GCC unroll 4
-    for (std::size_t round = 1; round < size; round *= 2) {
-        Float next[size];
-#pragma GCC unroll 8
-        for (std::size_t i = 0; i < size / 2; ++i) interleave(v[i], v[i + size / 2], next[2 * i], next[2 * i + 1]);
-#pragma GCC unroll 16
-        for (std::size_t i = 0; i < size; ++i) v[i] = next[i];
-    }
-}
-
-// The first `count` entries, the others 0 where loaded and untouched where stored.
-DFD_INLINE Float load_part(const float* from, std::size_t count)
-{
-#if defined(__AVX512F__)
-    return (Float)_mm512_maskz_loadu_ps(static_cast<__mmask16>((1u << count) - 1), from);
-#else
-    Float value{};
-    std::memcpy(&value, from, count * sizeof(float));
-    return value;
-#endif
-}
-
-DFD_INLINE void store_part(float* to, Float value, std::size_t count)
-{
-#if defined(__AVX512F__)
-    _mm512_mask_storeu_ps(to, static_cast<__mmask16>((1u << count) - 1), (__m512)value);
-#else
-    std::memcpy(to, &value, count * sizeof(float));
-#endif
-}
-
-// Sixteen rows of `columns` numbers, `stride` apart, to (columns, 16); rows from `count` on repeat the last one.
-DFD_INLINE void rows_to_lanes(const float* rows, std::size_t stride, std::size_t columns, std::size_t count, float* out)
-{
-    constexpr std::size_t size = lanes<float>;
-    for (std::size_t k = 0; k < columns; k += size) {
-        const std::size_t width = columns - k < size ? columns - k : size;
-        for (std::size_t lane = 0; lane < block_size; lane += size) {
-            Float v[size];
-#pragma GCC unroll 16
-            for (std::size_t i = 0; i < size; ++i) {
-                const float* from = rows + (lane + i < count ? lane + i : count - 1) * stride + k;
-                v[i] = width == size ? load<Float>(from) : load_part(from, width);
-            }
-            transpose(v);
-            float* to = out + k * block_size + lane;
-            if (width == size) {
-#pragma GCC unroll 16
-                for (std::size_t i = 0; i < size; ++i) store(to + i * block_size, v[i]);
-            } else {
-                for (std::size_t i = 0; i < width; ++i) store(to + i * block_size, v[i]);
-            }
-        }
-    }
-}
-
-// The way back: (columns, 16) to `count` rows. `from` can be read up to the next multiple of 16 columns.
-DFD_INLINE void lanes_to_rows(const float* from, std::size_t columns, float* rows, std::size_t stride, std::size_t count)
-{
-    constexpr std::size_t size = lanes<float>;
-    for (std::size_t k = 0; k < columns; k += size) {
-        const std::size_t width = columns - k < size ? columns - k : size;
-        for (std::size_t lane = 0; lane < count; lane += size) {
-            Float v[size];
-#pragma GCC unroll 16
-            for (std::size_t i = 0; i < size; ++i) v[i] = load<Float>(from + (k + i) * block_size + lane);
-            transpose(v);
-            float* to = rows + lane * stride + k;
-            if (width == size && lane + size <= count) {
-#pragma GCC unroll 16
-                for (std::size_t i = 0; i < size; ++i) store(to + i * stride, v[i]);
-            } else {
-#pragma GCC unroll 16
-                for (std::size_t i = 0; i < size; ++i)
-                    if (lane + i < count) store_part(to + i * stride, v[i], width);
-            }
-        }
-    }
-}
 
 }  // namespace
 }  // namespace dfd

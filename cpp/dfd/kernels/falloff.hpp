@@ -1,0 +1,50 @@
+#pragma once
+
+// Powers of numbers in [0, 1] for Eq. (7).
+
+#include "dfd/kernels/simd.hpp"
+
+namespace dfd {
+namespace {
+
+// 2^x for x <= 0 by its series about the nearest whole number, exact at 0.
+DFD_INLINE Float exp2_of(Float x)
+{
+    x = maximum(x, splat(-126.0f));
+    const Int whole = __builtin_convertvector(x - 0.5f, Int);
+    const Float f = x - __builtin_convertvector(whole, Float);
+    Float y = splat(1.5403530e-4f);
+    y = fused(y, f, splat(1.3333558e-3f));
+    y = fused(y, f, splat(9.6181291e-3f));
+    y = fused(y, f, splat(5.5504109e-2f));
+    y = fused(y, f, splat(2.4022651e-1f));
+    y = fused(y, f, splat(6.9314718e-1f));
+    y = fused(y, f, splat(1.0f));
+    return (Float)((Int)y + (whole << 23));
+}
+
+// log2 of x in (0, 1], exact at 1: x = m 2^e with m in [sqrt(1/2), sqrt(2)), and the odd series of log((1+s)/(1-s)).
+DFD_INLINE Float log2_of(Float x)
+{
+    const Int bits = (Int)x - 0x3f3504f3;
+    const Int exponent = bits >> 23;
+    const Float m = (Float)((bits & 0x7fffff) + 0x3f3504f3);
+    const Float s = (m - 1.0f) / (m + 1.0f);
+    const Float q = s * s;
+    Float y = splat(0.32059890f);
+    y = fused(y, q, splat(0.41219859f));
+    y = fused(y, q, splat(0.57707802f));
+    y = fused(y, q, splat(0.96179669f));
+    y = fused(y, q, splat(2.8853901f));
+    return fused(y, s, __builtin_convertvector(exponent, Float));
+}
+
+// x^power for x in [0, 1] and power > 0.
+DFD_INLINE Float power_of(Float x, float power)
+{
+    const Float positive = exp2_of(power * log2_of(maximum(x, splat(0x1p-126f))));
+    return select(at_least(splat(0.0f), x), splat(0.0f), positive);
+}
+
+}  // namespace
+}  // namespace dfd

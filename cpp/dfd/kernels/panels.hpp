@@ -1,0 +1,154 @@
+#pragma once
+
+// Features of a block of vertices, and squared distances from them to feature rows.
+
+#include "dfd/kernels/simd.hpp"
+
+namespace dfd {
+namespace {
+
+constexpr std::size_t width = lanes<float>;
+constexpr std::size_t parts = vectors<float>;
+constexpr std::size_t chunk = 128;  // entries summed before the sum joins the total
+
+// One number of each vertex of a block.
+struct Block {
+    Float part[parts];
+};
+
+// The sum of `size` terms in four strands, so that no addition waits for the one before.
+template <class Add>
+DFD_INLINE Float sum_of(std::size_t size, const Add& add)
+{
+    Float a{}, b{}, c{}, d{};
+    std::size_t k = 0;
+    for (; k + 4 <= size; k += 4) {
+        a = add(k, a);
+        b = add(k + 1, b);
+        c = add(k + 2, c);
+        d = add(k + 3, d);
+    }
+    for (; k < size; ++k) a = add(k, a);
+    return (a + b) + (c + d);
+}
+
+// Squared distances by |a|² + |b|² - 2 a·b at the speed of a matrix product. Where cancellation would cost digits
+// that a weight shows, they are taken again from the differences.
+class FloatPanel {
+public:
+    FloatPanel(const float* panel, std::size_t dimension) : panel_(panel), dimension_(dimension)
+    {
+        for (std::size_t part = 0; part < parts; ++part) {
+            square_.part[part] = sum_of(dimension, [&](std::size_t k, Float sum) __attribute__((always_inline)) {
+                const Float entry = load<Float>(panel + k * block_size + part * width);
+                return fused(entry, entry, sum);
+            });
+        }
+    }
+
+    bool suspect() const
+    {
+        Float zero{};  // becomes NaN unless all are finite
+        for (std::size_t part = 0; part < parts; ++part) zero += square_.part[part] - square_.part[part];
+        return !all(equal(zero, zero));
+    }
+
+    template <std::size_t Count>
+    DFD_INLINE void squared_distances(const Targets& targets, std::size_t first, Block* out) const
+    {
+        const float* rows = targets.rows + first / group_size * group_size * dimension_ + first % group_size;
+        Float total[Count][parts] = {};
+        for (std::size_t start = 0; start < dimension_; start += chunk) {
+            const std::size_t end = start + chunk < dimension_ ? start + chunk : dimension_;
+            Float sum[Count][parts] = {};
+            for (std::size_t k = start; k < end; ++k) {
+                Float entry[parts];
+                for (std::size_t part = 0; part < parts; ++part)
+                    entry[part] = load<Float>(panel_ + k * block_size + part * width);
+#pragma GCC unroll 16
+                for (std::size_t j = 0; j < Count; ++j) {
+                    const Float other = splat(rows[k * group_size + j]);
+                    for (std::size_t part = 0; part < parts; ++part)
+                        sum[j][part] = fused(entry[part], other, sum[j][part]);
+                }
+            }
+#pragma GCC unroll 16
+            for (std::size_t j = 0; j < Count; ++j)
+                for (std::size_t part = 0; part < parts; ++part) total[j][part] += sum[j][part];
+        }
+        for (std::size_t j = 0; j < Count; ++j) {
+            for (std::size_t part = 0; part < parts; ++part) {
+                const Float squares = square_.part[part] + splat(targets.squares[first + j]);
+                Float square = fused(splat(-2.0f), total[j][part], squares);
+                // An error of 2e-7 (|a|² + |b|²) in the square stays below 2e-6 in the distance above this bound;
+                // beyond a distance of 1 it is never seen.
+                const Float bound = minimum(0.005f * squares * squares, 1.0f + 1e-6f * squares);
+                const auto far = at_least(square, bound);
+                if (!all(far)) square = select(far, square, squared_difference(rows + j, part));
+                out[j].part[part] = square + splat(targets.offsets[first + j]);
+            }
+        }
+    }
+
+private:
+    Float squared_difference(const float* row, std::size_t part) const
+    {
+        return sum_of(dimension_, [&](std::size_t k, Float sum) __attribute__((always_inline)) {
+            const Float difference = load<Float>(panel_ + k * block_size + part * width) - splat(row[k * group_size]);
+            return fused(difference, difference, sum);
+        });
+    }
+
+    const float* panel_;
+    std::size_t dimension_;
+    Block square_{};
+};
+
+// Squared distances of int8 entries: whole numbers, hence exact.
+class BytePanel {
+public:
+    BytePanel(const std::uint8_t* panel, std::size_t dimension, float scale)
+        : panel_(panel), quads_(dimension / 4), scale_(scale)
+    {
+    }
+
+    bool suspect() const { return false; }
+
+    template <std::size_t Count>
+    DFD_INLINE void squared_distances(const Targets& targets, std::size_t first, Block* out) const
+    {
+        const std::size_t group = first / group_size * group_size * quads_;
+        const std::int32_t* bytes = targets.quads + group + first % group_size;
+        const std::int32_t* pairs = targets.pairs + 2 * group + first % group_size;
+        Int sum[Count][parts] = {};
+#pragma GCC unroll 4
+        for (std::size_t k = 0; k < quads_; ++k) {
+            Int entry[parts];
+            for (std::size_t part = 0; part < parts; ++part)
+                entry[part] = load<Int>(panel_ + (k * block_size + part * width) * 4);
+#pragma GCC unroll 16
+            for (std::size_t j = 0; j < Count; ++j) {
+                const Quad other = quad_of(bytes + k * group_size + j, pairs + 2 * k * group_size + j);
+                for (std::size_t part = 0; part < parts; ++part)
+                    sum[j][part] = dot4(sum[j][part], entry[part], other);
+            }
+        }
+#pragma GCC unroll 16
+        for (std::size_t j = 0; j < Count; ++j) {
+            for (std::size_t part = 0; part < parts; ++part) {
+                const Int own = load<Int>(panel_ + (quads_ * block_size + part * width) * 4);
+                const Int square = own + targets.quad_squares[first + j] - 2 * sum[j][part];
+                out[j].part[part] = fused(__builtin_convertvector(square, Float), splat(scale_ * scale_),
+                                          splat(targets.offsets[first + j]));
+            }
+        }
+    }
+
+private:
+    const std::uint8_t* panel_;
+    std::size_t quads_;
+    float scale_;
+};
+
+}  // namespace
+}  // namespace dfd
