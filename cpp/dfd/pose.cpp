@@ -78,6 +78,20 @@ void check_shapes(const PoseArrays<T>& arrays, const Motion& motion)
             "pose: `symmetry` must know every handle's side");
 }
 
+void require_finite_transforms(const Motion& motion)
+{
+    for (std::size_t k = 0; k < motion.transforms.size(); ++k) {
+        const Affine& transform = motion.transforms[k];
+        const auto found = std::find_if_not(transform.begin(), transform.end(), [](double x) { return std::isfinite(x); });
+        if (found == transform.end()) continue;
+        const auto entry = static_cast<std::size_t>(found - transform.begin());
+        throw std::invalid_argument("pose: `transforms` must be finite, got " + std::to_string(*found) + " at [" +
+                                    std::to_string(k) + ", " + std::to_string(entry / 4) + ", " +
+                                    std::to_string(entry % 4) + "]");
+    }
+    require_finite(Matrix<const double>{motion.rest.data(), 3, 4}, "pose", "default");
+}
+
 void require_finite_weights(const StridedMatrix<const float>& weights)
 {
     for (std::size_t i = 0; i < weights.rows; ++i)
@@ -96,6 +110,7 @@ template <class T>
 void pose(const PoseArrays<T>& arrays, const Motion& motion, int threads, const Kernels& kernels)
 {
     check_shapes(arrays, motion);
+    require_finite_transforms(motion);
     const std::size_t count = arrays.vertices.rows;
     if (count == 0) return;
 

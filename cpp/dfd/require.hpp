@@ -17,12 +17,6 @@ inline void require(bool condition, const char* message)
     if (!condition) throw std::invalid_argument(message);
 }
 
-template <class T>
-bool all_finite(std::span<const T> values)
-{
-    return std::all_of(values.begin(), values.end(), [](T value) { return std::isfinite(value); });
-}
-
 /// Throws "<operation>: `<name>` must be finite, got <value> at [<row>, <column>]" for the first such value.
 template <class T>
 void require_finite(Matrix<const T> values, const char* operation, const char* name)

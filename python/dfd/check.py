@@ -34,28 +34,39 @@ def array(
     ValueError
         If `value` is not numeric, has another shape, or (with `finite`) holds NaN or infinity.
     """
-    if hasattr(value, "detach"):  # a torch tensor: its memory is shared when it lies on the CPU
-        value = value.detach().cpu()
-    try:
-        result = np.asarray(value)
-        if result.dtype.kind not in "fiub":
-            raise TypeError
-    except (TypeError, ValueError):
-        raise ValueError(f"{function}: `{name}` must be a numeric array, got {_kind(value)}") from None
-    if result.ndim != len(shape) or any(
-        isinstance(want, int) and want != have for want, have in zip(shape, result.shape, strict=True)
-    ):
+    if type(value) is np.ndarray:
+        result = value
+    else:
+        if hasattr(value, "detach"):  # a torch tensor: its memory is shared when it lies on the CPU
+            value = value.detach().cpu()
+        try:
+            result = np.asarray(value)
+        except (TypeError, ValueError):
+            raise ValueError(f"{function}: `{name}` must be a numeric array, got {_kind(value)}") from None
+    if result.dtype.kind not in "fiub":
+        raise ValueError(f"{function}: `{name}` must be a numeric array, got {_kind(value)}")
+    if not _fits(result.shape, shape):
         raise ValueError(f"{function}: `{name}` must have shape {_describe(shape)}, got {result.shape}")
     if finite and result.dtype.kind == "f" and not np.isfinite(result).all():
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(result))[0])
         raise ValueError(
             f"{function}: `{name}` must be finite, got {result[where]} at {list(where) if where else 'its value'}"
         )
+    if result.dtype == dtype:
+        return np.ascontiguousarray(result)
     with np.errstate(over="ignore"):
         coerced = np.ascontiguousarray(result, dtype=dtype)
-    if finite and coerced.dtype.kind == "f" and coerced is not result and not np.isfinite(coerced).all():
+    if finite and coerced.dtype.kind == "f" and not np.isfinite(coerced).all():
         raise ValueError(f"{function}: `{name}` has values too large for {np.dtype(dtype).name}")
     return coerced
+
+
+def _fits(shape: tuple[int, ...], wanted: Sequence[int | str | None]) -> bool:
+    fits = len(shape) == len(wanted)
+    for have, want in zip(shape, wanted, strict=False):  # twice as fast as any() of a generator
+        if have != want and isinstance(want, int):
+            fits = False
+    return fits
 
 
 def number(
@@ -112,10 +123,11 @@ def vertex_indices(
     outside = (indices < 0) | (indices >= vertex_count)
     if outside.any():
         raise ValueError(f"{function}: `{name}` must lie in 0 … {vertex_count - 1}, got {int(indices[outside][0])}")
-    if unique:
-        values, counts = np.unique(indices, return_counts=True)
-        if (counts > 1).any():
-            raise ValueError(f"{function}: `{name}` names vertex {int(values[counts > 1][0])} more than once")
+    if unique and len(indices) > 1:
+        ordered = np.sort(indices)
+        again = ordered[1:][ordered[1:] == ordered[:-1]]
+        if len(again):
+            raise ValueError(f"{function}: `{name}` names vertex {int(again[0])} more than once")
     return np.ascontiguousarray(indices, dtype=np.int64)
 
 

@@ -184,6 +184,8 @@ def _target(function: str, out: Any, points: NDArray[Any], inputs: dict[str, NDA
 def _affine(function: str, name: str, value: Any, count: int | None) -> NDArray[np.float64]:
     """(H, 3, 4) transforms, or (1, 3, 4) when `count` is None and `value` is a single one."""
     array = np.asarray(tensors.shared(function, name, value))
+    if array.shape == (count, 3, 4) and array.dtype == np.float64 and array.flags.c_contiguous:
+        return array  # whose finiteness the kernel checks
     if count is None:
         array = array[np.newaxis] if array.ndim == 2 else array
     elif array.size == 0 and count == 0:

@@ -27,7 +27,7 @@ def shared(function: str, name: str, value: Any) -> Any:
     ValueError
         If `value` is a tensor on another device or of a type that NumPy lacks.
     """
-    if not is_tensor(value):
+    if type(value) is np.ndarray or not is_tensor(value):
         return value
     if value.device.type != "cpu":
         raise ValueError(f"{function}: `{name}` must be on the CPU, got a tensor on {value.device}")
@@ -56,14 +56,15 @@ def output(
     if is_tensor(out) and out.requires_grad:
         raise ValueError(f"{function}: `out` must not require a gradient")
     array = shared(function, "out", out)
-    wanted = f"an array of shape {shape} and type {np.dtype(dtype).name}"
-    if not isinstance(array, np.ndarray):
-        raise ValueError(f"{function}: `out` must be {wanted}, got {type(out).__name__}")
-    if array.shape != shape or array.dtype != dtype:
-        raise ValueError(f"{function}: `out` must be {wanted}, got {array.shape} and {array.dtype.name}")
+    if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype != dtype:
+        found = f"{array.shape} and {array.dtype.name}" if isinstance(array, np.ndarray) else type(out).__name__
+        raise ValueError(
+            f"{function}: `out` must be an array of shape {shape} and type {np.dtype(dtype).name}, got {found}"
+        )
+    flags = array.flags
     if columns and not lines_contiguous(array):
         raise ValueError(f"{function}: `out` must have contiguous rows or columns")
-    if not (columns or array.flags.c_contiguous) or not array.flags.writeable or not array.flags.aligned:
+    if not (columns or flags.c_contiguous) or not flags.writeable or not flags.aligned:
         raise ValueError(f"{function}: `out` must be {'' if columns else 'C-contiguous and '}writable")
     for name, other in inputs.items():
         if other is not None and np.may_share_memory(array, other):
@@ -73,11 +74,14 @@ def output(
 
 def lines_contiguous(array: NDArray[Any]) -> bool:
     """Whether each row, or each column, of a matrix is contiguous, and none overlaps the next."""
+    flags = array.flags
+    if flags.c_contiguous or flags.f_contiguous:
+        return flags.aligned
     rows, columns = array.shape
     down, beside = (stride // array.itemsize for stride in array.strides)
     by_rows = (beside == 1 or columns <= 1) and (down >= columns or rows <= 1)
     by_columns = (down == 1 or rows <= 1) and (beside >= rows or columns <= 1)
-    return bool(array.flags.aligned) and (by_rows or by_columns)
+    return flags.aligned and (by_rows or by_columns)
 
 
 def like(value: Any, result: NDArray[Any]) -> Any:
