@@ -42,13 +42,15 @@ class Geodesics:
         self._mesh = mesh
         self._coarse_faces = int(check.number("Geodesics", "coarse_faces", coarse_faces, minimum=100))
 
-    def distances(self, handles: Any) -> NDArray[np.float32]:
+    def distances(self, handles: Any, *, dtype: Any = np.float32) -> NDArray[Any]:
         """Return how far every vertex is from each handle along the surface, as a share of the farthest it reaches.
 
         Parameters
         ----------
         handles
             (H,) vertex indices, or (H, 3) points, each of which stands for the vertex nearest to it.
+        dtype
+            float32, or float16: half the memory, and off by 2.5e-4 at most, which is less than the method errs.
 
         Returns
         -------
@@ -57,10 +59,13 @@ class Geodesics:
         Raises
         ------
         ValueError
-            If `handles` has another shape, or holds an index out of range or a coordinate that is not finite.
+            If `handles` has another shape, or holds an index out of range or a coordinate that is not finite, or
+            `dtype` is another.
         """
+        if dtype not in (np.float32, np.float16, "float32", "float16"):
+            raise ValueError(f"Geodesics.distances: `dtype` must be float32 or float16, got {dtype!r}")
         chosen = self._handle_vertices(handles)
-        result = np.ones((len(chosen), len(self._mesh.vertices)), np.float32)
+        result = np.ones((len(chosen), len(self._mesh.vertices)), dtype)
         for row, handle in zip(result, chosen, strict=True):
             row[:] = self._from(int(handle))
         return result

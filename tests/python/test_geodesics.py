@@ -37,6 +37,23 @@ def test_distances_on_a_sphere_are_angles(sphere: Mesh) -> None:
         assert np.abs(row - on_sphere(sphere, handle)).mean() < 0.01
 
 
+@pytest.mark.parametrize("dtype", [np.float16, "float16"])
+def test_half_the_memory_loses_next_to_nothing(sphere: Mesh, dtype: object) -> None:
+    geodesics = Geodesics(sphere)
+    full, halves = geodesics.distances([0, 7]), geodesics.distances([0, 7], dtype=dtype)
+    assert halves.dtype == np.float16
+    assert halves.nbytes == full.nbytes / 2
+    assert np.abs(halves - full).max() <= 2.5e-4
+    assert halves[0, 0] == 0
+    assert np.array_equal(halves.max(axis=1), [1, 1])
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.int8, "half a float", None])
+def test_other_types_of_distances_are_refused(sphere: Mesh, dtype: object) -> None:
+    with pytest.raises(ValueError, match="Geodesics.distances: `dtype` must be float32 or float16, got"):
+        Geodesics(sphere).distances([0], dtype=dtype)
+
+
 @pytest.mark.parametrize(("coarse_faces", "allowed"), [(1000, 0.025), (2500, 0.016), (8000, 0.01)])
 def test_a_coarse_stand_in_loses_little(coarse_faces: int, allowed: float) -> None:
     made = trimesh.creation.icosphere(5)
