@@ -78,9 +78,9 @@ def fibonacci_directions(count: int, *, mirrored: bool = False) -> NDArray[np.fl
         index = np.arange(count) + 0.5
         return _sphere(1 - 2 * index / count, np.pi * (1 + np.sqrt(5)) * index)
     # A Fibonacci spiral would come close to its own images at the planes; few meridians, taken in turn, keep off them.
-    index = np.arange(count // 4)
+    index = np.arange(count // 4) + 0.5
     meridians = max(2, round(np.sqrt(len(index) / 2.5)))
-    quarter = _sphere(1 - (2 * index + 1) / max(len(index), 1), np.pi / 2 * (index % meridians + 0.5) / meridians)
+    quarter = _sphere(1 - 2 * index / max(len(index), 1), np.pi / 2 * (index % meridians) / meridians)
     sides = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])[: count % 4 // 2 * 2]
     front = np.array([[0.0, 0.0, 1.0]])[: count % 2]
     return np.concatenate([*(quarter * signs for signs in _MIRROR_IMAGES), sides, front])

@@ -7,6 +7,7 @@ import json
 import logging
 import os
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -20,13 +21,14 @@ from dfd.encoders.models import VisionModel, build
 from dfd.encoders.presets import PRESETS
 from dfd.encoders.weights import Weights, find_weights
 from dfd.progress import Stages
+from dfd.threads import get_num_threads
+from dfd.torch_threads import share
 
 __all__ = ["Encoder", "load_encoder"]
 
 _log = logging.getLogger(__name__)
 
-# Pixels that go through the network together: enough to keep the processor busy, few enough to bound memory.
-_PIXELS_AT_ONCE = {"cpu": 2 * 518 * 518, "cuda": 24 * 518 * 518}
+_PIXELS_AT_ONCE = 24 * 518 * 518  # that go through the network together on a device: enough to keep it busy
 
 PRECISIONS = ("auto", "float32", "bfloat16")
 
@@ -95,9 +97,10 @@ class Encoder:
         }
 
     def images_at_once(self, resolution: int) -> int:
-        """How many pictures of `resolution` pixels go through the network together."""
-        pixels = self.nearest_resolution(resolution) ** 2
-        return max(1, _PIXELS_AT_ONCE.get(self.device.type, _PIXELS_AT_ONCE["cpu"]) // pixels)
+        """How many pictures of `resolution` pixels are in work together: on a processor one on each thread."""
+        if self.device.type == "cpu":
+            return get_num_threads()
+        return max(1, _PIXELS_AT_ONCE // self.nearest_resolution(resolution) ** 2)
 
     def encode(
         self, images: NDArray[np.uint8], *, mirror: bool = False, stages: Stages | None = None
@@ -135,26 +138,40 @@ class Encoder:
         self._say_rounded(pictures.shape[1], resolution)
         side = resolution // self.patch
         tokens = np.empty((len(pictures), side, side, self.dimension), np.float32)
-        at_once = self.images_at_once(resolution)
         with (stages or Stages(show=False)).stage("encode", total=len(pictures)) as advance:
-            start = 0
-            while start < len(pictures):
-                batch = pictures[start : start + at_once]
-                try:
-                    tokens[start : start + len(batch)] = self._forward(batch, mirror=mirror)
-                except RuntimeError as error:
-                    if not out_of_memory(error):
-                        raise
-                    if at_once == 1:
-                        raise MemoryError(
-                            f"encode: {self.device} has too little memory for one image of {resolution}² pixels: "
-                            "lower the resolution, or take a smaller encoder or another device"
-                        ) from None
-                    at_once = max(1, at_once // 2)
-                    continue
-                start += len(batch)
-                advance(len(batch))
+
+            def fill(begin: int, end: int) -> None:
+                tokens[begin:end] = self._forward(pictures[begin:end], mirror=mirror)
+                advance(end - begin)
+
+            try:
+                if self.device.type == "cpu":
+                    share(len(pictures), 1, fill)
+                else:
+                    self._fill_on_device(len(pictures), self.images_at_once(resolution), fill)
+            except RuntimeError as error:
+                if not out_of_memory(error):
+                    raise
+                raise MemoryError(
+                    f"encode: {self.device} has too little memory for one image of {resolution}² pixels: "
+                    "lower the resolution, or take a smaller encoder or another device"
+                ) from None
         return tokens
+
+    @staticmethod
+    def _fill_on_device(count: int, at_once: int, fill: Callable[[int, int], None]) -> None:
+        """Call `fill` for all pictures, fewer at once where memory runs out."""
+        begin = 0
+        while begin < count:
+            end = min(begin + at_once, count)
+            try:
+                fill(begin, end)
+            except RuntimeError as error:
+                if at_once == 1 or not out_of_memory(error):
+                    raise
+                at_once = max(1, at_once // 2)
+                continue
+            begin = end
 
     def _forward(self, images: NDArray[np.uint8], *, mirror: bool) -> NDArray[np.float32]:
         resolution = self.nearest_resolution(images.shape[1])

@@ -18,6 +18,7 @@ from torch import nn
 
 from dfd import check
 from dfd.files import atomic_write
+from dfd.torch_threads import share
 
 if TYPE_CHECKING:
     from dfd.mesh import Mesh
@@ -26,8 +27,9 @@ __all__ = ["Field"]
 
 FORMAT = "dfd-field"
 VERSION = 1
-# Activations of one batch stay within a few megabytes, so that they live in the cache between two layers.
-BATCH = 8192
+# Activations of one batch stay within half a megabyte, so that they live in a core's cache between two layers.
+BATCH = 512
+DEVICE_BATCH = 1 << 16  # a device with thousands of threads wants them all busy
 MOST_OCTAVES = 16  # beyond, float32 no longer tells the angles apart
 
 
@@ -133,10 +135,17 @@ class Field(nn.Module):
             return super().__call__(points)
         array = check.array("Field", "points", points, ("N", 3), dtype=np.float64)
         features = np.empty((len(array), self.dimension), np.float32)
-        with torch.inference_mode():
-            for start in range(0, len(array), BATCH):
-                batch = torch.tensor(array[start : start + BATCH]).to(self.center.device)
-                features[start : start + BATCH] = self.forward(batch).cpu().numpy()
+
+        def fill(begin: int, end: int) -> None:
+            batch = torch.tensor(array[begin:end]).to(self.center.device)
+            features[begin:end] = self.forward(batch).cpu().numpy()
+
+        if self.center.device.type == "cpu":
+            share(len(array), BATCH, fill)
+        else:
+            with torch.inference_mode():
+                for begin in range(0, len(array), DEVICE_BATCH):
+                    fill(begin, min(begin + DEVICE_BATCH, len(array)))
         return features
 
     def features(self, mesh: Mesh) -> NDArray[np.float32]:

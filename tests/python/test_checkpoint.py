@@ -43,7 +43,7 @@ def _small_steps(one_thread: None) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HF_HUB_OFFLINE", "1")
         patch.setattr(checkpoint, "SECONDS", 0.0)
-        patch.setattr(dfd.encode, "_PIXELS_AT_ONCE", {"cpu": 2 * 32 * 32})
+        patch.setattr(dfd.encode, "get_num_threads", lambda: 2)
         yield
 
 
@@ -151,7 +151,7 @@ def start(mesh: Path, encoder: Path, output: Path) -> subprocess.Popen[str]:
     """The command line with the settings of `SMALL` and 100 steps, each slowed down by 15 ms."""
     code = (
         "import sys, time; import torch; torch.set_num_threads(1)\n"
-        "import dfd.encode; dfd.encode._PIXELS_AT_ONCE = {'cpu': 2 * 32 * 32}\n"
+        "import dfd.encode; dfd.encode.get_num_threads = lambda: 2\n"
         "from dfd.distillation import checkpoint; checkpoint.SECONDS = 0.05\n"
         "keep = checkpoint.FitState.keep\n"
         "def slow(*given): time.sleep(0.015); keep(*given)\n"

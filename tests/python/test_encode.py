@@ -15,6 +15,7 @@ import pytest
 import torch
 import transformers
 
+import dfd
 import dfd.encode
 from dfd.encode import Encoder, load_encoder
 from dfd.encoders.attention import blocked_attention, use_blocked_attention
@@ -355,12 +356,17 @@ def test_images_are_not_changed_and_results_repeat(dinov2: Saved) -> None:
     assert np.array_equal(first, load_encoder(dinov2.folder, device="cpu").encode(images))
 
 
-def test_batches_do_not_show(dinov2: Saved, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_threads_do_not_show(dinov2: Saved) -> None:
     images = pictures(5, 48)
     encoder = load_encoder(dinov2.folder, device="cpu", precision="float32")
-    together = encoder.encode(images)
-    monkeypatch.setitem(dfd.encode._PIXELS_AT_ONCE, "cpu", 2 * 48 * 48)
-    np.testing.assert_allclose(encoder.encode(images), together, atol=1e-5)
+    before = dfd.get_num_threads()
+    try:
+        dfd.set_num_threads(1)
+        alone = encoder.encode(images)
+        dfd.set_num_threads(3)
+        assert np.array_equal(encoder.encode(images), alone)
+    finally:
+        dfd.set_num_threads(before)
 
 
 def test_read_only_and_flipped_images_are_taken(dinov2: Saved) -> None:
@@ -387,7 +393,7 @@ def test_mirrored_tokens_are_the_mean_of_both_and_know_no_side(dinov2: Saved) ->
     np.testing.assert_allclose(encoder.encode(images[:, :, ::-1], mirror=True), both[:, :, ::-1], atol=1e-5)
 
 
-def test_progress_counts_images(dinov2: Saved, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_progress_counts_images(dinov2: Saved) -> None:
     counted: list[int] = []
 
     class Counting(Stages):
@@ -396,9 +402,8 @@ def test_progress_counts_images(dinov2: Saved, monkeypatch: pytest.MonkeyPatch) 
             assert (name, total) == ("encode", 5)
             yield counted.append
 
-    monkeypatch.setitem(dfd.encode._PIXELS_AT_ONCE, "cpu", 2 * 32 * 32)
     load_encoder(dinov2.folder, device="cpu").encode(pictures(5, 32), stages=Counting(show=False))
-    assert counted == [2, 2, 1]
+    assert counted == [1] * 5
 
 
 @pytest.mark.parametrize(("given", "used"), [(50, 48), (52, 56), (3, 8)])
@@ -531,22 +536,33 @@ def test_tokens_that_are_not_finite_are_refused(dinov2: Saved) -> None:
         encoder.encode(pictures(1, 32))
 
 
-@pytest.mark.parametrize("error", [torch.cuda.OutOfMemoryError(), RuntimeError("can't allocate memory: you tried")])
-def test_too_little_memory_is_met_with_smaller_batches(
+OUT_OF_MEMORY = [torch.cuda.OutOfMemoryError(), RuntimeError("can't allocate memory: you tried")]
+
+
+@pytest.mark.parametrize("error", OUT_OF_MEMORY)
+def test_a_device_with_too_little_memory_gets_smaller_batches(error: RuntimeError) -> None:
+    filled: list[tuple[int, int]] = []
+    limit = 1
+
+    def fill(begin: int, end: int) -> None:
+        if end - begin > limit:
+            raise error
+        filled.append((begin, end))
+
+    Encoder._fill_on_device(5, 4, fill)
+    assert filled == [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5)]
+    limit = 0
+    with pytest.raises(type(error)):
+        Encoder._fill_on_device(5, 4, fill)
+
+
+@pytest.mark.parametrize("error", OUT_OF_MEMORY)
+def test_too_little_memory_for_one_image_says_what_to_lower(
     dinov2: Saved, monkeypatch: pytest.MonkeyPatch, error: RuntimeError
 ) -> None:
-    encoder = load_encoder(dinov2.folder, device="cpu", precision="float32")
-    images = pictures(5, 32)
-    expected = encoder.encode(images)
-    whole, limit = Encoder._forward, 1
+    def fail(*_: Any, **__: Any) -> np.ndarray:
+        raise error
 
-    def small(self: Encoder, batch: np.ndarray, **options: Any) -> np.ndarray:
-        if len(batch) > limit:
-            raise error
-        return whole(self, batch, **options)
-
-    monkeypatch.setattr(Encoder, "_forward", small)
-    np.testing.assert_allclose(encoder.encode(images), expected, atol=1e-5)
-    limit = 0
+    monkeypatch.setattr(Encoder, "_forward", fail)
     with pytest.raises(MemoryError, match="lower the resolution"):
-        encoder.encode(images)
+        load_encoder(dinov2.folder, device="cpu").encode(pictures(5, 32))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
 import torch
@@ -10,6 +11,7 @@ from torch import Tensor
 
 from dfd.field import Field
 from dfd.progress import Stages
+from dfd.torch_threads import one_thread
 
 if TYPE_CHECKING:
     from dfd.distillation.checkpoint import FitState, Stateful
@@ -30,6 +32,8 @@ def descend(
     """Fit `field` in place; return the loss of every step.
 
     Every step follows the gradient of the mean of ‖Φ(P) − Z‖² over what `draw` gives, with Adam under a one-cycle rate.
+    On a processor it is one thread's work: steps are many and small, and two threads would wait for each other longer
+    than they save.
 
     Parameters
     ----------
@@ -50,7 +54,8 @@ def descend(
     parts: dict[str, Stateful] = {"network": field.network, "optimizer": optimizer, "schedule": schedule}
     losses = state.restore(parts, generator) if state else []
     field.train()
-    with stages.stage("fit", steps) as advance:
+    alone = one_thread() if field.center.device.type == "cpu" else nullcontext()
+    with alone, stages.stage("fit", steps) as advance:
         advance(len(losses))
         for _ in range(len(losses), steps):
             points, targets = draw()
