@@ -36,7 +36,7 @@ DFD_INLINE void put_column(const BindJob& job, std::size_t handle, const Place& 
     } else if (job.stream) {
         for (std::size_t part = 0; part < parts; ++part) stream(column + part * width, weights.part[part]);
     } else {
-        prefetch_to_write(column, column_ahead);
+        prefetch<true>(column, column_ahead, 1);
         for (std::size_t part = 0; part < parts; ++part) store(column + part * width, weights.part[part]);
     }
 }

@@ -6,6 +6,9 @@
 namespace dfd {
 namespace {
 
+// Bytes between what is posed and what is prefetched, to read and to write: for one handle there is little else to do.
+constexpr std::size_t vertices_ahead = 1536, weights_ahead = 512;
+
 template <class T>
 struct Vector3 {
     Vector<T> x, y, z;
@@ -292,6 +295,9 @@ DFD_INLINE std::size_t pose_single(const PoseJob<T>& job, std::size_t begin, std
     Vector<T> met = check;
     std::size_t i = begin;
     for (; i + lanes<T> <= end; i += lanes<T>) {
+        prefetch(own.vertices + 3 * i, vertices_ahead, 3 * vector_bytes);
+        prefetch(own.weights + i, weights_ahead, 1);
+        prefetch<true>(own.posed + 3 * i, vertices_ahead, 3 * vector_bytes);
         const Vector3<T> vertex = Interleaved<T>::read(own.vertices + 3 * i);
         const Vector<T> weight = load_weights<T>(own.weights + i);
         const Vector3<T> p{vertex.x - center.x, vertex.y - center.y, vertex.z - center.z};
@@ -301,6 +307,7 @@ DFD_INLINE std::size_t pose_single(const PoseJob<T>& job, std::size_t begin, std
         };
         Vector3<T> posed;
         if (own.base != nullptr) {
+            prefetch(own.base + 3 * i, vertices_ahead, 3 * vector_bytes);
             const Vector3<T> from = Interleaved<T>::read(own.base + 3 * i);
             posed = {moved(0, from.x), moved(4, from.y), moved(8, from.z)};
         } else {

@@ -80,18 +80,15 @@ struct Quad {
 DFD_INLINE Quad quad_of(const std::int32_t* bytes, const std::int32_t*) { return {splat(*bytes)}; }
 #endif
 
-// Asks for `size` bytes that lie `ahead` of a place, whether or not they are still part of its array.
+// Asks for `size` bytes that lie `ahead` of a place, whether or not they are still part of its array; to write there
+// a core must first take a line from memory as well.
+template <bool Write = false>
 DFD_INLINE void prefetch(const void* place, std::size_t ahead, std::size_t size)
 {
     const std::uintptr_t first = reinterpret_cast<std::uintptr_t>(place) + ahead;
 #pragma GCC unroll 8
-    for (std::size_t line = 0; line < size; line += 64) __builtin_prefetch(reinterpret_cast<const void*>(first + line));
-}
-
-// Takes the line of a place that lies `ahead` for its own, whether or not it is still part of its array.
-DFD_INLINE void prefetch_to_write(const void* place, std::size_t ahead)
-{
-    __builtin_prefetch(reinterpret_cast<const void*>(reinterpret_cast<std::uintptr_t>(place) + ahead), 1);
+    for (std::size_t line = 0; line < size; line += 64)
+        __builtin_prefetch(reinterpret_cast<const void*>(first + line), Write);
 }
 
 // What a comparison of two vectors gives: a mask register where the machine has them, else a vector.
