@@ -23,7 +23,7 @@ class Bind:
         self.scene = make_scene(VERTICES)
         self.handles = self.scene.handles(handles)
         self.out = np.empty((VERTICES, handles), np.float32)
-        self.read = reading(self.scene.compact.nbytes)
+        self.read = reading(self.scene.compact.blocks)
 
     def time_bind(self, handles: int) -> None:
         """Weights into an array that is there already."""
@@ -35,15 +35,18 @@ class Bind:
 
 
 class Constrained:
-    """Ten handles, three fixed points, and locality."""
+    """Ten handles, three fixed points, and locality by distances in float32 or float16."""
 
-    def setup(self) -> None:
+    params = ("float32", "float16")
+    param_names = ("distances",)
+
+    def setup(self, distances: str) -> None:
         """Make the scene, distances and a place for the weights."""
         self.scene = make_scene(VERTICES)
-        self.geodesic = np.random.default_rng(0).random((10, VERTICES), dtype=np.float32)
+        self.geodesic = np.random.default_rng(0).random((10, VERTICES), dtype=np.float32).astype(distances)
         self.out = np.empty((VERTICES, 10), np.float32)
 
-    def time_bind(self) -> None:
+    def time_bind(self, distances: str) -> None:
         """Everything in one pass."""
         dfd.bind(
             self.scene.compact,

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 import dfd
 
 from . import peers
-from .machine import copying, product, reading
+from .machine import copying, moving, product, reading
 from .measure import Timing, measure, together
 from .scene import Scene, make_scene
 
@@ -48,7 +49,8 @@ def _bind(scene: Scene, out: np.ndarray) -> Callable[[], object]:
 def _ceilings(scene: Scene) -> Iterator[Line]:
     operations, count = product(len(scene.vertices), scene.compact.dimensions, 100)
     large = 1 << 29
-    timings = together({"read": reading(large), "copy": copying(large), "product": operations})
+    memory = np.ones(large // 8, np.int64)
+    timings = together({"read": reading(memory), "copy": copying(large), "product": operations})
     for name in ("read", "copy"):
         yield Line(f"{name} 512 MB", timings[name], "", None, f"{large / timings[name].best / 1e9:.1f} GB/s")
     speed = count / timings["product"].best / 1e9
@@ -58,25 +60,25 @@ def _ceilings(scene: Scene) -> Iterator[Line]:
 def _binding(scene: Scene, outs: dict[int, np.ndarray]) -> Iterator[Line]:
     compact, vertex_count = scene.compact, len(scene.vertices)
     stored = f"{compact.precision}, {compact.dimensions} dimensions"
-    distances = np.random.default_rng(0).random((10, vertex_count), dtype=np.float32)
-    constrained = {"fixed": [1, 2, 3], "geodesic": distances, "locality": 2.0}
     ten = scene.handles(10)
-    timings = together(
-        {
-            "read": reading(compact.nbytes),
-            "1": _bind(scene, outs[1]),
-            "10": _bind(scene, outs[10]),
-            "constrained": lambda: dfd.bind(compact, ten, out=outs[10], **constrained),
-        },
-        seconds=2.0,
-        most=1000,
-    )
+    distances = {"float32": np.random.default_rng(0).random((10, vertex_count), dtype=np.float32)}
+    distances["float16"] = distances["float32"].astype(np.float16)
+    calls = {"read": reading(compact.blocks), "1": _bind(scene, outs[1]), "10": _bind(scene, outs[10])}
+    for kind, geodesic in distances.items():
+        constrained = {"fixed": [1, 2, 3], "geodesic": geodesic, "locality": 2.0, "out": outs[10]}
+        calls[kind] = partial(dfd.bind, compact, ten, **constrained)
+        calls[f"moving {kind}"] = moving([compact.blocks, geodesic], outs[10])
+    timings = together(calls, seconds=2.0, most=1000)
     share = timings["read"].best / timings["1"].best
     yield Line(
         f"bind 1 ({stored})", timings["1"], "reading them", timings["read"], f"{share:.0%}", ">= 85 %", share >= 0.85
     )
     yield _ratio("bind 10", timings["10"], "bind 1", timings["1"])
-    yield _ratio("bind 10 + 3 fixed + locality", timings["constrained"], "bind 1", timings["1"], 2.5)
+    for kind, geodesic in distances.items():
+        work = f"bind 10 + 3 fixed + locality, distances in {kind}"
+        yield _ratio(work, timings[kind], "bind 1", timings["1"], 2.5)
+        megabytes = (compact.nbytes + geodesic.nbytes + outs[10].nbytes) / 1e6
+        yield _ratio(f"moving its {megabytes:.0f} MB and no more", timings[f"moving {kind}"], "bind 1", timings["1"])
 
     operations, _ = product(vertex_count, compact.dimensions, 100)
     timings = together({"100": _bind(scene, outs[100]), "product": operations}, least=5)
