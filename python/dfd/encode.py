@@ -241,7 +241,7 @@ def load_encoder(
         Where torch computes, such as "cpu" or "cuda"; None takes a CUDA device when there is one.
     precision
         "float32"; "bfloat16", two to three times as fast on processors and CUDA devices that have it (weights then move
-        by 0.0006 on average, 0.01 at most); "auto" takes "bfloat16" there and "float32" elsewhere.
+        by 0.0006 on average, 0.01 at most); "auto" takes "bfloat16" where it is faster and "float32" elsewhere.
 
     Raises
     ------

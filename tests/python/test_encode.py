@@ -474,8 +474,9 @@ def test_blocked_attention_leaves_amx_to_torch(dinov2: Saved, monkeypatch: pytes
 
 
 def test_precision_is_chosen_by_the_processor(dinov2: Saved, monkeypatch: pytest.MonkeyPatch) -> None:
-    for has, expected in ((True, "bfloat16"), (False, "float32")):
+    for has, pays, expected in ((True, True, "bfloat16"), (True, False, "float32"), (False, True, "float32")):
         monkeypatch.setattr("dfd.encoders.attention._cpu_has", lambda feature, has=has: has)
+        monkeypatch.setattr("dfd.encoders.attention._bfloat16_pays", lambda pays=pays: pays)
         encoder = load_encoder(dinov2.folder, device="cpu", precision="auto")
         assert encoder.settings()["encoder_precision"] == expected
 
