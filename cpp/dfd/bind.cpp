@@ -14,6 +14,7 @@ namespace {
 constexpr std::size_t grain_entries = std::size_t{1} << 19;   // of features, compared: less is not worth a thread
 constexpr std::size_t streamed_bytes = std::size_t{1} << 22;  // results beyond this would only wash out the caches
 constexpr std::size_t streamed_columns = 64;
+constexpr std::size_t most_byte_dimensions = 33'000;          // beyond, 32 bits may not hold a squared distance
 
 double value_of(float value) { return double(value); }
 
@@ -195,6 +196,8 @@ void bind(const Features& features, const Points& handles, const Constraints& co
           const StridedMatrix<float>& weights, int threads, const Kernels& kernels)
 {
     const auto& [fixed, geodesic, locality] = constraints;
+    require(features.layout != Features::Layout::bytes || features.dimension <= most_byte_dimensions,
+            "bind: `features` of bytes must have at most 33,000 dimensions");
     check_points(handles, features, "handles", "bind: `handles` and `features` differ in dimension");
     check_points(fixed, features, "fixed", "bind: `fixed` and `features` differ in dimension");
     require_distinct(handles.vertices);

@@ -249,6 +249,8 @@ CASE("bad input is named")
     CHECK_THROWS(bind_vertices({.rows = {problem.rows.data(), 2, 6}}, {.vertices = outside}), "`fixed` must lie in 0 … 39");
     const std::array<float, 2> offsets{0, -1};
     CHECK_THROWS(bind_vertices({.rows = {problem.rows.data(), 2, 6}, .offsets = offsets}, {}), "must be at least 0");
+    const dfd::Features many{dfd::Features::Layout::bytes, nullptr, 40, 33004};
+    CHECK_THROWS(dfd::bind(many, {}, {}, {problem.weights.data(), 40, 0}, 1, dfd::kernels()), "at most 33,000 dimensions");
     problem.rows[8] = std::numeric_limits<float>::infinity();
     CHECK_THROWS(problem.bind(), "`handles` must be finite, got inf at [1, 2]");
     problem.rows[8] = 0;

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import mmap
+import sys
+
 import numpy as np
 import pytest
 import torch
@@ -198,6 +201,22 @@ def test_out_may_be_a_column_of_a_larger_array():
     dfd.bind(features, [1, 2, 3, 7], out=rows[:, 1:5])
     np.testing.assert_array_equal(rows[:, 1:5], together)
     assert (rows[:, [0, 5]] == -1).all()
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="takes addresses without memory, as Linux gives them")
+def test_columns_may_lie_farther_apart_than_32_bits_count():
+    features, apart = unit_rows(53, 12), 2**31 + 48  # floats
+    no_reserve = 0x4000
+    flags = mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS | no_reserve
+    memory = np.frombuffer(mmap.mmap(-1, 4 * (apart + 64), flags=flags), np.float32)  # of which two pages are touched
+    columns = np.lib.stride_tricks.as_strided(memory, (53, 2), (4, 4 * apart))
+    wanted = dfd.bind(features, [1, 2])
+    dfd.bind(features, [1, 2], out=columns)
+    np.testing.assert_array_equal(columns, wanted)
+    vertices, transforms = features[:, :3].copy(), np.eye(3, 4) + np.arange(24).reshape(2, 3, 4) / 100
+    np.testing.assert_array_equal(
+        dfd.pose(vertices, columns, transforms), dfd.pose(vertices, np.asfortranarray(wanted), transforms)
+    )
 
 
 def lines(count, offset):
