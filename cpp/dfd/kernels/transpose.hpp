@@ -101,16 +101,22 @@ DFD_INLINE void transpose_quads(Float (&v)[4])
 #undef DFD_IN_QUADS
 }
 
+typedef float QuadFloat __attribute__((vector_size(16)));
+
+template <std::size_t Index, class V>
+DFD_INLINE QuadFloat quad(V v)
+{
+    if constexpr (sizeof v == sizeof(QuadFloat)) return v;
+    else return __builtin_shufflevector(v, v, 4 * Index, 4 * Index + 1, 4 * Index + 2, 4 * Index + 3);
+}
+
 // The first `Count` entries of quad `Index` of each of four vectors, to a row each.
 template <std::size_t Count, std::size_t Index = 0>
 DFD_INLINE void store_quads(const Float (&v)[4], float* rows, std::size_t stride)
 {
-    typedef float Four __attribute__((vector_size(16)));
 #pragma GCC unroll 4
     for (std::size_t i = 0; i < 4; ++i) {
-        Four four;
-        if constexpr (quads == 1) four = v[i];
-        else four = __builtin_shufflevector(v[i], v[i], 4 * Index, 4 * Index + 1, 4 * Index + 2, 4 * Index + 3);
+        const QuadFloat four = quad<Index>(v[i]);
         std::memcpy(rows + (4 * Index + i) * stride, &four, Count * sizeof(float));
     }
     if constexpr (Index + 1 < quads) store_quads<Count, Index + 1>(v, rows, stride);
