@@ -5,6 +5,8 @@
 #include "dfd/kernels/output.hpp"
 #include "dfd/kernels/variants.hpp"
 
+#include <type_traits>
+
 namespace dfd {
 namespace {
 
@@ -80,12 +82,13 @@ DFD_INLINE void narrow(const BindJob& job, std::size_t handle, const Place& plac
     }
 }
 
-template <class Panel>
+// `Columns` and `Distance`, the type of geodesic distances or void, are known to the compiler: what they decide would
+// be decided again for every handle of every block.
+template <bool Columns, class Distance, class Panel>
 DFD_INLINE void bind_block(const BindJob& job, const Panel& panel, const Place& place, float* scratch,
                            LineStream& lines, Faults& faults)
 {
     faults.suspect |= panel.suspect();
-    const bool columns = by_columns(job);
     Block room;  // what the fixed points leave: 1 less their largest weight
     for (std::size_t part = 0; part < parts; ++part) room.part[part] = splat(1.0f);
     for (std::size_t first = 0; first < job.targets.count; first += tile) {
@@ -109,11 +112,8 @@ DFD_INLINE void bind_block(const BindJob& job, const Panel& panel, const Place& 
                 const Float distance = j % 2 == 0 ? root(square) : root_by_products(square);
                 weights.part[part] = maximum(room.part[part] - distance, splat(0.0f));  // Equations (4-6)
             }
-            if (job.geodesic != nullptr) {
-                if (job.geodesic_halves) narrow<std::uint16_t>(job, handle, place, weights, faults);
-                else narrow<float>(job, handle, place, weights, faults);
-            }
-            if (columns) {
+            if constexpr (!std::is_void_v<Distance>) narrow<Distance>(job, handle, place, weights, faults);
+            if constexpr (Columns) {
                 put_column(job, handle, place, weights);
             } else {
                 for (std::size_t part = 0; part < parts; ++part)
@@ -121,26 +121,41 @@ DFD_INLINE void bind_block(const BindJob& job, const Panel& panel, const Place& 
             }
         }
     }
-    if (!columns) put_rows(job, place, scratch, lines);
+    if constexpr (!Columns) put_rows(job, place, scratch, lines);
 }
 
-// Binds block after block; read(job, first vertex, their number, where to) gives a block's features as a panel.
-template <class Read>
-DFD_INLINE unsigned bind_range(const BindJob& shared_job, std::size_t begin, std::size_t end, float* scratch,
-                               const Read& read)
+template <bool Columns, class Distance, class Read>
+DFD_INLINE unsigned bind_blocks(const BindJob& shared_job, std::size_t begin, std::size_t end, float* scratch,
+                                const Read& read)
 {
     const BindJob job = shared_job;  // which no store can touch
     float* weights = scratch + job.dimension * block_size;
-    const bool by_lines = job.stream && !by_columns(job);
+    const bool by_lines = !Columns && job.stream;
     LineStream lines(by_lines ? job.weights + begin * job.row_stride : nullptr, weights + job.handle_count * block_size);
     Faults faults;
     for (std::size_t i = begin; i < end; i += block_size) {
         const std::size_t count = end - i < block_size ? end - i : block_size;
-        bind_block(job, read(job, i, count, scratch), {i, count}, weights, lines, faults);
+        bind_block<Columns, Distance>(job, read(job, i, count, scratch), {i, count}, weights, lines, faults);
     }
     if (by_lines) lines.finish();
     stream_fence();
     return faults.sum();
+}
+
+template <bool Columns, class Read>
+DFD_INLINE unsigned bind_lines(const BindJob& job, std::size_t begin, std::size_t end, float* scratch, const Read& read)
+{
+    if (job.geodesic == nullptr) return bind_blocks<Columns, void>(job, begin, end, scratch, read);
+    if (job.geodesic_halves) return bind_blocks<Columns, std::uint16_t>(job, begin, end, scratch, read);
+    return bind_blocks<Columns, float>(job, begin, end, scratch, read);
+}
+
+// Binds block after block; read(job, first vertex, their number, where to) gives a block's features as a panel.
+template <class Read>
+DFD_INLINE unsigned bind_range(const BindJob& job, std::size_t begin, std::size_t end, float* scratch, const Read& read)
+{
+    const bool columns = job.row_stride == 1 && (job.column_stride != 1 || job.handle_count == 1);
+    return columns ? bind_lines<true>(job, begin, end, scratch, read) : bind_lines<false>(job, begin, end, scratch, read);
 }
 
 }  // namespace

@@ -15,11 +15,6 @@ struct Place {
     std::size_t begin, count;
 };
 
-DFD_INLINE bool by_columns(const BindJob& job)
-{
-    return job.row_stride == 1 && (job.column_stride != 1 || job.handle_count == 1);
-}
-
 DFD_INLINE void copy(const float* from, std::size_t count, float* to)
 {
     for (std::size_t k = 0; k < count; ++k) to[k] = from[k];
