@@ -121,6 +121,7 @@ def _plan(
     coloured = [shape for shape in (subjects if quick else labelled) if shape.mesh.appearance is not None]
     if coloured:
         comparison("textures", coloured, studies.textures)
+    comparison("background", subjects, studies.background)
     comparison("fit length", subjects, lambda: studies.fit_length(lab))
     if not quick:
         comparison("views", subjects, lambda: studies.views(lab))

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
 import inspect
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import dfd
+from dfd.distillation.recipe import summed
 from dfd.encode import Encoder, load_encoder
 
 DEFAULTS: dict[str, Any] = {
@@ -18,7 +19,8 @@ DEFAULTS: dict[str, Any] = {
     for name, parameter in inspect.signature(dfd.distill).parameters.items()
     if parameter.default is not inspect.Parameter.empty
 }
-SETTINGS = DEFAULTS.keys() | {"block", "texture"}  # an encoder's block, and whether a shape keeps its colours
+# An encoder's block, whether it looks at the background as well, and whether a shape keeps its colours.
+SETTINGS = DEFAULTS.keys() | {"block", "background", "texture"}
 TOKENS_KEPT = 3  # sets of pictures; the studies of one shape come one after the other
 
 
@@ -30,12 +32,13 @@ class Lab:
         self.settings = {**DEFAULTS, **settings}
         self._say = say
         self._fields: dict[tuple[Any, ...], dfd.Field] = {}
-        self._encoders: dict[tuple[str, int | None], Encoder] = {}
+        self._encoders: dict[tuple[str, int | None, bool], Encoder] = {}
 
     def field(self, shape: str, mesh: dfd.Mesh, **changes: Any) -> dfd.Field:
         """The field of `mesh`, called `shape`: the lab's settings with some `changes`.
 
-        Besides those of `dfd.distill` there are "block", the encoder's, and "texture": False takes pictures in grey.
+        Besides those of `dfd.distill` there are "block", the encoder's, "background": True looks at the background as
+        well, and "texture": False takes pictures in grey.
 
         Raises
         ------
@@ -46,7 +49,9 @@ class Lab:
         key = (mesh.content_hash, *sorted((name, repr(value)) for name, value in settings.items()))
         if key not in self._fields:
             self._say(f"distilling {shape}" + "".join(f", {name} {value}" for name, value in changes.items()))
-            encoder = self._encoder(settings.pop("encoder"), settings.pop("block", None))
+            encoder = self._encoder(
+                settings.pop("encoder"), settings.pop("block", None), background=settings.pop("background", False)
+            )
             if not settings.pop("texture", True):
                 mesh = dfd.Mesh(mesh.vertices, mesh.faces)
             self._fields[key] = dfd.distill(mesh, encoder, **settings)
@@ -57,21 +62,27 @@ class Lab:
         loaded = self._encoder(encoder, None)
         return loaded.block, loaded._model.depth
 
-    def _encoder(self, name: str, block: int | None) -> Encoder:
-        if (name, block) not in self._encoders:
-            self._encoders[name, block] = remembering(load_encoder(name, block=block, device=self.settings["device"]))
-        return self._encoders[name, block]
+    def _encoder(self, name: str, block: int | None, *, background: bool = False) -> Encoder:
+        key = (name, block, background)
+        if key not in self._encoders:
+            encoder = load_encoder(name, block=block, device=self.settings["device"])
+            if background:
+                encoder._model = replace(encoder._model, takes_patches=False)
+            self._encoders[key] = remembering(encoder)
+        return self._encoders[key]
 
 
 def remembering(encoder: Encoder) -> Encoder:
     """Let `encoder` keep the tokens of the pictures that it saw last, for fits of other lengths and seeds."""
-    kept: dict[bytes, NDArray[np.float32]] = {}
+    kept: dict[str, NDArray[np.float32]] = {}
     look = encoder.encode
 
-    def encode(images: NDArray[np.uint8], *, mirror: bool = False, **others: Any) -> NDArray[np.float32]:
-        key = hashlib.sha256(np.ascontiguousarray(images)).digest() + bytes([mirror])
+    def encode(
+        images: NDArray[np.uint8], *, covered: NDArray[np.bool_] | None = None, **others: Any
+    ) -> NDArray[np.float32]:
+        key = summed(images, *([] if covered is None else [covered]))
         if key not in kept:
-            kept[key] = look(images, mirror=mirror, **others)
+            kept[key] = look(images, covered=covered, **others)
             while len(kept) > TOKENS_KEPT:
                 del kept[next(iter(kept))]
         return kept[key]

@@ -121,6 +121,11 @@ def textures() -> dict[str, Settings]:
     return {TEXTURED: {}, GREY: {"texture": False}}
 
 
+def background() -> dict[str, Settings]:
+    """What the network sees of a picture: the patches of the shape, or all of them."""
+    return {"the shape's patches": {}, "whole pictures": {"background": True}}
+
+
 def casting() -> dict[str, Settings]:
     """Rays at the mesh itself or at simplified copies; the field is always read on the full mesh."""
     return {

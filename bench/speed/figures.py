@@ -73,7 +73,7 @@ def _plot(axes: Axes, name: str, points: list[tuple[float, float]]) -> None:
             label=name,
         )
     else:
-        axes.plot([], [], ls="--", label=f"{name}: failed")
+        axes.plot([], [], ls="--", color="0.7", label=f"{name}: failed")
 
 
 def _milliseconds(call: Callable[[], object], seconds: float = 0.3) -> float:

@@ -168,7 +168,7 @@ def distill(
         )
     run.begin()
     with run.step("the tokens", "lower `resolution` or `views`, or take a smaller encoder"):
-        tokens = run.encode(model, seen.images, stages=stages)
+        tokens = run.encode(model, seen.images, seen.covered, stages=stages)
     with run.step("the fit", "lower `batch`, `resolution` or `views`"):
         pixels = PixelTargets(seen, tokens, model.device)
         targets: PixelTargets | PointTargets = pixels

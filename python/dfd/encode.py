@@ -17,6 +17,7 @@ from torch import Tensor
 
 from dfd.distillation.devices import choose_device, out_of_memory
 from dfd.encoders.attention import choose_precision, use_blocked_attention
+from dfd.encoders.foreground import foreground_patches
 from dfd.encoders.models import VisionModel, build
 from dfd.encoders.presets import PRESETS
 from dfd.encoders.weights import Weights, find_weights
@@ -77,6 +78,7 @@ class Encoder:
             "encoder_patch": self.patch,
             "encoder_dimension": self.dimension,
             "encoder_precision": self.precision,
+            "encoder_foreground_only": self._model.takes_patches,
         }
 
     def nearest_resolution(self, resolution: int) -> int:
@@ -103,7 +105,12 @@ class Encoder:
         return max(1, _PIXELS_AT_ONCE // self.nearest_resolution(resolution) ** 2)
 
     def encode(
-        self, images: NDArray[np.uint8], *, mirror: bool = False, stages: Stages | None = None
+        self,
+        images: NDArray[np.uint8],
+        *,
+        covered: NDArray[np.bool_] | None = None,
+        mirror: bool = False,
+        stages: Stages | None = None,
     ) -> NDArray[np.float32]:
         """Return the tokens of `images`.
 
@@ -112,6 +119,10 @@ class Encoder:
         images
             Shape (number of images, R, R, 3), 8-bit red, green and blue as displayed. An R that the network cannot take
             is resized to the nearest one that it can, and said once.
+        covered
+            Shape (number of images, R, R): the pixels that show the shape. Patches without any, and beside none that
+            has some, are then left out by networks that can do without, and their tokens are 0. None: every patch is
+            looked at.
         mirror
             Average each image's tokens with those of its mirror image, mirrored back: the encoder's sense of left and
             right goes, at twice the time.
@@ -125,7 +136,7 @@ class Encoder:
         Raises
         ------
         ValueError
-            If `images` has another shape or type, or the network gives NaN or infinity.
+            If `images` or `covered` has another shape or type, or the network gives NaN or infinity.
         """
         pictures = np.asarray(images)
         if pictures.dtype != np.uint8 or pictures.ndim != 4 or pictures.shape[3] != 3 or 0 in pictures.shape[1:]:
@@ -134,6 +145,10 @@ class Encoder:
             )
         if pictures.shape[1] != pictures.shape[2]:
             raise ValueError(f"encode: `images` must be square, got {pictures.shape[2]} × {pictures.shape[1]} pixels")
+        shown = None if covered is None else np.asarray(covered)
+        if shown is not None and (shown.dtype != np.bool_ or shown.shape != pictures.shape[:3]):
+            found = f"{shown.dtype} of shape {shown.shape}"
+            raise ValueError(f"encode: `covered` must be bool of shape {pictures.shape[:3]}, got {found}")
         resolution = self.nearest_resolution(pictures.shape[1])
         self._say_rounded(pictures.shape[1], resolution)
         side = resolution // self.patch
@@ -141,7 +156,8 @@ class Encoder:
         with (stages or Stages(show=False)).stage("encode", total=len(pictures)) as advance:
 
             def fill(begin: int, end: int) -> None:
-                tokens[begin:end] = self._forward(pictures[begin:end], mirror=mirror)
+                some = None if shown is None else shown[begin:end]
+                tokens[begin:end] = self._forward(pictures[begin:end], some, mirror=mirror)
                 advance(end - begin)
 
             try:
@@ -173,7 +189,9 @@ class Encoder:
                 continue
             begin = end
 
-    def _forward(self, images: NDArray[np.uint8], *, mirror: bool) -> NDArray[np.float32]:
+    def _forward(
+        self, images: NDArray[np.uint8], covered: NDArray[np.bool_] | None, *, mirror: bool
+    ) -> NDArray[np.float32]:
         resolution = self.nearest_resolution(images.shape[1])
         with torch.inference_mode():
             pixels = torch.from_numpy(np.array(images, order="C")).to(self.device).permute(0, 3, 1, 2) / 255.0
@@ -183,11 +201,16 @@ class Encoder:
                 ).clamp(0.0, 1.0)
             normalisation = self._model.normalisation
             pixels = (pixels - _channels(normalisation.mean, self.device)) / _channels(normalisation.std, self.device)
-            tokens = self._run(pixels)
+            side = resolution // self.patch
+            patches: list[Tensor] | None = None
+            if covered is not None and self._model.takes_patches:
+                shapes = torch.from_numpy(np.array(covered, order="C")).to(self.device)
+                patches = [foreground_patches(shown, side) for shown in shapes]
+            tokens = self._run(pixels, patches)
             if mirror:
-                tokens = (tokens + self._run(pixels.flip(3)).flip(2)) / 2
+                flipped = [shown.flip(1) for shown in patches] if patches else None
+                tokens = (tokens + self._run(pixels.flip(3), flipped).flip(2)) / 2
             result: NDArray[np.float32] = tokens.cpu().numpy()
-        side = resolution // self.patch
         if result.shape != (len(images), side, side, self.dimension):
             raise ValueError(
                 f"encode: `encoder` {self.name!r} gave an output of shape {result.shape}, "
@@ -200,9 +223,17 @@ class Encoder:
             )
         return result
 
-    def _run(self, pixels: Tensor) -> Tensor:
+    def _run(self, pixels: Tensor, patches: list[Tensor] | None) -> Tensor:
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.precision == "bfloat16"):
-            return self._model.tokens(pixels.contiguous()).float()
+            if patches is None:
+                return self._model.tokens(pixels.contiguous(), None).float()
+            # Each picture has its own number of patches.
+            return torch.cat(
+                [
+                    self._model.tokens(picture[None].contiguous(), shown).float()
+                    for picture, shown in zip(pixels, patches, strict=True)
+                ]
+            )
 
     def _say_rounded(self, given: int, used: int) -> None:
         if given == used or given in self._rounded:

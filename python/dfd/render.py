@@ -36,6 +36,8 @@ class Views:
     ----------
     images
         (n, R, R, 3) 8-bit red, green and blue as displayed, on white.
+    covered
+        (n, R, R) bool, the pixels that show the shape.
     cameras
         One a picture.
     points
@@ -51,6 +53,7 @@ class Views:
     """
 
     images: NDArray[np.uint8]
+    covered: NDArray[np.bool_]
     cameras: list[Camera]
     points: NDArray[np.float32]
     view: NDArray[np.int16]
@@ -119,13 +122,18 @@ def render(
         used = used_vertices(vertices, mesh.faces)
         cameras = place_cameras(views, used, framing=framing, mirrored=mirrored)
         images = np.empty((views, resolution, resolution, 3), np.uint8)
-        covered = np.zeros(views, np.int64)  # pixels of each picture that show the surface
+        covered = np.zeros((views, resolution, resolution), bool)
+        met = np.zeros(views, bool)  # pictures in which some ray met the surface
 
         def take(index: int) -> Seen:
             images[index], hits = shading.picture(cameras[index], resolution)
-            covered[index] = len(hits.ray)
+            covered[index].ravel()[hits.ray] = True
+            met[index] = len(hits.ray) > 0
             if supervision == "vertex":
-                return *_visible_vertices(scene, used, cameras[index], resolution), np.zeros(0, np.int32)
+                points, row, column = _visible_vertices(scene, used, cameras[index], resolution)
+                # Some fall on pixels whose rays pass by the surface.
+                covered[index, np.rint(row).astype(np.int32), np.rint(column).astype(np.int32)] = True
+                return points, row, column, np.zeros(0, np.int32)
             row, column = np.divmod(hits.ray.astype(np.int32), resolution)
             points = surface_points(vertices, mesh.faces, hits)
             return points, row.astype(np.float32), column.astype(np.float32), hits.face
@@ -138,9 +146,9 @@ def render(
                 seen.append((points, view, row, column, face))
                 advance()
     points, view, row, column, face = (np.concatenate(parts) for parts in zip(*seen, strict=True))
-    if not covered.any() or len(points) == 0:
+    if not met.any() or len(points) == 0:
         raise ValueError("render: `mesh` is seen by no camera: all its faces are without area, or smaller than a pixel")
-    return Views(images, cameras, points, view, row, column, face, vertices, mesh.faces, center, scale)
+    return Views(images, covered, cameras, points, view, row, column, face, vertices, mesh.faces, center, scale)
 
 
 def used_vertices(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float32]:

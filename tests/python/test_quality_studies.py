@@ -107,7 +107,7 @@ def test_in_grey_a_mesh_has_no_colours(monkeypatch):
     mesh = Mesh(np.eye(3), corners[None], appearance=looks)
     lab = Lab({}, [].append)
     seen = []
-    monkeypatch.setattr(lab, "_encoder", lambda name, block: name)
+    monkeypatch.setattr(lab, "_encoder", lambda name, block, **how: name)
     monkeypatch.setattr("dfd.distill", lambda mesh, encoder, **settings: seen.append((mesh, settings)) or len(seen))
     first = lab.field("one", mesh)
     assert lab.field("one", mesh, texture=False) != first

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import dfd
-from dfd import Mesh
+from dfd import Mesh, samples
 from dfd.progress import Stages
 from dfd.render import Views, render
 
@@ -133,7 +133,7 @@ def test_mirrored_views_of_a_mirrored_shape_are_the_same(robot: Mesh) -> None:
         points = views.points[here] * (MIRROR if start else 1)
         place = (views.view[here] - start, views.row[here], views.column[here], views.face[here])
         shape = (views.vertices, views.faces, views.center, views.scale)
-        return Views(views.images[start : start + 2], [], points, *place, *shape)
+        return Views(views.images[start : start + 2], views.covered[start : start + 2], [], points, *place, *shape)
 
     same(part(0), part(2), 1e-4)
 
@@ -239,3 +239,13 @@ def test_a_shape_without_area_is_refused() -> None:
 def test_bad_arguments_are_named(options: dict[str, object], message: str) -> None:
     with pytest.raises(ValueError, match=f"render: {message}"):
         render(lopsided(), **options)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("supervision", ["barycentric", "vertex"])
+def test_covered_pixels_are_those_that_show_something(supervision: str) -> None:
+    views = render(samples.robot(4000).mesh, views=3, resolution=70, supervision=supervision)
+    place = (views.view, np.rint(views.row).astype(int), np.rint(views.column).astype(int))
+    assert views.covered[place].all()
+    assert (views.images[~views.covered] == 255).all()
+    if supervision == "barycentric":
+        assert views.covered.sum() == len(views.points)

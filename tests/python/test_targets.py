@@ -17,6 +17,7 @@ def views() -> Views:
     """Four points in two pictures of 8 × 8 pixels, over grids of 2 × 2 tokens."""
     return Views(
         images=np.zeros((2, 8, 8, 3), np.uint8),
+        covered=np.ones((2, 8, 8), bool),
         cameras=[],
         points=np.arange(12, dtype=np.float32).reshape(4, 3),
         view=np.array([0, 0, 1, 1], np.int16),

@@ -102,18 +102,18 @@ class Checkpoint:
             Checkpoint(folder, recipe).remove()
 
     def encode(
-        self, model: Encoder, images: NDArray[np.uint8], *, mirror: bool = False, stages: Stages
+        self, model: Encoder, images: NDArray[np.uint8], covered: NDArray[np.bool_], *, stages: Stages
     ) -> NDArray[np.float32]:
         """Do what `model.encode` does, batch by batch; batches that were encoded before are read."""
         at_once = model.images_at_once(images.shape[1])
         pieces = []
         with stages.stage("encode", len(images)) as advance:
             for start in range(0, len(images), at_once):
-                some = images[start : start + at_once]
-                name = f"tokens-{self._digest(np.array([start, mirror]), some)}.npy"
+                some, shown = images[start : start + at_once], covered[start : start + at_once]
+                name = f"tokens-{self._digest(np.array(start), some, shown)}.npy"
                 piece = self._read_tokens(name, len(some))
                 if piece is None:
-                    piece = model.encode(some, mirror=mirror)
+                    piece = model.encode(some, covered=shown)
                     stream = io.BytesIO()
                     np.save(stream, piece, allow_pickle=False)
                     self._write(name, stream.getbuffer())

@@ -66,11 +66,13 @@ class Run:
         if self._folder is not None:
             self._kept = Checkpoint(self._folder, self._recipe)
 
-    def encode(self, model: Encoder, images: NDArray[np.uint8], *, stages: Stages, **how: Any) -> NDArray[np.float32]:
+    def encode(
+        self, model: Encoder, images: NDArray[np.uint8], covered: NDArray[np.bool_], *, stages: Stages
+    ) -> NDArray[np.float32]:
         """Do what `model.encode` does, less what an earlier run has done."""
         if self._kept is None:
-            return model.encode(images, stages=stages, **how)
-        return self._kept.encode(model, images, stages=stages, **how)
+            return model.encode(images, covered=covered, stages=stages)
+        return self._kept.encode(model, images, covered, stages=stages)
 
     def fit_state(self, *made_from: NDArray[Any]) -> FitState | None:
         """The place for the state of a fit to the arrays `made_from`; None where nothing is kept."""

@@ -17,6 +17,7 @@ from typing import Any, SupportsIndex
 import torch
 from torch import Tensor, nn
 
+from dfd.encoders.foreground import leave_out_background, looking_at, placed
 from dfd.encoders.presets import CLIP, IMAGENET, SYMMETRIC, Normalisation
 from dfd.encoders.weights import Weights
 
@@ -28,11 +29,12 @@ class VisionModel:
     """A network cut off after `block` (counted from 1) of its `depth` blocks.
 
     `tokens` maps normalised images (n, 3, H, W), H and W multiples of `step` pixels (exactly `fixed_size` where that
-    is set), to tokens (n, H / patch, W / patch, D).
+    is set), to tokens (n, H / patch, W / patch, D). Its second argument are the patches to look at, (H / patch,
+    W / patch) bool, the same in all images, or None for all of them; it is heeded where `takes_patches`.
     """
 
     network: nn.Module
-    tokens: Callable[[Tensor], Tensor]
+    tokens: Callable[[Tensor, Tensor | None], Tensor]
     dimension: int
     patch: int
     step: int
@@ -41,6 +43,7 @@ class VisionModel:
     normalisation: Normalisation
     fixed_size: int | None = None
     pluggable_attention: bool = False
+    takes_patches: bool = False
 
 
 def build(weights: Weights, block: int | None = None, normalisation: Normalisation | None = None) -> VisionModel:
@@ -84,11 +87,19 @@ def build(weights: Weights, block: int | None = None, normalisation: Normalisati
             f"load_encoder: `encoder`: the weights lack {len(unset)} tensors of a {kind} model, such as {unset[0]}"
         )
     network.eval().requires_grad_(False)
+    takes_patches = family.takes_patches(config)
+    if takes_patches:
+        leave_out_background(network.embeddings)
     patch = family.patch(config, chosen)
     step = family.step(config)
+
+    def tokens(images: Tensor, patches: Tensor | None) -> Tensor:
+        with looking_at(patches if takes_patches else None):
+            return family.tokens(network, images)
+
     return VisionModel(
         network=network,
-        tokens=lambda images: family.tokens(network, images),
+        tokens=tokens,
         dimension=family.dimension(config, chosen),
         patch=patch,
         step=step or patch,
@@ -97,6 +108,7 @@ def build(weights: Weights, block: int | None = None, normalisation: Normalisati
         normalisation=weights.normalisation or normalisation or family.normalisation,
         fixed_size=family.fixed_size(config),
         pluggable_attention=family.pluggable_attention,
+        takes_patches=takes_patches,
     )
 
 
@@ -139,6 +151,7 @@ class _Family:
     step: Callable[[Any], int | None] = lambda config: None
     fixed_size: Callable[[Any], int | None] = lambda config: None
     pluggable_attention: bool = False
+    takes_patches: Callable[[Any], bool] = lambda config: False  # with their module `embeddings`
 
 
 def _load(family: _Family, weights: Weights, config: Any) -> tuple[Any, set[str]]:
@@ -209,6 +222,7 @@ def _quiet() -> Iterator[None]:
 def _grid(sequence: Tensor, images: Tensor, patch: int) -> Tensor:
     """Patch tokens of a sequence (n, prefix + h·w, D) in their places (n, h, w, D); the prefix is left out."""
     rows, columns = images.shape[2] // patch, images.shape[3] // patch
+    sequence = placed(sequence)
     if sequence.ndim != 3 or sequence.shape[1] < rows * columns:
         raise ValueError(
             f"encode: `encoder` gives an output of shape {tuple(sequence.shape)}, "
@@ -303,8 +317,18 @@ def _hiera_step(config: Any) -> int:
     return math.lcm(pooled, stride * backbone.window_size_per_stage[0])
 
 
-_DINOV2 = _Family("Dinov2Model", _plain, "encoder.layer", pluggable_attention=True)
-_REGISTERS = _Family("Dinov2WithRegistersModel", _plain, "encoder.layer", pluggable_attention=True)
+# Large networks keep what they know of a whole picture in patches of its background, unless they have registers for it
+# (Darcet et al. 2024); without a background it would go to the shape's own.
+_DINOV2 = _Family(
+    "Dinov2Model",
+    _plain,
+    "encoder.layer",
+    pluggable_attention=True,
+    takes_patches=lambda config: bool(config.hidden_size <= 768),
+)
+_REGISTERS = _Family(
+    "Dinov2WithRegistersModel", _plain, "encoder.layer", pluggable_attention=True, takes_patches=lambda config: True
+)
 _DINOV3 = _Family("DINOv3ViTModel", _plain, "model.layer", pluggable_attention=True)
 _CONVNEXT = _Family(
     "DINOv3ConvNextModel",
