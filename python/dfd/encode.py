@@ -22,7 +22,6 @@ from dfd.encoders.models import VisionModel, build
 from dfd.encoders.presets import PRESETS
 from dfd.encoders.weights import Weights, find_weights
 from dfd.progress import Stages
-from dfd.threads import get_num_threads
 from dfd.torch_threads import share
 
 __all__ = ["Encoder", "load_encoder"]
@@ -98,18 +97,13 @@ class Encoder:
             "encoder_normalisation": [list(normalisation.mean), list(normalisation.std)],
         }
 
-    def images_at_once(self, resolution: int) -> int:
-        """How many pictures of `resolution` pixels are in work together: on a processor one on each thread."""
-        if self.device.type == "cpu":
-            return get_num_threads()
-        return max(1, _PIXELS_AT_ONCE // self.nearest_resolution(resolution) ** 2)
-
     def encode(
         self,
         images: NDArray[np.uint8],
         *,
         covered: NDArray[np.bool_] | None = None,
         mirror: bool = False,
+        done: Callable[[int, NDArray[np.float32]], None] | None = None,
         stages: Stages | None = None,
     ) -> NDArray[np.float32]:
         """Return the tokens of `images`.
@@ -126,6 +120,8 @@ class Encoder:
         mirror
             Average each image's tokens with those of its mirror image, mirrored back: the encoder's sense of left and
             right goes, at twice the time.
+        done
+            Called with the number of an image and its tokens as soon as they are made: in any order, from any thread.
         stages
             Gets a stage "encode" of one item an image.
 
@@ -158,13 +154,16 @@ class Encoder:
             def fill(begin: int, end: int) -> None:
                 some = None if shown is None else shown[begin:end]
                 tokens[begin:end] = self._forward(pictures[begin:end], some, mirror=mirror)
+                if done is not None:
+                    for image in range(begin, end):
+                        done(image, tokens[image])
                 advance(end - begin)
 
             try:
                 if self.device.type == "cpu":
                     share(len(pictures), 1, fill)
                 else:
-                    self._fill_on_device(len(pictures), self.images_at_once(resolution), fill)
+                    self._fill_on_device(len(pictures), max(1, _PIXELS_AT_ONCE // resolution**2), fill)
             except RuntimeError as error:
                 if not out_of_memory(error):
                     raise

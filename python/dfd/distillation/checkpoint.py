@@ -1,6 +1,6 @@
 """What a distillation has done so far, kept in a folder, so that one that was stopped can go on bit for bit.
 
-The folder holds the recipe, the tokens of each batch of pictures, and the state of the fit. Every file appears whole
+The folder holds the recipe, the tokens of each picture, and the state of the fit. Every file appears whole
 or not at all and is named by what it was made from, so that a piece which does not belong here is never taken up.
 """
 
@@ -10,6 +10,7 @@ import contextlib
 import io
 import json
 import os
+import threading
 import time
 import warnings
 from collections.abc import Mapping
@@ -69,6 +70,7 @@ class Checkpoint:
         self.folder = Path(folder)
         self._recipe = digest(recipe)
         self._told = False
+        self._telling = threading.Lock()  # pictures are written by the threads that encode them
         if self.folder.exists() and not self.folder.is_dir():
             raise NotADirectoryError(f"distill: `checkpoint` must be a folder, but {self.folder} is a file")
         if not self.folder.parent.is_dir():
@@ -104,22 +106,23 @@ class Checkpoint:
     def encode(
         self, model: Encoder, images: NDArray[np.uint8], covered: NDArray[np.bool_], *, stages: Stages
     ) -> NDArray[np.float32]:
-        """Do what `model.encode` does, batch by batch; batches that were encoded before are read."""
-        at_once = model.images_at_once(images.shape[1])
-        pieces = []
-        with stages.stage("encode", len(images)) as advance:
-            for start in range(0, len(images), at_once):
-                some, shown = images[start : start + at_once], covered[start : start + at_once]
-                name = f"tokens-{self._digest(np.array(start), some, shown)}.npy"
-                piece = self._read_tokens(name, len(some))
-                if piece is None:
-                    piece = model.encode(some, covered=shown)
-                    stream = io.BytesIO()
-                    np.save(stream, piece, allow_pickle=False)
-                    self._write(name, stream.getbuffer())
-                pieces.append(piece)
-                advance(len(some))
-        return np.concatenate(pieces)
+        """Do what `model.encode` does; pictures that were encoded before are read."""
+        names = [
+            f"tokens-{self._digest(np.array(number), image, shown)}.npy"
+            for number, (image, shown) in enumerate(zip(images, covered, strict=True))
+        ]
+        known = {number: tokens for number, name in enumerate(names) if (tokens := self._read_tokens(name)) is not None}
+        left = [number for number in range(len(images)) if number not in known]
+
+        def keep(which: int, tokens: NDArray[np.float32]) -> None:
+            stream = io.BytesIO()
+            np.save(stream, tokens, allow_pickle=False)
+            self._write(names[left[which]], stream.getbuffer())
+
+        if left:
+            made = model.encode(images[left], covered=covered[left], done=keep, stages=stages)
+            known |= dict(zip(left, made, strict=True))
+        return np.stack([known[number] for number in range(len(images))])
 
     def fit_state(self, *made_from: NDArray[Any]) -> FitState:
         """Return the place for the state of a fit to the arrays `made_from`."""
@@ -140,12 +143,12 @@ class Checkpoint:
     def _digest(self, *arrays: NDArray[Any]) -> str:
         return digest({"recipe": self._recipe, "made from": summed(*arrays)})[:32]
 
-    def _read_tokens(self, name: str, count: int) -> NDArray[np.float32] | None:
+    def _read_tokens(self, name: str) -> NDArray[np.float32] | None:
         try:
             tokens = np.load(self.folder / name, allow_pickle=False)
         except (OSError, ValueError, EOFError):
             return None
-        sound = tokens.dtype == np.float32 and tokens.ndim == 4 and len(tokens) == count and np.isfinite(tokens).all()
+        sound = tokens.dtype == np.float32 and tokens.ndim == 3 and np.isfinite(tokens).all()
         return tokens if sound else None
 
     def _write(self, name: str, content: memoryview | bytes) -> None:
@@ -153,8 +156,9 @@ class Checkpoint:
             with atomic_write(self.folder / name, "checkpoint") as temporary:
                 temporary.write_bytes(content)
         except OSError as error:  # the work itself can go on
-            if not self._told:
-                self._told = True
+            with self._telling:
+                told, self._told = self._told, True
+            if not told:
                 warnings.warn(
                     f"distill: {error.strerror or error}; the run goes on, but could not be taken up again from here",
                     RuntimeWarning,
