@@ -145,6 +145,7 @@ def distill(
 
     from dfd.distillation.descent import descend
     from dfd.distillation.diffusion import diffuse
+    from dfd.distillation.main_directions import turned
     from dfd.distillation.recipe import plain, recipe
     from dfd.distillation.run import Run
     from dfd.distillation.targets import PixelTargets, PointTargets
@@ -172,11 +173,13 @@ def distill(
     with run.step("the fit", "lower `batch`, `resolution` or `views`"):
         pixels = PixelTargets(seen, tokens, model.device)
         targets: PixelTargets | PointTargets = pixels
+        dimension, directions = tokens.shape[-1], None
         if smoothing > 0:
             with stages.stage("spread"):
-                targets = PointTargets(*diffuse(seen, pixels, smoothing=smoothing, seed=seed), model.device)
+                points, main, directions = diffuse(seen, pixels, smoothing=smoothing, seed=seed)
+            targets, dimension = PointTargets(points, main, model.device), len(directions)
         generator = torch.Generator().manual_seed(seed)
-        field = Field.seeded(seed, tokens.shape[-1], octaves=octaves, center=seen.center, scale=seen.scale)
+        field = Field.seeded(seed, dimension, octaves=octaves, center=seen.center, scale=seen.scale)
         field.to(model.device)
         losses = descend(
             field,
@@ -187,6 +190,8 @@ def distill(
             stages=stages,
             state=run.fit_state(seen.points, seen.view, seen.row, seen.column, tokens),
         )
+        if directions is not None:
+            field = turned(field, directions)
     field.settings = {**model.settings(), **plain(settings), "losses": losses}
     return run.finish(field)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import torch
@@ -26,6 +28,12 @@ def colored(views: Views, color: NDArray[np.floating]) -> PixelTargets:
     tokens = np.ones((count, size, size, color.shape[1]), np.float32)
     tokens[views.view, views.row.astype(int), views.column.astype(int)] = color
     return PixelTargets(views, tokens, torch.device("cpu"))
+
+
+def spread(views: Views, pixels: PixelTargets, **how: Any) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Points, and their targets as features (N, D)."""
+    points, targets, directions = diffuse(views, pixels, **how)
+    return points, targets @ directions
 
 
 def two_sheets(gap: float) -> Mesh:
@@ -62,7 +70,7 @@ def test_sheets_that_lie_close_do_not_mix() -> None:
     views = views_of(two_sheets(0.04))
     upper = views.points[:, 1] > 0
     color = np.stack([upper, ~upper], axis=1)
-    points, targets = diffuse(views, colored(views, color), smoothing=0.3, seed=0)
+    points, targets = spread(views, colored(views, color), smoothing=0.3, seed=0)
     share = targets[:, 0] / targets.sum(axis=1)
     assert share[points[:, 1] > 0].mean() > 0.9
     assert share[points[:, 1] < 0].mean() < 0.1
@@ -73,7 +81,7 @@ def test_what_no_camera_sees_takes_after_what_is_near() -> None:
     both = trimesh.util.concatenate([shell, core])
     views = views_of(Mesh(both.vertices, both.faces))
     right = views.points[:, 0] > 0
-    points, targets = diffuse(views, colored(views, np.stack([right, ~right], axis=1)), smoothing=0.1, seed=0)
+    points, targets = spread(views, colored(views, np.stack([right, ~right], axis=1)), smoothing=0.1, seed=0)
     inside = np.linalg.norm(points, axis=1) < 0.95
     assert inside.sum() > 1000
     far = inside & (np.abs(points[:, 0]) > 0.5)
@@ -83,9 +91,9 @@ def test_what_no_camera_sees_takes_after_what_is_near() -> None:
 def test_targets_are_unit_and_the_same_twice() -> None:
     views = views_of(two_sheets(0.5))
     pixels = colored(views, np.abs(views.points) + 0.1)
-    points, targets = diffuse(views, pixels, smoothing=0.2, seed=3)
+    points, targets = spread(views, pixels, smoothing=0.2, seed=3)
     np.testing.assert_allclose(np.linalg.norm(targets, axis=1), 1, atol=1e-5)
-    again = diffuse(views, pixels, smoothing=0.2, seed=3)
+    again = spread(views, pixels, smoothing=0.2, seed=3)
     np.testing.assert_array_equal(points, again[0])
     np.testing.assert_array_equal(targets, again[1])
 
@@ -98,7 +106,7 @@ def test_more_smoothing_leaves_neighbours_more_alike_and_all_as_far_apart() -> N
     wanted = np.linalg.norm(wanted[1:] - wanted[:-1], axis=1).mean()
     unlike = []
     for width in (0.05, 0.15, 0.5):
-        points, targets = diffuse(views, pixels, smoothing=width, seed=0)
+        points, targets = spread(views, pixels, smoothing=width, seed=0)
         _, near = cKDTree(points).query(points, 2)
         unlike.append(np.linalg.norm(targets[near[:, 1]] - targets, axis=1).mean())
         some = np.random.default_rng(1).permutation(len(targets))
@@ -130,7 +138,7 @@ def test_two_sides_that_views_show_differently_come_to_agree() -> None:
     base = np.column_stack([np.ones(len(right)), views.points[:, 1] > 0, np.zeros(len(right))]).astype(float)
     base[right, 2] = 0.3  # as if a light stood on one side
     pixels = colored(views, base)
-    points, targets = diffuse(views, pixels, smoothing=0.3, seed=0)
+    points, targets = spread(views, pixels, smoothing=0.3, seed=0)
     left = points[:, 0] < -0.5
     sides = np.linalg.norm(targets[left].mean(axis=0) - targets[points[:, 0] > 0.5].mean(axis=0))
     levels = np.linalg.norm(targets[points[:, 1] > 0].mean(axis=0) - targets[points[:, 1] < 0].mean(axis=0))

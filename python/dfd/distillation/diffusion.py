@@ -31,6 +31,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
+from dfd.distillation.main_directions import main_directions
 from dfd.topology import face_areas, face_components
 from dfd.weld import weld
 
@@ -49,7 +50,7 @@ TIE = 0.02
 TIED_NEIGHBOURS = 4
 MIRROR_REACH = 0.06  # how far from its mirror image a point finds what it is tied to, normalised
 ALIKE = 0.8  # of the mean distance of features: so far apart, a tie has lost all but 1/e of its strength
-ALIKE_DIRECTIONS = 32  # of the features that decide how alike points look; more change nothing
+ALIKE_DIRECTIONS = 32  # main ones, that decide how alike points look; more change nothing
 # More pixels than this part of the mean do not make a point better seen: faces towards many cameras count no more.
 ENOUGH = 0.3
 DISTANCE_KEPT = 0.75
@@ -60,7 +61,7 @@ _APART = 10.0  # between pieces in the search for neighbours, beyond any distanc
 
 def diffuse(
     views: Views, pixels: PixelTargets, *, smoothing: float, seed: int
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
     """Gather tokens on the surface and spread them along it.
 
     Parameters
@@ -76,7 +77,12 @@ def diffuse(
 
     Returns
     -------
-    Points (N, 3), normalised, evenly by area over all of the surface that has features, and their unit targets (N, D).
+    points
+        (N, 3), normalised, evenly by area over all of the surface that has features.
+    targets
+        Unit rows (N, d) along the main directions.
+    directions
+        Those, orthonormal rows (d, D): `targets @ directions` are features as the encoder gives them.
     """
     generator = np.random.default_rng(seed)
     vertices, faces = views.vertices.astype(np.float64), views.faces
@@ -93,16 +99,18 @@ def diffuse(
     confidence = np.minimum(seen, ENOUGH) * area
     links = _surface_links(points, piece[face], seen > 0, area)
     diffusion = smoothing**2 / 2 * ENOUGH
-    main = tokens @ _main_directions(tokens, confidence)
-    looks = _unit(_smooth(main, confidence, area, diffusion * _laplacian(links)))
+    directions = main_directions(tokens, confidence)
+    main = tokens @ directions.T
+    looks = _unit(_smooth(main[:, :ALIKE_DIRECTIONS], confidence, area, diffusion * _laplacian(links)))
     links = links + _mirror_links(points, looks, float(np.median(links.data)), generator)
-    smooth = _smooth(tokens, confidence, area, diffusion * _laplacian(links))
+    smooth = _smooth(main, confidence, area, diffusion * _laplacian(links))
     length = np.linalg.norm(smooth, axis=1)
     reached = length > 1e-4
     targets = smooth[reached] / length[reached, None]
     pairs = generator.integers(0, len(views.points), (2, PAIRS))
     one, other = (pixels.at(torch.from_numpy(some)).cpu().numpy() for some in pairs)
-    return points[reached].astype(np.float32), _moved_apart(targets, DISTANCE_KEPT * _distance(one, other), generator)
+    targets = _moved_apart(targets, DISTANCE_KEPT * _distance(one, other), generator)
+    return points[reached].astype(np.float32), targets, directions
 
 
 def _moved_apart(rows: NDArray[np.float32], distance: float, generator: np.random.Generator) -> NDArray[np.float32]:
@@ -155,12 +163,6 @@ def _smooth(
     system = stiffness + sparse.diags(confidence + 1e-6 * area)
     smooth: NDArray[np.float32] = splu(sparse.csc_matrix(system)).solve(confidence[:, None] * tokens).astype(np.float32)
     return smooth
-
-
-def _main_directions(tokens: NDArray[np.float32], confidence: NDArray[np.float64]) -> NDArray[np.float32]:
-    """The directions (D, d) in which the tokens (N, D) of points that are seen have their largest moments."""
-    weighted = tokens * np.sqrt(confidence / confidence.max()).astype(np.float32)[:, None]
-    return np.ascontiguousarray(np.linalg.eigh(weighted.T @ weighted)[1][:, : -ALIKE_DIRECTIONS - 1 : -1])
 
 
 def _laplacian(links: sparse.csr_matrix) -> sparse.csr_matrix:
