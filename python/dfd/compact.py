@@ -8,6 +8,7 @@ steps are exact, so a handle still weighs exactly 1 at itself.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -15,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd import check, tensors
+from dfd.threads import get_num_threads, one_blas_thread
 
 __all__ = ["CompactFeatures", "compact"]
 
 BLOCK = 16  # vertices side by side, as the kernels take them
-BATCH = 8_192  # rows projected together, as many as a field evaluates together
+BATCH = 512  # rows projected together: as many as a field evaluates together, within the cache of a core
 SPAN = 127  # steps to either side of 0 that a byte holds
 # Directions, handles and weights are judged on samples of these sizes; the largest error grows slowly beyond.
 DIRECTION_SAMPLE, VERTEX_SAMPLE, HANDLE_SAMPLE = 16_384, 4_096, 128
@@ -126,8 +128,8 @@ def compact(
     Parameters
     ----------
     features
-        (V, D) rows, or a field that gives them for `points`; a field is asked for a part of the points at a time, so
-        that the full features never exist.
+        (V, D) rows, or a field that gives them for `points`; a field is asked for a part of the points at a time, by
+        several threads at once, and the full features never exist.
     points
         (V, 3) where to ask a field, mesh units; left out with rows.
     tolerance
@@ -289,24 +291,35 @@ def _packed(
         blocks = np.empty((block_count, dimensions, BLOCK), np.uint16)
     else:
         blocks = np.empty((block_count, dimensions // 4 + 1, BLOCK, 4), np.uint8)
-    for start in range(0, count, BATCH):
+
+    def pack(start: int) -> float:
+        """Fill the blocks of a batch; return its largest entry."""
         stop = min(start + BATCH, count)
         projected = (source.rows(slice(start, stop)) - mean) @ basis
-        largest = float(np.abs(projected).max())
-        if precision == "int8" and largest > (SPAN + 0.5) * step:
-            if progress is not None:
-                progress(-start)
-            return _packed(source, mean, basis, precision, 1.02 * largest / SPAN, progress)
         padded = np.zeros((-(-(stop - start) // BLOCK) * BLOCK, dimensions), np.float32)
-        padded[: stop - start] = _rounded(projected, precision, step)
+        padded[: stop - start] = projected if precision == "float16" else _rounded(projected, precision, step)
         rows = padded.reshape(-1, BLOCK, dimensions)
         into = blocks[start // BLOCK : start // BLOCK + len(rows)]
         if precision == "float16":
-            into[:] = rows.transpose(0, 2, 1).astype(np.float16).view(np.uint16)
+            into[:] = rows.astype(np.float16).view(np.uint16).transpose(0, 2, 1)
         else:
             into[:, :-1] = (rows + 128).astype(np.uint8).reshape(-1, BLOCK, dimensions // 4, 4).transpose(0, 2, 1, 3)
             squares = np.square(rows).sum(axis=2, dtype=np.float64).astype(np.int32)
             into[:, -1] = squares.view(np.uint8).reshape(-1, BLOCK, 4)
-        if progress is not None:
-            progress(stop - start)
-    return blocks, step
+        return float(np.abs(projected).max())
+
+    starts = range(0, count, BATCH)
+    with one_blas_thread(), ThreadPoolExecutor(get_num_threads(), "dfd") as pool:
+        try:
+            for start, largest in zip(starts, pool.map(pack, starts), strict=True):
+                if precision == "int8" and largest > (SPAN + 0.5) * step:
+                    break
+                if progress is not None:
+                    progress(min(BATCH, count - start))
+            else:
+                return blocks, step
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+    if progress is not None:
+        progress(-start)
+    return _packed(source, mean, basis, precision, 1.02 * largest / SPAN, progress)

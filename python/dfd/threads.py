@@ -7,11 +7,13 @@ child computes on one thread; start workers with the method "spawn" to give them
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from dfd import _core, check
 
-__all__ = ["get_num_threads", "set_num_threads"]
+__all__ = ["get_num_threads", "one_blas_thread", "set_num_threads"]
 
 
 def set_num_threads(count: int) -> None:
@@ -39,6 +41,19 @@ def set_num_threads(count: int) -> None:
 def get_num_threads() -> int:
     """The number of threads that the next call uses."""
     return _threads
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Let every product of NumPy and SciPy compute on the thread that asks for it.
+
+    Theirs are small here, and often asked for by several threads at once: what BLAS would then share among threads of
+    its own, which spin while they wait for each other, takes twice as long, and many times as long on a busy machine.
+    """
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1, user_api="blas"):
+        yield
 
 
 def _default_threads() -> int:

@@ -9,6 +9,7 @@ import threading
 
 import numpy as np
 import pytest
+import threadpoolctl
 import torch
 
 import dfd
@@ -132,3 +133,14 @@ print("child", os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), dfd.get_num_t
 """
     done = python(code, PYTHONWARNINGS="ignore")
     assert done.stdout.split() == ["child", "0", "2"], done.stderr
+
+
+def test_blas_gets_its_threads_back():
+    def counts():
+        return [pool["num_threads"] for pool in threadpoolctl.threadpool_info() if pool["user_api"] == "blas"]
+
+    with threadpoolctl.threadpool_limits(3, user_api="blas"):
+        before = counts()
+        with threads.one_blas_thread():
+            assert all(count == 1 for count in counts())
+        assert counts() == before
