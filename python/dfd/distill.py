@@ -140,20 +140,19 @@ def distill(
         found = known.found() if known else None
     if found is not None:
         return found
-    # What follows takes seconds to import.
-    import torch
+    with stages.stage("load"):  # most of which is importing these
+        import torch
 
-    from dfd.distillation.descent import descend
-    from dfd.distillation.diffusion import diffuse
-    from dfd.distillation.main_directions import turned
-    from dfd.distillation.recipe import plain, recipe
-    from dfd.distillation.run import Run
-    from dfd.distillation.targets import PixelTargets, PointTargets
-    from dfd.encode import Encoder, load_encoder
-    from dfd.field import Field
-    from dfd.render import render
+        from dfd.distillation.descent import descend
+        from dfd.distillation.diffusion import diffuse
+        from dfd.distillation.main_directions import turned
+        from dfd.distillation.recipe import plain, recipe
+        from dfd.distillation.run import Run
+        from dfd.distillation.targets import PixelTargets, PointTargets
+        from dfd.encode import Encoder, load_encoder
+        from dfd.field import Field
+        from dfd.render import render
 
-    with stages.stage("load"):
         model = encoder if isinstance(encoder, Encoder) else load_encoder(encoder, device=device)
         run = Run(recipe(mesh, **settings, **_loaded(encoder, device, model)), cache, checkpoint)
     with run.step("the pictures", "lower `resolution` or `views`"):
