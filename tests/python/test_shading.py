@@ -8,7 +8,7 @@ import pytest
 from dfd import Mesh
 from dfd.appearance import GREY, Appearance, Material
 from dfd.cameras import Camera, camera_towards
-from dfd.mesh import smooth_normals
+from dfd.normals import smooth_normals
 from dfd.scene import Scene
 from dfd.shading import AMBIENT, DIFFUSE, Shading, blend, facing
 
@@ -73,7 +73,7 @@ def test_normals_summed_in_pieces_are_the_same(monkeypatch: pytest.MonkeyPatch) 
     rng = np.random.default_rng(0)
     vertices, faces = rng.normal(size=(50, 3)), rng.integers(0, 50, (300, 3)).astype(np.int32)
     at_once = smooth_normals(vertices, faces)
-    monkeypatch.setattr("dfd.mesh._FACES_AT_ONCE", 7)
+    monkeypatch.setattr("dfd.normals._FACES_AT_ONCE", 7)
     assert smooth_normals(vertices, faces) == pytest.approx(at_once, abs=1e-6)
 
 

@@ -51,10 +51,23 @@ DFD_INLINE Float load_part(const float* from, std::size_t count)
 #endif
 }
 
+constexpr std::size_t few_columns = 4;  // picked one by one sooner than by a transposition of whole vectors
+
 // Sixteen rows of `columns` numbers, `stride` apart, to (columns, 16); rows from `count` on repeat the last one.
 DFD_INLINE void rows_to_lanes(const float* rows, std::size_t stride, std::size_t columns, std::size_t count, float* out)
 {
     constexpr std::size_t size = lanes<float>;
+    if (columns <= few_columns && count == block_size) {
+        for (std::size_t k = 0; k < columns; ++k) {
+            for (std::size_t lane = 0; lane < block_size; lane += size) {
+                Float v;
+#pragma GCC unroll 16
+                for (std::size_t i = 0; i < size; ++i) v[i] = rows[(lane + i) * stride + k];
+                store(out + k * block_size + lane, v);
+            }
+        }
+        return;
+    }
     for (std::size_t k = 0; k < columns; k += size) {
         const std::size_t some = columns - k < size ? columns - k : size;
         for (std::size_t lane = 0; lane < block_size; lane += size) {

@@ -46,7 +46,12 @@ def distill(
     smoothing: Annotated[
         float, typer.Option(help="How far features spread along the surface before the fit; 0 is the paper's loss.")
     ] = DEFAULTS["smoothing"],
+    octaves: Annotated[
+        int, typer.Option(help="Wavelengths of the sines that the field is given; 0 is the paper's network.")
+    ] = DEFAULTS["octaves"],
     steps: Annotated[int, typer.Option(help="Length of the fit.")] = DEFAULTS["steps"],
+    batch: Annotated[int, typer.Option(help="Surface points in each step of the fit.")] = DEFAULTS["batch"],
+    learning_rate: Annotated[float, typer.Option(help="Peak of the fit's one-cycle rate.")] = DEFAULTS["learning_rate"],
     seed: Annotated[int, typer.Option(help="Equal seeds give equal fields.")] = DEFAULTS["seed"],
     device: Annotated[
         str | None, typer.Option(help="Where torch computes: cpu, cuda, …; by default CUDA when there is one.")
@@ -76,7 +81,10 @@ def distill(
         "supervision": supervision,
         "mirrored": mirrored,
         "smoothing": smoothing,
+        "octaves": octaves,
         "steps": steps,
+        "batch": batch,
+        "learning_rate": learning_rate,
         "seed": seed,
         "device": device,
         "features": None if features is None else _read_features(features),

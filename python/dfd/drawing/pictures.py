@@ -21,6 +21,7 @@ from dfd.drawing.contact_sheet import contact_sheet, heat_bar
 from dfd.drawing.marks import draw_marks
 from dfd.files import atomic_write
 from dfd.normalization import box_normalization
+from dfd.normals import smooth_normals
 from dfd.render import surface_points
 from dfd.scene import Hits, Scene
 from dfd.threads import get_num_threads
@@ -154,8 +155,6 @@ class _Painter:
         *,
         moved: bool,
     ) -> None:
-        from dfd.mesh import smooth_normals
-
         self._vertices, self._faces, self._scene, self._camera = vertices, mesh.faces, scene, camera
         self._normals = smooth_normals(vertices.astype(np.float64), mesh.faces) if moved else mesh.normals
         self._colors, self._appearance = colors, mesh.appearance

@@ -26,7 +26,9 @@ from dfd.encoders.weight_files import MANIFEST, Weights
 __all__ = ["BLOCK", "find_wheel", "wheel_fingerprint", "wheel_weights"]
 
 # The backbone's last block was tuned for saliency: it separates object from background and little else. After block 9
-# a hoof still takes the other hooves, and a chair's leg all four legs.
+# a hoof still takes the other hooves, and a chair's leg all four legs. Precision of the weights on the sample of an
+# animal, and on a character by kinds of part and by the rig's own names: block 3 0.73, 0.82, 0.73; block 6 0.74, 0.84,
+# 0.75; block 9 0.74, 0.85, 0.75; block 12 0.68, 0.78, 0.67.
 BLOCK = 9
 
 _WEIGHTS = "model.safetensors"

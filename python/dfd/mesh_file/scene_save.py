@@ -20,6 +20,7 @@ from dfd.files import atomic_write
 from dfd.mesh_file import gltf_patch, obj_write, scene_normals, scene_visuals
 from dfd.mesh_file.scene_file import ENDINGS, SceneFile
 from dfd.mesh_file.scene_parts import MovedPart
+from dfd.normals import smooth_normals
 
 if TYPE_CHECKING:
     from dfd.mesh import Mesh
@@ -70,8 +71,6 @@ def _bare(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> trimesh.Tr
 
 def _encode_bare(target: Path, mesh: Mesh, vertices: NDArray[np.float64]) -> dict[str, bytes]:
     """A mesh that no file knows: one part, smooth in formats that would show it faceted otherwise."""
-    from dfd.mesh import smooth_normals
-
     geometry = _bare(vertices, mesh.faces)
     if target.suffix.lower() in (".glb", ".gltf"):
         geometry.vertex_normals = smooth_normals(vertices, mesh.faces)
