@@ -132,7 +132,8 @@ def render(
             if supervision == "vertex":
                 points, row, column = _visible_vertices(scene, used, cameras[index], resolution)
                 # Some fall on pixels whose rays pass by the surface.
-                covered[index, np.rint(row).astype(np.int32), np.rint(column).astype(np.int32)] = True
+                place = np.rint([row, column]).astype(np.int32).clip(0, resolution - 1)
+                covered[index, place[0], place[1]] = True
                 return points, row, column, np.zeros(0, np.int32)
             row, column = np.divmod(hits.ray.astype(np.int32), resolution)
             points = surface_points(vertices, mesh.faces, hits)

@@ -249,3 +249,13 @@ def test_covered_pixels_are_those_that_show_something(supervision: str) -> None:
     assert (views.images[~views.covered] == 255).all()
     if supervision == "barycentric":
         assert views.covered.sum() == len(views.points)
+
+
+def test_a_vertex_on_the_last_edge_of_a_picture_is_covered(monkeypatch: pytest.MonkeyPatch) -> None:
+    def on_the_edge(*_: object) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return np.zeros((2, 3), np.float32), np.float32([69.5, -0.5]), np.float32([-0.5, 69.5])
+
+    monkeypatch.setattr("dfd.render._visible_vertices", on_the_edge)
+    views = render(samples.robot(4000).mesh, views=1, resolution=70, supervision="vertex")
+    assert views.covered[0, 69, 0]
+    assert views.covered[0, 0, 69]
