@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from inspect import signature
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -140,7 +142,7 @@ def distill(
         found = known.found() if known else None
     if found is not None:
         return found
-    with stages.stage("load"):  # most of which is importing these
+    with stages.stage("load"), _no_garbage_collection():  # most of which is importing these
         import torch
 
         from dfd.distillation.descent import descend
@@ -213,6 +215,18 @@ def find_distilled(mesh: Content, encoder: str | PathLike[str] = "dinov2-small",
     settings = _checked(**{name: options[name] for name in signature(_checked).parameters})
     run = _run(mesh, encoder, settings, options["device"], True, options["checkpoint"])
     return run.found_file() if run else None
+
+
+@contextmanager
+def _no_garbage_collection() -> Iterator[None]:
+    """Importing makes a million objects that stay: searching them for garbage, over and over, takes a tenth of it."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 def _checked(

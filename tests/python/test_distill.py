@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -115,3 +116,14 @@ def test_equal_seeds_give_equal_fields(tmp_path: Path) -> None:
 def test_a_bad_setting_is_named(setting: dict, message: str) -> None:
     with pytest.raises((ValueError, OSError), match=message):
         dfd.distill(dfd.samples.chair(4000).mesh, **{**SMALL, **setting})
+
+
+def test_garbage_is_collected_again_when_loading_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object, **__: object) -> None:
+        assert not gc.isenabled()
+        raise OSError("no weights")
+
+    monkeypatch.setattr("dfd.encode.load_encoder", fails)
+    with pytest.raises(OSError, match="no weights"):
+        dfd.distill(dfd.samples.chair(4000).mesh, cache=False, progress=False)
+    assert gc.isenabled()
