@@ -15,11 +15,6 @@ struct Place {
     std::size_t begin, count;
 };
 
-DFD_INLINE void copy(const float* from, std::size_t count, float* to)
-{
-    for (std::size_t k = 0; k < count; ++k) to[k] = from[k];
-}
-
 // Weights of a block for one handle, to its column.
 DFD_INLINE void put_column(const BindJob& job, std::size_t handle, const Place& place, const Block& weights)
 {

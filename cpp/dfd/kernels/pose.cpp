@@ -277,12 +277,6 @@ DFD_INLINE void pose_block(const PoseJob<T>& job, const Lanes<T>& at, const Weig
     }
 }
 
-template <class T>
-DFD_INLINE void copy(const T* from, std::size_t count, T* to)
-{
-    for (std::size_t k = 0; k < count; ++k) to[k] = from[k];
-}
-
 // One handle and nothing else: the displacement stays in registers, and the weight scales what it does.
 template <class T>
 DFD_INLINE std::size_t pose_single(const PoseJob<T>& job, std::size_t begin, std::size_t end, Vector<T>& check)

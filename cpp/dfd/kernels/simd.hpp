@@ -80,6 +80,13 @@ struct Quad {
 DFD_INLINE Quad quad_of(const std::int32_t* bytes, const std::int32_t*) { return {splat(*bytes)}; }
 #endif
 
+// Copies what is less than a vector, or may be.
+template <class T>
+DFD_INLINE void copy(const T* from, std::size_t count, T* to)
+{
+    for (std::size_t k = 0; k < count; ++k) to[k] = from[k];
+}
+
 // Asks for `size` bytes that lie `ahead` of a place, whether or not they are still part of its array; to write there
 // a core must first take a line from memory as well.
 template <bool Write = false>
