@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 import dfd
 from dfd.distillation.recipe import summed
 from dfd.encode import Encoder, load_encoder
+from dfd.progress import Stages
 
 DEFAULTS: dict[str, Any] = {
     name: parameter.default
@@ -77,12 +78,11 @@ def remembering(encoder: Encoder) -> Encoder:
     kept: dict[str, NDArray[np.float32]] = {}
     look = encoder.encode
 
-    def encode(
-        images: NDArray[np.uint8], *, covered: NDArray[np.bool_] | None = None, **others: Any
-    ) -> NDArray[np.float32]:
-        key = summed(images, *([] if covered is None else [covered]))
+    # With what `dfd.distill` asks for and no more: whatever else tokens depend on would belong to the key.
+    def encode(images: NDArray[np.uint8], *, covered: NDArray[np.bool_], stages: Stages) -> NDArray[np.float32]:
+        key = summed(images, covered)
         if key not in kept:
-            kept[key] = look(images, covered=covered, **others)
+            kept[key] = look(images, covered=covered, stages=stages)
             while len(kept) > TOKENS_KEPT:
                 del kept[next(iter(kept))]
         return kept[key]
