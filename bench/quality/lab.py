@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import dfd
-from dfd.distillation.recipe import summed
-from dfd.encode import Encoder, load_encoder
-from dfd.progress import Stages
+from dfd.common.progress import Stages
+from dfd.encoders.encode import Encoder, load_encoder
+from dfd.runs.recipe import summed
 
 DEFAULTS: dict[str, Any] = {
     name: parameter.default
@@ -44,7 +44,7 @@ class Lab:
         Raises
         ------
         ValueError, OSError
-            See `dfd.distill` and `dfd.encode.load_encoder`.
+            See `dfd.distill` and `dfd.encoders.encode.load_encoder`.
         """
         settings = {**self.settings, **changes, "progress": False}
         key = (mesh.content_hash, *sorted((name, repr(value)) for name, value in settings.items()))

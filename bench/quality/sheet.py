@@ -13,8 +13,8 @@ from bench.quality.judge import handles
 from bench.quality.measures import handle_precision
 from bench.quality.shapes import Shape
 from bench.quality.studies import Bench
-from dfd.drawing.colors import feature_colors
-from dfd.drawing.pictures import heat_bar, picture
+from dfd.pictures.colors import feature_colors
+from dfd.pictures.picture import heat_bar, picture
 
 RESOLUTION = 320
 

@@ -15,7 +15,7 @@ from rich.table import Table
 
 import dfd
 from dfd import _core
-from dfd.files import atomic_write
+from dfd.common.files import atomic_write
 
 from . import table
 

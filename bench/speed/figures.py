@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import dfd
-from dfd.files import atomic_write
+from dfd.common.files import atomic_write
 
 from .measure import measure
 from .peers import MESH_PEERS, torch_binding, torch_blending

@@ -9,22 +9,23 @@ mesh.save("longer.glb", moved)
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+import importlib as _importlib
+import typing as _typing
 
-from dfd.bind import bind
-from dfd.compact import CompactFeatures, compact
-from dfd.distill import distill
-from dfd.pose import Drag, pose
-from dfd.threads import get_num_threads, set_num_threads
+from dfd.common.threads import get_num_threads, set_num_threads
+from dfd.posing.pose import Drag, pose
+from dfd.weights.bind import bind
+from dfd.weights.compact import CompactFeatures, compact
 
-if TYPE_CHECKING:
-    from dfd import samples
-    from dfd.deformer import Deformer
-    from dfd.field import Field
-    from dfd.geodesics import Geodesics
-    from dfd.mesh import Mesh, load
-    from dfd.symmetry import SymmetryPlane, symmetry_planes
+if _typing.TYPE_CHECKING:
+    from dfd import reference, samples
+    from dfd.distillation.distill import distill
+    from dfd.editing.deformer import Deformer
+    from dfd.field.field import Field
+    from dfd.geometry.geodesics import Geodesics
+    from dfd.mesh.mesh import Mesh, load
+    from dfd.symmetry.plane import SymmetryPlane
+    from dfd.symmetry.search import symmetry_planes
 
 __all__ = [
     "CompactFeatures",
@@ -40,6 +41,7 @@ __all__ = [
     "get_num_threads",
     "load",
     "pose",
+    "reference",
     "samples",
     "set_num_threads",
     "symmetry_planes",
@@ -48,25 +50,26 @@ __all__ = [
 # Names whose modules pull in torch, trimesh or scipy: imported when they are first asked for, so that `import dfd`
 # and `dfd --help` answer at once.
 _LATER = {
-    "Deformer": "dfd.deformer",
-    "Field": "dfd.field",
-    "Geodesics": "dfd.geodesics",
-    "Mesh": "dfd.mesh",
-    "SymmetryPlane": "dfd.symmetry",
-    "load": "dfd.mesh",
-    "symmetry_planes": "dfd.symmetry",
+    "Deformer": "dfd.editing.deformer",
+    "Field": "dfd.field.field",
+    "Geodesics": "dfd.geometry.geodesics",
+    "Mesh": "dfd.mesh.mesh",
+    "SymmetryPlane": "dfd.symmetry.plane",
+    "distill": "dfd.distillation.distill",
+    "load": "dfd.mesh.mesh",
+    "symmetry_planes": "dfd.symmetry.search",
 }
 
 
-def __getattr__(name: str) -> Any:
-    if name == "samples":
-        return import_module("dfd.samples")
+def __getattr__(name: str) -> _typing.Any:
+    if name in ("reference", "samples"):
+        return _importlib.import_module(f"dfd.{name}")
     if name in _LATER:
-        value = getattr(import_module(_LATER[name]), name)
+        value = getattr(_importlib.import_module(_LATER[name]), name)
         globals()[name] = value
         return value
     raise AttributeError(f"module 'dfd' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted(set(globals()) | set(__all__))
+    return list(__all__)

@@ -13,18 +13,19 @@ from rich.console import Console
 from rich.table import Table
 
 from dfd import samples
-from dfd.deformer import Deformer
-from dfd.distill import distill
-from dfd.drawing.colors import feature_colors
-from dfd.drawing.contact_sheet import contact_sheet, heat_bar
-from dfd.drawing.pictures import picture, save_png
-from dfd.encode import Encoder, load_encoder
-from dfd.progress import Stages
-from dfd.render import render
-from dfd.symmetry import axis_name, symmetry_planes
+from dfd.common.progress import Stages
+from dfd.distillation.distill import distill
+from dfd.editing.deformer import Deformer
+from dfd.encoders.encode import Encoder, load_encoder
+from dfd.pictures.colors import feature_colors
+from dfd.pictures.contact_sheet import contact_sheet, heat_bar
+from dfd.pictures.picture import picture, save_png
+from dfd.symmetry.plane import axis_name
+from dfd.symmetry.search import symmetry_planes
+from dfd.views.render import render
 
 if TYPE_CHECKING:
-    from dfd.field import Field
+    from dfd.field.field import Field
     from dfd.samples import Sample
 
 __all__ = ["run"]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
-    from dfd.symmetry import SymmetryPlane
+    from dfd.symmetry.plane import SymmetryPlane
 
 __all__ = ["blend", "feature_weights", "geodesic_falloff", "mirrored_blend", "positive_share", "subtract_fixed"]
 

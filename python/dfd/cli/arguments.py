@@ -11,7 +11,7 @@ import typer
 
 if TYPE_CHECKING:
     from dfd.editing.edit import Place
-    from dfd.mesh import Mesh
+    from dfd.mesh.mesh import Mesh
 
 __all__ = ["FieldOption", "MeshArgument", "check_output", "place"]
 

@@ -87,7 +87,7 @@ def deform(
     check_output("--save-edit", save_edit)
 
     from dfd import Deformer, Field, load
-    from dfd.progress import Stages
+    from dfd.common.progress import Stages
 
     stages = Stages()
     with stages.stage("read"):
@@ -110,7 +110,7 @@ def deform(
     if save_edit is not None:
         deformer.save(save_edit)
     if picture is not None:
-        from dfd.cli.before_after import save_before_after
+        from dfd.pictures.before_after import save_before_after
 
         with stages.stage("draw"):
             save_before_after(picture, deformer)

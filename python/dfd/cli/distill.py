@@ -10,9 +10,9 @@ import typer
 
 import dfd
 from dfd.cli.arguments import MeshArgument, check_output
-from dfd.distill import find_distilled
-from dfd.distillation.known_meshes import file_digest, note, recall
-from dfd.progress import Stages
+from dfd.common.progress import Stages
+from dfd.distillation.distill import find_distilled
+from dfd.runs.known_meshes import file_digest, note, recall
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -109,7 +109,7 @@ def distill(
         raise
     field.save(output)
     if loss_curve is not None:
-        from dfd.cli.loss_curve import save_loss_curve
+        from dfd.pictures.loss_curve import save_loss_curve
 
         save_loss_curve(loss_curve, field.settings["losses"])
     times = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in stages.seconds.items())

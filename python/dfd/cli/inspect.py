@@ -22,8 +22,9 @@ def inspect(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")] = False,
 ) -> None:
     """Say what MESH is made of, what is odd about it, and how much of it the pictures of `dfd distill` do not show."""
-    from dfd import Field, load, symmetry_planes, topology
-    from dfd.visibility import unseen
+    from dfd import Field, load, symmetry_planes
+    from dfd.geometry import topology
+    from dfd.views.visibility import unseen
 
     shape = load(mesh)
     report: dict[str, Any] = {"file": str(mesh), **asdict(topology.inspect(shape)), "unseen": asdict(unseen(shape))}
@@ -45,7 +46,7 @@ def _print_table(report: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from dfd.symmetry import axis_name
+    from dfd.symmetry.plane import axis_name
 
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold")

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dfd import check
 from dfd.cli.arguments import MeshArgument, check_output, place
+from dfd.common import check
 
 if TYPE_CHECKING:
-    from dfd.mesh import Mesh
+    from dfd.mesh.mesh import Mesh
 
 __all__ = ["show"]
 
@@ -53,9 +53,9 @@ def show(
     check_output("--output", output, (".png",))
 
     from dfd import load
-    from dfd.cli.before_after import azimuth_towards
-    from dfd.drawing.pictures import contact_sheet, picture, save_png
-    from dfd.progress import Stages
+    from dfd.common.progress import Stages
+    from dfd.pictures.before_after import azimuth_towards
+    from dfd.pictures.picture import contact_sheet, picture, save_png
 
     stages = Stages()
     with stages.stage("read"):
@@ -87,7 +87,7 @@ def _rows(
         return [("the mesh", {})]
 
     from dfd import CompactFeatures, Deformer, Field
-    from dfd.drawing.colors import feature_colors
+    from dfd.pictures.colors import feature_colors
 
     deformer = Deformer(shape, Field.load(field, mesh=shape))
     for text in handles:

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from dfd.field import Field
+from dfd.field.field import Field
 
 __all__ = ["MOST", "main_directions", "turned"]
 

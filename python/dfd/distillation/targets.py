@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from torch import nn
 
-from dfd.render import Views
+from dfd.views.render import Views
 
 __all__ = ["PixelTargets", "PointTargets"]
 

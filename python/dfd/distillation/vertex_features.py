@@ -10,18 +10,18 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor, nn
 
-from dfd import check
-from dfd.distillation.descent import descend
-from dfd.distillation.devices import choose_device
-from dfd.distillation.recipe import recipe, summed
-from dfd.distillation.run import Run
-from dfd.field import Field
-from dfd.normalization import normalization
-from dfd.progress import Stages
-from dfd.topology import face_areas
+from dfd.common import check
+from dfd.common.devices import choose_device
+from dfd.common.progress import Stages
+from dfd.distillation.fit import descend
+from dfd.field.field import Field
+from dfd.geometry.topology import face_areas
+from dfd.mesh.normalization import normalization
+from dfd.runs.recipe import recipe, summed
+from dfd.runs.run import Run
 
 if TYPE_CHECKING:
-    from dfd.mesh import Mesh
+    from dfd.mesh.mesh import Mesh
 
 __all__ = ["GivenFeatures", "fit_features"]
 

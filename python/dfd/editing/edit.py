@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dfd import check
-from dfd.editing.transforms import Vector, affine, rotation_vector, scale_factors, vector
-from dfd.symmetry import AXES, SymmetryPlane, axis_name, axis_plane, symmetry_planes
+from dfd.common import check
+from dfd.posing.transforms import Vector, affine, rotation_vector, scale_factors, vector
+from dfd.symmetry.plane import AXES, SymmetryPlane, axis_name, axis_plane
+from dfd.symmetry.search import symmetry_planes
 
 if TYPE_CHECKING:
-    from dfd.field import Field
-    from dfd.mesh import Mesh
+    from dfd.field.field import Field
+    from dfd.mesh.mesh import Mesh
 
 __all__ = ["Edit", "Handle", "Place", "Transform", "box_center", "edit_on", "handle_on", "place_on", "symmetry_on"]
 

@@ -58,13 +58,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dfd.common.files import atomic_write
 from dfd.editing.edit import Edit, Handle, Place, Transform, box_center, symmetry_on
-from dfd.editing.transforms import Vector, rotation_vector, scale_factors, vector
-from dfd.files import atomic_write
-from dfd.symmetry import AXES, SymmetryPlane
+from dfd.posing.transforms import Vector, rotation_vector, scale_factors, vector
+from dfd.symmetry.plane import AXES, SymmetryPlane
 
 if TYPE_CHECKING:
-    from dfd.mesh import Mesh
+    from dfd.mesh.mesh import Mesh
 
 __all__ = ["from_document", "read_edit", "to_document", "write_edit"]
 

@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd import check
-from dfd.bind import bind
-from dfd.compact import CompactFeatures, compact
+from dfd.common import check
 from dfd.editing.columns import Columns
 from dfd.editing.edit import Edit, Handle, Place
-from dfd.editing.transforms import Vector, vector
+from dfd.posing.transforms import Vector, vector
+from dfd.weights.bind import bind
+from dfd.weights.compact import CompactFeatures, compact
 
 if TYPE_CHECKING:
-    from dfd.field import Field
-    from dfd.geodesics import Geodesics
-    from dfd.mesh import Mesh
-    from dfd.symmetry import SymmetryPlane
+    from dfd.field.field import Field
+    from dfd.geometry.geodesics import Geodesics
+    from dfd.mesh.mesh import Mesh
+    from dfd.symmetry.plane import SymmetryPlane
 
 __all__ = ["HandleWeights"]
 
@@ -197,7 +197,7 @@ class HandleWeights:
 
     @cached_property
     def _geodesics(self) -> Geodesics:
-        from dfd.geodesics import Geodesics  # built for those who ask for locality, and for nobody else
+        from dfd.geometry.geodesics import Geodesics  # built for those who ask for locality, and for nobody else
 
         return Geodesics(self._mesh)
 

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.editing.edit import Edit, box_center
-from dfd.pose import Drag, pose
+from dfd.posing.pose import Drag, pose
 
 if TYPE_CHECKING:
     from dfd.editing.handle_weights import HandleWeights
-    from dfd.mesh import Mesh
+    from dfd.mesh.mesh import Mesh
 
 __all__ = ["PosedShape"]
 

@@ -13,7 +13,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from dfd.torch_threads import one_thread
+from dfd.common.torch_threads import one_thread
 
 __all__ = ["choose_precision", "use_blocked_attention"]
 

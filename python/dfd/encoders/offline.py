@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.cache import cache_directory
+from dfd.common.cache import cache_directory
 from dfd.encoders.weight_files import MANIFEST, Weights
 
 __all__ = ["BLOCK", "find_wheel", "wheel_fingerprint", "wheel_weights"]

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd import check
-from dfd.mesh import Mesh
+from dfd.common import check
+from dfd.mesh.mesh import Mesh
 from dfd.samples.implicit import Distance, Piece, Shape, capsule, chain, ellipsoid, rounded_box
 from dfd.samples.polygonize import polygonize
 

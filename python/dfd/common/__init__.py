@@ -1,0 +1,1 @@
+"""The ground: checks, threads, files and progress. It imports nothing above it."""

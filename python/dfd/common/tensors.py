@@ -1,0 +1,94 @@
+"""Torch tensors in, torch tensors out, over the same memory; torch is never imported for those who do not use it."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.common import check
+
+__all__ = ["contiguous", "is_tensor", "like", "lines_contiguous", "output", "shared"]
+
+
+def is_tensor(value: Any) -> bool:
+    """Whether `value` is a torch tensor."""
+    torch = sys.modules.get("torch")
+    return torch is not None and isinstance(value, torch.Tensor)
+
+
+def shared(function: str, name: str, value: Any) -> Any:
+    """`value`, or the NumPy view of the memory of a torch CPU tensor.
+
+    Raises
+    ------
+    ValueError
+        If `value` is a tensor on another device or of a type that NumPy lacks.
+    """
+    if type(value) is np.ndarray or not is_tensor(value):
+        return value
+    if value.device.type != "cpu":
+        raise ValueError(f"{function}: `{name}` must be on the CPU, got a tensor on {value.device}")
+    try:
+        return value.detach().resolve_conj().resolve_neg().numpy()
+    except (TypeError, RuntimeError):
+        raise ValueError(f"{function}: `{name}` must be a dense array of numbers, got {value.dtype}") from None
+
+
+def output(
+    function: str,
+    out: Any,
+    shape: tuple[int, ...],
+    dtype: Any,
+    inputs: dict[str, NDArray[Any] | None],
+    *,
+    columns: bool = False,
+) -> NDArray[Any]:
+    """The array behind `out`, checked to be what a kernel may write to; with `columns`, column by column as well.
+
+    Raises
+    ------
+    ValueError
+        If `out` is not a writable contiguous array of `shape` and `dtype`, or shares memory with one of `inputs`.
+    """
+    if is_tensor(out) and out.requires_grad:
+        raise ValueError(f"{function}: `out` must not require a gradient")
+    array = shared(function, "out", out)
+    if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype != dtype:
+        found = f"{array.shape} and {array.dtype.name}" if isinstance(array, np.ndarray) else type(out).__name__
+        raise ValueError(
+            f"{function}: `out` must be an array of shape {shape} and type {np.dtype(dtype).name}, got {found}"
+        )
+    flags = array.flags
+    if columns and not lines_contiguous(array):
+        raise ValueError(f"{function}: `out` must have contiguous rows or columns")
+    if not (columns or flags.c_contiguous) or not flags.writeable or not flags.aligned:
+        raise ValueError(f"{function}: `out` must be {'' if columns else 'C-contiguous and '}writable")
+    for name, other in inputs.items():
+        if other is not None and np.may_share_memory(array, other):
+            raise ValueError(f"{function}: `out` must not overlap `{name}`, which stays as it is")
+    return array
+
+
+def lines_contiguous(array: NDArray[Any]) -> bool:
+    """Whether each row, or each column, of a matrix is contiguous, and none overlaps the next."""
+    flags = array.flags
+    if flags.c_contiguous or flags.f_contiguous:
+        return flags.aligned
+    rows, columns = array.shape
+    down, beside = (stride // array.itemsize for stride in array.strides)
+    by_rows = (beside == 1 or columns <= 1) and (down >= columns or rows <= 1)
+    by_columns = (down == 1 or rows <= 1) and (beside >= rows or columns <= 1)
+    return flags.aligned and (by_rows or by_columns)
+
+
+def like(value: Any, result: NDArray[Any]) -> Any:
+    """`result` as a torch tensor over the same memory when `value` is a tensor, else as it is."""
+    return sys.modules["torch"].from_numpy(result) if is_tensor(value) else result
+
+
+def contiguous(function: str, name: str, value: Any, shape: tuple[int | str | None, ...], dtype: Any) -> NDArray[Any]:
+    """`value` as a C-contiguous array whose finiteness the kernel checks as it reads."""
+    return check.array(function, name, shared(function, name, value), shape, dtype=dtype, finite=False)

@@ -1,0 +1,110 @@
+"""How many threads the kernels use.
+
+The kernels run on the OpenMP runtime that torch loads as well. Its pool of threads does not survive a fork, so a forked
+child computes on one thread; start workers with the method "spawn" to give them more.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from dfd import _core
+from dfd.common import check
+
+__all__ = ["get_num_threads", "one_blas_thread", "set_num_threads"]
+
+
+def set_num_threads(count: int) -> None:
+    """Let every later call use `count` threads; results do not depend on it.
+
+    Raises
+    ------
+    ValueError
+        If `count` is not a whole number of at least 1.
+    RuntimeError
+        If `count` is above 1 in a forked process.
+    """
+    global _threads
+    wanted = check.number("set_num_threads", "count", count, minimum=1, maximum=1024)
+    if wanted != int(wanted) or isinstance(count, bool):
+        raise ValueError(f"set_num_threads: `count` must be a whole number, got {count}")
+    if _forked and wanted > 1:
+        raise RuntimeError(
+            "set_num_threads: a forked process computes on one thread, since OpenMP does not survive a fork; "
+            'start it with the method "spawn" instead'
+        )
+    _threads = int(wanted)
+
+
+def get_num_threads() -> int:
+    """The number of threads that the next call uses."""
+    return _threads
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Let every product of NumPy and SciPy compute on the thread that asks for it.
+
+    Theirs are small here, and often asked for by several threads at once: what BLAS would then share among threads of
+    its own, which spin while they wait for each other, takes twice as long, and many times as long on a busy machine.
+    """
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1, user_api="blas"):
+        yield
+
+
+def _default_threads() -> int:
+    """OMP_NUM_THREADS where set, else the physical cores that this process may use."""
+    try:
+        wanted = int(os.environ.get("OMP_NUM_THREADS", "").split(",")[0])
+    except ValueError:
+        wanted = 0
+    if wanted >= 1:
+        return min(wanted, 1024)
+    allowed = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
+    return max(1, min(_physical_cores(allowed), _quota(len(allowed))))
+
+
+def _physical_cores(allowed: set[int]) -> int:
+    """How many distinct cores the logical processors `allowed` belong to."""
+    cores = set()
+    for processor in allowed:
+        siblings = Path(f"/sys/devices/system/cpu/cpu{processor}/topology/thread_siblings_list")
+        try:
+            cores.add(siblings.read_text())
+        except OSError:
+            cores.add(str(processor))
+    return len(cores)
+
+
+def _quota(most: int) -> int:
+    """The whole processors that the control group of a container grants, at most `most`."""
+    try:
+        granted, period = Path("/sys/fs/cgroup/cpu.max").read_text().split()
+    except (OSError, ValueError):
+        try:
+            granted = Path("/sys/fs/cgroup/cpu/cpu.cfs_quota_us").read_text()
+            period = Path("/sys/fs/cgroup/cpu/cpu.cfs_period_us").read_text()
+        except OSError:
+            return most
+    try:
+        return min(most, max(1, int(granted) // int(period))) if int(granted) > 0 else most
+    except (ValueError, ZeroDivisionError):  # "max"
+        return most
+
+
+def _after_fork() -> None:
+    global _forked, _threads
+    _forked = _core.openmp
+    if _forked:
+        _threads = 1
+
+
+_forked = False
+_threads = _default_threads()
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)

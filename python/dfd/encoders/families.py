@@ -1,0 +1,395 @@
+"""The families of vision networks in transformers, and how each gives the tokens of one of its blocks.
+
+The tokens of a block are what the network would give if that block were its last: the network's own final layer norm
+(SAM's neck) is applied to them, and the class token and registers are left out.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from operator import index
+from typing import Any, SupportsIndex
+
+import torch
+from torch import Tensor, nn
+
+from dfd.encoders.foreground import leave_out_background, looking_at, placed
+from dfd.encoders.presets import CLIP, IMAGENET, SYMMETRIC, Normalisation
+from dfd.encoders.sources import Weights
+
+__all__ = ["VisionModel", "build"]
+
+
+@dataclass(frozen=True)
+class VisionModel:
+    """A network cut off after `block` (counted from 1) of its `depth` blocks.
+
+    `tokens` maps normalised images (n, 3, H, W), H and W multiples of `step` pixels (exactly `fixed_size` where that
+    is set), to tokens (n, H / patch, W / patch, D). Its second argument are the patches to look at, (H / patch,
+    W / patch) bool, the same in all images, or None for all of them; it is heeded where `takes_patches`.
+    """
+
+    network: nn.Module
+    tokens: Callable[[Tensor, Tensor | None], Tensor]
+    dimension: int
+    patch: int
+    step: int
+    block: int
+    depth: int
+    normalisation: Normalisation
+    fixed_size: int | None = None
+    pluggable_attention: bool = False
+    takes_patches: bool = False
+
+
+def build(weights: Weights, block: int | None = None, normalisation: Normalisation | None = None) -> VisionModel:
+    """Put `weights` into a network and cut it off after `block`; None takes the family's own choice.
+
+    `normalisation` is used where the weights come without one.
+
+    Raises
+    ------
+    ValueError
+        If the family is unknown, the block out of range, or the tensors do not fit the configuration.
+    OSError
+        If the file of weights cannot be read.
+    """
+    from transformers.models.auto.configuration_auto import CONFIG_MAPPING
+
+    kind = weights.config["model_type"]
+    if kind not in CONFIG_MAPPING:
+        raise ValueError(f"load_encoder: `encoder`: this version of transformers does not know the model type {kind!r}")
+    family = _FAMILIES.get(kind, _UNKNOWN)
+    with _quiet():
+        try:
+            config = CONFIG_MAPPING[kind].from_dict(dict(weights.config))
+        except Exception as error:  # each configuration checks itself in its own way
+            raise ValueError(
+                f"load_encoder: `encoder`: its config.json is not a valid {kind} model: {error}"
+            ) from error
+        config = family.config(config)
+        network, missing = _load(family, weights, config)
+    blocks = network.get_submodule(family.blocks) if family.blocks else _largest_list(network, kind)
+    assert isinstance(blocks, nn.ModuleList)
+    depth = len(blocks)
+    chosen: object = family.block(config, depth) if block is None else block
+    if isinstance(chosen, bool) or not isinstance(chosen, SupportsIndex) or not 1 <= index(chosen) <= depth:
+        raise ValueError(f"load_encoder: `block` must lie in 1 … {depth}, got {chosen!r}")
+    chosen = index(chosen)
+    del blocks[chosen:]  # blocks after the one used need not run, nor be held
+    unset = sorted(missing & {name for name, _ in network.named_parameters()})
+    if unset:
+        raise ValueError(
+            f"load_encoder: `encoder`: the weights lack {len(unset)} tensors of a {kind} model, such as {unset[0]}"
+        )
+    network.eval().requires_grad_(False)
+    takes_patches = family.takes_patches(config)
+    if takes_patches:
+        leave_out_background(network.embeddings)
+    patch = family.patch(config, chosen)
+    step = family.step(config)
+
+    def tokens(images: Tensor, patches: Tensor | None) -> Tensor:
+        with looking_at(patches if takes_patches else None):
+            return family.tokens(network, images)
+
+    return VisionModel(
+        network=network,
+        tokens=tokens,
+        dimension=family.dimension(config, chosen),
+        patch=patch,
+        step=step or patch,
+        block=chosen,
+        depth=depth,
+        normalisation=weights.normalisation or normalisation or family.normalisation,
+        fixed_size=family.fixed_size(config),
+        pluggable_attention=family.pluggable_attention,
+        takes_patches=takes_patches,
+    )
+
+
+def _patch(config: Any, block: int) -> int:
+    size = getattr(config, "patch_size", None)
+    if isinstance(size, list | tuple) and len(set(size)) == 1:
+        size = size[0]
+    if not isinstance(size, int):
+        raise ValueError("load_encoder: `encoder` must be a vision transformer with square patches")
+    return size
+
+
+def _image_size(config: Any) -> int:
+    size = getattr(config, "image_size", None)
+    if isinstance(size, list | tuple) and len(set(size)) == 1:
+        size = size[0]
+    if not isinstance(size, int):
+        raise ValueError("load_encoder: `encoder` must be a network for square images of a known size")
+    return size
+
+
+@dataclass(frozen=True)
+class _Family:
+    """How one kind of network is loaded (class `model`), cut (the list `blocks`) and run.
+
+    `inside` is the part of the loaded model that turns images into tokens; `config` picks the part of its
+    configuration that describes it.
+    """
+
+    model: str
+    tokens: Callable[[Any, Tensor], Tensor]
+    blocks: str = ""
+    inside: str = ""
+    config: Callable[[Any], Any] = lambda config: getattr(config, "vision_config", config)
+    arguments: dict[str, Any] = field(default_factory=dict)
+    normalisation: Normalisation = IMAGENET
+    block: Callable[[Any, int], int] = lambda config, depth: depth
+    dimension: Callable[[Any, int], int] = lambda config, block: int(config.hidden_size)
+    patch: Callable[[Any, int], int] = _patch
+    step: Callable[[Any], int | None] = lambda config: None
+    fixed_size: Callable[[Any], int | None] = lambda config: None
+    pluggable_attention: bool = False
+    takes_patches: Callable[[Any], bool] = lambda config: False  # with their module `embeddings`
+
+
+def _load(family: _Family, weights: Weights, config: Any) -> tuple[Any, set[str]]:
+    """The part of the model that makes tokens, and the names in it that no weights were found for."""
+    import transformers
+
+    try:
+        model, report = getattr(transformers, family.model).from_pretrained(
+            weights.folder,
+            config=config,
+            state_dict=weights.tensors,
+            dtype=torch.float32,
+            local_files_only=True,
+            output_loading_info=True,
+            ignore_mismatched_sizes=True,  # they are reported, and refused below by name
+            **family.arguments,
+        )
+    except Exception as error:  # safetensors, pickle, zip and transformers each have their own
+        where = weights.folder or weights.source
+        reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
+        raise OSError(f"load_encoder: `encoder`: the weights in {where} cannot be read: {reason}") from error
+    prefix = f"{family.inside}." if family.inside else ""
+    wrong = sorted(entry for entry in report["mismatched_keys"] if entry[0].startswith(prefix))
+    if wrong:
+        name, found, wanted = wrong[0]
+        raise ValueError(
+            f"load_encoder: `encoder`: the tensor {name} has shape {tuple(found)}, "
+            f"its config.json asks for {tuple(wanted)}"
+        )
+    network = model.get_submodule(family.inside)
+    return network, {name.removeprefix(prefix) for name in report["missing_keys"] if not _unused(name)}
+
+
+def _unused(name: str) -> bool:
+    """Whether the parameter plays no part in the tokens, so that files of weights may leave it out."""
+    return any(part in ("pooler", "head", "mask_token") for part in name.split("."))
+
+
+def _largest_list(network: nn.Module, kind: str) -> nn.ModuleList:
+    """The blocks of a network of unknown make: its longest list of modules."""
+    lists = [module for module in network.modules() if isinstance(module, nn.ModuleList)]
+    if not lists:
+        raise ValueError(f"load_encoder: `encoder`: a model of type {kind!r} has no blocks of tokens to take")
+    return max(lists, key=len)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep transformers' load reports, warnings and bars to itself: what matters is checked and raised here."""
+    from transformers.utils import logging
+
+    verbosity, bars = logging.get_verbosity(), logging.is_progress_bar_enabled()
+    logging.set_verbosity(logging.CRITICAL)
+    logging.disable_progress_bar()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.set_verbosity(verbosity)
+        if bars:
+            logging.enable_progress_bar()
+
+
+# How each family turns normalised images (n, 3, H, W) into tokens (n, h, w, D).
+
+
+def _grid(sequence: Tensor, images: Tensor, patch: int) -> Tensor:
+    """Patch tokens of a sequence (n, prefix + h·w, D) in their places (n, h, w, D); the prefix is left out."""
+    rows, columns = images.shape[2] // patch, images.shape[3] // patch
+    sequence = placed(sequence)
+    if sequence.ndim != 3 or sequence.shape[1] < rows * columns:
+        raise ValueError(
+            f"encode: `encoder` gives an output of shape {tuple(sequence.shape)}, "
+            f"not {rows} × {columns} tokens an image"
+        )
+    return sequence[:, sequence.shape[1] - rows * columns :].reshape(len(sequence), rows, columns, -1)
+
+
+def _plain(network: Any, images: Tensor) -> Tensor:
+    return _grid(network(pixel_values=images).last_hidden_state, images, _patch(network.config, 0))
+
+
+def _interpolated(network: Any, images: Tensor) -> Tensor:
+    output = network(pixel_values=images, interpolate_pos_encoding=True)
+    return _grid(output.last_hidden_state, images, network.config.patch_size)
+
+
+def _clip(network: Any, images: Tensor) -> Tensor:
+    # CLIP itself applies its last norm to the class token only.
+    output = network(pixel_values=images, interpolate_pos_encoding=True)
+    return _grid(network.post_layernorm(output.last_hidden_state), images, network.config.patch_size)
+
+
+def _siglip2(network: Any, images: Tensor) -> Tensor:
+    """SigLIP 2 of any shape takes patches, not pixels: (n, h·w, patch · patch · 3), channels last."""
+    patch = network.config.patch_size
+    count, channels, height, width = images.shape
+    rows, columns = height // patch, width // patch
+    pixels = images.reshape(count, channels, rows, patch, columns, patch)
+    pixels = pixels.permute(0, 2, 4, 3, 5, 1).reshape(count, rows * columns, -1)
+    output = network(
+        pixel_values=pixels,
+        pixel_attention_mask=torch.ones(pixels.shape[:2], dtype=torch.int32, device=images.device),
+        spatial_shapes=torch.tensor([[rows, columns]] * count, device=images.device),
+    )
+    return _grid(output.last_hidden_state, images, patch)
+
+
+def _mae(network: Any, images: Tensor) -> Tensor:
+    """Nothing masked, and rising "noise", so that the shuffle by which MAE masks leaves the patches in their places."""
+    patch = network.config.patch_size
+    network.config.mask_ratio = 0.0
+    count = (images.shape[2] // patch) * (images.shape[3] // patch)
+    order = torch.arange(count, dtype=torch.float32, device=images.device).expand(len(images), count)
+    output = network(pixel_values=images, noise=order, interpolate_pos_encoding=True)
+    return _grid(output.last_hidden_state, images, patch)
+
+
+def _sam(network: Any, images: Tensor) -> Tensor:
+    tokens: Tensor = network(pixel_values=images).last_hidden_state
+    return tokens.permute(0, 2, 3, 1)
+
+
+def _hiera(network: Any, images: Tensor) -> Tensor:
+    tokens: Tensor = network(pixel_values=images).last_hidden_state
+    return tokens
+
+
+def _convnext(network: Any, images: Tensor) -> Tensor:
+    maps: Tensor = network.model(images).last_hidden_state
+    tokens = maps.permute(0, 2, 3, 1)
+    # The final norm fits the last stage only.
+    return network.layer_norm(tokens) if len(network.model.stages) == network.config.num_stages else tokens
+
+
+def _hiera_backbone(config: Any) -> Any:
+    return getattr(config, "vision_config", config).backbone_config
+
+
+def _hiera_stage(config: Any, block: int) -> int:
+    """The stage (from 0) that a block (from 1) belongs to."""
+    ends = torch.cumsum(torch.tensor(_hiera_backbone(config).blocks_per_stage), 0)
+    return int((ends < block).sum())
+
+
+def _hiera_patch(config: Any, block: int) -> int:
+    backbone = _hiera_backbone(config)
+    pools = min(_hiera_stage(config, block), backbone.num_query_pool_stages)
+    return int(backbone.patch_stride[0] * backbone.query_stride[0] ** pools)
+
+
+def _hiera_block(config: Any, depth: int) -> int:
+    """The last block of the third stage (16 pixels a token), the longest one; the fourth has only a few blocks."""
+    return int(sum(_hiera_backbone(config).blocks_per_stage[:3]))
+
+
+def _hiera_step(config: Any) -> int:
+    """Every stage halves the map, and the window of position embeddings is tiled over it."""
+    backbone = _hiera_backbone(config)
+    stride = backbone.patch_stride[0]
+    pooled = stride * backbone.query_stride[0] ** backbone.num_query_pool_stages
+    return math.lcm(pooled, stride * backbone.window_size_per_stage[0])
+
+
+# Large networks keep what they know of a whole picture in patches of its background, unless they have registers for it
+# (Darcet et al. 2024); without a background it would go to the shape's own.
+_DINOV2 = _Family(
+    "Dinov2Model",
+    _plain,
+    "encoder.layer",
+    pluggable_attention=True,
+    takes_patches=lambda config: bool(config.hidden_size <= 768),
+)
+_REGISTERS = _Family(
+    "Dinov2WithRegistersModel", _plain, "encoder.layer", pluggable_attention=True, takes_patches=lambda config: True
+)
+_DINOV3 = _Family("DINOv3ViTModel", _plain, "model.layer", pluggable_attention=True)
+_CONVNEXT = _Family(
+    "DINOv3ConvNextModel",
+    _convnext,
+    "model.stages",
+    dimension=lambda config, block: int(config.hidden_sizes[block - 1]),
+    patch=lambda config, block: 4 * 2 ** (block - 1),
+    step=lambda config: 4 * 2 ** (config.num_stages - 1),
+)
+_CLIP = _Family("CLIPVisionModel", _clip, "encoder.layers", normalisation=CLIP, pluggable_attention=True)
+_SIGLIP = _Family(
+    "SiglipVisionModel", _interpolated, "encoder.layers", normalisation=SYMMETRIC, pluggable_attention=True
+)
+_SIGLIP2 = _Family("Siglip2VisionModel", _siglip2, "encoder.layers", normalisation=SYMMETRIC, pluggable_attention=True)
+_SAM = _Family(
+    "SamVisionModel",
+    _sam,
+    "layers",
+    "vision_encoder",
+    dimension=lambda config, block: int(config.output_channels),
+    fixed_size=_image_size,
+)
+_SAM2 = _Family(
+    "Sam2Model",
+    _hiera,
+    "blocks",
+    "vision_encoder.backbone",
+    config=lambda config: config,
+    block=_hiera_block,
+    dimension=lambda config, block: int(_hiera_backbone(config).embed_dim_per_stage[_hiera_stage(config, block)]),
+    patch=_hiera_patch,
+    step=_hiera_step,
+)
+_MAE = _Family("ViTMAEModel", _mae, "layers", pluggable_attention=True)
+_VIT = _Family(
+    "ViTModel",
+    _interpolated,
+    "layers",
+    arguments={"add_pooling_layer": False},
+    normalisation=SYMMETRIC,
+    pluggable_attention=True,
+)
+
+# Nothing is known but that its configuration says the size of pictures it was made for.
+_UNKNOWN = _Family("AutoModel", _plain, fixed_size=_image_size)
+
+_FAMILIES = {
+    "dinov2": _DINOV2,
+    "dinov2_with_registers": _REGISTERS,
+    "dinov3_vit": _DINOV3,
+    "dinov3_convnext": _CONVNEXT,
+    "clip": _CLIP,
+    "clip_vision_model": _CLIP,
+    "siglip": _SIGLIP,
+    "siglip_vision_model": _SIGLIP,
+    "siglip2": _SIGLIP2,
+    "siglip2_vision_model": _SIGLIP2,
+    "sam": _SAM,
+    "sam_vision_model": _SAM,
+    "sam2": _SAM2,
+    "sam2_video": _SAM2,
+    "vit_mae": _MAE,
+    "vit": _VIT,
+}

@@ -1,0 +1,1 @@
+"""The neural feature field, and its files."""

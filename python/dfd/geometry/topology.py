@@ -1,0 +1,128 @@
+"""What a mesh is made of, and what is wrong with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from dfd.mesh.mesh import Mesh
+from dfd.mesh.weld import weld
+
+__all__ = ["Topology", "face_areas", "face_components", "first_at_place", "inspect", "sound_faces"]
+
+_FACES_AT_ONCE = 1 << 16  # to bound memory
+
+
+@dataclass(frozen=True)
+class Topology:
+    """Counts over a mesh, vertices that share a position counted as one."""
+
+    vertex_count: int
+    face_count: int
+    components: int  # pieces that no edge connects
+    boundary_edges: int  # edges of one face
+    non_manifold_edges: int  # edges of more than two faces
+    degenerate_faces: int  # faces without area
+    duplicate_faces: int  # faces with the same corners as an earlier one, in any order
+    unreferenced_vertices: int  # vertices of no face
+    extents: tuple[float, float, float]  # sides of the box around the mesh, in its units
+    parts: int  # parts of the file's scene
+    materials: int
+    textures: int
+
+
+def inspect(mesh: Mesh) -> Topology:
+    """Count the pieces and defects of a mesh.
+
+    Edges and components are those of the faces that have three different corners.
+    """
+    faces = first_at_place(mesh)[mesh.faces]
+    proper = faces[_three_corners(faces)]
+    uses = _edge_uses(proper)
+    look = mesh.appearance
+    textures = {id(each.texture) for each in look.materials if each.texture is not None} if look else set()
+    return Topology(
+        vertex_count=len(mesh.vertices),
+        face_count=len(mesh.faces),
+        components=int(face_components(proper).max(initial=-1)) + 1,
+        boundary_edges=int((uses == 1).sum()),
+        non_manifold_edges=int((uses > 2).sum()),
+        degenerate_faces=int((~_has_area(mesh.vertices, faces)).sum()),
+        duplicate_faces=int(_repeats_earlier(faces).sum()),
+        unreferenced_vertices=int((np.bincount(mesh.faces.ravel(), minlength=len(mesh.vertices)) == 0).sum()),
+        extents=(float(mesh.extents[0]), float(mesh.extents[1]), float(mesh.extents[2])),
+        parts=mesh.part_count,
+        materials=len(look.materials) if look else 0,
+        textures=len(textures),
+    )
+
+
+def first_at_place(mesh: Mesh) -> NDArray[np.int32]:
+    """Return for each vertex (V,) the first vertex that has its position."""
+    first, vertex = weld(mesh.vertices)
+    return first.astype(np.int32)[vertex]
+
+
+def sound_faces(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the faces that have three different corners and repeat no earlier face."""
+    proper = faces[_three_corners(faces)]
+    return proper[~_repeats_earlier(proper)]
+
+
+def face_components(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return for each face (F, 3) the number of the connected piece it belongs to."""
+    if len(faces) == 0:
+        return np.zeros(0, np.int32)
+    size = int(faces.max()) + 1
+    links = coo_array(
+        (np.ones(2 * len(faces), bool), (faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel())), shape=(size, size)
+    )
+    component = connected_components(links, directed=False)[1][faces[:, 0]]
+    return np.unique(component, return_inverse=True)[1].astype(np.int32)
+
+
+def face_areas(vertices: NDArray[np.floating], faces: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Return the area of every face (F,), in squared units of `vertices` (V, 3)."""
+    doubled = np.empty(len(faces))
+    for start in range(0, len(faces), _FACES_AT_ONCE):
+        some = slice(start, start + _FACES_AT_ONCE)
+        first, second, third = (vertices[faces[some, corner]].astype(np.float64) for corner in range(3))
+        doubled[some] = np.linalg.norm(np.cross(second - first, third - first), axis=1)
+    return doubled / 2
+
+
+def _three_corners(faces: NDArray[np.int32]) -> NDArray[np.bool_]:
+    a, b, c = faces.T
+    different: NDArray[np.bool_] = (a != b) & (b != c) & (c != a)
+    return different
+
+
+def _has_area(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Return whether each face has an area that its coordinates can tell from none."""
+    corners = vertices[faces]
+    along, aside = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    crossed = np.cross(along, aside)
+    # the rounding of coordinates of size s may move the area of a sliver of length l by about s · l · epsilon
+    size = np.abs(corners).max(axis=(1, 2))
+    length = np.maximum(np.abs(along).max(axis=1), np.abs(aside).max(axis=1))
+    large: NDArray[np.bool_] = np.abs(crossed).max(axis=1) > 4 * np.finfo(np.float64).eps * size * length
+    return _three_corners(faces) & large
+
+
+def _edge_uses(faces: NDArray[np.int32]) -> NDArray[np.int64]:
+    """Return for every edge how many faces have it."""
+    ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
+    key = np.sort(ends.min(axis=1) << 32 | ends.max(axis=1))
+    starts = np.flatnonzero(np.concatenate([[True], key[1:] != key[:-1]])) if len(key) else np.zeros(0, int)
+    return np.diff(starts, append=len(key))
+
+
+def _repeats_earlier(faces: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Return whether each face has the corners of an earlier one."""
+    first, number = weld(np.sort(faces, axis=1).astype(np.float64))
+    repeats: NDArray[np.bool_] = first[number] != np.arange(len(faces))
+    return repeats

@@ -1,0 +1,1 @@
+"""A mesh with its looks, from a file and back into one."""

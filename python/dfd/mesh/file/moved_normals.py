@@ -1,0 +1,74 @@
+"""Normals that follow a moved surface, as smooth and as sharp as the file's own were."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.mesh.file.parts import Part
+from dfd.mesh.file.read import SceneFile
+from dfd.mesh.weld import weld
+
+__all__ = ["follow"]
+
+
+def follow(
+    vertices: NDArray[np.float64],  # (V, 3) after
+    before: NDArray[np.float64],  # (V, 3)
+    changed: NDArray[np.bool_],  # (V,)
+    scene: SceneFile,
+) -> list[NDArray[np.float64] | None]:
+    """Return each part's normals in its own coordinates, None for a part whose file had none.
+
+    Rows that share position and normal are one smooth piece of surface, whatever seams the texture has there: they
+    get one new normal, the sum of the normals of their faces weighted by area. Rows of another normal lie beyond a
+    sharp edge. Where no face has moved the file's normals stay, bit for bit.
+    """
+    own = [part.normals for part in scene.parts]
+    if not changed.any() or all(each is None for each in own):
+        return own
+    placed = np.concatenate(
+        [
+            np.zeros((part.rows.stop - part.rows.start, 3)) if normals is None else _to_scene(part, normals)
+            for part, normals in zip(scene.parts, own, strict=True)
+        ]
+    )
+    _, normal = weld(placed)
+    key = scene.vertex.astype(np.int64) * (int(normal.max()) + 1) + normal
+    first, group = np.unique(key, return_index=True, return_inverse=True)[1:]
+    faces = group[scene.corner_faces]
+    touched = changed[scene.vertex[scene.corner_faces]].any(axis=1)
+    stale = np.zeros(len(first), bool)
+    stale[faces[touched]] = True
+    new = _sums(vertices, scene, faces, len(first))
+    # a file may wind its faces the other way round, or a mirrored placing may: normals keep their side
+    inward = np.einsum("ij,ij->i", _sums(before, scene, faces, len(first)), placed[first]) < 0
+    new[inward] *= -1
+    stale &= np.linalg.norm(new, axis=1) > 0
+    result: list[NDArray[np.float64] | None] = []
+    for part, normals in zip(scene.parts, own, strict=True):
+        if normals is not None:
+            here = group[part.rows]
+            followed = normals.copy()
+            followed[stale[here]] = _unit(new[here[stale[here]]] @ part.transform[:3, :3])
+            normals = followed
+        result.append(normals)
+    return result
+
+
+def _to_scene(part: Part, normals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Turn normals (N, 3) by the inverse transpose of the part's transform."""
+    return _unit(normals @ np.linalg.pinv(part.transform[:3, :3]))
+
+
+def _sums(vertices: NDArray[np.float64], scene: SceneFile, faces: NDArray[np.int64], count: int) -> NDArray[np.float64]:
+    """Return for each group of rows the sum (count, 3) of its faces' normals times twice their areas."""
+    corners = vertices[scene.vertex[scene.corner_faces]]
+    crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.stack([np.bincount(faces.ravel(), np.repeat(axis, 3), count) for axis in crossed.T], axis=1)
+
+
+def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    unit: NDArray[np.float64] = np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
+    return unit

@@ -1,0 +1,110 @@
+"""Colours that show numbers: weights as a heat map, features by their main directions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dfd.common import check
+from dfd.mesh.appearance import srgb
+
+__all__ = ["CLAY", "feature_colors", "weight_colors"]
+
+CLAY = (0.85, 0.84, 0.82)  # sRGB of a surface about which nothing is shown; also of weight 0
+# sRGB stops from weight 0 to 1. They darken all the way, so that the map also reads in grey and to the colour-blind.
+HEAT_STOPS = (CLAY, (0.96, 0.78, 0.42), (0.93, 0.50, 0.18), (0.74, 0.20, 0.24), (0.38, 0.05, 0.31))
+# Rows from which the main directions are found; more rows change them little.
+LARGEST_SAMPLE = 20_000
+PERCENTILES = (1.0, 99.0)  # of each direction, drawn as its lowest and highest value
+
+_TO_CONE = np.array(
+    [
+        [0.4122214708, 0.5363325363, 0.0514459929],
+        [0.2119034982, 0.6806995451, 0.1073969566],
+        [0.0883024619, 0.2817188376, 0.6299787005],
+    ]
+)
+_TO_LAB = np.array(
+    [
+        [0.2104542553, 0.7936177850, -0.0040720468],
+        [1.9779984951, -2.4285922050, 0.4505937099],
+        [0.0259040371, 0.7827717662, -0.8086757660],
+    ]
+)
+
+
+def weight_colors(weights: ArrayLike) -> NDArray[np.float32]:
+    """Return the heat map's sRGB colours (V, 3) in [0, 1] of `weights` (V,): clay at 0, amber, red, dark violet at 1.
+
+    Equal steps of weight look equally large. Weights outside [0, 1] take the colour of the nearer end.
+
+    Raises
+    ------
+    ValueError
+        If `weights` is not a row of finite numbers.
+    """
+    values = check.array("weight_colors", "weights", weights, ("V",), dtype=np.float64)
+    place = values.clip(0, 1) * (len(_HEAT) - 1)
+    before = np.minimum(place.astype(np.int64), len(_HEAT) - 2)
+    part = (place - before)[:, None]
+    colours: NDArray[np.float32] = (_HEAT[before] * (1 - part) + _HEAT[before + 1] * part).astype(np.float32)
+    return colours
+
+
+def feature_colors(features: ArrayLike) -> NDArray[np.float32]:
+    """Return sRGB colours (V, 3) in [0, 1] of `features` (V, D): their three main directions as red, green and blue.
+
+    Each direction is stretched so that all but its outermost hundredths fill the range; its sign makes the largest
+    of its D parts positive, so that equal features give equal colours.
+
+    Raises
+    ------
+    ValueError
+        If `features` is not a (V, D) array of finite numbers with at least one row and one column.
+    """
+    rows = check.array("feature_colors", "features", features, ("V", "D"), dtype=np.float32)
+    if rows.size == 0:
+        raise ValueError(f"feature_colors: `features` must not be empty, got shape {rows.shape}")
+    sample = rows[:: -(-len(rows) // LARGEST_SAMPLE)].astype(np.float64)
+    mean = sample.mean(axis=0)
+    _, axes = np.linalg.eigh((sample - mean).T @ (sample - mean))
+    axes = axes[:, ::-1][:, :3]
+    axes *= np.where(np.take_along_axis(axes, np.abs(axes).argmax(axis=0)[None], axis=0) < 0, -1, 1)
+    low, high = np.percentile((sample - mean) @ axes, PERCENTILES, axis=0)
+    spread = high - low
+    told_apart = spread > 1e-6 * max(float(spread.max()), float(np.abs(sample).max()), 1e-30)
+    scaled = ((rows - mean.astype(np.float32)) @ axes.astype(np.float32) - low) / np.where(told_apart, spread, 1)
+    colours = np.full((len(rows), 3), 0.5, np.float32)
+    colours[:, : axes.shape[1]] = np.where(told_apart, scaled.clip(0, 1), 0.5)
+    # Pure primaries hide the shading of the surface.
+    return np.float32(0.06) + np.float32(0.88) * colours
+
+
+def to_linear(values: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+    """Linear light of sRGB values in [0, 1]."""
+    linear = np.where(values <= 0.04045, values / 12.92, ((np.maximum(values, 0.04045) + 0.055) / 1.055) ** 2.4)
+    return linear.astype(np.float32)
+
+
+def oklab(colours: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+    """Lightness and two hue axes, (N, 3), in which equal steps look equally large (Oklab, Ottosson 2020)."""
+    lab: NDArray[np.float64] = np.cbrt(to_linear(colours).astype(np.float64) @ _TO_CONE.T) @ _TO_LAB.T
+    return lab
+
+
+def _from_oklab(lab: NDArray[np.float64]) -> NDArray[np.float64]:
+    cone = lab @ np.linalg.inv(_TO_LAB).T
+    return srgb((cone**3 @ np.linalg.inv(_TO_CONE).T).clip(0, 1)).astype(np.float64)
+
+
+def _heat_table(size: int = 256) -> NDArray[np.float64]:
+    """Return sRGB colours (size, 3) along the stops, evenly spaced by how large the steps look."""
+    stops = oklab(np.array(HEAT_STOPS))
+    walked = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(stops, axis=0), axis=1))])
+    place = np.linspace(0, walked[-1], size)
+    return _from_oklab(np.stack([np.interp(place, walked, axis) for axis in stops.T], axis=1))
+
+
+_HEAT = _heat_table()

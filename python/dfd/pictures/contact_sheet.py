@@ -1,0 +1,124 @@
+"""Captioned pictures on one page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+
+from dfd.common import check
+from dfd.pictures.colors import weight_colors
+from dfd.pictures.typography import font, wrapped
+
+__all__ = ["contact_sheet", "heat_bar"]
+
+INK, GREY, RULE = (28, 30, 36), (100, 104, 112), (220, 222, 226)
+SMALLEST_CELL, LARGEST_CELL = 16, 8192
+NARROWEST = 96  # pixels that a heading may use however narrow the rows are
+
+
+def contact_sheet(
+    rows: Sequence[tuple[str, Sequence[tuple[NDArray[np.uint8], str]]]], *, title: str = "", cell: int = 320
+) -> Image.Image:
+    """Set pictures in rows on a white page.
+
+    Parameters
+    ----------
+    rows
+        Each a heading and its pictures, uint8 arrays of shape (height, width, 3), with the caption below each; headings
+        and captions may be empty, and rows without pictures are left out.
+    title
+        Stands over the page; may be empty.
+    cell
+        Height that every picture gets, pixels; text and margins follow it.
+
+    Raises
+    ------
+    ValueError
+        If there is no picture, a picture has another type or shape, or `cell` is out of its range.
+    """
+    cell = check.whole("contact_sheet", "cell", cell, minimum=SMALLEST_CELL, maximum=LARGEST_CELL)
+    scaled = [
+        (heading, [(_scaled(picture, cell), caption) for picture, caption in pictures])
+        for heading, pictures in rows
+        if pictures
+    ]
+    if not scaled:
+        raise ValueError("contact_sheet: `rows` must hold at least one picture, got none")
+    margin, gap, between = max(8, cell // 8), max(4, cell // 18), max(8, cell // 7)
+    widths = [sum(image.width + gap for image, _ in pictures) - gap for _, pictures in scaled]
+    width = max(NARROWEST, *widths)
+    blocks = [_heading(title, width, max(12, cell // 9), INK)] if title else []
+    blocks += [_row(heading, pictures, width, gap, cell) for heading, pictures in scaled]
+    height = sum(block.height for block in blocks) + between * (len(blocks) - 1)
+    page = Image.new("RGB", (width + 2 * margin, height + 2 * margin), "white")
+    draw = ImageDraw.Draw(page)
+    top = margin
+    for index, block in enumerate(blocks):
+        if index:
+            line = top - between // 2
+            draw.line([(margin, line), (margin + width, line)], fill=RULE, width=max(1, cell // 320))
+        page.paste(block, (margin, top))
+        top += block.height + between
+    return page
+
+
+def heat_bar(height: int) -> NDArray[np.uint8]:
+    """Draw the scale of the heat colours, (height, width, 3): weight 0 at the bottom, 1 at the top."""
+    size = max(9, height // 22)
+    typeface = font(size)
+    long, thick = int(height * 0.6), max(4, height // 26)
+    width = max(thick + 2 * size + max(4, size // 2), int(typeface.getlength("weight")) + 2)
+    image = Image.new("RGB", (width, height), "white")
+    draw = ImageDraw.Draw(image)
+    top = (height - long) // 2
+    ramp = (weight_colors(np.linspace(1, 0, long)) * 255 + 0.5).astype(np.uint8)
+    image.paste(Image.fromarray(np.repeat(ramp[:, None], thick, axis=1)), (0, top))
+    draw.text((0, top - size), "weight", GREY, typeface, anchor="ls")
+    for value in (0.0, 0.5, 1.0):
+        at = top + (1 - value) * (long - 1)
+        draw.text((thick + max(3, size // 2), at), f"{value:g}", GREY, typeface, anchor="lm")
+    return np.asarray(image)
+
+
+def _row(heading: str, pictures: list[tuple[Image.Image, str]], width: int, gap: int, cell: int) -> Image.Image:
+    """Draw one heading and its pictures side by side, each with its caption below it."""
+    size = max(9, cell // 19)
+    head = _heading(heading, width, max(10, cell // 14), INK)
+    captions = [wrapped(caption, font(size), image.width) for image, caption in pictures]
+    line, lines = int(size * 1.4), max(len(each) for each in captions)
+    start = head.height + (cell // 32 if heading else 0)
+    row = Image.new("RGB", (width, start + cell + (size // 2 + line * lines if lines else 0)), "white")
+    row.paste(head, (0, 0))
+    draw = ImageDraw.Draw(row)
+    left = 0
+    for (image, _), text in zip(pictures, captions, strict=True):
+        row.paste(image, (left, start))
+        for index, words in enumerate(text):
+            place = (left + image.width / 2, start + cell + size // 2 + index * line)
+            draw.text(place, words, GREY, font(size), anchor="ma")
+        left += image.width + gap
+    return row
+
+
+def _heading(text: str, width: int, size: int, ink: tuple[int, int, int]) -> Image.Image:
+    lines = wrapped(text, font(size), width) if text else []
+    block = Image.new("RGB", (width, int(size * 1.3) * len(lines)), "white")
+    draw = ImageDraw.Draw(block)
+    for index, words in enumerate(lines):
+        draw.text((0, index * int(size * 1.3)), words, ink, font(size))
+    return block
+
+
+def _scaled(picture: NDArray[np.uint8], cell: int) -> Image.Image:
+    values = np.asarray(picture)
+    if values.dtype != np.uint8 or values.ndim != 3 or values.shape[2] != 3 or values.size == 0:
+        raise ValueError(
+            "contact_sheet: a picture must be a uint8 array of shape (height, width, 3), "
+            f"got {values.dtype} of shape {values.shape}"
+        )
+    image = Image.fromarray(np.ascontiguousarray(values))
+    width = max(1, round(image.width * cell / image.height))
+    return image if image.size == (width, cell) else image.resize((width, cell), Image.Resampling.LANCZOS)

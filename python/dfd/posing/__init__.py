@@ -1,0 +1,1 @@
+"""Transforms, and the vertices that they move."""

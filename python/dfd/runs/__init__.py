@@ -1,0 +1,1 @@
+"""What was computed and is found again: the cache, checkpoints and what they go by."""

@@ -1,0 +1,1 @@
+"""Planes across which a shape looks alike."""

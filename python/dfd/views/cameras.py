@@ -1,0 +1,187 @@
+"""Where pictures are taken from: directions on a Fibonacci sphere, cameras that frame the shape."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dfd.common import check
+
+__all__ = ["Camera", "camera_towards", "fibonacci_directions", "place_cameras"]
+
+FIELD_OF_VIEW = 60.0  # degrees, the paper's and the public reference's
+PAPER_DISTANCE = 2.8  # from the origin of normalised coordinates, likewise
+MARGIN = 1.06  # a framed shape leaves this much room, so that no patch at its rim is cut
+CLEARANCE = 0.2  # of half the shape's size, between it and the eye: a needle seen from its tip does not poke it
+FRAMINGS = ("shape", "paper")
+_MIRROR_IMAGES = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [-1.0, 1.0, -1.0]])
+_CHUNK = 1 << 12  # points that are measured together: their products stay in the cache
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A pinhole camera with a square picture, in normalised coordinates.
+
+    Attributes
+    ----------
+    position
+        (3,) the eye.
+    right, up, back
+        (3,) orthonormal axes; it looks along −`back`. The mirror image of a camera has its `right` turned round, so
+        that it sees the mirror image of what the other sees.
+    field_of_view
+        Full angle across the picture, degrees.
+    """
+
+    position: NDArray[np.float64]
+    right: NDArray[np.float64]
+    up: NDArray[np.float64]
+    back: NDArray[np.float64]
+    field_of_view: float = FIELD_OF_VIEW
+
+    @property
+    def half_width(self) -> float:
+        """Half the picture's width at distance 1."""
+        return float(np.tan(np.radians(self.field_of_view) / 2))
+
+    def ray_directions(self, resolution: int) -> NDArray[np.float32]:
+        """Unit directions through the centres of all pixels, (resolution², 3), row by row from the top left."""
+        across = ((np.arange(resolution) + 0.5) / resolution * 2 - 1) * self.half_width
+        directions = (
+            across[None, :, None] * self.right - across[:, None, None] * self.up - np.broadcast_to(self.back, (1, 1, 3))
+        ).reshape(-1, 3)
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        return np.asarray(directions, np.float32)
+
+    def project(
+        self, points: NDArray[np.floating[Any]], resolution: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Row and column, in pixels, at which (N, 3) points appear; whole numbers are pixel centres."""
+        offset = points - self.position
+        depth = -(offset @ self.back) * self.half_width
+        column = (offset @ self.right / depth + 1) / 2 * resolution - 0.5
+        row = (1 - offset @ self.up / depth) / 2 * resolution - 0.5
+        return row, column
+
+
+def fibonacci_directions(count: int, *, mirrored: bool = False) -> NDArray[np.float64]:
+    """Unit directions spread evenly over the sphere, (count, 3).
+
+    With `mirrored` they are a quarter and its mirror images at x = 0, at z = 0 and at both; what four do not divide
+    lies in those planes.
+    """
+    count = check.whole("fibonacci_directions", "count", count, minimum=1)
+    if not mirrored:
+        index = np.arange(count) + 0.5
+        return _sphere(1 - 2 * index / count, np.pi * (1 + np.sqrt(5)) * index)
+    # A Fibonacci spiral would come close to its own images at the planes; few meridians, taken in turn, keep off them.
+    index = np.arange(count // 4) + 0.5
+    meridians = max(2, round(np.sqrt(len(index) / 2.5)))
+    quarter = _sphere(1 - 2 * index / max(len(index), 1), np.pi / 2 * (index % meridians) / meridians)
+    sides = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])[: count % 4 // 2 * 2]
+    front = np.array([[0.0, 0.0, 1.0]])[: count % 2]
+    return np.concatenate([*(quarter * signs for signs in _MIRROR_IMAGES), sides, front])
+
+
+def camera_towards(
+    direction: ArrayLike,
+    points: NDArray[np.floating[Any]],
+    *,
+    framing: str = "shape",
+    field_of_view: float = FIELD_OF_VIEW,
+    flipped: bool = False,
+) -> Camera:
+    """One camera out along `direction` (3,), of any length but 0, that sees `points`; see `place_cameras`."""
+    unit = check.array("camera_towards", "direction", direction, (3,), dtype=np.float64)
+    length = np.linalg.norm(unit)
+    if length == 0:
+        raise ValueError("camera_towards: `direction` must have a length, got 0, 0, 0")
+    return _place(unit[None] / length, points, framing, field_of_view, np.array([flipped]))[0]
+
+
+def place_cameras(
+    count: int, points: NDArray[np.floating[Any]], *, framing: str = "shape", mirrored: bool = False
+) -> list[Camera]:
+    """Place `count` cameras around a shape.
+
+    Parameters
+    ----------
+    points
+        (N, 3) vertices of the shape in normalised coordinates.
+    framing
+        "shape": the smallest distance at which the whole shape is in the picture with a small margin (and no point
+        nearer to the eye than a tenth of its size); "paper": a distance of 2.8 from the origin, looking at it.
+    mirrored
+        Cameras, and with them pictures, come in fours that are mirror images of each other at x = 0 and at z = 0: a
+        shape that is its own image across one of these planes is seen alike on both sides, whichever plane it is.
+
+    Raises
+    ------
+    ValueError
+        If `count` is not at least 1 or `framing` is unknown.
+    """
+    directions = fibonacci_directions(count, mirrored=mirrored)
+    x, z = directions[:, 0], directions[:, 2]
+    flipped = mirrored & ((x * z < 0) | ((z == 0) & (x < 0)))  # mirrored once, not twice
+    return _place(directions, points, framing, FIELD_OF_VIEW, flipped)
+
+
+def _place(
+    directions: NDArray[np.float64],
+    points: NDArray[np.floating[Any]],
+    framing: str,
+    field_of_view: float,
+    flipped: NDArray[np.bool_],
+) -> list[Camera]:
+    if framing not in FRAMINGS:
+        raise ValueError(f"place_cameras: `framing` must be one of {', '.join(FRAMINGS)}, got {framing!r}")
+    field_of_view = check.number("place_cameras", "field_of_view", field_of_view, minimum=1.0, maximum=170.0)
+    bases = [_basis(direction, turn) for direction, turn in zip(directions, flipped, strict=True)]
+    if framing == "paper":
+        return [Camera(PAPER_DISTANCE * basis[2], *basis, field_of_view) for basis in bases]
+    slope = np.tan(np.radians(field_of_view) / 2) / MARGIN
+    # A point q (right, up, back) is inside the picture from distance d and centre c when |q_x − c_x| ≤ slope (d − q_z),
+    # likewise in y: bounds that are linear in the point, so one matrix product gives the extremes for all cameras.
+    # A fifth bound is the point nearest to the eye.
+    bounds = np.concatenate(
+        [
+            [right + slope * back, slope * back - right, up + slope * back, slope * back - up, back]
+            for right, up, back in bases
+        ]
+    )
+    clearance = CLEARANCE * float((points.max(axis=0) - points.min(axis=0)).max()) / 2
+    reach = _largest_along(bounds, points).reshape(-1, 5)
+    cameras = []
+    for (right, up, back), (to_right, to_left, to_top, to_bottom, nearest) in zip(bases, reach, strict=True):
+        distance = max((to_right + to_left) / (2 * slope), (to_top + to_bottom) / (2 * slope), nearest + clearance)
+        position = (to_right - to_left) / 2 * right + (to_top - to_bottom) / 2 * up + distance * back
+        cameras.append(Camera(position, right, up, back, field_of_view))
+    return cameras
+
+
+def _largest_along(normals: NDArray[np.float64], points: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+    """Return the largest product of a point (N, 3) with each of `normals` (K, 3), (K,)."""
+    columns = normals.T.astype(np.float32)
+    largest = np.full(len(normals), -np.inf, np.float32)
+    for start in range(0, len(points), _CHUNK):
+        chunk = np.asarray(points[start : start + _CHUNK], np.float32)
+        np.maximum(largest, (chunk @ columns).max(axis=0), out=largest)
+    return largest.astype(np.float64)
+
+
+def _basis(
+    direction: NDArray[np.float64], flipped: bool
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Right, up and back of a camera out along `direction`; upright, and looking straight down −z is up."""
+    upright = np.array([0.0, 1.0, 0.0]) if abs(direction[1]) < 0.999 else np.array([0.0, 0.0, -np.sign(direction[1])])
+    right = np.cross(upright, direction)
+    right /= np.linalg.norm(right)
+    return (-right if flipped else right), np.cross(direction, right), direction
+
+
+def _sphere(height: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    ring = np.sqrt(1 - height * height)
+    return np.stack([ring * np.cos(angle), height, ring * np.sin(angle)], axis=1)

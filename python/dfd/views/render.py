@@ -1,0 +1,175 @@
+"""From a mesh to pictures of it, and the surface point behind every pixel (paper, Eq. 2)."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.common import check
+from dfd.common.progress import Stages
+from dfd.common.threads import get_num_threads
+from dfd.mesh.normalization import normalization
+from dfd.views.cameras import FRAMINGS, Camera, place_cameras
+from dfd.views.raycast import Hits, Scene
+from dfd.views.shading import Shading, blend
+
+if TYPE_CHECKING:
+    from dfd.mesh.mesh import Mesh
+
+__all__ = ["Views", "render", "surface_points", "used_vertices"]
+
+LARGEST_RESOLUTION = 4096
+LARGEST_VIEWS = 32767  # what numbers them has 16 bits
+
+Seen = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]  # of one picture
+
+
+@dataclass(frozen=True, eq=False)
+class Views:
+    """Pictures of a shape, and the surface points that they show.
+
+    Attributes
+    ----------
+    images
+        (n, R, R, 3) 8-bit red, green and blue as displayed, on white.
+    covered
+        (n, R, R) bool, the pixels that show the shape.
+    cameras
+        One a picture.
+    points
+        (P, 3) float32 surface points in normalised coordinates: (p − `center`) · `scale` for p in mesh units.
+    view, row, column
+        (P,) the picture that shows each point, and where in it, in pixels; whole numbers are pixel centres.
+    face
+        (P,) the face of `faces` that each point lies on; empty when the points are vertices.
+    vertices, faces
+        (V, 3) float32 normalised and (F, 3): the surface that the rays met, the mesh's own or a simplified copy's.
+    center, scale
+        The normalisation: the middle of the bounding box comes to the origin, its longest side to [−1, 1].
+    """
+
+    images: NDArray[np.uint8]
+    covered: NDArray[np.bool_]
+    cameras: list[Camera]
+    points: NDArray[np.float32]
+    view: NDArray[np.int16]
+    row: NDArray[np.float32]
+    column: NDArray[np.float32]
+    face: NDArray[np.int32]
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.int32]
+    center: NDArray[np.float64]
+    scale: float
+
+
+def render(
+    mesh: Mesh,
+    *,
+    views: int = 24,
+    resolution: int = 518,
+    framing: str = "shape",
+    mirrored: bool = False,
+    simplify_to: int | None = None,
+    supervision: str = "barycentric",
+    stages: Stages | None = None,
+) -> Views:
+    """Take pictures of `mesh` from all around.
+
+    One ray goes through the centre of every pixel; where it first meets a triangle T at barycentric coordinates B, the
+    pixel shows the surface point P = B·T.
+
+    Parameters
+    ----------
+    views, resolution
+        How many pictures, and pixels along a side of each.
+    framing
+        "shape" fills every picture with the shape, "paper" keeps the paper's distance.
+    mirrored
+        Cameras, and with them pictures, come in fours that mirror each other; see `place_cameras`.
+    simplify_to
+        Cast rays at a copy of about so many faces (quadric error simplification) instead of the mesh itself.
+    supervision
+        Which points are returned: "barycentric" for those behind all covered pixels, "vertex" for the visible vertices.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of its range, or no ray meets the mesh.
+    """
+    views = check.whole("render", "views", views, minimum=1, maximum=LARGEST_VIEWS)
+    resolution = check.whole("render", "resolution", resolution, minimum=1, maximum=LARGEST_RESOLUTION)
+    if simplify_to is not None:
+        simplify_to = check.whole("render", "simplify_to", simplify_to, minimum=4)
+    if framing not in FRAMINGS:
+        raise ValueError(f"render: `framing` must be one of {', '.join(FRAMINGS)}, got {framing!r}")
+    if supervision not in ("barycentric", "vertex"):
+        raise ValueError(f"render: `supervision` must be 'barycentric' or 'vertex', got {supervision!r}")
+    stages = stages or Stages(show=False)
+    center, scale = normalization(mesh)
+    if simplify_to is not None:
+        from dfd.geometry.simplify import simplify
+
+        with stages.stage("simplify"):
+            mesh = simplify(mesh, simplify_to)
+    with stages.stage("render", views) as advance:
+        vertices = ((mesh.vertices - center) * scale).astype(np.float32)
+        scene = Scene(vertices, mesh.faces)
+        shading = Shading(scene, mesh, vertices)
+        used = used_vertices(vertices, mesh.faces)
+        cameras = place_cameras(views, used, framing=framing, mirrored=mirrored)
+        images = np.empty((views, resolution, resolution, 3), np.uint8)
+        covered = np.zeros((views, resolution, resolution), bool)
+        met = np.zeros(views, bool)  # pictures in which some ray met the surface
+
+        def take(index: int) -> Seen:
+            images[index], hits = shading.picture(cameras[index], resolution)
+            covered[index].ravel()[hits.ray] = True
+            met[index] = len(hits.ray) > 0
+            if supervision == "vertex":
+                points, row, column = _visible_vertices(scene, used, cameras[index], resolution)
+                # Some fall on pixels whose rays pass by the surface.
+                place = np.rint([row, column]).astype(np.int32).clip(0, resolution - 1)
+                covered[index, place[0], place[1]] = True
+                return points, row, column, np.zeros(0, np.int32)
+            row, column = np.divmod(hits.ray.astype(np.int32), resolution)
+            points = surface_points(vertices, mesh.faces, hits)
+            return points, row.astype(np.float32), column.astype(np.float32), hits.face
+
+        seen = []
+        # Embree and NumPy's large operations leave Python's lock to the other threads.
+        with ThreadPoolExecutor(get_num_threads()) as threads:
+            for index, (points, row, column, face) in enumerate(threads.map(take, range(views))):
+                view = np.full(len(points), index, np.int16)
+                seen.append((points, view, row, column, face))
+                advance()
+    points, view, row, column, face = (np.concatenate(parts) for parts in zip(*seen, strict=True))
+    if not met.any() or len(points) == 0:
+        raise ValueError("render: `mesh` is seen by no camera: all its faces are without area, or smaller than a pixel")
+    return Views(images, covered, cameras, points, view, row, column, face, vertices, mesh.faces, center, scale)
+
+
+def used_vertices(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float32]:
+    """Return the vertices that some face has."""
+    used = np.zeros(len(vertices), bool)
+    used[faces] = True
+    return vertices if used.all() else vertices[used]
+
+
+def surface_points(vertices: NDArray[np.float32], faces: NDArray[np.int32], hits: Hits) -> NDArray[np.float32]:
+    """P = B·T (Eq. 2) of all hits, (K, 3), in the units of `vertices`."""
+    return blend(vertices, faces[hits.face], hits.barycentric)
+
+
+def _visible_vertices(
+    scene: Scene, vertices: NDArray[np.float32], camera: Camera, resolution: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """Vertices that nothing hides from the camera, and the pixels that they fall on."""
+    hidden = scene.hides(camera.position, vertices, 1e-3)  # by what is clearly in front of them
+    row, column = camera.project(vertices, resolution)
+    inside = (np.minimum(row, column) >= -0.5) & (np.maximum(row, column) <= resolution - 0.5)
+    chosen = ~hidden & inside
+    return vertices[chosen], row[chosen].astype(np.float32), column[chosen].astype(np.float32)

@@ -1,0 +1,136 @@
+"""What a pixel looks like: light at the eye, smooth normals, the surface's own colour, white behind it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.mesh.appearance import GREY
+from dfd.views.raycast import Hits, Scene
+
+if TYPE_CHECKING:
+    from dfd.mesh.mesh import Mesh
+    from dfd.views.cameras import Camera
+
+__all__ = ["Shading", "blend", "facing"]
+
+AMBIENT, DIFFUSE = 0.6, 0.4  # the public reference's light
+_LAYERS = 8  # clear surfaces one behind another that a ray passes at most
+_CANCELLED = 0.2  # a blend of unit normals shorter than this says nothing
+_STEP = 1e-4  # past a clear surface, in normalised coordinates
+
+
+class Shading:
+    """Takes pictures of a scene."""
+
+    def __init__(self, scene: Scene, mesh: Mesh, vertices: NDArray[np.float32]) -> None:
+        """Take `mesh`, of which `scene` holds the normalised `vertices` (V, 3)."""
+        self._scene = scene
+        self._vertices = vertices
+        self._faces = mesh.faces
+        self._normals = mesh.normals
+        self._appearance = mesh.appearance
+
+    def picture(self, camera: Camera, resolution: int) -> tuple[NDArray[np.uint8], Hits]:
+        """Take one picture.
+
+        Returns
+        -------
+        The picture, (resolution, resolution, 3), and for every pixel that shows the surface the first hit that is not
+        clear, with `ray` the pixel's index.
+        """
+        origin = camera.position.astype(np.float32)
+        directions = camera.ray_directions(resolution)
+        hits = self._scene.cast(origin, directions)
+        color = np.ones((resolution * resolution, 3), np.float32)
+        rgba = self.colors(hits, directions)
+        if (rgba[:, 3] < 1).any():
+            hits, color = self._see_through(origin, directions, hits, rgba)
+        else:
+            color[hits.ray] = rgba[:, :3]
+        image = (color * np.float32(255) + np.float32(0.5)).astype(np.uint8)
+        return image.reshape(resolution, resolution, 3), hits
+
+    def colors(self, hits: Hits, directions: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Lit colour and opacity of each hit, (K, 4) in [0, 1]; `directions` are those of all rays."""
+        if self._appearance is None:
+            rgba = np.full((len(hits.ray), 4), GREY, np.float32)
+            rgba[:, 3] = 1
+        else:
+            rgba = self._appearance.albedo(hits.face, hits.barycentric)
+        light = facing(self._vertices, self._faces, self._normals, hits, directions)
+        rgba[:, :3] *= np.float32(AMBIENT) + np.float32(DIFFUSE) * light[:, None]
+        return rgba
+
+    def _see_through(
+        self, origin: NDArray[np.float32], directions: NDArray[np.float32], hits: Hits, rgba: NDArray[np.float32]
+    ) -> tuple[Hits, NDArray[np.float32]]:
+        """Blend what lies behind clear surfaces, front to back, down to the white behind everything.
+
+        Returns the first hit of each ray that is at least half opaque, and the colour of all N rays, (N, 3).
+        """
+        color = np.zeros((len(directions), 3), np.float32)
+        clear = np.ones(len(directions), np.float32)  # the part of the light that still gets through
+        reached = np.zeros(len(directions), np.float32)
+        solid = np.zeros(len(directions), bool)
+        kept: list[Hits] = []
+        for _ in range(_LAYERS):
+            share = clear[hits.ray] * rgba[:, 3]
+            color[hits.ray] += share[:, None] * rgba[:, :3]
+            clear[hits.ray] -= share
+            first = ~solid[hits.ray] & (rgba[:, 3] >= 0.5)
+            kept.append(hits.where(first))
+            solid[hits.ray[first]] = True
+            reached[hits.ray] += hits.distance + np.float32(_STEP)
+            on = hits.ray[clear[hits.ray] > 0.01]
+            if len(on) == 0:
+                break
+            further = self._scene.cast(origin + directions[on] * reached[on, None], directions[on])
+            hits = Hits(on[further.ray], further.face, further.barycentric, further.distance)
+            rgba = self.colors(hits, directions)
+        ray = np.concatenate([hits.ray for hits in kept])
+        order = np.argsort(ray)
+        first_hits = Hits(
+            ray[order],
+            np.concatenate([hits.face for hits in kept])[order],
+            np.concatenate([hits.barycentric for hits in kept])[order],
+            np.concatenate([hits.distance for hits in kept])[order],
+        )
+        return first_hits, color + clear[:, None]
+
+
+def facing(
+    vertices: NDArray[np.float32],  # (V, 3)
+    faces: NDArray[np.int32],  # (F, 3)
+    normals: NDArray[np.float32],  # (V, 3) unit, or zero where unknown
+    hits: Hits,
+    directions: NDArray[np.float32],  # (N, 3) unit, of all rays
+) -> NDArray[np.float32]:
+    """|n · d| of each hit, (K,): 1 where the surface faces the eye, from either side, 0 where it is seen edge on."""
+    corners = faces[hits.face]
+    normal = blend(normals, corners, hits.barycentric)
+    length = np.sqrt(np.einsum("kc,kc->k", normal, normal))
+    # Where faces wound either way meet, their normals cancel out and what is left points anywhere.
+    lost = np.flatnonzero(length < _CANCELLED)
+    if len(lost):
+        first, second, third = (vertices[corners[lost, corner]].astype(np.float64) for corner in range(3))
+        crossed = np.cross(second - first, third - first)
+        length[lost] = np.linalg.norm(crossed, axis=1)
+        crossed /= np.maximum(length[lost, None], np.finfo(np.float32).tiny)
+        normal[lost], length[lost] = crossed, 1
+    towards = np.abs(np.einsum("kc,kc->k", normal, directions[hits.ray]))
+    return np.asarray((towards / length).clip(0, 1), np.float32)
+
+
+def blend(
+    values: NDArray[np.float32],  # (V, C) of the vertices
+    corners: NDArray[np.int32],  # (K, 3) vertices of the face that each point lies on
+    barycentric: NDArray[np.float32],  # (K, 3)
+) -> NDArray[np.float32]:
+    """Return B·T, the corners' values blended at each point, (K, C)."""
+    blended: NDArray[np.float32] = barycentric[:, :1] * values[corners[:, 0]]
+    blended += barycentric[:, 1:2] * values[corners[:, 1]]
+    blended += barycentric[:, 2:] * values[corners[:, 2]]
+    return blended

@@ -1,0 +1,120 @@
+"""Which part of a surface no camera sees: what pictures of it cannot tell anything about."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.common import check
+from dfd.common.threads import get_num_threads
+from dfd.geometry.topology import face_areas, face_components, first_at_place
+from dfd.mesh.normalization import box_normalization
+from dfd.views.cameras import place_cameras
+from dfd.views.raycast import Scene
+from dfd.views.render import LARGEST_VIEWS, used_vertices
+from dfd.views.shading import blend
+
+if TYPE_CHECKING:
+    from dfd.mesh.mesh import Mesh
+
+__all__ = ["Unseen", "unseen"]
+
+POINTS = 1 << 16  # on the whole surface, and at least one on every face
+_AT_ONCE = 1 << 15  # points that one thread looks at
+# What stands before a point by this share of its distance from the eye hides it; the face that it lies on does not.
+_TOLERANCE = 1e-4
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """How much of a surface is seen from nowhere."""
+
+    views: int  # cameras that looked
+    area: float  # share of the surface, 0 … 1; 1 where no face has an area
+    pieces: int  # pieces (see `dfd.geometry.topology.inspect`) of which no camera sees anything: inner walls, mostly
+    piece_count: int  # all pieces that have an area
+
+
+def unseen(mesh: Mesh, *, views: int = 24) -> Unseen:
+    """Measure which part of `mesh` is hidden from all cameras that `dfd.distill` places with its defaults.
+
+    Points spread over all faces count as seen when the straight line from some camera to them meets nothing before,
+    be it of glass; a face is seen from both its sides. Where nothing is seen `dfd.distill` has no features to go by:
+    what its smoothing spreads there are those of the nearest surface that is seen.
+
+    Parameters
+    ----------
+    views
+        How many cameras.
+
+    Raises
+    ------
+    ValueError
+        If `views` is not at least 1.
+    """
+    views = check.whole("unseen", "views", views, minimum=1, maximum=LARGEST_VIEWS)
+    found = box_normalization(*mesh.bounds)
+    if found is None:
+        return Unseen(views, area=1.0, pieces=0, piece_count=0)
+    center, scale = found
+    vertices = ((mesh.vertices - center) * scale).astype(np.float32)
+    areas = face_areas(vertices, mesh.faces)
+    has_area = areas > 0
+    if not has_area.any():
+        return Unseen(views, area=1.0, pieces=0, piece_count=0)
+    areas = areas[has_area]
+    # Even where every face is large there are many points, and even the smallest face has one.
+    counts = np.ceil(areas / areas.sum() * POINTS).astype(np.int64)
+    seen = _seen(vertices, mesh.faces[has_area], counts, views)
+    of_face = np.add.reduceat(seen, np.concatenate([[0], np.cumsum(counts)[:-1]]), dtype=np.int64)
+    piece = face_components(first_at_place(mesh)[mesh.faces[has_area]])
+    of_piece = np.bincount(piece, of_face)
+    return Unseen(
+        views,
+        area=float((areas * (1 - of_face / counts)).sum() / areas.sum()),
+        pieces=int((of_piece == 0).sum()),
+        piece_count=len(of_piece),
+    )
+
+
+def _seen(
+    vertices: NDArray[np.float32], faces: NDArray[np.int32], counts: NDArray[np.int64], views: int
+) -> NDArray[np.bool_]:
+    """Return which points are seen, face by face, `counts` (F,) of them on each."""
+    scene = Scene(vertices, faces)
+    cameras = place_cameras(views, used_vertices(vertices, faces), mirrored=True)
+    # Mirrored cameras come one half after the other: taken by turns, few of them soon see nearly everything.
+    eyes = [cameras[number].position for number in sorted(range(views), key=lambda i: i % max(views // 2, 1))]
+    ends = np.cumsum(counts)
+    seen = np.zeros(ends[-1], bool)
+
+    def look(start: int) -> None:
+        number = np.arange(start, min(start + _AT_ONCE, len(seen)))
+        face = np.searchsorted(ends, number, side="right")
+        points = blend(vertices, faces[face], _spread(number - ends[face] + counts[face]))
+        for eye in eyes:
+            hidden = scene.hides(eye, points, _TOLERANCE)
+            seen[number[~hidden]] = True
+            number, points = number[hidden], points[hidden]
+            if len(points) == 0:
+                return
+
+    with ThreadPoolExecutor(get_num_threads()) as threads:
+        for _ in threads.map(look, range(0, len(seen), _AT_ONCE)):
+            pass
+    return seen
+
+
+def _spread(index: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Barycentric coordinates (N, 3) that fill a triangle evenly as `index` (N,) counts up from its centre, 0.
+
+    Source: the additive sequence of Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018.
+    """
+    step = np.array([0.7548776662466927, 0.5698402909980532])  # 1/g and 1/g², g³ = g + 1
+    across = (1 / 3 + index[:, None] * step) % 1
+    across = np.where(across.sum(axis=1, keepdims=True) > 1, 1 - across, across)
+    return np.column_stack([1 - across.sum(axis=1), across]).astype(np.float32)

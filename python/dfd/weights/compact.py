@@ -1,0 +1,325 @@
+"""Compact features: what `dfd.bind` needs of a shape's features, in a tenth of the bytes and within a stated tolerance.
+
+The features of one shape lie close to a few directions. They are projected to as few of them as the tolerance on the
+weights allows, and stored in 8 or 16 bits in the order in which the kernels read. Distances between whole numbers of
+steps are exact, so a handle still weighs exactly 1 at itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.common import check, tensors
+from dfd.common.threads import get_num_threads, one_blas_thread
+
+__all__ = ["CompactFeatures", "compact"]
+
+BLOCK = 16  # vertices side by side, as the kernels take them
+BATCH = 512  # rows projected together: as many as a field evaluates together, within the cache of a core
+SPAN = 127  # steps to either side of 0 that a byte holds
+# Directions, handles and weights are judged on samples of these sizes; the largest error grows slowly beyond.
+DIRECTION_SAMPLE, VERTEX_SAMPLE, HANDLE_SAMPLE = 16_384, 4_096, 128
+SAFETY = 0.8  # part of the tolerance that a sample may use up when the number of dimensions is chosen
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+Precision = Literal["int8", "float16"]
+
+
+@dataclass(frozen=True, eq=False)
+class CompactFeatures:
+    """Features (V, D) of a shape's vertices, projected and rounded for `dfd.bind`, which takes them in their place.
+
+    Attributes
+    ----------
+    shape
+        (V, D) of the features that these stand for.
+    precision
+        Type of the stored entries.
+    blocks
+        float16: (B, d, 16) uint16, the bits of d entries of 16 vertices side by side. int8: (B, d / 4 + 1, 16, 4)
+        uint8, entries + 128 four by four, then the squared length in steps as int32.
+    basis, mean
+        (D, d) with orthonormal columns and (D,): a row z is stored as (z − mean) @ basis.
+    step
+        What 1 stands for in an int8 entry; 1 for float16.
+    radius
+        How far, at most, a vertex of the sample lies from what is stored of it.
+    tolerance, error
+        The largest error of a weight that was asked for, and that a sample of vertices and handles has.
+    """
+
+    shape: tuple[int, int]
+    precision: Precision
+    blocks: NDArray[Any]
+    basis: Float32
+    mean: Float32
+    step: float
+    radius: float
+    tolerance: float
+    error: float
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    @property
+    def dimensions(self) -> int:
+        """Number of stored dimensions d."""
+        return int(self.basis.shape[1])
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes that binding reads."""
+        return self.blocks.nbytes
+
+    def stored(self, indices: NDArray[np.integer[Any]]) -> Float32:
+        """(N, d) what is stored of vertices, in steps."""
+        block, lane = np.divmod(indices, BLOCK)
+        if self.precision == "float16":
+            return self.blocks[block, :, lane].view(np.float16).astype(np.float32)
+        entries = self.blocks[block, :-1, lane].reshape(len(block), self.dimensions)
+        return entries.astype(np.float32) - 128
+
+    def rows(self, indices: NDArray[np.integer[Any]]) -> Float32:
+        """(N, D) feature rows of vertices as far as they are stored; `project` gives what is stored of them back."""
+        stored = self.stored(indices)
+        stored *= self.step
+        return stored @ self.basis.T + self.mean
+
+    def principal(self, count: int) -> Float32:
+        """(V, count) coordinates of all vertices along their features' main directions, the widest first.
+
+        A direction's sign makes the largest of its D parts positive, so that equal features have equal coordinates.
+        There are no more directions than stored dimensions.
+        """
+        sample = self.stored(np.arange(0, len(self), -(-len(self) // DIRECTION_SAMPLE))).astype(np.float64)
+        mean = sample.mean(axis=0)
+        axes = np.linalg.eigh((sample - mean).T @ (sample - mean))[1][:, ::-1][:, :count]
+        parts = self.basis @ axes
+        axes *= self.step * np.where(np.take_along_axis(parts, np.abs(parts).argmax(axis=0)[None], axis=0) < 0, -1, 1)
+        coordinates = np.empty((len(self), axes.shape[1]), np.float32)
+        for start in range(0, len(self), BATCH):
+            stored = self.stored(np.arange(start, min(start + BATCH, len(self))))
+            coordinates[start : start + BATCH] = (stored - mean.astype(np.float32)) @ axes.astype(np.float32)
+        return coordinates
+
+    def project(self, rows: Float32) -> tuple[Float32, Float32]:
+        """(N, d) what would be stored of rows (N, D), and (N,) the squared distance that it misses of points far off.
+
+        A row that lies no farther from what is stored of it than the shape's own do misses nothing.
+        """
+        centered = rows - self.mean
+        stored = _rounded(centered @ self.basis, self.precision, self.step)
+        missed = np.square(centered - self.step * stored @ self.basis.T, dtype=np.float64).sum(axis=1)
+        return stored, np.maximum(missed - self.radius**2, 0.0).astype(np.float32)
+
+
+def compact(
+    features: Any, points: Any = None, *, tolerance: float = 0.01, progress: Callable[[int], object] | None = None
+) -> CompactFeatures:
+    """Project features to as few dimensions and bits as `tolerance` on the weights allows.
+
+    Parameters
+    ----------
+    features
+        (V, D) rows, or a field that gives them for `points`; a field is asked for a part of the points at a time, by
+        several threads at once, and the full features never exist.
+    points
+        (V, 3) where to ask a field, mesh units; left out with rows.
+    tolerance
+        Largest difference from the weights of the full features in float64, held on a sample of vertices and handles.
+    progress
+        Called with the number of further rows that are done; below 0 when they have to be done again.
+
+    Raises
+    ------
+    ValueError
+        If `features` or `points` have the wrong shape or are not finite, there are none, or 16 bits are too few for
+        the tolerance.
+    """
+    wanted = check.number("compact", "tolerance", tolerance, minimum=0, exclusive=True)
+    source = _Source(features, points)
+    random = np.random.default_rng(0)
+    sample = source.rows(_sample(random, source.count, DIRECTION_SAMPLE)).astype(np.float64)
+    mean = sample.mean(axis=0)
+    sample -= mean
+    directions = np.linalg.eigh(sample.T @ sample)[1][:, ::-1]
+    sample = sample @ directions
+    witness = (source.rows(_sample(random, source.count, VERTEX_SAMPLE)) - mean) @ directions
+    trials = [_Trial(rows, rows[_sample(random, len(rows), HANDLE_SAMPLE)]) for rows in (sample, witness)]
+
+    for precision, dimensions in _candidates(source.dimension):
+        kept = min(dimensions, source.dimension)
+        turn = np.eye(kept)
+        step = 1.0
+        if precision == "int8":  # one step serves all dimensions best when they all spread alike
+            turn = np.linalg.qr(random.standard_normal((kept, kept)))[0]
+            step = float(1.02 * np.abs(sample[:, :kept] @ turn).max() / SPAN or 1.0)
+        if max(trial.error(turn, precision, step) for trial in trials) <= SAFETY * wanted:
+            break
+    else:
+        raise ValueError(f"compact: `tolerance` must be larger for features of 16 bits, got {wanted:g}")
+
+    del sample  # as large as a batch of the rows to come
+    basis = np.zeros((source.dimension, dimensions), np.float32)
+    basis[:, :kept] = directions[:, :kept] @ turn
+    center = mean.astype(np.float32)
+    blocks, step = _packed(source, center, basis, precision, step, progress)
+    for array in (blocks, basis, center):
+        array.flags.writeable = False
+    return CompactFeatures(
+        shape=(source.count, source.dimension),
+        precision=precision,
+        blocks=blocks,
+        basis=basis,
+        mean=center,
+        step=step,
+        radius=max(trial.radius(turn, precision, step) for trial in trials),
+        tolerance=wanted,
+        error=max(trial.error(turn, precision, step) for trial in trials),
+    )
+
+
+class _Source:
+    """Rows of features, from an array or from a field."""
+
+    def __init__(self, features: Any, points: Any) -> None:
+        self._field: Callable[[NDArray[Any]], Any] | None = None
+        if callable(features) and not tensors.is_tensor(features):
+            if points is None:
+                raise ValueError("compact: `points` must be given for a field")
+            self._field = features
+            self._array = check.array(
+                "compact", "points", tensors.shared("compact", "points", points), ("V", 3), dtype=np.float64
+            )
+        else:
+            if points is not None:
+                raise ValueError("compact: `points` are for a field, and `features` are rows already")
+            self._array = tensors.contiguous("compact", "features", features, ("V", "D"), np.float32)
+        self.count = len(self._array)
+        if self.count == 0:
+            raise ValueError("compact: `features` must have at least one row, got none")
+        self.dimension = self.rows(np.arange(1)).shape[1]
+
+    def rows(self, which: slice | NDArray[np.int64]) -> Float32:
+        rows = self._array[which]
+        if self._field is not None:
+            rows = np.asarray(tensors.shared("compact", "features", self._field(rows)), np.float32)
+        if not np.isfinite(rows).all():
+            raise ValueError("compact: `features` must be finite")
+        return rows
+
+
+class _Trial:
+    """Weights of sampled vertices for sampled handles, of the full features in float64 and of what is stored.
+
+    Vertices, of which the first few will do, and handles are (N, D) and (M, D) coordinates along all main directions.
+    The first of them, as many as `turn` (d, d) has rows, are turned and stored.
+    """
+
+    def __init__(self, vertices: Float64, handles: Float64) -> None:
+        self._vertices, self._handles = vertices[:VERTEX_SAMPLE].copy(), handles
+        self._weights = _weights(self._vertices, handles)
+
+    def error(self, turn: Float64, precision: Precision, step: float) -> float:
+        """Largest difference of a weight."""
+        vertices, handles = (_stored(rows, turn, precision, step) for rows in (self._vertices, self._handles))
+        return float(np.abs(_weights(vertices, handles) - self._weights).max())
+
+    def radius(self, turn: Float64, precision: Precision, step: float) -> float:
+        """Largest distance of a vertex from what is stored of it."""
+        missed = self._vertices.copy()
+        missed[:, : len(turn)] -= _stored(self._vertices, turn, precision, step) @ turn.T
+        return float(np.linalg.norm(missed, axis=1).max())
+
+
+def _stored(rows: Float64, turn: Float64, precision: Precision, step: float) -> Float64:
+    return step * _rounded(rows[:, : len(turn)] @ turn, precision, step).astype(np.float64)
+
+
+def _weights(vertices: Float64, handles: Float64) -> Float64:
+    """Equations 4 and 5."""
+    squares = np.square(vertices).sum(axis=1)[:, None] + np.square(handles).sum(axis=1) - 2.0 * vertices @ handles.T
+    result: Float64 = np.maximum(1.0 - np.sqrt(np.maximum(squares, 0.0)), 0.0)
+    return result
+
+
+def _sample(random: np.random.Generator, count: int, size: int) -> NDArray[np.int64]:
+    """At most `size` distinct indices below `count`."""
+    return random.choice(count, min(count, size), replace=False)
+
+
+def _candidates(dimension: int) -> Iterator[tuple[Precision, int]]:
+    """Precisions and numbers of dimensions, those that take the fewest bytes first."""
+    sizes = {
+        min(size, -(-dimension // 4) * 4)
+        for size in (*range(8, 64, 8), *range(64, 256, 16), *range(256, dimension + 64, 64))
+    }
+    options: list[tuple[int, Precision, int]] = []
+    for size in sizes:
+        options += [(size + 4, "int8", size), (2 * size, "float16", min(size, dimension))]
+    for _, precision, size in sorted(options):
+        yield precision, size
+
+
+def _rounded(projected: NDArray[Any], precision: Precision, step: float) -> Float32:
+    """What is stored of projected rows, in steps."""
+    if precision == "float16":
+        return projected.astype(np.float16).astype(np.float32)
+    return np.clip(np.rint(projected / step), -SPAN, SPAN).astype(np.float32)
+
+
+def _packed(
+    source: _Source,
+    mean: Float32,
+    basis: Float32,
+    precision: Precision,
+    step: float,
+    progress: Callable[[int], object] | None,
+) -> tuple[NDArray[Any], float]:
+    """All rows in blocks, and the step, larger than asked for when a row outside the sample needs it."""
+    count, dimensions = source.count, basis.shape[1]
+    block_count = -(-count // BLOCK)
+    blocks: NDArray[Any]  # not zeros, whose pages would come one small one at a time
+    if precision == "float16":
+        blocks = np.empty((block_count, dimensions, BLOCK), np.uint16)
+    else:
+        blocks = np.empty((block_count, dimensions // 4 + 1, BLOCK, 4), np.uint8)
+
+    def pack(start: int) -> float:
+        """Fill the blocks of a batch; return its largest entry."""
+        stop = min(start + BATCH, count)
+        projected = (source.rows(slice(start, stop)) - mean) @ basis
+        padded = np.zeros((-(-(stop - start) // BLOCK) * BLOCK, dimensions), np.float32)
+        padded[: stop - start] = projected if precision == "float16" else _rounded(projected, precision, step)
+        rows = padded.reshape(-1, BLOCK, dimensions)
+        into = blocks[start // BLOCK : start // BLOCK + len(rows)]
+        if precision == "float16":
+            into[:] = rows.astype(np.float16).view(np.uint16).transpose(0, 2, 1)
+        else:
+            into[:, :-1] = (rows + 128).astype(np.uint8).reshape(-1, BLOCK, dimensions // 4, 4).transpose(0, 2, 1, 3)
+            squares = np.square(rows).sum(axis=2, dtype=np.float64).astype(np.int32)
+            into[:, -1] = squares.view(np.uint8).reshape(-1, BLOCK, 4)
+        return float(np.abs(projected).max())
+
+    starts = range(0, count, BATCH)
+    with one_blas_thread(), ThreadPoolExecutor(get_num_threads(), "dfd") as pool:
+        try:
+            for start, largest in zip(starts, pool.map(pack, starts), strict=True):
+                if precision == "int8" and largest > (SPAN + 0.5) * step:
+                    break
+                if progress is not None:
+                    progress(min(BATCH, count - start))
+            else:
+                return blocks, step
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+    if progress is not None:
+        progress(-start)
+    return _packed(source, mean, basis, precision, 1.02 * largest / SPAN, progress)

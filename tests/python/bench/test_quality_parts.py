@@ -1,0 +1,204 @@
+"""The quality bench's parts, from the names and the weights in a skinned file."""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+import pytest
+
+from bench.quality.__main__ import settings_of
+from bench.quality.parts import label_vertices, merged, only, sides_as_one
+from bench.quality.report import to_csv, to_markdown
+from bench.quality.shapes import characters
+from bench.quality.studies import Row
+from dfd import Mesh
+from dfd.mesh.appearance import Appearance, Material
+
+
+@pytest.mark.parametrize(
+    ("joint", "kind"),
+    [
+        ("upperarm.l", "upperarm"),
+        ("UpperArm_R", "upperarm"),
+        ("LeftUpperArm", "upperarm"),
+        ("mixamorig:RightHand", "mixamorig:hand"),
+        ("UpperArmL", "upperarm"),
+        ("lThigh", "thigh"),
+        ("L_Thigh", "thigh"),
+        ("finger_02_l", "finger"),
+        ("hand.l.001", "hand"),
+        ("Spine2", "spine"),
+        ("lowerleg", "lowerleg"),
+        ("pelvis", "pelvis"),
+    ],
+)
+def test_a_joint_has_neither_side_nor_number(joint, kind):
+    assert sides_as_one(joint) == kind
+
+
+@pytest.mark.parametrize(
+    ("joint", "part"),
+    [
+        ("Head", "head"),
+        ("handslot.l", "hand"),
+        ("lowerarm.r", "arm"),
+        ("LeftForeArm", "arm"),
+        ("control-toe-roll.l", "foot"),
+        ("upperleg.l", "leg"),
+        ("hips", "torso"),
+        ("antenna", None),
+    ],
+)
+def test_joints_fall_into_the_parts_of_a_character(joint, part):
+    assert merged(joint) == part
+
+
+def test_vertices_take_the_joint_at_their_place_and_others_none():
+    mesh = Mesh(np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (9, 9, 9)]), np.array([(0, 1, 2), (1, 2, 3)]))
+    places = np.array([(0, 1.0, 0), (0, 0, 0), (1, 0, 0)])
+    labels, parts = label_vertices(mesh, places, ["foot.l", "hand.l", "antenna"], merged)
+    assert parts == ("foot", "hand")
+    assert labels.tolist() == [1, -1, 0, -1]
+
+
+def test_a_part_of_a_mesh_keeps_its_looks():
+    corners = np.arange(6, dtype=np.int32) % 4
+    looks = Appearance(
+        corners=corners,
+        corner_faces=np.array([(0, 1, 2), (3, 4, 5)], np.int32),
+        face_material=np.array([0, 1], np.int32),
+        materials=(Material(), Material((1.0, 0.0, 0.0, 1.0))),
+    )
+    vertices = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)])
+    mesh = Mesh(vertices, np.array([(0, 1, 2), (3, 0, 1)]), appearance=looks)
+    part, old = only(mesh, np.array([True, True, False, True]))
+    assert old.tolist() == [0, 1, 3]
+    assert part.vertices.tolist() == vertices[[0, 1, 3]].tolist()
+    assert part.faces.tolist() == [[2, 0, 1]]
+    assert part.appearance is not None
+    assert part.appearance.corners.tolist() == [-1, -1, -1, 2, 0, 1]
+    red = part.appearance.albedo(np.array([0]), np.array([(1, 0, 0)]))
+    assert red.tolist() == [[1, 0, 0, 1]]
+
+
+def test_a_skinned_file_is_read_whole_and_without_what_only_hangs_on_a_bone(tmp_path):
+    pytest.importorskip("pygltflib")
+    (tmp_path / "figure.glb").write_bytes(_figure())
+    told = []
+    found = list(characters(tmp_path, told.append))
+    assert told == []
+    assert [shape.name for shape in found] == [
+        "figure, merged names",
+        "figure without accessories, merged names",
+        "figure, rig names",
+        "figure without accessories, rig names",
+    ]
+    whole, bare, rig, _ = found
+    assert whole.parts == ("arm", "head")
+    assert rig.parts == ("head", "upperarm")
+    # the skin is moved by its node to x = 5; the fourth weight of its second vertex sits in another set of joints
+    by_place = {tuple(place): label for place, label in zip(whole.mesh.vertices.tolist(), whole.labels, strict=True)}
+    assert by_place == {
+        (5.0, 0.0, 0.0): 0,
+        (6.0, 0.0, 0.0): 1,
+        (5.0, 1.0, 0.0): 0,
+        (0.0, 0.0, 3.0): -1,
+        (1.0, 0.0, 3.0): -1,
+        (0.0, 1.0, 3.0): -1,
+    }
+    assert sorted(map(tuple, bare.mesh.vertices.tolist())) == [(5, 0, 0), (5, 1, 0), (6, 0, 0)]
+    assert (bare.labels >= 0).all()
+
+
+def test_a_damaged_skin_is_told_and_left_out(tmp_path):
+    pytest.importorskip("pygltflib")
+    (tmp_path / "figure.glb").write_bytes(_figure(weights=b""))
+    told = []
+    assert list(characters(tmp_path, told.append)) == []
+    assert told == ["figure.glb: strongest_joints: an accessor reaches past the end of the file"]
+
+
+def test_settings_are_read_from_words():
+    assert settings_of(["steps=300 framing=paper", "simplify_to=None"]) == {
+        "steps": 300,
+        "framing": "paper",
+        "simplify_to": None,
+    }
+    with pytest.raises(ValueError, match="name=value, got 'steps'"):
+        settings_of(["steps"])
+    with pytest.raises(ValueError, match="there is no setting 'stepps'"):
+        settings_of(["stepps=3"])
+
+
+def test_tables_hold_every_row_and_leave_empty_what_does_not_apply():
+    rows = [
+        Row("methods", "chair", "dfd", {"precision": 0.75, "moving": 0.5}),
+        Row("methods", "chair", "peer", note="takes | long"),
+        Row("seeds", "spot", "seed 1", {"symmetry error": 0.125}),
+    ]
+    assert to_csv(rows).splitlines() == [
+        "study,shape,setting,precision,precision ±,ratio,moving,symmetry error,Dirichlet energy,off the first,note",
+        "methods,chair,dfd,0.75,,,0.5,,,,",
+        "methods,chair,peer,,,,,,,,takes | long",
+        "seeds,spot,seed 1,,,,,0.125,,,",
+    ]
+    page = to_markdown(rows, "Settings.")
+    assert "| shape | setting | precision | moving |" in page
+    assert "| chair | peer | takes / long |  |" in page
+    assert "| spot | seed 1 | 0.125 |" in page
+
+
+def _figure(weights: bytes | None = None) -> bytes:
+    """A GLB with a skinned triangle, moved by its node, of three joints, and a triangle that hangs on a bone."""
+    import json
+
+    positions = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
+    first = np.array([(0, 1, 0, 0)] * 3, np.uint8)
+    second = np.array([(2, 2, 2, 2)] * 3, np.uint8)
+    most = np.array([(0.6, 0.4, 0, 0), (0.2, 0.2, 0, 0), (0.3, 0.7, 0, 0)], np.float32)
+    rest = np.array([(0, 0, 0, 0), (0.6, 0, 0, 0), (0, 0, 0, 0)], np.float32)
+    faces = np.array([(0, 1, 2)], np.uint16)
+    chunks = [positions.tobytes(), first.tobytes(), second.tobytes(), most.tobytes(), rest.tobytes(), faces.tobytes()]
+    if weights is not None:
+        chunks = [*chunks[:3], weights, weights, chunks[5]]
+    starts = np.cumsum([0, *map(len, chunks)]).tolist()
+    kinds = [(5126, "VEC3", 3), (5121, "VEC4", 3), (5121, "VEC4", 3), (5126, "VEC4", 3), (5126, "VEC4", 3)]
+    if weights is not None:
+        starts[3:5] = [starts[5], starts[5]]  # where the file has no room for so many numbers
+    accessors = [
+        {"bufferView": index, "componentType": component, "type": kind, "count": count}
+        for index, (component, kind, count) in enumerate([*kinds, (5123, "SCALAR", 3)])
+    ]
+    accessors[0] |= {"min": [0, 0, 0], "max": [1, 1, 0]}
+    skinned = {"POSITION": 0, "JOINTS_0": 1, "JOINTS_1": 2, "WEIGHTS_0": 3, "WEIGHTS_1": 4}
+    document = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0, 2]}],
+        "nodes": [
+            {"name": "all", "children": [1], "translation": [5, 0, 0]},
+            {"name": "body", "mesh": 0, "skin": 0},
+            {"name": "sword", "mesh": 1, "translation": [0, 0, 3]},
+            {"name": "upperarm.l"},
+            {"name": "upperarm.r"},
+            {"name": "head"},
+        ],
+        "skins": [{"joints": [3, 4, 5]}],
+        "meshes": [
+            {"primitives": [{"attributes": skinned, "indices": 5}]},
+            {"primitives": [{"attributes": {"POSITION": 0}, "indices": 5}]},
+        ],
+        "accessors": accessors,
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": start, "byteLength": len(chunk)}
+            for start, chunk in zip(starts, chunks, strict=False)
+        ],
+        "buffers": [{"byteLength": sum(map(len, chunks))}],
+    }
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    binary = b"".join(chunks)
+    binary += b"\0" * (-len(binary) % 4)
+    body = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(binary), 0x004E4942) + binary
+    return struct.pack("<III", 0x46546C67, 2, 12 + len(body)) + body

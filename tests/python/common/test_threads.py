@@ -1,0 +1,146 @@
+"""Threads: the same bits for every count, one OpenMP runtime beside torch, and no hang after a fork."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+import threadpoolctl
+import torch
+
+import dfd
+from dfd.common import threads
+
+
+@pytest.fixture(autouse=True)
+def _restore_thread_count():
+    before = dfd.get_num_threads()
+    yield
+    dfd.set_num_threads(before)
+
+
+def work(vertex_count=3001):
+    random = np.random.default_rng(0)
+    features = random.standard_normal((vertex_count, 48)).astype(np.float32) / 9
+    weights = dfd.bind(features, [1, 5, 9], fixed=[3])
+    vertices = random.standard_normal((vertex_count, 3)).astype(np.float32)
+    plane = dfd.SymmetryPlane((1.0, 0.0, 0.0), 0.0, band=0.5)
+    return weights, dfd.pose(vertices, weights, random.standard_normal((3, 3, 4)), symmetry=plane)
+
+
+def python(code, **environment):
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env={**os.environ, **environment},
+        check=False,
+    )
+
+
+def test_every_thread_count_gives_the_same_bits():
+    dfd.set_num_threads(1)
+    weights, posed = work()
+    for count in (2, 3, 7):
+        dfd.set_num_threads(count)
+        assert dfd.get_num_threads() == count
+        other_weights, other_posed = work()
+        np.testing.assert_array_equal(other_weights, weights)
+        np.testing.assert_array_equal(other_posed, posed)
+
+
+@pytest.mark.parametrize("count", [0, -1, 1.5, float("nan"), "two", True, 10**9])
+def test_thread_count_must_be_a_positive_whole_number(count):
+    with pytest.raises(ValueError, match=r"^set_num_threads: `count` must be"):
+        dfd.set_num_threads(count)
+
+
+@pytest.mark.parametrize(("setting", "wanted"), [("3", 3), ("5,2", 5)])
+def test_environment_sets_the_default(setting, wanted):
+    done = python("import dfd; print(dfd.get_num_threads())", OMP_NUM_THREADS=setting)
+    assert done.stdout.split() == [str(wanted)], done.stderr
+
+
+@pytest.mark.parametrize("setting", ["", "many", "0", "-4"])
+def test_default_is_at_most_what_the_process_may_use(setting, monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", setting)
+    assert 1 <= threads._default_threads() <= (os.cpu_count() or 1)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads the memory map of Linux")
+@pytest.mark.parametrize("order", ["torch, dfd", "dfd, torch"])
+def test_one_openmp_runtime_beside_torch(order):
+    code = f"""
+import {order}
+import numpy as np, pathlib
+torch.ones(300, 300) @ torch.ones(300, 300)
+dfd.bind(np.ones((5000, 8), np.float32), [0])
+maps = pathlib.Path("/proc/self/maps").read_text().split()
+print(*sorted({{pathlib.Path(path).name for path in maps if "libgomp" in path or "libomp" in path}}))
+"""
+    done = python(code, OMP_NUM_THREADS="2")
+    assert done.returncode == 0, done.stderr
+    assert len(done.stdout.split()) == 1, done.stdout
+
+
+def test_torch_and_dfd_take_turns_on_several_threads():
+    wanted_weights, wanted_posed = work()
+    matrix = torch.from_numpy(np.random.default_rng(1).standard_normal((200, 200)))
+    wanted_product = matrix @ matrix
+    failures = []
+
+    def turns():
+        try:
+            for _ in range(20):
+                weights, posed = work()
+                np.testing.assert_array_equal(weights, wanted_weights)
+                np.testing.assert_array_equal(posed, wanted_posed)
+                torch.testing.assert_close(matrix @ matrix, wanted_product)
+        except Exception as failure:
+            failures.append(failure)
+
+    workers = [threading.Thread(target=turns, daemon=True) for _ in range(4)]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join(timeout=60)
+        assert not worker.is_alive()
+    assert not failures
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
+def test_a_forked_child_computes_the_same():
+    code = """
+import os, numpy as np, torch, dfd
+dfd.set_num_threads(2)
+features = np.random.default_rng(0).standard_normal((4000, 16)).astype(np.float32) / 8
+weights = dfd.bind(features, [0, 1])
+child = os.fork()
+if child == 0:
+    same = (dfd.bind(features, [0, 1]) == weights).all() and dfd.get_num_threads() == 1
+    try:
+        dfd.set_num_threads(2)
+        told = not dfd.common.threads._core.openmp
+    except RuntimeError as error:
+        told = "spawn" in str(error)
+    os._exit(0 if same and told else 3)
+print("child", os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), dfd.get_num_threads())
+"""
+    done = python(code, PYTHONWARNINGS="ignore")
+    assert done.stdout.split() == ["child", "0", "2"], done.stderr
+
+
+def test_blas_gets_its_threads_back():
+    def counts():
+        return [pool["num_threads"] for pool in threadpoolctl.threadpool_info() if pool["user_api"] == "blas"]
+
+    with threadpoolctl.threadpool_limits(3, user_api="blas"):
+        before = counts()
+        with threads.one_blas_thread():
+            assert all(count == 1 for count in counts())
+        assert counts() == before

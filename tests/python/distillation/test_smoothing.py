@@ -1,0 +1,145 @@
+"""Features spread along the surface: an energy that is the integral, pieces that do not mix, and none left out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from dfd import Mesh
+from dfd.distillation import smoothing
+from dfd.distillation.smoothing import diffuse
+from dfd.distillation.targets import PixelTargets
+from dfd.views.render import Views, render
+
+
+def views_of(mesh: Mesh) -> Views:
+    return render(mesh, views=8, resolution=64)
+
+
+def colored(views: Views, color: NDArray[np.floating]) -> PixelTargets:
+    """Targets that are a colour of each surface point, (P, D), as if every pixel were a patch."""
+    count, size = views.images.shape[:2]
+    tokens = np.ones((count, size, size, color.shape[1]), np.float32)
+    tokens[views.view, views.row.astype(int), views.column.astype(int)] = color
+    return PixelTargets(views, tokens, torch.device("cpu"))
+
+
+def spread(views: Views, pixels: PixelTargets, **how: Any) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Points, and their targets as features (N, D)."""
+    points, targets, directions = diffuse(views, pixels, **how)
+    return points, targets @ directions
+
+
+def two_sheets(gap: float) -> Mesh:
+    grid = trimesh.creation.box((1, 0.01, 1)).subdivide().subdivide()
+    other = grid.copy().apply_translation((0, gap, 0))
+    both = trimesh.util.concatenate([grid, other])
+    return Mesh(both.vertices, both.faces)
+
+
+@pytest.mark.parametrize("gradient", [(1.0, 0.0, 0.0), (0.3, -0.5, 0.8)])
+def test_the_energy_is_the_integral_of_the_squared_gradient(gradient: tuple[float, float, float]) -> None:
+    # On the unit sphere the coordinate along a direction has ∫ ‖∇f‖² = 8π/3 times its squared length.
+    sphere = trimesh.creation.icosphere(subdivisions=4)
+    points, _, area = smoothing._draw_points(
+        sphere.vertices, sphere.faces.astype(np.int32), 8000, np.random.default_rng(0)
+    )
+    piece = np.zeros(len(points), np.int32)
+    laplacian = smoothing._laplacian(smoothing._surface_links(points, piece, piece == 0, area))
+    values = points @ np.array(gradient)
+    assert values @ (laplacian @ values) == pytest.approx(8 * np.pi / 3 * np.dot(gradient, gradient), rel=0.05)
+    assert abs(laplacian @ np.ones(len(points))).max() < 1e-9
+
+
+def test_points_are_spread_by_area() -> None:
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 5], [3, 0, 5], [0, 3, 5], [9, 9, 9]], float)
+    faces = np.array([[0, 1, 2], [3, 4, 5], [6, 6, 6]], np.int32)
+    points, face, area = smoothing._draw_points(vertices, faces, 1000, np.random.default_rng(0))
+    assert area == pytest.approx(5 / 1000)
+    assert np.bincount(face, minlength=3).tolist() == [100, 900, 0]
+    assert np.isin(points[:, 2], (0, 5)).all()
+
+
+def test_sheets_that_lie_close_do_not_mix() -> None:
+    views = views_of(two_sheets(0.04))
+    upper = views.points[:, 1] > 0
+    color = np.stack([upper, ~upper], axis=1)
+    points, targets = spread(views, colored(views, color), smoothing=0.3, seed=0)
+    share = targets[:, 0] / targets.sum(axis=1)
+    assert share[points[:, 1] > 0].mean() > 0.9
+    assert share[points[:, 1] < 0].mean() < 0.1
+
+
+def test_what_no_camera_sees_takes_after_what_is_near() -> None:
+    shell, core = trimesh.creation.icosphere(radius=1.0), trimesh.creation.icosphere(radius=0.9)
+    both = trimesh.util.concatenate([shell, core])
+    views = views_of(Mesh(both.vertices, both.faces))
+    right = views.points[:, 0] > 0
+    points, targets = spread(views, colored(views, np.stack([right, ~right], axis=1)), smoothing=0.1, seed=0)
+    inside = np.linalg.norm(points, axis=1) < 0.95
+    assert inside.sum() > 1000
+    far = inside & (np.abs(points[:, 0]) > 0.5)
+    assert ((targets[far, 0] > targets[far, 1]) == (points[far, 0] > 0)).mean() > 0.95
+
+
+def test_targets_are_unit_and_the_same_twice() -> None:
+    views = views_of(two_sheets(0.5))
+    pixels = colored(views, np.abs(views.points) + 0.1)
+    points, targets = spread(views, pixels, smoothing=0.2, seed=3)
+    np.testing.assert_allclose(np.linalg.norm(targets, axis=1), 1, atol=1e-5)
+    again = spread(views, pixels, smoothing=0.2, seed=3)
+    np.testing.assert_array_equal(points, again[0])
+    np.testing.assert_array_equal(targets, again[1])
+
+
+def test_more_smoothing_leaves_neighbours_more_alike_and_all_as_far_apart() -> None:
+    views = views_of(two_sheets(0.5))
+    noise = np.random.default_rng(0).random((len(views.points), 4))
+    pixels = colored(views, noise)
+    wanted = pixels.at(torch.randperm(len(noise), generator=torch.Generator().manual_seed(0))).numpy()
+    wanted = np.linalg.norm(wanted[1:] - wanted[:-1], axis=1).mean()
+    unlike = []
+    for width in (0.05, 0.15, 0.5):
+        points, targets = spread(views, pixels, smoothing=width, seed=0)
+        _, near = cKDTree(points).query(points, 2)
+        unlike.append(np.linalg.norm(targets[near[:, 1]] - targets, axis=1).mean())
+        some = np.random.default_rng(1).permutation(len(targets))
+        if width < 0.1:  # noise that is smoothed further would have to be magnified beyond sense
+            assert np.linalg.norm(targets[some] - targets, axis=1).mean() == pytest.approx(0.75 * wanted, rel=0.05)
+    assert unlike[0] > 1.5 * unlike[1] > 2 * unlike[2]
+
+
+def test_mirror_images_that_look_alike_are_tied_and_no_others() -> None:
+    sphere = trimesh.creation.icosphere(subdivisions=4)
+    points, _, _ = smoothing._draw_points(
+        sphere.vertices, sphere.faces.astype(np.int32), 4000, np.random.default_rng(0)
+    )
+    # The sides of x look alike; above and below differ; front and back differ as well.
+    looks = np.stack([np.where(points[:, 1] > 0, 1, -1), np.where(points[:, 2] > 0, 1, -1)], axis=1) / np.sqrt(2)
+    links = smoothing._mirror_links(points, looks.astype(np.float32), 1.0, np.random.default_rng(1)).tocoo()
+    assert abs(links - links.T).max() < 1e-12
+    across = {axis: links.data[points[links.row, axis] * points[links.col, axis] < -0.01].sum() for axis in range(3)}
+    assert across[0] > 100
+    assert across[1] < 0.05 * across[0]
+    assert across[2] < 0.05 * across[0]
+    reach = np.linalg.norm(np.abs(points[links.row]) - np.abs(points[links.col]), axis=1)
+    assert reach.max() <= smoothing.MIRROR_REACH
+
+
+def test_two_sides_that_views_show_differently_come_to_agree() -> None:
+    views = views_of(two_sheets(0.5))
+    right = views.points[:, 0] > 0
+    base = np.column_stack([np.ones(len(right)), views.points[:, 1] > 0, np.zeros(len(right))]).astype(float)
+    base[right, 2] = 0.3  # as if a light stood on one side
+    pixels = colored(views, base)
+    points, targets = spread(views, pixels, smoothing=0.3, seed=0)
+    left = points[:, 0] < -0.5
+    sides = np.linalg.norm(targets[left].mean(axis=0) - targets[points[:, 0] > 0.5].mean(axis=0))
+    levels = np.linalg.norm(targets[points[:, 1] > 0].mean(axis=0) - targets[points[:, 1] < 0].mean(axis=0))
+    assert sides < 0.5 * levels

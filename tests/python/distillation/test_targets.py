@@ -1,0 +1,67 @@
+"""Targets of the fit: tokens read between their places, unit rows, means over groups."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from dfd.distillation.targets import PixelTargets, PointTargets
+from dfd.views.render import Views
+
+CPU = torch.device("cpu")
+
+
+@pytest.fixture
+def views() -> Views:
+    """Four points in two pictures of 8 × 8 pixels, over grids of 2 × 2 tokens."""
+    return Views(
+        images=np.zeros((2, 8, 8, 3), np.uint8),
+        covered=np.ones((2, 8, 8), bool),
+        cameras=[],
+        points=np.arange(12, dtype=np.float32).reshape(4, 3),
+        view=np.array([0, 0, 1, 1], np.int16),
+        row=np.array([1.5, 3.5, 0.0, 7.0], np.float32),
+        column=np.array([1.5, 3.5, 5.5, 7.0], np.float32),
+        face=np.zeros(4, np.int32),
+        vertices=np.zeros((3, 3), np.float32),
+        faces=np.zeros((1, 3), np.int32),
+        center=np.zeros(3),
+        scale=1.0,
+    )
+
+
+@pytest.fixture
+def tokens() -> np.ndarray:
+    return np.random.default_rng(0).normal(size=(2, 2, 2, 5)).astype(np.float32)
+
+
+def test_tokens_stand_at_patch_centres_and_blend_between(views: Views, tokens: np.ndarray) -> None:
+    targets = PixelTargets(views, tokens, CPU).at(torch.arange(4)).numpy()
+
+    def unit(row: np.ndarray) -> np.ndarray:
+        return row / np.linalg.norm(row)
+
+    np.testing.assert_allclose(targets[0], unit(tokens[0, 0, 0]), atol=1e-6)  # pixel 1.5 of 8 is patch centre 0 of 2
+    np.testing.assert_allclose(targets[1], unit(tokens[0].mean(axis=(0, 1))), atol=1e-6)  # the picture's middle
+    np.testing.assert_allclose(targets[2], unit(tokens[1, 0, 1]), atol=1e-6)  # above the first centre: held, not led on
+    np.testing.assert_allclose(targets[3], unit(tokens[1, 1, 1]), atol=1e-6)
+
+
+def test_means_of_groups_are_means_of_unit_tokens(views: Views, tokens: np.ndarray) -> None:
+    mean = PixelTargets(views, tokens, CPU).mean_at(np.array([0, 2, 3]), np.array([2, 0, 0]), 4)
+    unit = tokens / np.linalg.norm(tokens, axis=-1, keepdims=True)
+    np.testing.assert_allclose(mean[0], (unit[1, 0, 1] + unit[1, 1, 1]) / 2, atol=1e-6)
+    np.testing.assert_allclose(mean[2], unit[0, 0, 0], atol=1e-6)
+    assert not mean[[1, 3]].any()
+
+
+def test_draws_keep_points_and_targets_together(views: Views, tokens: np.ndarray) -> None:
+    pixels = PixelTargets(views, tokens, CPU)
+    points, targets = pixels.draw(64, torch.Generator().manual_seed(0))
+    chosen = (points[:, 0] / 3).long()
+    assert set(chosen.tolist()) == {0, 1, 2, 3}
+    torch.testing.assert_close(targets, pixels.at(chosen))
+    rows = np.eye(4, dtype=np.float32)
+    points, targets = PointTargets(views.points, rows, CPU).draw(64, torch.Generator().manual_seed(0))
+    torch.testing.assert_close(targets.argmax(dim=1), (points[:, 0] / 3).long())

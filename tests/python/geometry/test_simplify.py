@@ -1,0 +1,136 @@
+"""Copies with fewer faces: the same shape and colours."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import dfd
+from dfd import Mesh
+from dfd.geometry.simplify import simplify
+from dfd.mesh.appearance import Appearance, Material
+from dfd.views.render import render
+
+
+@pytest.fixture(scope="module")
+def quadruped() -> Mesh:
+    return dfd.samples.quadruped(faces=6000).mesh
+
+
+def sphere(count: int = 60) -> Mesh:
+    """A unit sphere, red where x > 0 and blue elsewhere."""
+    theta = np.linspace(0, np.pi, count)
+    phi = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    ring = np.stack(np.meshgrid(theta, phi, indexing="ij"), -1).reshape(-1, 2)
+    vertices = np.stack(
+        [np.sin(ring[:, 0]) * np.cos(ring[:, 1]), np.cos(ring[:, 0]), np.sin(ring[:, 0]) * np.sin(ring[:, 1])], 1
+    )
+    row, column = (part.ravel() for part in np.meshgrid(np.arange(count - 1), np.arange(count), indexing="ij"))
+    a, b = row * count + column, row * count + (column + 1) % count
+    faces = np.concatenate([np.stack([a, b, a + count], 1), np.stack([b, b + count, a + count], 1)]).astype(np.int32)
+    colors = np.where(vertices[:, :1] > 0, [[1.0, 0, 0, 1]], [[0.0, 0, 1, 1]]).astype(np.float32)
+    appearance = Appearance(
+        corners=np.arange(len(vertices), dtype=np.int32),
+        corner_faces=faces,
+        face_material=np.zeros(len(faces), np.int32),
+        materials=(Material((1.0, 1.0, 1.0, 1.0)),),
+        colors=colors,
+    )
+    return Mesh(vertices, faces, appearance=appearance)
+
+
+def test_the_count_is_kept_and_the_shape_stays(quadruped: Mesh) -> None:
+    coarse = simplify(quadruped, 1500)
+    assert 0.9 * 1500 <= len(coarse.faces) <= 1500
+    assert coarse.bounds == pytest.approx(quadruped.bounds, abs=0.01 * quadruped.diagonal)
+    assert coarse.appearance is None
+
+
+@pytest.mark.parametrize(("offset", "scale"), [(1e6, 1.0), (0.0, 1e-12), (0.0, 1e12), (-1e9, 1e3)])
+def test_place_and_size_do_not_matter(quadruped: Mesh, offset: float, scale: float) -> None:
+    plain = simplify(quadruped, 1500)
+    moved = simplify(Mesh(quadruped.vertices * scale + offset, quadruped.faces), 1500)
+    assert len(moved.faces) == len(plain.faces)
+    assert (moved.bounds - offset) / scale == pytest.approx(plain.bounds, abs=1e-4)
+
+
+def test_a_small_mesh_comes_back_as_it_is(quadruped: Mesh) -> None:
+    assert simplify(quadruped, len(quadruped.faces)) is quadruped
+
+
+def test_colours_stay_in_their_places() -> None:
+    coarse = simplify(sphere(), 800)
+    assert len(coarse.faces) <= 800
+    assert coarse.appearance is not None
+    centers = coarse.vertices[coarse.faces].mean(axis=1)
+    albedo = coarse.appearance.albedo(np.arange(len(coarse.faces)), np.full((len(coarse.faces), 3), 1 / 3))
+    clear = np.abs(centers[:, 0]) > 0.25
+    assert albedo[clear, 0] == pytest.approx(np.where(centers[clear, 0] > 0, 1.0, 0.0), abs=0.01)
+    assert albedo[:, 3] == pytest.approx(1.0)
+
+
+def test_the_silhouette_stays() -> None:
+    fine = sphere()
+    exact, rough = (render(fine, views=4, resolution=64, simplify_to=count) for count in (None, 1000))
+    assert len(rough.points) == pytest.approx(len(exact.points), rel=0.02)
+    assert np.linalg.norm(rough.points, axis=1) == pytest.approx(1.0, abs=0.05)
+    # Mostly the same colours in the same pixels.
+    assert (np.abs(exact.images.astype(int) - rough.images).max(axis=-1) > 40).mean() < 0.06
+
+
+def test_textured_colours_are_looked_up() -> None:
+    plain = sphere()
+    texture = np.zeros((2, 2, 4), np.uint8)
+    texture[..., 3] = 255
+    texture[:, 0, 0] = texture[:, 1, 2] = 255  # red to the left, blue to the right
+    appearance = Appearance(
+        corners=np.arange(len(plain.vertices), dtype=np.int32),
+        corner_faces=plain.faces,
+        face_material=np.zeros(len(plain.faces), np.int32),
+        materials=(Material((1.0, 1.0, 1.0, 1.0), texture=texture, wrap=("clamp", "clamp")),),
+        uv=np.where(plain.vertices[:, [0, 0]] > 0, 0.1, 0.9).astype(np.float32),
+    )
+    coarse = simplify(Mesh(plain.vertices, plain.faces, appearance=appearance), 800)
+    assert coarse.appearance is not None
+    assert coarse.appearance.colors is not None
+    used = np.unique(coarse.faces)
+    used = used[np.abs(coarse.vertices[used, 0]) > 0.2]
+    red = coarse.appearance.colors[used, 0] > 0.9
+    assert np.array_equal(red, coarse.vertices[used, 0] > 0)
+
+
+def test_faces_without_area_do_not_stand_in_the_way(quadruped: Mesh) -> None:
+    # Every face's first edge once more, as a face without area: a collapse beside one would seem to fold it over.
+    slivers = quadruped.faces[:, [0, 1, 1]]
+    coarse = simplify(Mesh(quadruped.vertices, np.concatenate([slivers, quadruped.faces])), 1500)
+    assert len(coarse.faces) <= 1500
+    assert coarse.bounds == pytest.approx(quadruped.bounds, abs=0.01 * quadruped.diagonal)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_soups_are_survived(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(3, 60))
+    vertices = np.round(rng.normal(size=(count, 3)), seed % 3)
+    mesh = Mesh(vertices, rng.integers(0, count, (4 * count, 3)))
+    coarse = simplify(mesh, 4)
+    assert np.isfinite(coarse.vertices).all()
+    assert 1 <= len(coarse.faces) <= len(mesh.faces)
+
+
+def test_a_mesh_without_area_comes_back_as_it_is() -> None:
+    line = Mesh(np.outer(np.arange(6.0), [1, 2, 3]), [[0, 1, 2], [1, 2, 3], [2, 3, 4], [3, 4, 5], [0, 0, 1]])
+    assert simplify(line, 4) is line
+
+
+def test_equal_calls_give_equal_bytes_and_inputs_stay(quadruped: Mesh) -> None:
+    vertices, faces = quadruped.vertices.tobytes(), quadruped.faces.tobytes()
+    first, second = simplify(quadruped, 1000), simplify(quadruped, 1000)
+    assert first.content_hash == second.content_hash
+    assert (quadruped.vertices.tobytes(), quadruped.faces.tobytes()) == (vertices, faces)
+
+
+@pytest.mark.parametrize("count", [3, 0, -5, 1e3, True, None])
+def test_bad_counts_are_refused(quadruped: Mesh, count: object) -> None:
+    with pytest.raises(ValueError, match="simplify: `face_count` must be a whole number"):
+        simplify(quadruped, count)  # type: ignore[arg-type]

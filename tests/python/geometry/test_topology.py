@@ -1,0 +1,108 @@
+"""Counts of pieces and defects, on meshes whose defects are known."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from mesh_files import CORNERS, CUBE, textured_quad, write
+
+from dfd.geometry.topology import face_components, inspect, sound_faces
+from dfd.mesh.mesh import Mesh, load
+
+
+def test_a_cube_is_one_closed_piece() -> None:
+    found = inspect(Mesh(CORNERS * 2, CUBE))
+    assert (found.vertex_count, found.face_count, found.components) == (8, 12, 1)
+    assert (found.boundary_edges, found.non_manifold_edges) == (0, 0)
+    assert (found.degenerate_faces, found.duplicate_faces, found.unreferenced_vertices) == (0, 0, 0)
+    assert found.extents == (2, 2, 2)
+    assert (found.parts, found.materials, found.textures) == (1, 0, 0)
+
+
+def test_a_hole_has_a_boundary() -> None:
+    assert inspect(Mesh(CORNERS, CUBE[1:])).boundary_edges == 3
+    assert inspect(Mesh(CORNERS, CUBE[2:])).boundary_edges == 4
+
+
+def test_a_fin_makes_an_edge_of_three_faces() -> None:
+    vertices = np.vstack([CORNERS, [(0.5, 0.5, 5)]])
+    found = inspect(Mesh(vertices, np.vstack([CUBE, [(0, 1, 8)]])))
+    assert found.non_manifold_edges == 1
+    assert found.boundary_edges == 2
+    assert found.components == 1
+
+
+def test_positions_that_coincide_count_as_one_vertex_of_the_surface() -> None:
+    soup = Mesh(CORNERS[CUBE].reshape(-1, 3), np.arange(36).reshape(-1, 3))
+    found = inspect(soup)
+    assert (found.components, found.boundary_edges, found.vertex_count) == (1, 0, 36)
+
+
+def test_pieces_joined_only_at_a_vertex_are_one_piece_and_apart_are_two() -> None:
+    touching = Mesh(np.vstack([CORNERS, CORNERS[1:] * -1]), np.vstack([CUBE, np.where(CUBE == 0, 0, CUBE + 7)]))
+    apart = Mesh(np.vstack([CORNERS, CORNERS + 5]), np.vstack([CUBE, CUBE + 8]))
+    assert inspect(touching).components == 1
+    assert inspect(apart).components == 2
+
+
+def test_faces_without_area_and_repeated_faces_are_counted_and_do_no_harm() -> None:
+    vertices = np.vstack([CORNERS, [(0, 0, 2), (9, 9, 9)]])
+    bad = [(0, 0, 1), (3, 3, 3), (0, 1, 8), CUBE[0], CUBE[1][[2, 1, 0]], CUBE[1][[1, 2, 0]]]
+    found = inspect(Mesh(vertices, np.vstack([CUBE, bad])))
+    assert found.degenerate_faces == 3
+    assert found.duplicate_faces == 3
+    assert found.unreferenced_vertices == 1
+    assert found.components == 1
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e3, -1e6])
+def test_a_small_face_far_from_the_origin_has_area(offset: float) -> None:
+    vertices = np.array([(0, 0, 0), (1e-3, 0, 0), (0, 1e-3, 0), (2e-3, 0, 0)]) + offset
+    found = inspect(Mesh(vertices, [(0, 1, 2), (0, 1, 3)]))
+    assert found.degenerate_faces == 1
+
+
+def test_a_mesh_of_nothing_but_degenerate_faces() -> None:
+    found = inspect(Mesh(CORNERS, [(0, 0, 1), (2, 2, 2)]))
+    assert (found.components, found.boundary_edges, found.degenerate_faces) == (0, 0, 2)
+
+
+def test_parts_and_textures_are_those_of_the_file(tmp_path: Path) -> None:
+    gltf = textured_quad(tmp_path)
+    gltf.node(name="cube", mesh=gltf.mesh("cube", CORNERS + 3, CUBE))
+    found = inspect(load(write(tmp_path / "both.glb", gltf.glb())))
+    assert (found.parts, found.materials, found.textures, found.components) == (2, 2, 1, 2)
+
+
+def test_counts_agree_with_trimesh_on_a_torn_sphere() -> None:
+    sphere = trimesh.creation.icosphere(3)
+    kept = np.random.default_rng(1).random(len(sphere.faces)) < 0.7
+    torn = trimesh.Trimesh(sphere.vertices, sphere.faces[kept], process=False)
+    found = inspect(Mesh(torn.vertices, torn.faces))
+    counts = np.bincount(torn.edges_unique_inverse)
+    assert found.boundary_edges == (counts == 1).sum()
+    links = trimesh.graph.connected_component_labels(torn.edges, node_count=len(torn.vertices))
+    assert found.components == len(np.unique(links[torn.faces]))
+
+
+def test_sound_faces_and_their_components() -> None:
+    faces = np.array([(0, 1, 2), (2, 1, 0), (3, 3, 4), (5, 6, 7), (2, 3, 4)], np.int32)
+    sound = sound_faces(faces)
+    assert sound.tolist() == [[0, 1, 2], [5, 6, 7], [2, 3, 4]]
+    assert face_components(sound).tolist() == [0, 1, 0]
+    assert face_components(np.zeros((0, 3), np.int32)).shape == (0,)
+
+
+@pytest.mark.skipif("DFD_MESHES" not in os.environ, reason="DFD_MESHES names no folder of meshes")
+@pytest.mark.filterwarnings("ignore:load")
+def test_real_meshes_have_the_defects_that_are_known_of_them() -> None:
+    folder = Path(os.environ["DFD_MESHES"])
+    truck = inspect(load(folder / "truck_defects.obj"))
+    assert (truck.components, truck.boundary_edges, truck.non_manifold_edges) == (50, 1388, 54)
+    assert inspect(load(folder / "chair_nonmanifold.obj")).non_manifold_edges == 9518
+    knight = inspect(load(folder / "knight.glb"))
+    assert (knight.components, knight.non_manifold_edges, knight.textures) == (36, 128, 1)

@@ -1,0 +1,233 @@
+"""Colours of surface points: textures, vertex colours, materials, and what happens when they cannot be read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from mesh_files import CORNERS, CUBE, checkered, obj_cube, textured_quad, write
+
+from dfd.mesh.appearance import GREY, Appearance, Material, linear, srgb
+from dfd.mesh.mesh import Mesh, load
+
+RED, GREEN, BLUE, WHITE = (1, 0, 0, 1), (0, 1, 0, 1), (0, 0, 1, 1), (1, 1, 1, 1)
+# points of the square 0-1-2-3 in its faces (0, 1, 2) and (0, 2, 3), and the quarter of the picture that they lie in
+FACES = np.array([0, 0, 1, 1])
+BARYCENTRIC = np.array([(0.5, 0.25, 0.25), (0.1, 0.8, 0.1), (0.05, 0.9, 0.05), (0.1, 0.1, 0.8)])
+POINTS = np.array([(0.5, 0.25), (0.9, 0.1), (0.9, 0.95), (0.1, 0.9)])
+
+
+def albedo(mesh: Mesh, faces: np.ndarray, barycentric: np.ndarray) -> np.ndarray:
+    assert mesh.appearance is not None
+    found = mesh.appearance.albedo(faces, barycentric)
+    assert found.dtype == np.float32
+    assert found.shape == (len(faces), 4)
+    return found
+
+
+def at(mesh: Mesh, points: list[tuple[float, float]]) -> np.ndarray:
+    """Colours of points (x, y) of the square."""
+    faces = np.array([0 if x >= y else 1 for x, y in points])
+    weights = [(1 - x, x - y, y) if x >= y else (1 - y, x, y - x) for x, y in points]
+    return albedo(mesh, faces, np.array(weights))
+
+
+def square(texture: np.ndarray | None = None, uv: object = None, **options: object) -> Appearance:
+    corners = np.arange(4, dtype=np.int32)
+    return Appearance(
+        corners=corners,
+        corner_faces=np.array([(0, 1, 2), (0, 2, 3)], np.int32),
+        face_material=np.zeros(2, np.int32),
+        materials=(Material(color=WHITE, texture=texture, **options),),  # type: ignore[arg-type]
+        uv=np.array([(0, 0), (1, 0), (1, 1), (0, 1)] if uv is None else uv, np.float32),
+    )
+
+
+def test_a_texture_lies_the_right_way_up(tmp_path: Path) -> None:
+    mesh = load(write(tmp_path / "quad.glb", textured_quad(tmp_path).glb()))
+    found = at(mesh, [(0.125, 0.875), (0.875, 0.875), (0.125, 0.125), (0.875, 0.125)])
+    assert np.allclose(found, [RED, GREEN, BLUE, WHITE])
+
+
+def test_an_obj_texture_lies_the_same_way(tmp_path: Path) -> None:
+    checkered(tmp_path / "paint.png")
+    write(tmp_path / "quad.mtl", "newmtl paint\nKd 0.1 0.1 0.1\nmap_Kd paint.png\n")
+    lines = ["mtllib quad.mtl", "v 0 0 0", "v 1 0 0", "v 1 1 0", "v 0 1 0", "vt 0 0", "vt 1 0", "vt 1 1", "vt 0 1"]
+    mesh = load(write(tmp_path / "quad.obj", "\n".join([*lines, "usemtl paint", "f 1/1 2/2 3/3", "f 1/1 3/3 4/4"])))
+    found = at(mesh, [(0.125, 0.875), (0.875, 0.875), (0.125, 0.125), (0.875, 0.125)])
+    assert np.allclose(found, [RED, GREEN, BLUE, WHITE])
+
+
+def test_texels_blend_between_their_centres() -> None:
+    texture = np.zeros((1, 2, 4), np.uint8)
+    texture[0, 1] = 255
+    look = square(texture, wrap=("clamp", "clamp"))
+    for u, value in [(0.0, 0.0), (0.25, 0.0), (0.375, 0.25), (0.5, 0.5), (0.75, 1.0), (1.0, 1.0)]:
+        assert look.albedo(np.array([0]), np.array([(1 - u, u, 0.0)]))[0, 0] == pytest.approx(value, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("wrap", "expected"),
+    [("repeat", [1, 0, 1, 0, 1, 0]), ("mirror", [0, 0, 1, 1, 0, 0]), ("clamp", [0, 0, 1, 1, 1, 1])],
+)
+def test_beyond_the_texture(wrap: str, expected: list[int]) -> None:
+    texture = np.zeros((1, 2, 4), np.uint8)
+    texture[0, 1] = 255
+    look = square(texture, uv=[(-0.5, 0), (2.5, 0), (2.5, 1), (-0.5, 1)], wrap=(wrap, wrap))
+    u = np.array([-0.25, 0.25, 0.75, 1.25, 1.75, 2.25])
+    share = (u + 0.5) / 3
+    found = look.albedo(np.zeros(6, int), np.stack([1 - share, share, 0 * share], axis=1))
+    assert np.allclose(found[:, 0], expected, atol=1e-5)
+
+
+def test_far_and_broken_texture_coordinates_do_no_harm(tmp_path: Path) -> None:
+    gltf = textured_quad(tmp_path)
+    uv = gltf.accessor([(np.nan, 1e30), (np.inf, -1e30), (1e9, 0), (0, 0)], 5126, "VEC2")
+    gltf.header["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"] = uv
+    found = albedo(load(write(tmp_path / "far.glb", gltf.glb())), FACES, BARYCENTRIC)
+    assert np.isfinite(found).all()
+    assert found.min() >= 0
+    assert found.max() <= 1
+
+
+def test_the_samplers_wrap_is_read_from_the_file(tmp_path: Path) -> None:
+    gltf = textured_quad(tmp_path)
+    gltf.header["samplers"] = [{"wrapS": 33071, "wrapT": 33648}]
+    gltf.header["textures"][0]["sampler"] = 0
+    look = load(write(tmp_path / "quad.glb", gltf.glb())).appearance
+    assert look is not None
+    assert look.materials[0].wrap == ("clamp", "mirror")
+
+
+def test_factor_texture_and_vertex_colours_multiply(tmp_path: Path) -> None:
+    half = 0.5
+    gltf = textured_quad(tmp_path, COLOR_0=(np.tile((0.25, 1.0, 1.0, 1.0), (4, 1)), 5126, "VEC4"))
+    gltf.header["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = [1, half, 1, 1]
+    mesh = load(write(tmp_path / "quad.glb", gltf.glb()))
+    found = at(mesh, [(0.875, 0.125)])[0]
+    expected = [srgb(np.array([0.25]))[0], srgb(np.array([half]))[0], 1, 1]
+    assert np.allclose(found, expected, atol=0.005)
+
+
+@pytest.mark.parametrize(
+    ("mode", "expected"), [(None, [1, 1]), ("OPAQUE", [1, 1]), ("MASK", [0, 1]), ("BLEND", [0.25, 1])]
+)
+def test_transparency(mode: str | None, expected: list[float], tmp_path: Path) -> None:
+    colors = np.array([(1, 1, 1, 0.25), (1, 1, 1, 1), (1, 1, 1, 1), (1, 1, 1, 0.25)])
+    gltf = textured_quad(tmp_path, COLOR_0=(colors, 5126, "VEC4"))
+    if mode:
+        gltf.header["materials"][0]["alphaMode"] = mode
+    mesh = load(write(tmp_path / "quad.glb", gltf.glb()))
+    assert np.allclose(at(mesh, [(0.0, 0.0), (1.0, 1.0)])[:, 3], expected, atol=0.01)
+
+
+def test_each_face_has_its_own_material(tmp_path: Path) -> None:
+    write(tmp_path / "two.mtl", "newmtl a\nKd 1 0 0\nnewmtl b\nKd 0 0.5 0\n")
+    lines = ["mtllib two.mtl", "v 0 0 0", "v 1 0 0", "v 1 1 0", "v 0 1 0", "usemtl a", "f 1 2 3", "usemtl b", "f 1 3 4"]
+    mesh = load(write(tmp_path / "two.obj", "\n".join(lines)))
+    found = albedo(mesh, np.array([0, 1]), np.full((2, 3), 1 / 3))
+    assert np.allclose(found, [RED, (0, 0.5, 0, 1)], atol=0.005)
+
+
+def test_vertex_and_face_colours_of_ply(tmp_path: Path) -> None:
+    cube = trimesh.Trimesh(CORNERS, CUBE, process=False)
+    cube.visual.vertex_colors = np.tile([(255, 0, 0, 255), (0, 0, 255, 255)], (4, 1))
+    cube.export(tmp_path / "vertices.ply")
+    corner = albedo(load(tmp_path / "vertices.ply"), np.array([0, 0]), np.array([(1, 0, 0), (0.5, 0.5, 0)]))
+    assert np.allclose(corner, [RED, (0.5, 0, 0.5, 1)], atol=0.005)
+    cube = trimesh.Trimesh(CORNERS, CUBE, process=False)
+    cube.visual.face_colors = np.tile([(255, 0, 0, 255), (0, 255, 0, 255)], (6, 1))
+    cube.export(tmp_path / "faces.ply")
+    mesh = load(tmp_path / "faces.ply")
+    assert len(mesh.vertices) == 8
+    found = albedo(mesh, np.arange(4), np.tile((0.2, 0.3, 0.5), (4, 1)))
+    assert np.allclose(found, [RED, GREEN, RED, GREEN])
+
+
+def test_nothing_known_is_none_and_partly_known_is_grey(tmp_path: Path) -> None:
+    assert load(write(tmp_path / "cube.obj", obj_cube())).appearance is None
+    gltf = textured_quad(tmp_path)
+    gltf.node(name="cube", mesh=gltf.mesh("cube", CORNERS + 2, CUBE))
+    mesh = load(write(tmp_path / "both.glb", gltf.glb()))
+    found = albedo(mesh, np.arange(2, 14), np.full((12, 3), 1 / 3))
+    assert np.allclose(found, [(GREY, GREY, GREY, 1)] * 12)
+
+
+@pytest.mark.parametrize("damage", ["absent", "text", "cut"])
+def test_a_texture_that_cannot_be_read_is_grey_and_one_warning(damage: str, tmp_path: Path) -> None:
+    checkered(tmp_path / "paint.png", 64)
+    write(tmp_path / "cube.mtl", "newmtl paint\nmap_Kd paint.png\n")
+    if damage == "absent":
+        (tmp_path / "paint.png").unlink()
+    elif damage == "text":
+        write(tmp_path / "paint.png", "no picture")
+    else:
+        write(tmp_path / "paint.png", (tmp_path / "paint.png").read_bytes()[:90])
+    text = obj_cube().replace("f ", "f ", 1)
+    text = "mtllib cube.mtl\nvt 0 0\nusemtl paint\n" + "\n".join(
+        "f " + " ".join(f"{n}/1" for n in line[2:].split()) if line.startswith("f ") else line
+        for line in text.splitlines()
+    )
+    with pytest.warns(UserWarning, match=r"names .*paint.png.*, which could not be read") as caught:
+        mesh = load(write(tmp_path / "cube.obj", text))
+    assert len(caught) == 1
+    assert caught[0].filename == __file__
+    if mesh.appearance is not None:
+        found = albedo(mesh, np.arange(12), np.full((12, 3), 1 / 3))
+        assert np.allclose(found, (GREY, GREY, GREY, 1))
+
+
+@pytest.mark.parametrize("damage", ["text", "cut"])
+def test_a_damaged_picture_inside_a_glb_is_grey_and_one_warning(damage: str, tmp_path: Path) -> None:
+    gltf = textured_quad(tmp_path)
+    view = gltf.header["bufferViews"][gltf.header["images"][0]["bufferView"]]
+    start, length = view["byteOffset"], view["byteLength"]
+    if damage == "text":
+        gltf.data = gltf.data[:start] + b"no picture" + gltf.data[start + 10 :]
+    else:
+        gltf.data = gltf.data[: start + 45] + bytes(length - 45) + gltf.data[start + length :]
+    with pytest.warns(UserWarning, match="could not be read; what it would colour is grey") as caught:
+        mesh = load(write(tmp_path / "quad.glb", gltf.glb()))
+    assert len(caught) == 1
+    if mesh.appearance is not None:
+        assert np.allclose(at(mesh, [(0.3, 0.2)]), (GREY, GREY, GREY, 1))
+
+
+def test_a_texture_outside_the_files_folder_is_not_read(tmp_path: Path) -> None:
+    inside = tmp_path / "inside"
+    inside.mkdir()
+    checkered(tmp_path / "secret.png")
+    write(inside / "cube.mtl", "newmtl paint\nmap_Kd ../secret.png\n")
+    with pytest.warns(UserWarning, match="secret.png"):
+        load(write(inside / "cube.obj", "mtllib cube.mtl\nusemtl paint\n" + obj_cube()))
+
+
+def test_the_content_hash_sees_every_colour(tmp_path: Path) -> None:
+    gltf = textured_quad(tmp_path)
+    hashes = {load(write(tmp_path / "a.glb", gltf.glb())).content_hash}
+    gltf.header["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = [1, 0.5, 1, 1]
+    hashes.add(load(write(tmp_path / "b.glb", gltf.glb())).content_hash)
+    gltf.header["samplers"], gltf.header["textures"][0]["sampler"] = [{"wrapS": 33071}], 0
+    hashes.add(load(write(tmp_path / "c.glb", gltf.glb())).content_hash)
+    hashes.add(load(write(tmp_path / "again.glb", gltf.glb())).content_hash)
+    assert len(hashes) == 3
+
+
+def test_row_colours_are_the_albedo_at_the_corners() -> None:
+    texture = np.random.default_rng(0).integers(0, 255, (8, 8, 4), dtype=np.uint8)
+    look = square(texture)
+    assert np.allclose(look.row_colors()[[0, 1, 2]], look.albedo(np.zeros(3, int), np.eye(3)))
+    assert np.allclose(look.row_colors()[3], look.albedo(np.array([1]), np.array([(0, 0, 1)])))
+
+
+def test_display_curve_is_undone_by_its_inverse() -> None:
+    values = np.linspace(0, 1, 101)
+    assert np.allclose(linear(srgb(values)), values, atol=1e-6)
+    assert srgb(np.array([0.5]))[0] == pytest.approx(0.7353569, abs=1e-6)
+
+
+def test_no_points_have_no_colours() -> None:
+    look = square(np.zeros((2, 2, 4), np.uint8))
+    assert look.albedo(np.zeros(0, int), np.zeros((0, 3))).shape == (0, 4)

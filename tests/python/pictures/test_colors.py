@@ -1,0 +1,87 @@
+"""Colours that stand for numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dfd.mesh.appearance import srgb
+from dfd.pictures.colors import CLAY, feature_colors, oklab, to_linear, weight_colors
+
+
+def test_heat_begins_at_clay_and_is_clamped() -> None:
+    colors = weight_colors([0.0, -3.0, 1.0, 7.0])
+    np.testing.assert_allclose(colors[0], CLAY, atol=1e-3)
+    np.testing.assert_array_equal(colors[0], colors[1])
+    np.testing.assert_array_equal(colors[2], colors[3])
+    assert colors.dtype == np.float32
+    assert colors.min() >= 0
+    assert colors.max() <= 1
+
+
+def test_heat_darkens_in_even_steps() -> None:
+    lab = oklab(weight_colors(np.linspace(0, 1, 101)))
+    assert (np.diff(lab[:, 0]) < 0).all()
+    steps = np.linalg.norm(np.diff(lab, axis=0), axis=1)
+    assert steps.max() < 1.1 * np.median(steps)
+    assert steps.min() > 0.75 * np.median(steps)  # a step across one of the stops cuts its corner
+
+
+def test_oklab_knows_white_black_and_red() -> None:
+    # Published values of Oklab's definition.
+    np.testing.assert_allclose(
+        oklab(np.array([[1.0, 1, 1], [0, 0, 0], [1, 0, 0]])),
+        [[1, 0, 0], [0, 0, 0], [0.62796, 0.22486, 0.12585]],
+        atol=2e-4,
+    )
+
+
+def test_srgb_and_linear_light_undo_each_other() -> None:
+    values = np.linspace(0, 1, 256)
+    np.testing.assert_allclose(srgb(to_linear(values)), values, atol=1e-6)
+    assert to_linear(np.array([0.5]))[0] == pytest.approx(0.21404, abs=1e-5)
+
+
+def test_like_features_get_like_colors_and_others_do_not() -> None:
+    random = np.random.default_rng(1)
+    centers = np.eye(8)[:4] * 4
+    features = np.repeat(centers, 50, axis=0) + random.normal(scale=0.02, size=(200, 8))
+    colors = feature_colors(features).reshape(4, 50, 3)
+    assert colors.std(axis=1).max() < 0.1
+    means = colors.mean(axis=1)
+    assert min(np.linalg.norm(means[i] - means[j]) for i in range(4) for j in range(i)) > 0.4
+    assert colors.min() >= 0
+    assert colors.max() <= 1
+
+
+def test_feature_colors_do_not_depend_on_scale_place_or_order() -> None:
+    features = np.random.default_rng(2).normal(size=(300, 12))
+    colors = feature_colors(features)
+    np.testing.assert_allclose(feature_colors(features * 1000 + 5), colors, atol=2e-3)
+    np.testing.assert_allclose(feature_colors(features[::-1])[::-1], colors, atol=1e-4)
+
+
+@pytest.mark.parametrize("features", [np.ones((5, 4)), np.ones((1, 3)), np.zeros((4, 1))])
+def test_features_without_spread_are_grey(features: np.ndarray) -> None:
+    np.testing.assert_allclose(feature_colors(features), 0.5, atol=1e-6)
+
+
+def test_one_direction_colors_one_channel() -> None:
+    colors = feature_colors(np.linspace(0, 1, 50)[:, None] * np.ones(6))
+    assert np.ptp(colors[:, 0]) > 0.8
+    np.testing.assert_allclose(colors[:, 1:], 0.5, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: weight_colors([[1.0]]), "`weights` must have shape"),
+        (lambda: weight_colors([np.nan]), "`weights` must be finite"),
+        (lambda: feature_colors(np.ones(4)), "`features` must have shape"),
+        (lambda: feature_colors([[np.inf, 1.0]]), "`features` must be finite"),
+        (lambda: feature_colors(np.ones((0, 4))), "`features` must not be empty"),
+    ],
+)
+def test_refusals(call: object, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        call()  # type: ignore[operator]

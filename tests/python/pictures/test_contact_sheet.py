@@ -1,0 +1,96 @@
+"""Sheets of captioned pictures, and the text on them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dfd.pictures.colors import weight_colors
+from dfd.pictures.contact_sheet import contact_sheet, heat_bar
+from dfd.pictures.typography import font, spelled, wrapped
+
+
+def filled(height: int, width: int, color: tuple[int, int, int]) -> np.ndarray:
+    return np.full((height, width, 3), color, np.uint8)
+
+
+def test_pictures_of_the_right_size_stand_on_the_page_unchanged() -> None:
+    random = np.random.default_rng(0)
+    pictures = [random.integers(0, 256, (64, 64, 3), dtype=np.uint8) for _ in range(2)]
+    page = np.array(contact_sheet([("", [(picture, "") for picture in pictures])], cell=64))
+    margin, gap = 8, 4
+    np.testing.assert_array_equal(page[margin : margin + 64, margin : margin + 64], pictures[0])
+    np.testing.assert_array_equal(page[margin : margin + 64, margin + 64 + gap : margin + 128 + gap], pictures[1])
+    page[margin : margin + 64, margin : margin + 128 + gap] = 255
+    assert (page == 255).all()
+
+
+def test_every_picture_gets_one_height_and_keeps_its_shape() -> None:
+    page = np.asarray(
+        contact_sheet([("", [(filled(50, 100, (9, 99, 9)), ""), (filled(300, 100, (99, 9, 9)), "")])], cell=90)
+    )
+    green, red = ((page == color).all(axis=-1) for color in ([9, 99, 9], [99, 9, 9]))
+    assert (green.any(axis=1).sum(), green.any(axis=0).sum()) == (90, 180)
+    assert (red.any(axis=1).sum(), red.any(axis=0).sum()) == (90, 30)
+
+
+def test_words_make_room_for_themselves() -> None:
+    picture = filled(120, 120, (1, 2, 3))
+    plain = contact_sheet([("", [(picture, "")])], cell=120)
+    titled = contact_sheet(
+        [("a heading", [(picture, "a caption that is far too long for one line")])], title="T", cell=120
+    )
+    assert titled.width == plain.width
+    assert titled.height > plain.height + 3 * 12
+    dark = np.asarray(titled).min(axis=-1) < 128
+    shown = (np.asarray(titled) == [1, 2, 3]).all(axis=-1)
+    assert (dark & ~shown).sum() > 100
+    assert shown.sum() == 120 * 120
+
+
+def test_rows_without_pictures_are_left_out() -> None:
+    row = ("one", [(filled(40, 40, (0, 0, 0)), "")])
+    assert contact_sheet([("none", []), row], cell=40).size == contact_sheet([row], cell=40).size
+
+
+@pytest.mark.parametrize(
+    ("rows", "options", "message"),
+    [
+        ([], {}, "at least one picture"),
+        ([("empty", [])], {}, "at least one picture"),
+        ([("", [(np.zeros((4, 4)), "")])], {}, "uint8 array of shape"),
+        ([("", [(np.zeros((4, 4, 4), np.uint8), "")])], {}, "uint8 array of shape"),
+        ([("", [(np.zeros((0, 4, 3), np.uint8), "")])], {}, "uint8 array of shape"),
+        ([("", [(filled(4, 4, (0, 0, 0)), "")])], {"cell": 3}, "`cell` must be a whole number from 16"),
+        ([("", [(filled(4, 4, (0, 0, 0)), "")])], {"cell": 40.5}, "`cell` must be a whole number"),
+    ],
+)
+def test_refusals(rows: list, options: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        contact_sheet(rows, **options)
+
+
+@pytest.mark.parametrize("height", [16, 200, 512])
+def test_heat_bar_runs_from_the_lowest_to_the_highest_weight(height: int) -> None:
+    bar = heat_bar(height)
+    assert bar.shape[0] == height
+    column = bar[:, 1].astype(int)
+    low, high = (weight_colors([0.0, 1.0]) * 255 + 0.5).astype(int)
+    assert np.abs(column - high).sum(axis=1).min() == 0
+    assert np.abs(column - low).sum(axis=1).argmin() > np.abs(column - high).sum(axis=1).argmin()
+
+
+def test_text_is_spelled_with_letters_that_the_typeface_has() -> None:
+    assert spelled("plain text, 30° … 2") == "plain text, 30° … 2"
+    assert spelled("λ → 2²") == "lambda -> 22"
+    assert spelled("−½ × café") == "-1/2 x cafe"
+    assert spelled("日") == "?"
+
+
+def test_lines_break_at_spaces_and_fit() -> None:
+    typeface = font(16)
+    lines = wrapped("the quick brown fox jumps over extraordinarily lazy dogs", typeface, 90)
+    assert " ".join(lines) == "the quick brown fox jumps over extraordinarily lazy dogs"
+    assert all(typeface.getlength(line) <= 90 or " " not in line for line in lines)
+    assert len(lines) > 3
+    assert wrapped("", typeface, 90) == []

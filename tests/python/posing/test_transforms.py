@@ -1,0 +1,113 @@
+"""Transforms about a pivot: what they do to points, and what they refuse."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dfd.posing.transforms import affine, rotation_matrix, rotation_vector, scale_factors, vector
+
+coordinate = st.floats(-10, 10)
+points = st.tuples(coordinate, coordinate, coordinate)
+
+
+def moved(matrix, point):
+    return matrix[:, :3] @ np.asarray(point) + matrix[:, 3]
+
+
+def test_nothing_given_is_the_identity():
+    np.testing.assert_array_equal(affine(), np.eye(4)[:3])
+
+
+def test_no_rotation_and_no_scale_is_a_plain_translation_about_any_pivot():
+    matrix = affine(translation=(1, 2, 3), pivot=(0.3, -7, 1e6))
+    np.testing.assert_array_equal(matrix, [[1, 0, 0, 1], [0, 1, 0, 2], [0, 0, 1, 3]])
+
+
+@pytest.mark.parametrize(
+    ("rotation", "point", "image"),
+    [
+        ((90, 0, 0), (0, 1, 0), (0, 0, 1)),
+        ((0, 90, 0), (0, 0, 1), (1, 0, 0)),
+        ((0, 0, 90), (1, 0, 0), (0, 1, 0)),
+        ((0, 0, -90), (1, 0, 0), (0, -1, 0)),
+        (np.array([1, 1, 1]) / math.sqrt(3) * 120, (1, 0, 0), (0, 1, 0)),
+    ],
+)
+def test_rotations_are_right_handed_and_in_degrees(rotation, point, image):
+    np.testing.assert_allclose(rotation_matrix(rotation) @ point, image, atol=1e-15)
+
+
+@given(points, st.tuples(*[st.floats(-720, 720)] * 3), st.floats(-3, 3))
+def test_the_pivot_stays_but_for_the_translation(pivot, rotation, scale):
+    matrix = affine(translation=(0.5, 0, -2), rotation=rotation, scale=scale, pivot=pivot)
+    np.testing.assert_allclose(moved(matrix, pivot), np.add(pivot, (0.5, 0, -2)), atol=1e-12)
+
+
+@given(st.tuples(*[st.floats(-720, 720)] * 3))
+def test_a_rotation_keeps_lengths_and_handedness(rotation):
+    matrix = rotation_matrix(rotation)
+    np.testing.assert_allclose(matrix @ matrix.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(matrix) == pytest.approx(1)
+
+
+@given(st.tuples(*[st.floats(-100, 100)] * 3))
+def test_a_quaternion_is_the_rotation_vector_it_stands_for(rotation):
+    angle = math.radians(np.linalg.norm(rotation))
+    axis = np.asarray(rotation) / (np.linalg.norm(rotation) or 1.0)
+    quaternion = [*(axis * math.sin(angle / 2)), math.cos(angle / 2)]
+    np.testing.assert_allclose(rotation_vector("f", quaternion), rotation, atol=1e-5)
+    np.testing.assert_allclose(rotation_matrix(quaternion), rotation_matrix(rotation), atol=1e-7)
+
+
+def test_a_quaternion_and_its_opposite_of_any_length_are_one_rotation():
+    wanted = rotation_vector("f", (0, math.sin(0.4), 0, math.cos(0.4)))
+    for factor in (-1, 5, 1e-200, -1e200):
+        scaled = np.multiply((0, math.sin(0.4), 0, math.cos(0.4)), factor)
+        np.testing.assert_allclose(rotation_vector("f", scaled), wanted)
+
+
+def test_scale_acts_along_the_axes_before_the_rotation():
+    matrix = affine(scale=(2, 1, 1), rotation=(0, 0, 90))
+    np.testing.assert_allclose(moved(matrix, (1, 0, 0)), (0, 2, 0), atol=1e-15)
+
+
+@pytest.mark.parametrize("factor", [2, 0, -1, np.float32(0.5), np.array(3.0)])
+def test_one_factor_scales_all_axes(factor):
+    np.testing.assert_allclose(affine(scale=factor)[:, :3], float(factor) * np.eye(3))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"translation": (1, 2)}, r"affine: `translation` must be 3 numbers, got shape \(2,\)"),
+        ({"translation": (1, 2, math.nan)}, r"`translation` must be finite, got nan at \[2\]"),
+        ({"translation": "up"}, r"`translation` must be a numeric array"),
+        ({"pivot": (0, 0, math.inf)}, r"`pivot` must be finite"),
+        ({"pivot": None}, r"`pivot` must be a numeric array"),
+        ({"scale": (1, 2)}, r"`scale` must be one number or 3, got shape \(2,\)"),
+        ({"scale": math.nan}, r"`scale` must be finite"),
+        ({"rotation": 90}, r"`rotation` must be a rotation vector in degrees \(3 numbers\) or a quaternion"),
+        ({"rotation": (0, 0, 0, 0)}, r"`rotation` must be a quaternion other than 0"),
+        ({"rotation": (1e300, 1e300, 0)}, r"`rotation` must stay within ±1e\+09 degrees"),
+        ({"translation": (1e308, 0, 0), "pivot": (1e308, 0, 0)}, r"the matrix is not finite"),
+        ({"scale": 1e200, "pivot": (1e200, 0, 0)}, r"the matrix is not finite"),
+    ],
+)
+def test_what_is_no_transform_is_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        affine(**arguments)
+
+
+def test_numbers_come_back_as_plain_floats():
+    for triple in (vector("f", "v", np.arange(3, dtype=np.int8)), scale_factors("f", np.float32(2))):
+        assert [type(number) for number in triple] == [float] * 3
+
+
+def test_inputs_stay_as_they_were():
+    rotation, scale = np.array([0.0, 0.0, 0.0, -2.0]), np.array([1.0, 2.0, 3.0])
+    affine(rotation=rotation, scale=scale)
+    np.testing.assert_array_equal(rotation, [0, 0, 0, -2])
+    np.testing.assert_array_equal(scale, [1, 2, 3])

@@ -1,0 +1,114 @@
+"""Made shapes: closed, symmetric to the bit, labelled, and of any size."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from dfd import samples
+from dfd.geometry.topology import inspect
+from dfd.mesh.mesh import Mesh
+from dfd.samples import Sample
+from dfd.samples.implicit import Piece, Shape, ellipsoid
+from dfd.samples.polygonize import polygonize
+
+MAKERS = [samples.chair, samples.quadruped, samples.robot]
+INSTANCES = {  # how many of each kind of part there are
+    samples.chair: {"seat": 1, "back": 1, "leg": 4},
+    samples.quadruped: {"body": 1, "neck": 1, "head": 1, "ear": 2, "horn": 2, "leg": 4, "hoof": 4, "tail": 1},
+    samples.robot: {"torso": 1, "head": 1, "arm": 2, "hand": 2, "leg": 2, "foot": 2},
+}
+
+
+@pytest.fixture(scope="module", params=MAKERS, ids=lambda maker: maker.__name__)
+def made(request: pytest.FixtureRequest) -> tuple[Callable[..., Sample], Sample]:
+    return request.param, request.param(8000)
+
+
+def test_a_sample_is_one_closed_manifold(made: tuple[Callable[..., Sample], Sample]) -> None:
+    found = inspect(made[1].mesh)
+    assert (found.components, found.boundary_edges, found.non_manifold_edges) == (1, 0, 0)
+    assert (found.degenerate_faces, found.duplicate_faces, found.unreferenced_vertices) == (0, 0, 0)
+    corners = made[1].mesh.vertices[made[1].mesh.faces]
+    assert np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() > 0  # outward
+
+
+def test_a_sample_is_its_own_mirror_image(made: tuple[Callable[..., Sample], Sample]) -> None:
+    sample = made[1]
+    vertices = sample.mesh.vertices
+    place = {tuple(row): i for i, row in enumerate((vertices + 0.0).tolist())}
+    image = np.array([place[tuple(row)] for row in (vertices * [-1, 1, 1] + 0.0).tolist()])
+    assert np.array_equal(sample.labels[image], sample.labels)
+    faces = {frozenset(face) for face in sample.mesh.faces.tolist()}
+    assert {frozenset(face) for face in image[sample.mesh.faces].tolist()} == faces
+    paired = np.isin(sample.labels, [sample.parts.index(part) for part in sample.parts if INSTANCES[made[0]][part] > 1])
+    beside = paired & (vertices[:, 0] != 0)
+    assert np.all(sample.instances[image[beside]] != sample.instances[beside])
+
+
+def test_every_part_is_there_as_often_as_it_should(made: tuple[Callable[..., Sample], Sample]) -> None:
+    maker, sample = made
+    assert sample.labels.shape == sample.instances.shape == (len(sample.mesh.vertices),)
+    assert set(sample.parts) == set(INSTANCES[maker])
+    for part, count in INSTANCES[maker].items():
+        vertices = sample.vertices_of(part)
+        assert np.unique(sample.instances[vertices]).tolist() == list(range(count)), part
+        for instance in range(count):
+            assert len(sample.vertices_of(part, instance)) > 20
+            across = sample.mesh.vertices[sample.vertices_of(part, instance), 0].mean()
+            assert abs(across) < 1e-12 if count == 1 else across * (1 if instance % 2 == 0 else -1) > 0.03
+
+
+def test_a_sample_stands_on_the_floor_and_is_about_one_high(made: tuple[Callable[..., Sample], Sample]) -> None:
+    low, high = made[1].mesh.bounds
+    assert low[1] == pytest.approx(0, abs=0.02)
+    assert 0.9 < high[1] < 1.2
+
+
+@pytest.mark.parametrize("faces", [4000, 20_000, 70_000])
+def test_the_number_of_faces_is_nearly_the_one_asked_for(faces: int) -> None:
+    sample = samples.chair(faces)
+    assert len(sample.mesh.faces) == pytest.approx(faces, rel=0.15)
+    found = inspect(sample.mesh)
+    assert (found.components, found.boundary_edges, found.non_manifold_edges) == (1, 0, 0)
+
+
+def test_samples_are_the_same_every_time() -> None:
+    assert samples.quadruped(5000).mesh.content_hash == samples.quadruped(5000).mesh.content_hash
+
+
+@pytest.mark.parametrize("faces", [0, -5, 100, "many", float("nan"), None])
+def test_bad_face_counts_are_refused(faces: object) -> None:
+    with pytest.raises(ValueError, match="samples.robot: `faces` must be"):
+        samples.robot(faces)  # type: ignore[arg-type]
+
+
+def test_an_unknown_part_is_refused_by_name() -> None:
+    with pytest.raises(ValueError, match="`part` must be one of seat, back, leg, got 'wing'"):
+        samples.chair(4000).vertices_of("wing")
+
+
+def test_an_ellipsoid_has_its_volume_and_surface() -> None:
+    shape = Shape([Piece("egg", ellipsoid((0, 0, 0), (0.3, 0.4, 0.5)))])
+    vertices, faces = polygonize(shape, (-0.5, -0.5, -0.6), (0.5, 0.5, 0.6), 10_000)
+    assert np.abs(np.linalg.norm(vertices / [0.3, 0.4, 0.5], axis=1) - 1).max() < 1e-4
+    corners = vertices[faces]
+    volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
+    assert volume == pytest.approx(4 / 3 * np.pi * 0.3 * 0.4 * 0.5, rel=2e-3)
+    assert inspect(Mesh(vertices, faces)).boundary_edges == 0
+
+
+def test_two_sheets_through_one_cell_stay_apart() -> None:
+    """Two balls that nearly touch, on a grid too coarse to tell: still a manifold."""
+    shape = Shape(
+        [
+            Piece("a", ellipsoid((0, 0, 0.203), (0.2, 0.2, 0.2)), blend=1e-3),
+            Piece("b", ellipsoid((0, 0, -0.203), (0.2, 0.2, 0.2)), blend=1e-3),
+            Piece("c", ellipsoid((0, 0.25, 0), (0.1, 0.1, 0.3)), blend=1e-3),
+        ]
+    )
+    vertices, faces = polygonize(shape, (-0.5, -0.5, -0.5), (0.5, 0.5, 0.5), 1500)
+    found = inspect(Mesh(vertices, faces))
+    assert (found.boundary_edges, found.non_manifold_edges) == (0, 0)

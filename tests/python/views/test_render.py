@@ -1,0 +1,261 @@
+"""Views: every pixel's surface point by Eq. 2, and pictures that depend on nothing but the shape."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import dfd
+from dfd import Mesh, samples
+from dfd.common.progress import Stages
+from dfd.views.render import Views, render
+
+MIRROR = np.array([-1.0, 1.0, 1.0], np.float32)
+
+
+@pytest.fixture(scope="module")
+def robot() -> Mesh:
+    return dfd.samples.robot(faces=4000).mesh
+
+
+@pytest.fixture(scope="module")
+def seen(robot: Mesh) -> Views:
+    return render(robot, views=6, resolution=40)
+
+
+def lopsided() -> Mesh:
+    """A tetrahedron with no two sides alike."""
+    return Mesh(
+        [[0, 0, 0], [1, 0.1, 0], [0.2, 0.7, 0.1], [0.3, 0.2, 0.9]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]
+    )
+
+
+def same(one: Views, other: Views, tolerance: float) -> None:
+    """Assert that two sets of views show the same, but for rounding at a few outlines."""
+    differs = np.abs(one.images.astype(int) - other.images).max(axis=-1) > 1
+    assert differs.mean() < 2e-3
+    assert abs(len(one.points) - len(other.points)) < 2e-3 * len(one.points)
+    keys = [
+        np.ravel_multi_index((views.view, views.row.astype(int), views.column.astype(int)), views.images.shape[:3])
+        for views in (one, other)
+    ]
+    _, first, second = np.intersect1d(*keys, return_indices=True)
+    apart = np.abs(one.points[first] - other.points[second]).max(axis=1)
+    assert (apart > tolerance).mean() < 2e-3
+
+
+def test_shapes_and_types(seen: Views) -> None:
+    assert seen.images.shape == (6, 40, 40, 3)
+    assert len(seen.cameras) == 6
+    count = len(seen.points)
+    assert [part.shape for part in (seen.points, seen.view, seen.row, seen.column)] == [(count, 3)] + 3 * [(count,)]
+    assert [part.dtype.name for part in (seen.images, seen.points, seen.view, seen.row, seen.column)] == [
+        "uint8", "float32", "int16", "float32", "float32",
+    ]  # fmt: skip
+    assert np.unique(seen.view).tolist() == list(range(6))
+
+
+def test_points_are_on_the_ray_of_their_pixel(seen: Views) -> None:
+    for index, camera in enumerate(seen.cameras):
+        here = seen.view == index
+        row, column = camera.project(seen.points[here], 40)
+        assert row == pytest.approx(seen.row[here], abs=1e-3)
+        assert column == pytest.approx(seen.column[here], abs=1e-3)
+
+
+def test_points_lie_on_the_nearest_triangle() -> None:
+    mesh = lopsided()
+    views = render(mesh, views=5, resolution=24)
+    places = (mesh.vertices - views.center) * views.scale
+    for index, camera in enumerate(views.cameras):
+        directions = camera.ray_directions(24).astype(np.float64)
+        nearest = np.full(len(directions), np.inf)
+        for corners in places[mesh.faces]:  # Cramer's rule for o + t d = B·T
+            system = np.stack(
+                np.broadcast_arrays(corners[1] - corners[0], corners[2] - corners[0], -directions), axis=-1
+            )
+            right = np.broadcast_to(camera.position - corners[0], directions.shape)
+            u, v, t = np.linalg.solve(system, right[..., None])[..., 0].T
+            inside = (np.minimum(u, v) >= 0) & (u + v <= 1) & (t > 0)
+            nearest[inside] = np.minimum(nearest[inside], t[inside])
+        here = views.view == index
+        pixel = (views.row[here] * 24 + views.column[here]).astype(int)
+        hit = np.isfinite(nearest)
+        assert np.setxor1d(pixel, np.flatnonzero(hit)).size <= 1  # one pixel may lie on the outline itself
+        pixel_hit = hit[pixel]
+        expected = camera.position + nearest[pixel[pixel_hit], None] * directions[pixel[pixel_hit]]
+        assert views.points[here][pixel_hit] == pytest.approx(expected, abs=1e-5)
+
+
+def test_the_ground_is_white_and_the_shape_is_not(seen: Views) -> None:
+    covered = np.zeros(seen.images.shape[:3], bool)
+    covered[seen.view, seen.row.astype(int), seen.column.astype(int)] = True
+    assert (seen.images[~covered] == 255).all()
+    assert (seen.images[covered] < 250).any(axis=-1).all()
+    rim = np.concatenate([covered[:, 0], covered[:, -1], covered[:, :, 0], covered[:, :, -1]])
+    assert not rim.any()  # nothing is cut off
+
+
+def test_points_are_in_the_box_and_center_and_scale_bring_them_back(robot: Mesh, seen: Views) -> None:
+    assert np.abs(seen.points).max() <= 1 + 1e-6
+    back = seen.points / seen.scale + seen.center
+    assert (back >= robot.bounds[0] - 1e-6).all()
+    assert (back <= robot.bounds[1] + 1e-6).all()
+
+
+@pytest.mark.parametrize(("offset", "scale"), [(1e6, 1.0), (0.0, 1e-12), (0.0, 1e-200), (0.0, 1e200), (-3e8, 1e6)])
+def test_place_and_size_do_not_matter(robot: Mesh, seen: Views, offset: float, scale: float) -> None:
+    moved = render(Mesh(robot.vertices * scale + offset, robot.faces), views=6, resolution=40)
+    same(seen, moved, 1e-3)
+
+
+def test_equal_calls_give_equal_bytes(robot: Mesh, seen: Views) -> None:
+    before = dfd.get_num_threads()
+    try:
+        dfd.set_num_threads(1)
+        again = render(robot, views=6, resolution=40)
+    finally:
+        dfd.set_num_threads(before)
+    for name in ("images", "points", "view", "row", "column"):
+        assert getattr(seen, name).tobytes() == getattr(again, name).tobytes()
+
+
+def test_mirrored_views_of_a_mirrored_shape_are_the_same(robot: Mesh) -> None:
+    half = Mesh(robot.vertices + [0.3, 0, 0], robot.faces)
+    both = Mesh(
+        np.concatenate([half.vertices, half.vertices * MIRROR]),
+        np.concatenate([half.faces, half.faces[:, ::-1] + len(half.vertices)]),
+    )
+    views = render(both, views=8, resolution=60, mirrored=True)
+
+    def part(start: int) -> Views:
+        here = views.view // 2 == start // 2
+        points = views.points[here] * (MIRROR if start else 1)
+        place = (views.view[here] - start, views.row[here], views.column[here], views.face[here])
+        shape = (views.vertices, views.faces, views.center, views.scale)
+        return Views(views.images[start : start + 2], views.covered[start : start + 2], [], points, *place, *shape)
+
+    same(part(0), part(2), 1e-4)
+
+
+def test_the_papers_framing_shows_the_shape_smaller(robot: Mesh, seen: Views) -> None:
+    paper = render(robot, views=6, resolution=40, framing="paper")
+    assert len(paper.points) < len(seen.points)
+    assert all(np.linalg.norm(camera.position) == pytest.approx(2.8) for camera in paper.cameras)
+
+
+def test_vertex_supervision_returns_the_visible_vertices_only() -> None:
+    mesh = lopsided()
+    views = render(mesh, views=12, resolution=64, supervision="vertex")
+    places = ((mesh.vertices - views.center) * views.scale).astype(np.float32)
+    for index, camera in enumerate(views.cameras):
+        here = views.view == index
+        # A vertex of a convex shape is seen when one of its faces looks at the camera.
+        corners = places[mesh.faces].astype(np.float64)
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        fronts = np.einsum("fc,fc->f", normals, camera.position - corners[:, 0]) > 0
+        expected = np.unique(mesh.faces[fronts])
+        found = [int(np.abs(places - point).sum(axis=1).argmin()) for point in views.points[here]]
+        assert sorted(found) == expected.tolist()
+        row, column = camera.project(views.points[here].astype(np.float64), 64)
+        assert row == pytest.approx(views.row[here], abs=1e-3)
+        assert column == pytest.approx(views.column[here], abs=1e-3)
+
+
+def test_vertices_that_no_face_uses_are_neither_seen_nor_framed() -> None:
+    plain = lopsided()
+    mesh = Mesh(np.concatenate([plain.vertices, [[0.5, 0.35, 0.45]]]), plain.faces)
+    views = render(mesh, views=6, resolution=32, supervision="vertex")
+    assert np.array_equal(views.points, render(plain, views=6, resolution=32, supervision="vertex").points)
+    far = Mesh(np.concatenate([plain.vertices, [[50.0, 0, 0]]]), plain.faces)
+    assert len(render(far, views=6, resolution=32).points) > 0.5 * len(render(plain, views=6, resolution=32).points)
+
+
+def test_a_needle_is_seen_from_all_sides() -> None:
+    angle = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    ring = np.stack([np.zeros(12), np.cos(angle), np.sin(angle)], 1) * 1e-3
+    vertices = np.concatenate([ring + [-1, 0, 0], [[1.0, 0, 0]]])
+    mesh = Mesh(vertices, [[i, (i + 1) % 12, 12] for i in range(12)])
+    views = render(mesh, views=24, resolution=64)
+    assert len(np.unique(views.view)) >= 20
+    assert np.isfinite(views.points).all()
+
+
+def test_flat_and_open_shapes_have_views() -> None:
+    flat = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    views = render(flat, views=8, resolution=32)
+    assert set(np.unique(views.view)) == set(range(8))  # back faces as well
+
+
+def test_simplified_copies_show_the_same(robot: Mesh, seen: Views) -> None:
+    coarse = render(robot, views=6, resolution=40, simplify_to=1500)
+    assert np.array_equal(coarse.center, seen.center)
+    assert coarse.scale == seen.scale
+    covered = [np.unique(np.stack([v.view, v.row, v.column]), axis=1).shape[1] for v in (coarse, seen)]
+    assert covered[0] == pytest.approx(covered[1], rel=0.03)
+    untouched = render(robot, views=6, resolution=40, simplify_to=1_000_000)
+    assert untouched.images.tobytes() == seen.images.tobytes()
+
+
+def test_stages_are_timed(robot: Mesh) -> None:
+    stages = Stages(show=False)
+    render(robot, views=2, resolution=8, simplify_to=1000, stages=stages)
+    assert list(stages.seconds) == ["simplify", "render"]
+
+
+def test_inputs_stay_as_they_were() -> None:
+    mesh = lopsided()
+    before = mesh.content_hash
+    render(mesh, views=2, resolution=16, simplify_to=4)
+    del mesh.__dict__["content_hash"]
+    assert mesh.content_hash == before
+
+
+def test_a_shape_without_area_is_refused() -> None:
+    line = Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2], [0, 0, 1]])
+    for supervision in ("barycentric", "vertex"):
+        with pytest.raises(ValueError, match="render: `mesh` is seen by no camera"):
+            render(line, views=3, resolution=16, supervision=supervision)
+    with pytest.raises(ValueError, match="`mesh` must have some extent"):
+        render(Mesh(np.ones((3, 3)), [[0, 1, 2]]))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"views": 0}, "`views` must be a whole number from 1 to 32767, got 0"),
+        ({"views": 2.5}, "`views` must be a whole number, got 2.5"),
+        ({"views": 40_000}, "`views` must"),
+        ({"resolution": 0}, "`resolution` must"),
+        ({"resolution": -8}, "`resolution` must"),
+        ({"resolution": 100_000}, "`resolution` must"),
+        ({"resolution": True}, "`resolution` must"),
+        ({"framing": "wide"}, "`framing` must be one of shape, paper, got 'wide'"),
+        ({"supervision": "pixel"}, "`supervision` must be 'barycentric' or 'vertex', got 'pixel'"),
+        ({"simplify_to": 0}, "`simplify_to` must be a whole number of at least 4, got 0"),
+        ({"simplify_to": 1e4}, "`simplify_to` must be a whole number, got"),
+    ],
+)
+def test_bad_arguments_are_named(options: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=f"render: {message}"):
+        render(lopsided(), **options)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("supervision", ["barycentric", "vertex"])
+def test_covered_pixels_are_those_that_show_something(supervision: str) -> None:
+    views = render(samples.robot(4000).mesh, views=3, resolution=70, supervision=supervision)
+    place = (views.view, np.rint(views.row).astype(int), np.rint(views.column).astype(int))
+    assert views.covered[place].all()
+    assert (views.images[~views.covered] == 255).all()
+    if supervision == "barycentric":
+        assert views.covered.sum() == len(views.points)
+
+
+def test_a_vertex_on_the_last_edge_of_a_picture_is_covered(monkeypatch: pytest.MonkeyPatch) -> None:
+    def on_the_edge(*_: object) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return np.zeros((2, 3), np.float32), np.float32([69.5, -0.5]), np.float32([-0.5, 69.5])
+
+    monkeypatch.setattr("dfd.views.render._visible_vertices", on_the_edge)
+    views = render(samples.robot(4000).mesh, views=1, resolution=70, supervision="vertex")
+    assert views.covered[0, 69, 0]
+    assert views.covered[0, 0, 69]

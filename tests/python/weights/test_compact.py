@@ -1,0 +1,239 @@
+"""Compact features: weights within the tolerance, exact 1 at the handle, and the same bits on every instruction set."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import torch
+
+import dfd
+from dfd import _core, reference
+from dfd.pictures.colors import feature_colors
+
+
+def features_of_low_rank(count=3000, dimension=96, rank=20, *, seed=0):
+    """(count, dimension) float32 unit rows near a few directions, as a field gives them."""
+    random = np.random.default_rng(seed)
+    basis = random.standard_normal((rank, dimension)) * np.exp(-np.arange(rank) / 5)[:, None]
+    rows = random.standard_normal((count, rank)) @ basis + 1.5 * random.standard_normal(dimension)
+    rows += 0.01 * random.standard_normal((count, dimension))
+    return (rows / np.linalg.norm(rows, axis=1, keepdims=True)).astype(np.float32)
+
+
+FEATURES = features_of_low_rank()
+HANDLES = np.arange(0, 3000, 131)
+
+
+@pytest.mark.parametrize(("tolerance", "precision"), [(0.05, "int8"), (0.01, None), (0.002, "float16")])
+def test_weights_stay_within_the_tolerance(tolerance, precision):
+    compact = dfd.compact(FEATURES, tolerance=tolerance)
+    assert precision is None or compact.precision == precision
+    assert compact.shape == FEATURES.shape
+    assert compact.nbytes < FEATURES.nbytes / 3
+    weights = dfd.bind(compact, HANDLES)
+    full = reference.feature_weights(FEATURES, FEATURES[HANDLES])
+    assert np.abs(weights - full).max() <= tolerance
+    assert 0 < compact.error <= tolerance
+    np.testing.assert_array_equal(weights[HANDLES, np.arange(len(HANDLES))], 1)
+
+
+@pytest.fixture(scope="module", params=["int8", "float16"])
+def compact(request):
+    result = dfd.compact(FEATURES, tolerance={"int8": 0.05, "float16": 0.002}[request.param])
+    assert result.precision == request.param
+    return result
+
+
+def test_stored_rows_bind_as_the_twin_says(compact):
+    everything = compact.step * compact.stored(np.arange(len(compact))).astype(np.float64)
+    geodesic = np.random.default_rng(0).random((len(HANDLES), len(compact)), dtype=np.float32)
+    for locality in (0.0, 1.0, 2.0, 3.0, 4.0, 0.3, 7.7):
+        weights = dfd.bind(compact, HANDLES, fixed=[5, 6, 7], geodesic=geodesic, locality=locality)
+        wanted = reference.feature_weights(everything, everything[HANDLES])
+        wanted = reference.subtract_fixed(wanted, reference.feature_weights(everything, everything[[5, 6, 7]]))
+        wanted = reference.geodesic_falloff(wanted, geodesic, locality)
+        np.testing.assert_allclose(weights, wanted, rtol=0, atol=1e-5)
+
+
+def test_a_feature_row_of_the_shape_weighs_as_its_vertex(compact):
+    by_row, by_index = dfd.bind(compact, FEATURES[HANDLES]), dfd.bind(compact, HANDLES)
+    np.testing.assert_allclose(by_row, by_index, rtol=0, atol=2e-6)
+
+
+def test_rows_give_back_what_is_stored(compact):
+    rows = compact.rows(HANDLES)
+    assert rows.dtype == np.float32
+    np.testing.assert_allclose(rows, FEATURES[HANDLES], rtol=0, atol=1.001 * compact.radius)
+    stored, missed = compact.project(rows)
+    np.testing.assert_allclose(stored, compact.stored(HANDLES), rtol=1e-3, atol=1e-6)
+    np.testing.assert_array_equal(missed, 0)
+
+
+def test_principal_coordinates_are_those_of_the_full_features(compact):
+    centered = FEATURES.astype(np.float64) - FEATURES.mean(axis=0)
+    directions = np.linalg.eigh(centered.T @ centered)[1][:, ::-1][:, :3]
+    directions *= np.sign(directions[np.abs(directions).argmax(axis=0), np.arange(3)])
+    coordinates = compact.principal(3)
+    assert coordinates.dtype == np.float32
+    np.testing.assert_allclose(coordinates, centered @ directions, rtol=0, atol=0.05 * centered.std() * 96**0.5)
+    assert np.corrcoef(coordinates[:, 2], centered @ directions[:, 2])[0, 1] > 0.999
+    assert np.abs(feature_colors(coordinates) - feature_colors(FEATURES)).max() < 0.1
+    assert compact.principal(200).shape == (len(FEATURES), compact.dimensions)
+
+
+def test_a_feature_row_far_from_the_shape_is_far(compact):
+    stranger = np.random.default_rng(9).standard_normal((1, FEATURES.shape[1])).astype(np.float32)
+    stranger /= np.linalg.norm(stranger)
+    full = reference.feature_weights(FEATURES, stranger)
+    assert np.abs(dfd.bind(compact, stranger) - full).max() <= compact.tolerance
+
+
+def test_a_handle_weighs_the_same_alone_and_among_others(compact):
+    together = dfd.bind(compact, HANDLES, fixed=[3])
+    for j in (0, 7, len(HANDLES) - 1):
+        np.testing.assert_array_equal(dfd.bind(compact, HANDLES[[j]], fixed=[3])[:, 0], together[:, j])
+    columns = np.empty((len(HANDLES), len(compact)), np.float32)
+    dfd.bind(compact, HANDLES, fixed=[3], out=columns.T)
+    np.testing.assert_array_equal(columns.T, together)
+
+
+@pytest.mark.parametrize("count", [1, 2, 15, 16, 17, 33])
+def test_small_shapes(count):
+    features = FEATURES[:count]
+    compact = dfd.compact(features)
+    full = reference.feature_weights(features, features)
+    np.testing.assert_allclose(dfd.bind(compact, np.arange(count)), full, rtol=0, atol=0.01)
+
+
+def test_equal_rows_and_few_dimensions():
+    same = np.tile(np.array([[0.6, 0.8]], np.float32), (40, 1))
+    np.testing.assert_array_equal(dfd.bind(dfd.compact(same), [3]), np.ones((40, 1)))
+
+
+def test_a_field_is_asked_in_parts():
+    points = np.random.default_rng(0).standard_normal((70_000, 3))
+    lift = np.random.default_rng(1).standard_normal((3, 24)).astype(np.float32)
+    largest = 0
+
+    def field(places):
+        nonlocal largest
+        largest = max(largest, len(places))
+        rows = np.tanh(places @ lift) + 1
+        return (rows / np.linalg.norm(rows, axis=1, keepdims=True)).astype(np.float32)
+
+    done = []
+    compact = dfd.compact(field, points, progress=done.append)
+    assert largest <= 40_000
+    assert sum(done) == len(points)
+    full = reference.feature_weights(field(points), field(points[[1, 2]]))
+    assert np.abs(dfd.bind(compact, [1, 2]) - full).max() <= 0.01
+
+
+def test_rows_outside_the_sample_widen_the_step():
+    features = FEATURES.repeat(7, axis=0).copy()
+    sample = np.random.default_rng(0).choice(len(features), 16_384, replace=False)
+    features[np.setdiff1d(np.arange(len(features)), sample)[-1]] *= 3
+    done = []
+    compact = dfd.compact(features, tolerance=0.05, progress=done.append)
+    assert min(done) < 0
+    assert sum(done) == len(features)
+    full = reference.feature_weights(features, features[[0, 1]])
+    assert np.abs(dfd.bind(compact, [0, 1]) - full).max() <= 0.05
+
+
+def test_torch_tensors_are_taken():
+    from_torch, from_numpy = dfd.compact(torch.from_numpy(FEATURES)), dfd.compact(FEATURES)
+    np.testing.assert_array_equal(from_torch.blocks, from_numpy.blocks)
+
+
+def test_every_instruction_set_binds_and_poses_alike(tmp_path):
+    code = """
+import sys, numpy as np, dfd
+from dfd import _core
+random = np.random.default_rng(0)
+features = np.load(sys.argv[1])
+results = {"name": np.array(_core.instruction_set())}
+handles = np.arange(0, 3000, 131)
+geodesic = random.random((len(handles), 3000), dtype=np.float32)
+for kind, source in (("rows", features), ("int8", dfd.compact(features, tolerance=0.05)),
+                     ("float16", dfd.compact(features, tolerance=0.002))):
+    results[kind] = dfd.bind(source, handles, fixed=[2], geodesic=geodesic, locality=[1.7] * len(handles))
+    results[kind + "1"] = dfd.bind(source, handles)
+plane = dfd.SymmetryPlane((0.6, 0.0, 0.8), 0.1, band=0.3)
+transforms = np.eye(3, 4) + 0.1 * random.standard_normal((len(handles), 3, 4))
+for dtype in ("float32", "float64"):
+    vertices = random.standard_normal((3000, 3)).astype(dtype)
+    for kind, normals in (("posed", None), ("turned", vertices / np.linalg.norm(vertices, axis=1, keepdims=True))):
+        results[kind + dtype] = np.concatenate(np.atleast_3d(dfd.pose(
+            vertices, results["rows"], transforms, symmetry=plane, handles=vertices[:len(handles)], normals=normals)))
+np.savez(sys.argv[2], **results)
+"""
+    np.save(tmp_path / "features.npy", FEATURES)
+    results = []
+    for name in _core.instruction_sets():
+        out = tmp_path / f"{name}.npz"
+        done = subprocess.run(
+            [sys.executable, "-c", code, tmp_path / "features.npy", out],
+            env={**os.environ, "DFD_ISA": name},
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        results.append(dict(np.load(out)))
+        assert results[-1].pop("name") == name
+    for other in results[1:]:
+        np.testing.assert_array_equal(other["int81"], results[0]["int81"])  # whole numbers
+        for kind, wanted in results[0].items():
+            np.testing.assert_allclose(other[kind], wanted, rtol=1e-5, atol=2e-5, err_msg=kind)
+
+
+def test_an_instruction_set_that_is_not_there_is_refused():
+    done = subprocess.run(
+        [sys.executable, "-c", "import dfd"],
+        env={**os.environ, "DFD_ISA": "avx1024"},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode != 0
+    assert "DFD_ISA must be one of the instruction sets of this machine (baseline" in done.stderr
+    assert 'got "avx1024"' in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"features": FEATURES, "tolerance": 0}, "`tolerance` must be above 0"),
+        ({"features": FEATURES, "tolerance": np.nan}, "`tolerance` must be finite"),
+        ({"features": FEATURES, "tolerance": 1e-9}, "`tolerance` must be larger for features of 16 bits"),
+        ({"features": FEATURES[0]}, r"`features` must have shape \(V, D\)"),
+        ({"features": FEATURES[:0]}, "`features` must have at least one row"),
+        ({"features": np.where(np.arange(96) == 7, np.nan, FEATURES)}, "`features` must be finite"),
+        ({"features": FEATURES, "points": np.zeros((3, 3))}, "`points` are for a field"),
+        ({"features": lambda points: points}, "`points` must be given for a field"),
+        ({"features": lambda points: points, "points": np.zeros((3, 2))}, r"`points` must have shape \(V, 3\)"),
+    ],
+)
+def test_bad_input(arguments, message):
+    with pytest.raises(ValueError, match="^compact: " + message):
+        dfd.compact(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("handles", "message"),
+    [
+        ([3000], r"`handles` must lie in 0 … 2999, got 3000"),
+        ([1, 1], r"`handles` names vertex 1 more than once"),
+        (FEATURES[:2, :5], r"`handles` must have shape \(N, 96\), got \(2, 5\)"),
+    ],
+)
+def test_bad_handles(compact, handles, message):
+    with pytest.raises(ValueError, match="^bind: " + message):
+        dfd.bind(compact, handles)
