@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
+import safetensors.torch
 import torch
 from numpy.typing import ArrayLike, NDArray
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
 from torch import nn
 
 from dfd.common import check
@@ -168,10 +168,7 @@ class Field(nn.Module):
         }
         tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in self.state_dict().items()}
         with atomic_write(path) as temporary:
-            try:
-                save_file(tensors, temporary, metadata)
-            except SafetensorError as error:  # how safetensors reports a full disk or a lost folder
-                raise OSError(None, str(error)) from error
+            temporary.write_bytes(_with_sorted_header(safetensors.torch.save(tensors, metadata)))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, mesh: Mesh | None = None) -> Field:
@@ -214,6 +211,14 @@ class Field(nn.Module):
         field = cls.seeded(0, **network, settings=settings)
         field.load_state_dict(tensors)
         return field.eval().requires_grad_(False)
+
+
+def _with_sorted_header(content: bytes) -> bytes:
+    """A safetensors file with its header in one order: safetensors writes metadata in another one every time."""
+    end = 8 + int.from_bytes(content[:8], "little")
+    header = json.dumps(json.loads(content[8:end]), sort_keys=True, separators=(",", ":")).encode()
+    header += b" " * (-len(header) % 8)
+    return len(header).to_bytes(8, "little") + header + content[end:]
 
 
 def _check_header(path: str | os.PathLike[str], metadata: Mapping[str, str]) -> None:
