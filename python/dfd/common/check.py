@@ -8,6 +8,8 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common import tensors
+
 __all__ = ["array", "choice", "number", "vertex_indices", "whole"]
 
 
@@ -32,13 +34,13 @@ def array(
     Raises
     ------
     ValueError
-        If `value` is not numeric, has another shape, or (with `finite`) holds NaN or infinity.
+        If `value` is not numeric, a masked array or a tensor that NumPy cannot look into, has another shape, or (with
+        `finite`) holds NaN or infinity.
     """
     if type(value) is np.ndarray:
         result = value
     else:
-        if hasattr(value, "detach"):  # a torch tensor: its memory is shared when it lies on the CPU
-            value = value.detach().cpu()
+        value = tensors.shared(function, name, value)
         try:
             result = np.asarray(value)
         except (TypeError, ValueError):
@@ -121,7 +123,7 @@ def vertex_indices(
     ValueError
         If an index is not a whole number, lies out of range or (with `unique`) occurs twice.
     """
-    indices = np.asarray(value)
+    indices = np.asarray(tensors.shared(function, name, value))
     if indices.size == 0 and indices.ndim == 1:
         return np.zeros(0, np.int64)
     if indices.ndim != 1 or indices.dtype.kind not in "iu":
