@@ -98,7 +98,7 @@ def bridges(
             own = np.flatnonzero(used)
             points, vertex = vertices[own], own
             if gap > SAME_PLACE:
-                points, vertex = _samples(vertices, faces, own, gap * size / 2)
+                points, vertex = _samples(vertices, faces, own, 0.7 * gap * size)
             pairs = _across(points, vertex, label, gap * size)
             found.append(pairs)
             label = _joined(label, pairs)
