@@ -136,6 +136,8 @@ class Mesh:
     def part_vertices(self, name: str) -> NDArray[np.int64]:
         """(N,) ascending, the vertices that the faces of the part of that name use.
 
+        A glTF file's geometries and materials may be named too, wherever they are.
+
         Raises
         ------
         ValueError
@@ -144,8 +146,24 @@ class Mesh:
         for part in self.parts:
             if part.name == name:
                 return part.vertices
+        for others in self._other_names:
+            if name in others:
+                faces = [self.faces[each].ravel() for each in others[name]]
+                return np.unique(np.concatenate(faces)).astype(np.int64)
         known = ", ".join(self.part_names[:20]) + (", …" if self.part_count > 20 else "")
         raise ValueError(f"Mesh.part_vertices: `name` must be a part of the scene ({known}), got {name!r}")
+
+    @cached_property
+    def _other_names(self) -> tuple[dict[str, list[slice]], dict[str, list[slice]]]:
+        """The faces of each geometry and of each material, by their names."""
+        geometries: dict[str, list[slice]] = {}
+        materials: dict[str, list[slice]] = {}
+        for each in self._scene.primitives if self._scene else ():
+            geometries.setdefault(each.name, []).append(each.faces)
+            material = getattr(getattr(each.geometry.visual, "material", None), "name", None)
+            if material:
+                materials.setdefault(str(material), []).append(each.faces)
+        return geometries, materials
 
     @property
     def diagonal(self) -> float:

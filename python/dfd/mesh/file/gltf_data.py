@@ -101,9 +101,10 @@ class GltfData:
         if packed is None:
             return None
         names, view = packed.get("attributes"), packed.get("bufferView")
-        if not isinstance(names, dict) or not is_index(view, len(self._header.get("bufferViews", []))):
+        views = self._header.get("bufferViews", [])
+        if not isinstance(names, dict) or not isinstance(view, int) or not is_index(view, len(views)):
             raise ValueError(f"its {DRACO} does not say where the data is")
-        decoded = self._draco_mesh(int(view))
+        decoded = self._draco_mesh(view)
         by_id = {each["unique_id"]: np.asarray(each["data"]) for each in decoded.attributes}
         found: dict[str, NDArray[Any]] = {}
         for name, number in names.items():
@@ -126,7 +127,7 @@ class GltfData:
                 self._draco[view] = DracoPy.decode(bytes(self.view(view)))
                 self._draco[view].faces  # noqa: B018  # a cloud of points has none
             except Exception as error:  # the library raises types of its own, and KeyError, ValueError, …
-                raise ValueError(f"its {DRACO} cannot be decoded: {error or type(error).__name__}") from error
+                raise ValueError(f"its {DRACO} cannot be decoded: {_said(error)}") from error
         return self._draco[view]
 
     def _decompress(self, index: int, name: str, packed: Header, length: int) -> bytes:
@@ -152,7 +153,7 @@ class GltfData:
         try:
             plain = meshopt.decode_gltf_buffer(data, count, stride, packed.get("mode"), packed.get("filter", "NONE"))
         except Exception as error:
-            raise ValueError(f"{what} cannot be decoded: {error or type(error).__name__}") from error
+            raise ValueError(f"{what} cannot be decoded: {_said(error)}") from error
         return np.ascontiguousarray(plain).tobytes()
 
     def _stored(self, accessor: Header) -> NDArray[Any]:
@@ -174,17 +175,19 @@ class GltfData:
 
     def _replaced(self, values: NDArray[Any], sparse: Any, what: str) -> NDArray[Any]:
         """Put the items of a sparse accessor into those that it changes."""
-        parts = [sparse.get(name) if isinstance(sparse, dict) else None for name in ("indices", "values")]
-        if not all(isinstance(part, dict) for part in parts):
+        parts: list[Header] = []
+        if isinstance(sparse, dict):
+            parts = [part for name in ("indices", "values") if isinstance(part := sparse.get(name), dict)]
+        if len(parts) < 2:
             raise ValueError(f"{what} is sparse, but does not say where")
         count = whole(sparse, "count", what)
         shape = {"indices": (parts[0].get("componentType"), 1), "values": (values.dtype, values.shape[1])}
         found = []
         for part, (kind, width) in zip(parts, shape.values(), strict=True):
             dtype = np.dtype(COMPONENT_TYPES.get(kind, "u1") if isinstance(kind, int) else kind or "u1")
-            view, start = part.get("bufferView"), whole(part, "byteOffset", what, default=0)
-            if not is_index(view, len(self._header.get("bufferViews", []))):
-                raise ValueError(f"{what} is sparse, but names bufferView {brief(view)}")
+            view, start = whole(part, "bufferView", what), whole(part, "byteOffset", what, default=0)
+            if view >= len(self._header.get("bufferViews", [])):
+                raise ValueError(f"{what} is sparse, but names bufferView {view}")
             data = self.view(view)
             if start + count * width * dtype.itemsize > len(data):
                 raise ValueError(f"{what} has {count} sparse items beyond byte {len(data)}")
@@ -211,6 +214,10 @@ def data_uri(uri: str) -> bytes:
         return base64.b64decode(body, validate=False)
     except binascii.Error as error:
         raise ValueError(f"{brief(uri)} is not in base 64: {error}") from error
+
+
+def _said(error: Exception) -> str:
+    return str(error) or type(error).__name__
 
 
 def _as_numbers(values: NDArray[Any], normalized: bool) -> NDArray[Any]:

@@ -60,7 +60,8 @@ class GltfMaterials:
             factor, reference = glossiness.get("diffuseFactor"), glossiness.get("diffuseTexture")
         color = _numbers(factor, 4, 1.0)
         name = str(content.get("name", ""))
-        image, wrap = None, cast(tuple[Wrap, Wrap], ("repeat", "repeat"))
+        image: Image.Image | None = None
+        wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
         if reference is not None:
             image, texels, wrap = self._texture(reference, name)
         look = Material()

@@ -269,8 +269,8 @@ def _texture_indices(material: Header) -> set[int]:
 
 def _shown_primitives(header: Header) -> list[Header]:
     meshes = objects(header, "meshes")
-    shown = {node.get("mesh") for node in objects(header, "nodes") if _is_int(node.get("mesh"))}
-    return [each for index in sorted(shown) if index < len(meshes) for each in objects(meshes[index], "primitives")]
+    shown: set[int] = {node["mesh"] for node in objects(header, "nodes") if is_index(node.get("mesh"), len(meshes))}
+    return [each for index in sorted(shown) for each in objects(meshes[index], "primitives")]
 
 
 def _values(value: object) -> list[Any]:

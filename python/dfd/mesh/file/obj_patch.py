@@ -64,7 +64,7 @@ class _Edits:
 
     def replace(self, spans: NDArray[np.int64], texts: Iterable[bytes]) -> None:
         """Put `texts` where `spans` (L, 2) begin and end."""
-        self._spans += map(tuple, spans.tolist())  # type: ignore[arg-type]
+        self._spans += map(tuple, spans.tolist())
         self._texts += texts
 
     def replace_line(self, line: int, text: str) -> None:

@@ -60,7 +60,9 @@ def read(
     faces = np.flatnonzero(text.sizes >= 3)
     if len(faces) < len(text.sizes):
         _warn_of_short_faces(text, path)
-    order = faces[np.lexsort((_by_appearance(material)[faces], _by_appearance(part)[faces]))]
+    order = faces
+    if len(faces) and ((material != material[0]).any() or (part != part[0]).any()):
+        order = faces[np.lexsort((_by_appearance(material)[faces], _by_appearance(part)[faces]))]
     key = part[order] * (len(material_names) + 1) + material[order] + 1
     bounds = np.flatnonzero(np.diff(key, prepend=-1, append=-1))
     first = np.cumsum(text.sizes) - text.sizes
@@ -143,7 +145,7 @@ def _parts(text: ObjText, default: str) -> tuple[list[str], NDArray[np.int64]]:
     """Return the names of the parts and the part (P,) of each face."""
     for keyword in ("o", "g"):
         names, part = _state(text, keyword, default)
-        if len(np.unique(part)) > 1:
+        if len(part) and (part != part[0]).any():
             return names, part
     for keyword in ("o", "g"):  # one part: whichever names it
         names, part = _state(text, keyword, default)

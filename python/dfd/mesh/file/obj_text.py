@@ -28,9 +28,14 @@ class Tokens:
 
     lines: NDArray[np.int64]  # (L,) line numbers
     counts: NDArray[np.int64]  # (L,) words of each
-    starts: NDArray[np.int64]  # (W,) first byte of each word
+    starts: NDArray[np.int64]  # (W,) first byte of each word in `text`
     ends: NDArray[np.int64]  # (W,) byte after it
-    text: bytes  # the lines without their keywords
+    text: bytes  # the lines, with spaces in place of keywords and comments
+    shifts: NDArray[np.int64]  # (L,) from a place in `text` to that in the file
+
+    def spans(self) -> NDArray[np.int64]:
+        """(W, 2) where in the file each word begins and ends."""
+        return np.stack([self.starts, self.ends], axis=1) + np.repeat(self.shifts, self.counts)[:, None]
 
     def first(self) -> NDArray[np.int64]:
         """(L,) number of each line's first word."""
@@ -77,11 +82,11 @@ def parse(data: bytes) -> ObjText:
         data = data.replace(b"\r", b"\n")
     lines = _Lines(data)
     vertices = lines.tokens(b"v")
-    values, first = _values(data, vertices, "v", at_least=3)
+    values, first = _values(vertices, "v", at_least=3)
     normal_tokens = lines.tokens(b"vn")
-    normals, first_normal = _values(data, normal_tokens, "vn", at_least=3)
+    normals, first_normal = _values(normal_tokens, "vn", at_least=3)
     uv_tokens = lines.tokens(b"vt")
-    uv, first_uv = _values(data, uv_tokens, "vt", at_least=1)
+    uv, first_uv = _values(uv_tokens, "vt", at_least=1)
     faces = lines.tokens(b"f")
     counts = (vertices.lines, uv_tokens.lines, normal_tokens.lines)
     two = np.minimum(uv_tokens.counts, 2) - 1  # of a texture with one coordinate the other is the same number
@@ -93,8 +98,8 @@ def parse(data: bytes) -> ObjText:
         uv=values_of_two(uv, first_uv, two),
         normals=normals[first_normal[:, None] + np.arange(3)],
         normal_spans=_spans(normal_tokens, first_normal),
-        corners=_corners(data, faces, counts),
-        corner_spans=np.stack([faces.starts, faces.ends], axis=1),
+        corners=_corners(faces, counts),
+        corner_spans=faces.spans(),
         sizes=faces.counts,
         face_lines=faces.lines,
         statements=lines.statements(),
@@ -110,27 +115,32 @@ class _Lines:
         self._bytes = padded[: len(data) + 1]
         ends = np.flatnonzero(self._bytes == ord("\n"))
         self._ends = ends
-        starts = np.concatenate([[0], ends[:-1] + 1]).astype(np.int64)
-        self._begins = self._after_indent(starts)
+        self._starts = np.concatenate([[0], ends[:-1] + 1]).astype(np.int64)
+        self._begins = self._after_indent(self._starts)
         self._keywords = tuple(padded[self._begins + i] for i in range(3))
 
     def tokens(self, keyword: bytes) -> Tokens:
         """Return the words of all lines that begin with `keyword`."""
         lines = np.flatnonzero(self._is(keyword))
-        begins, ends = self._begins[lines] + len(keyword), self._ends[lines]
-        inside = np.zeros(len(self._bytes) + 1, np.int8)
-        inside[begins] += 1
-        inside[ends] -= 1
-        words = np.cumsum(inside[:-1], dtype=np.int8).view(bool)
-        text = self._bytes[words | self._newlines_of(ends)].tobytes()
-        words &= self._bytes > ord(" ")  # no control character is part of a word either
+        runs = np.flatnonzero(np.diff(lines, prepend=-2) > 1)  # where lines begin that follow each other
+        last = np.append(runs[1:], len(lines))[: len(runs)] - 1
+        starts, ends = self._starts[lines], self._ends[lines] + 1
+        text = bytearray().join(
+            self._data[start:end] for start, end in zip(starts[runs].tolist(), ends[last].tolist(), strict=True)
+        )
+        text += b"\n" * (len(text) and text[-1] != ord("\n"))
+        stops = np.cumsum(ends - starts)
+        shifts = ends - stops
+        array = np.frombuffer(text, np.uint8)
+        for i in range(len(keyword)):
+            array[self._begins[lines] - shifts + i] = ord(" ")
         if b"#" in text:
-            words &= ~self._commented(lines)
-            text = b"\n".join(line.split(b"#", 1)[0] for line in text.split(b"\n"))
-        edges = np.flatnonzero(np.diff(words.view(np.int8), prepend=0, append=0))
-        starts, stops = edges[::2], edges[1::2]
-        counts = np.searchsorted(starts, ends) - np.searchsorted(starts, begins)
-        return Tokens(lines, counts, starts, stops, text)
+            _blank_comments(text)
+        words = array > ord(" ")  # no control character is part of a word either
+        edges = np.flatnonzero(words[1:] != words[:-1]) + 1  # the first byte is none, and neither is the last
+        first, end = edges[::2], edges[1::2]
+        counts = np.diff(np.searchsorted(first, stops), prepend=0)
+        return Tokens(lines, counts, first, end, bytes(text), shifts)
 
     def statements(self) -> tuple[tuple[int, str, str], ...]:
         """Return the lines that name parts and materials."""
@@ -146,11 +156,12 @@ class _Lines:
         return tuple(found)
 
     def _is(self, keyword: bytes) -> NDArray[np.bool_]:
-        found = self._keywords[0] == keyword[0]
+        found: NDArray[np.bool_] = self._keywords[0] == keyword[0]
         for i in range(1, len(keyword)):
             found &= self._keywords[i] == keyword[i]
         after = self._keywords[len(keyword)]
-        return found & ((after == ord(" ")) | (after == ord("\t")))
+        found &= (after == ord(" ")) | (after == ord("\t"))
+        return found
 
     def _after_indent(self, starts: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the first byte of each line that is no space or tab."""
@@ -167,22 +178,17 @@ class _Lines:
             begins[line] += len(rest) - len(rest.lstrip(b" \t"))
         return begins
 
-    def _newlines_of(self, ends: NDArray[np.int64]) -> NDArray[np.bool_]:
-        mask = np.zeros(len(self._bytes), bool)
-        mask[ends] = True
-        return mask
 
-    def _commented(self, lines: NDArray[np.int64]) -> NDArray[np.bool_]:
-        mask = np.zeros(len(self._bytes), bool)
-        for line in lines:
-            begin, end = self._begins[line], self._ends[line]
-            at = self._data.find(b"#", begin, end)
-            if at >= 0:
-                mask[at:end] = True
-        return mask
+def _blank_comments(text: bytearray) -> None:
+    """Put spaces in place of what follows a `#`, up to the end of its line."""
+    at = text.find(b"#")
+    while at >= 0:
+        end = text.index(b"\n", at)
+        text[at:end] = b" " * (end - at)
+        at = text.find(b"#", end)
 
 
-def _values(data: bytes, tokens: Tokens, keyword: str, at_least: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _values(tokens: Tokens, keyword: str, at_least: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return the numbers of all lines of one kind, and the place of each line's first."""
     short = np.flatnonzero(tokens.counts < at_least)
     first = tokens.first()
@@ -213,7 +219,7 @@ def values_of_two(
 
 def _spans(tokens: Tokens, first: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return where the first three words of each line begin and end."""
-    return np.stack([tokens.starts[first], tokens.ends[first + 2]], axis=1)
+    return np.stack([tokens.starts[first], tokens.ends[first + 2]], axis=1) + tokens.shifts[:, None]
 
 
 def _colors(
@@ -222,12 +228,12 @@ def _colors(
     """Return the colors (N, 3) that follow the coordinates, display-referred in [0, 1]; None where one has none."""
     if not len(counts) or counts.min() < 6:
         return None
-    colors = values[first[:, None] + np.arange(3, 6)]
+    colors: NDArray[np.float64] = values[first[:, None] + np.arange(3, 6)]
     return colors / 255 if colors.max() > 1 else colors
 
 
 def _corners(
-    data: bytes, faces: Tokens, counted: tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
+    faces: Tokens, counted: tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
 ) -> NDArray[np.int64]:
     """Return vertex, texture and normal (C, 3) of each corner: absolute, from 0, −1 for none.
 
@@ -235,12 +241,12 @@ def _corners(
     """
     slashes = np.zeros(len(faces.starts), np.int64)
     if b"/" in faces.text:
-        places = np.flatnonzero(np.frombuffer(data, np.uint8) == ord("/"))
+        places = np.flatnonzero(np.frombuffer(faces.text, np.uint8) == ord("/"))
         slashes = np.searchsorted(places, faces.ends) - np.searchsorted(places, faces.starts)
     if (slashes > 2).any():
-        raise _bad_face(data, faces, int(np.argmax(slashes > 2)), "is no corner of a face")
+        raise _bad_face(faces, int(np.argmax(slashes > 2)), "is no corner of a face")
     plain = faces.text.replace(b"//", b"/0/")
-    if (np.frombuffer(data + b"\n", np.uint8)[faces.ends - 1] == ord("/")).any():  # `1/` and `1/2/`
+    if (np.frombuffer(faces.text, np.uint8)[faces.ends - 1] == ord("/")).any():  # `1/` and `1/2/`
         plain = b"\n".join(
             b" ".join(word + b"0" if word.endswith(b"/") else word for word in line.split())
             for line in plain.split(b"\n")
@@ -249,7 +255,7 @@ def _corners(
     first = np.cumsum(slashes + 1) - (slashes + 1)
     if len(numbers) != int((slashes + 1).sum()):
         broken = int(np.searchsorted(first + slashes + 1, len(numbers), side="right"))
-        raise _bad_face(data, faces, min(broken, len(first) - 1), "is no corner of a face")
+        raise _bad_face(faces, min(broken, len(first) - 1), "is no corner of a face")
     corners = np.full((len(first), 3), -1, np.int64)
     line = np.repeat(faces.lines, faces.counts)
     for column, lines in enumerate(counted):
@@ -265,12 +271,12 @@ def _corners(
             where = int(np.argmax(outside))
             zero = numbers[first[given[where]]] == 0
             what = "names vertex 0, but the first is 1" if zero else f"names none of the {len(lines)} vertices"
-            raise _bad_face(data, faces, int(given[where]), what)
+            raise _bad_face(faces, int(given[where]), what)
         corners[given, column] = found - 1
     return corners
 
 
-def _bad_face(data: bytes, faces: Tokens, word: int, what: str) -> ValueError:
+def _bad_face(faces: Tokens, word: int, what: str) -> ValueError:
     line = int(np.searchsorted(np.cumsum(faces.counts), word, side="right"))
-    found = decoded(data[faces.starts[word] : faces.ends[word]])
+    found = decoded(faces.text[faces.starts[word] : faces.ends[word]])
     return ValueError(f"line {faces.lines[line] + 1}: the corner {brief(found)} of a face {what}")

@@ -75,7 +75,7 @@ class Pictures:
         try:
             texture = opengl_basisu.open(data)
             self._spend(texture.width, texture.height)
-            texels = texture.transcode("rgba8").data
+            texels = np.asarray(texture.transcode("rgba8").data, np.uint8)
         except opengl_basisu.BasisuError as error:
             raise ValueError(f"a KTX2 picture cannot be decoded: {error}") from error
         image = Image.fromarray(texels)

@@ -88,9 +88,10 @@ class SceneFile:
         else:
             vertices, vertex = _weld_used(positions, corner_faces)
             representative = np.arange(len(vertices), dtype=np.int32)
-        used = len(np.unique(vertex[corner_faces]))
-        if used < 3:
-            raise ValueError(f"load: `path` {path} must hold at least 3 distinct vertices, got {used}")
+        used = np.zeros(len(vertices), bool)
+        used[vertex[corner_faces]] = True
+        if used.sum() < 3:
+            raise ValueError(f"load: `path` {path} must hold at least 3 distinct vertices, got {used.sum()}")
         look = read_appearance(primitives, vertex, looks, linear=linear)
         return cls(path, primitives, corner_faces, vertices, representative, vertex, look, gltf, obj)
 
