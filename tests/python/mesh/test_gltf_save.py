@@ -62,7 +62,7 @@ def test_primitives_that_share_positions_move_together(tmp_path: Path) -> None:
     primitives.append({"attributes": dict(primitives[0]["attributes"]), "indices": rest})
     gltf.node(name="cube", mesh=mesh_index, translation=[1, 2, 3])
     mesh = load(write(tmp_path / "shared.glb", gltf.glb()))
-    assert (len(mesh.vertices), mesh.part_count) == (8, 2)
+    assert (len(mesh.vertices), mesh.part_names) == (8, ("cube",))
     mesh.save(tmp_path / "out.glb", mesh.vertices[::-1])
     again = load(tmp_path / "out.glb")
     assert same_shape(again, Mesh(mesh.vertices[::-1], mesh.faces))

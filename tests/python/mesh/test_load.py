@@ -60,9 +60,13 @@ def test_obj_vertices_keep_the_files_numbers_across_parts_seams_and_unused_ones(
     """
     mesh = load(write(tmp_path / "parts.obj", "\n".join(line.strip() for line in text.splitlines())))
     # vertex 3 (9 9 9) is used by no face, vertex 6 lies where vertex 2 does
-    assert mesh.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
-    assert mesh.faces.tolist() == [[2, 3, 1], [0, 1, 2], [0, 2, 1]]
-    assert mesh.part_count == 2
+    assert mesh.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [9, 9, 9], [0, 1, 0], [0, 0, 1], [1, 0, 0]]
+    assert mesh.faces.tolist() == [[3, 4, 1], [0, 1, 3], [0, 3, 1]]
+    assert mesh.representative.tolist() == [0, 1, 2, 3, 4, 1]
+    assert mesh.bounds.tolist() == [[0, 0, 0], [1, 1, 1]]  # of what can be seen
+    assert mesh.part_names == ("later", "sooner")
+    assert [part.faces for part in mesh.parts] == [slice(0, 1), slice(1, 3)]
+    assert mesh.part_vertices("later").tolist() == [1, 3, 4]
 
 
 def test_quads_and_relative_numbers_in_obj(tmp_path: Path) -> None:
@@ -124,7 +128,8 @@ PLY = "ply\nformat ascii 1.0\nelement vertex {n}\nproperty float x\nproperty flo
         ("low.obj", obj_cube() + "f -99 1 2\n", "not a well-formed OBJ"),
         ("zero.obj", obj_cube() + "f 0 1 2\n", "a face names vertex 0, but the first is 1"),
         ("letters.obj", obj_cube() + "f a b c\n", "not a well-formed OBJ"),
-        ("cut.obj", obj_cube()[:30], "holds no faces"),
+        ("cut.obj", obj_cube()[:30], "vertex 3 of its 'v' lines has 2 numbers"),
+        ("cut.obj", obj_cube()[:24], "holds no faces"),
         ("high.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", "not a well-formed OFF"),
         ("cut.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n", "not a well-formed OFF"),
         ("many.off", "OFF\n999999999999 1 0\n0 0 0\n", "not a well-formed OFF"),
@@ -173,8 +178,7 @@ def break_header(change: Callable[[dict], object]) -> bytes:
         (lambda h: h["accessors"][0].update(bufferView=7), "accessor 0 names bufferView 7, but there are 2"),
         (lambda h: h["accessors"][0].update(type="VEC5"), "accessor 0 has the unknown type 'VEC5'"),
         (lambda h: h["accessors"][0].update(componentType=1), "accessor 0 has the unknown componentType 1"),
-        (lambda h: h["accessors"][0].update(normalized=True), "of positions, is normalized"),
-        (lambda h: h["accessors"][0].update(sparse={}), "of positions, is sparse"),
+        (lambda h: h["accessors"][0].update(sparse={}), "accessor 0 is sparse, but does not say where"),
         (lambda h: h["accessors"][0].pop("bufferView"), "accessor 0, of positions, has no data"),
         (lambda h: h["accessors"].append({"count": 2**33, "componentType": 5126, "type": "MAT4"}), "but no data"),
         (lambda h: h["bufferViews"][0].update(byteLength=10**9), "bufferView 0 ends at byte"),
@@ -190,7 +194,9 @@ def break_header(change: Callable[[dict], object]) -> bytes:
         ),
         (lambda h: h["nodes"][0].update(scale=[1e308, 1, 1], translation=[1e308, 0, 0]), "finite"),
         (lambda h: h.update(nodes=5), "its 'nodes' must be a list of objects"),
-        (lambda h: h.update(extensionsRequired=["KHR_draco_mesh_compression"]), "compressed with KHR_draco"),
+        (lambda h: h.update(extensionsRequired=["EXT_magic"]), "requires the extension 'EXT_magic', which cannot be"),
+        (lambda h: h.update(extensionsRequired="EXT_magic"), "'extensionsRequired' must be a list of names"),
+        (lambda h: h.update(asset={"version": "1.0"}), "it has version '1.0' of the format, and only 2 can be read"),
         (lambda h: h.update(scene=5), "not a well-formed GLB"),
     ],
 )
