@@ -7,6 +7,7 @@ many programs write them. NumPy reads every number, so that a file of a million 
 from __future__ import annotations
 
 import codecs
+import re
 import warnings
 from dataclasses import dataclass
 from typing import Any
@@ -19,6 +20,7 @@ from dfd.mesh.file.assets import brief
 __all__ = ["ObjText", "Tokens", "decoded", "parse"]
 
 _INDENTED = 64  # spaces before a keyword that are passed over for all lines at once
+_CORNER = re.compile(rb"[-+]?\d+(/[-+]?\d*){0,2}")
 _STATEMENTS = ("o", "g", "usemtl", "mtllib")
 
 
@@ -95,7 +97,7 @@ def parse(data: bytes) -> ObjText:
         positions=values[first[:, None] + np.arange(3)],
         position_spans=_spans(vertices, first),
         colors=_colors(values, first, vertices.counts),
-        uv=values_of_two(uv, first_uv, two),
+        uv=_values_of_two(uv, first_uv, two),
         normals=normals[first_normal[:, None] + np.arange(3)],
         normal_spans=_spans(normal_tokens, first_normal),
         corners=_corners(faces, counts),
@@ -197,20 +199,32 @@ def _values(tokens: Tokens, keyword: str, at_least: int) -> tuple[NDArray[np.flo
             f"vertex {short[0]} of its {keyword!r} lines has {tokens.counts[short[0]]} numbers, "
             f"and {at_least} are needed"
         )
-    values = _numbers(tokens.text, np.float64)
-    if len(values) != len(tokens.starts):
-        raise ValueError(f"its {keyword!r} lines hold what is no number")
+    values = _numbers(tokens.text, np.float64, len(tokens.starts))
+    if values is None:
+        words = (tokens.text[start:end] for start, end in zip(tokens.starts, tokens.ends, strict=True))
+        wrong = next((word for word in words if not _is_number(word)), b"")
+        raise ValueError(f"its {keyword!r} lines hold {brief(decoded(wrong))}, which is no number")
     return values, first
 
 
-def _numbers(text: bytes, dtype: Any) -> NDArray[Any]:
-    """Return the numbers of a text, as many as there are before the first that is none."""
+def _numbers(text: bytes, dtype: Any, count: int) -> NDArray[Any] | None:
+    """Return the `count` numbers of a text, None where it holds something else."""
+    if not count:
+        return np.zeros(0, dtype)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # NumPy's word for a text that does not end in a number
-        return np.fromstring(text, dtype, sep=" ") if text.strip() else np.zeros(0, dtype)
+        warnings.simplefilter("error", DeprecationWarning)  # older NumPy's way to say that it found no number
+        try:
+            values = np.fromstring(text, dtype, sep=" ")
+        except (ValueError, DeprecationWarning):
+            return None
+    return values if len(values) == count else None
 
 
-def values_of_two(
+def _is_number(word: bytes) -> bool:
+    return _numbers(word, np.float64, 1) is not None
+
+
+def _values_of_two(
     values: NDArray[np.float64], first: NDArray[np.int64], second: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     """Return two numbers (L, 2) of each line: the first, and the one `second` after it."""
@@ -244,18 +258,19 @@ def _corners(
         places = np.flatnonzero(np.frombuffer(faces.text, np.uint8) == ord("/"))
         slashes = np.searchsorted(places, faces.ends) - np.searchsorted(places, faces.starts)
     if (slashes > 2).any():
-        raise _bad_face(faces, int(np.argmax(slashes > 2)), "is no corner of a face")
+        raise _bad_face(faces, int(np.argmax(slashes > 2)), "is none")
     plain = faces.text.replace(b"//", b"/0/")
     if (np.frombuffer(faces.text, np.uint8)[faces.ends - 1] == ord("/")).any():  # `1/` and `1/2/`
         plain = b"\n".join(
             b" ".join(word + b"0" if word.endswith(b"/") else word for word in line.split())
             for line in plain.split(b"\n")
         )
-    numbers = _numbers(plain.replace(b"/", b" "), np.int64)
+    numbers = _numbers(plain.replace(b"/", b" "), np.int64, int((slashes + 1).sum()))
+    if numbers is None:
+        spans = zip(faces.starts.tolist(), faces.ends.tolist(), strict=True)
+        wrong = (i for i, (start, end) in enumerate(spans) if not _CORNER.fullmatch(faces.text, start, end))
+        raise _bad_face(faces, next(wrong, 0), "is none")
     first = np.cumsum(slashes + 1) - (slashes + 1)
-    if len(numbers) != int((slashes + 1).sum()):
-        broken = int(np.searchsorted(first + slashes + 1, len(numbers), side="right"))
-        raise _bad_face(faces, min(broken, len(first) - 1), "is no corner of a face")
     corners = np.full((len(first), 3), -1, np.int64)
     line = np.repeat(faces.lines, faces.counts)
     for column, lines in enumerate(counted):

@@ -157,7 +157,7 @@ def _move(vertices: NDArray[np.float64], before: NDArray[np.float64], scene: Sce
 def _rebuild(moved: Sequence[MovedPrimitive]) -> trimesh.Scene:
     """Return a scene of the moved primitives; a geometry that is placed twice is split where its places moved."""
     result = trimesh.Scene()
-    names = UniqueNames()
+    names, nodes = UniqueNames(), UniqueNames()
     first: dict[int, tuple[MovedPrimitive, str]] = {}
     for each in moved:
         geometry = each.primitive.geometry
@@ -168,5 +168,5 @@ def _rebuild(moved: Sequence[MovedPrimitive]) -> trimesh.Scene:
             first.setdefault(id(geometry), (each, name))
         else:
             name = found[1]
-        result.graph.update(frame_to=names.unique(each.primitive.part), matrix=each.primitive.transform, geometry=name)
+        result.graph.update(frame_to=nodes.unique(each.primitive.part), matrix=each.primitive.transform, geometry=name)
     return result
