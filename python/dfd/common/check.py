@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["array", "number", "vertex_indices", "whole"]
+__all__ = ["array", "choice", "number", "vertex_indices", "whole"]
 
 
 def _describe(shape: Sequence[int | str | None]) -> str:
@@ -101,6 +101,14 @@ def whole(function: str, name: str, value: Any, *, minimum: int, maximum: int | 
         bounds = f"of at least {minimum}" if maximum is None else f"from {minimum} to {maximum}"
         raise ValueError(f"{function}: `{name}` must be a whole number {bounds}, got {value}")
     return int(value)
+
+
+def choice(function: str, name: str, value: Any, options: Any) -> Any:
+    """Return `value`, one of the words of the Literal type `options`."""
+    words = get_args(options)
+    if not isinstance(value, str) or value not in words:
+        raise ValueError(f"{function}: `{name}` must be one of {', '.join(words)}, got {value!r}")
+    return value
 
 
 def vertex_indices(

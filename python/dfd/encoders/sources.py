@@ -87,7 +87,7 @@ def find_fingerprint(encoder: str | os.PathLike[str]) -> str | None:
         weights = folder_weights(folder)
     except (OSError, ValueError):
         return None
-    beside = json.dumps([weights.config, weights.block, str(weights.normalisation)], sort_keys=True)
+    beside = json.dumps([weights.config, weights.block, str(weights.channels)], sort_keys=True)
     return f"{weights.fingerprint} {hashlib.sha256(beside.encode()).hexdigest()}"
 
 

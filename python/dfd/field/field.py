@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import os
 from collections.abc import Mapping
 from functools import cached_property
@@ -113,6 +114,12 @@ class Field:
         features: NDArray[np.float32] = _core.empty_float32(len(array), self.dimension)
         self._kernel.evaluate(array, features, threads.get_num_threads())
         return features
+
+    def with_settings(self, settings: Mapping[str, Any]) -> Field:
+        """The same field, said to have come to be by other `settings`."""
+        other = copy.copy(self)
+        other.settings = dict(settings)
+        return other
 
     def features(self, mesh: Mesh) -> NDArray[np.float32]:
         """Features of every vertex of `mesh`, (V, D) float32 unit rows: what `dfd.bind` reads."""

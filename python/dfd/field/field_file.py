@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from safetensors import SafetensorError
 from dfd.common.files import atomic_write
 from dfd.field.architecture import Architecture
 
-__all__ = ["Content", "FieldFile", "read", "write"]
+__all__ = ["Content", "read", "write"]
 
 FORMAT = "dfd-field"
 VERSION = 1
@@ -32,35 +32,6 @@ class Content:
     center: NDArray[np.float64]  # (3,) mesh units
     scale: float  # per mesh unit
     settings: dict[str, Any]
-
-
-@dataclass(frozen=True)
-class FieldFile:
-    """A field as its file has it, for those who want a copy of that."""
-
-    content: bytes = field(repr=False)
-    dimension: int
-    settings: dict[str, Any]
-
-    @classmethod
-    def of(cls, content: bytes) -> FieldFile:
-        """Read the header of what `write` wrote.
-
-        Raises
-        ------
-        ValueError
-            If it was another's.
-        """
-        try:
-            architecture, settings = _header(_metadata(content))
-        except (AttributeError, RecursionError) as error:
-            raise ValueError(f"no field: {error}") from None
-        return cls(content, architecture.dimension, settings)
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the field to `path`, whole or not at all; raises what `Field.save` raises."""
-        with atomic_write(path) as temporary:
-            temporary.write_bytes(self.content)
 
 
 def write(path: str | os.PathLike[str], content: Content) -> None:
