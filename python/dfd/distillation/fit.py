@@ -98,10 +98,8 @@ def widen(field: Field, directions: NDArray[np.float32]) -> Field:
     """
     last = field.architecture.layer_names().linear[-1]
     basis = torch.from_numpy(directions).T
-    turned = {
-        f"{last}.{part}": (basis @ torch.tensor(field.parameters[f"{last}.{part}"])).numpy()
-        for part in ("weight", "bias")
-    }
+    names = [f"{last}.{part}" for part in ("weight", "bias")]
+    turned = {name: (basis @ torch.tensor(field.parameters[name])).numpy() for name in names}
     return Field(
         {**field.parameters, **turned},
         octaves=field.architecture.octaves,

@@ -1,4 +1,4 @@
-"""A handle's instances: the places of a shape that look like the one it holds, each with a pivot and a frame of its own.
+"""Instances of a handle: the places of a shape that look like the one it holds, each with a pivot and a frame.
 
 The weight of a handle has a peak at the handle, one on every other leg, and low ones wherever something resembles it
 from afar. A peak counts by its persistence, how deep the weight falls before higher ground is reached along the surface

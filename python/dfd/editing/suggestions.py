@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from dfd.common import check
 from dfd.editing.instances import Instance, InstanceFinder
+from dfd.geometry.topology import face_areas
 from dfd.weights.bind import bind
 from dfd.weights.compact import CompactFeatures
 
@@ -101,7 +102,5 @@ def suggest_handles(
 
 def _areas(mesh: Mesh) -> NDArray[np.float64]:
     """(V,) a third of the area of the faces around each vertex."""
-    from dfd.geometry.topology import face_areas
-
     areas = np.repeat(face_areas(mesh.vertices, mesh.faces) / 3, 3)
-    return np.bincount(mesh.faces.ravel(), areas, minlength=len(mesh.vertices))
+    return np.bincount(mesh.faces.ravel(), areas, minlength=len(mesh.vertices)).astype(np.float64)

@@ -140,9 +140,15 @@ class Field:
     @cached_property
     def _kernel(self) -> _core.Field:
         of_layer = self.architecture.layer_names()
-        linear = [[self.parameters[f"{name}.{part}"] for name in of_layer.linear] for part in ("weight", "bias")]
-        norms = [[self.parameters[f"{name}.{part}"] for name in of_layer.norms] for part in ("weight", "bias")]
-        return _core.Field(*linear, *norms, self.architecture.octaves, self.center.tolist(), self.scale)
+        return _core.Field(
+            weights=[self.parameters[f"{name}.weight"] for name in of_layer.linear],
+            biases=[self.parameters[f"{name}.bias"] for name in of_layer.linear],
+            gains=[self.parameters[f"{name}.weight"] for name in of_layer.norms],
+            shifts=[self.parameters[f"{name}.bias"] for name in of_layer.norms],
+            octaves=self.architecture.octaves,
+            center=self.center.tolist(),
+            scale=self.scale,
+        )
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "_kernel"}

@@ -15,7 +15,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from dfd.field.architecture import Architecture
@@ -67,7 +69,7 @@ def read_reference(path: str | os.PathLike[str], mesh: Mesh) -> Content:
         **{f"reference_{name}": value for name, value in config.items() if isinstance(value, str | int | float)},
     }
     architecture = Architecture(linear[-1][0].shape[0], linear[0][0].shape[0], len(norms))
-    parameters = {}
+    parameters: dict[str, NDArray[np.float32]] = {}
     for layers, stride in ((linear, 0), (norms, 2)):
         for layer, (weight, bias) in enumerate(layers):
             name = f"network.{3 * layer + stride}"
