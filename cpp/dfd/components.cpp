@@ -1,6 +1,6 @@
 #include "dfd/components.hpp"
 
-#include "dfd/require.hpp"
+#include "dfd/common/require.hpp"
 
 #include <numeric>
 

@@ -1,8 +1,8 @@
 #include "dfd/geodesics.hpp"
 
 #include "dfd/surface/march.hpp"
-#include "dfd/parallel.hpp"
-#include "dfd/require.hpp"
+#include "dfd/common/parallel.hpp"
+#include "dfd/common/require.hpp"
 #include "dfd/surface/samples.hpp"
 
 #include <algorithm>

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "dfd/matrix.hpp"
+#include "dfd/common/matrix.hpp"
 
 #include <cstddef>
 #include <cstdint>

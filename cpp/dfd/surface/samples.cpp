@@ -1,6 +1,6 @@
 #include "dfd/surface/samples.hpp"
 
-#include "dfd/parallel.hpp"
+#include "dfd/common/parallel.hpp"
 
 #include <algorithm>
 #include <cmath>

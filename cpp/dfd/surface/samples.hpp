@@ -4,7 +4,7 @@
 // other vertices take values from them.
 
 #include "dfd/surface/march.hpp"
-#include "dfd/matrix.hpp"
+#include "dfd/common/matrix.hpp"
 
 #include <array>
 #include <cstddef>

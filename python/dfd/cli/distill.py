@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from dfd.field.field import Field
-    from dfd.runs.field_cache import CachedField
 
 __all__ = ["distill"]
 
@@ -82,7 +81,7 @@ def distill(
     rows = None if features is None else _read_features(features)
     partial = output.with_name(f"{output.name}.partial")
     stages = Stages()
-    found: CachedField | None = None
+    found: Field | None = None
     with stages.stage("read"), heed_interrupts():
         file = hash_file(mesh) if cache else None
         known = recall(file)
@@ -95,7 +94,6 @@ def distill(
                 note(file, shape)
             if look_up:
                 found = find_distilled(shape, encoder, settings, device=device, checkpoint=partial)
-    field: CachedField | Field
     if found is not None:
         field = found
         field.save(output)

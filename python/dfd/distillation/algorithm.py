@@ -39,5 +39,4 @@ def distill_pictures(
     )
     if targets.directions is not None:
         field = widen(field, targets.directions)
-    field.settings = {**encoder.settings(), **settings.as_dict(), **field.settings}
-    return field
+    return field.with_settings({**encoder.settings(), **settings.as_dict(), **field.settings})

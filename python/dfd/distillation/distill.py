@@ -16,7 +16,7 @@ from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillOptions, DistillSettings
 from dfd.runs import field_cache
 from dfd.runs.checkpoint import Checkpoint
-from dfd.runs.lookup import find_field, find_field_file
+from dfd.runs.lookup import find_field
 from dfd.runs.recipe import recipe
 
 # torch and transformers take seconds to import; they wait until something is distilled.
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
-    from dfd.runs.field_cache import CachedField
     from dfd.runs.recipe import Content
 
 __all__ = ["DEFAULT_ENCODER", "distill", "distilling", "find_distilled"]
@@ -181,7 +180,7 @@ def distilling(
         return
     kept = None if checkpoint is None else Checkpoint(checkpoint, work.recipe)
     with _guarded(work, stages, kept):
-        field = work.run(stages=stages, kept=kept).cpu()
+        field = work.run(stages=stages, kept=kept)
     if cache:
         field_cache.store(work.recipe, field)
     yield field
@@ -196,13 +195,13 @@ def find_distilled(
     *,
     device: str | None = None,
     checkpoint: str | PathLike[str] | None = None,
-) -> CachedField | None:
+) -> Field | None:
     """Return what `distill` would take from the user's cache for the same arguments, or None where it would work.
 
     No torch is imported for it, which takes longer than all the rest.
     """
     known = find_recipe(mesh, encoder, settings, device)
-    return find_field_file(known, checkpoint) if known else None
+    return find_field(known, checkpoint) if known else None
 
 
 def find_recipe(

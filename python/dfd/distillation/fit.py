@@ -12,7 +12,9 @@ from torch import Tensor
 
 from dfd.common.progress import Stages
 from dfd.common.torch_threads import one_thread
+from dfd.field.architecture import Architecture
 from dfd.field.field import Field
+from dfd.field.network import Network
 
 if TYPE_CHECKING:
     from dfd.distillation.settings import DistillSettings
@@ -53,7 +55,7 @@ def fit(
     center, scale
         The normalization that the points have gone through, which the field will do.
     device
-        Where the field is fitted, and stays.
+        Where torch computes.
     state
         Where the run is kept while it lasts, and taken up again.
 
@@ -64,20 +66,17 @@ def fit(
     """
     steps, learning_rate = settings.steps, settings.learning_rate
     generator = torch.Generator().manual_seed(settings.seed)
-    field = Field.seeded(settings.seed, targets.dimension, octaves=settings.octaves, center=center, scale=scale).to(
-        device
-    )
-    optimizer = torch.optim.Adam(field.parameters(), lr=learning_rate, fused=True)
+    network = Network.seeded(settings.seed, Architecture(targets.dimension, octaves=settings.octaves)).to(device)
+    optimizer = torch.optim.Adam(network.parameters(), lr=learning_rate, fused=True)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, learning_rate, total_steps=max(steps, 2))
-    parts: dict[str, Stateful] = {"network": field.network, "optimizer": optimizer, "schedule": schedule}
+    parts: dict[str, Stateful] = {"network": network.network, "optimizer": optimizer, "schedule": schedule}
     losses = state.restore(parts, generator, steps) if state else []
-    field.train()
-    alone = one_thread() if field.center.device.type == "cpu" else nullcontext()
+    alone = one_thread() if device.type == "cpu" else nullcontext()
     with alone, stages.stage("fit", steps) as advance:
         advance(len(losses))
         for _ in range(len(losses), steps):
             points, wanted = (drawn.to(device) for drawn in targets.draw(settings.batch, generator))
-            loss = (field.from_normalized(points) - wanted).square().sum(dim=1).mean()
+            loss = (network(points) - wanted).square().sum(dim=1).mean()
             optimizer.zero_grad(set_to_none=True)
             torch.autograd.backward(loss)
             optimizer.step()
@@ -86,12 +85,10 @@ def fit(
             if state is not None:
                 state.keep(losses, parts, generator)
             advance()
-    field.eval().requires_grad_(False)
     values: list[float] = torch.stack([loss.cpu() for loss in losses]).tolist() if losses else []
-    if not all(torch.isfinite(parameter).all() for parameter in field.parameters()):
+    if not all(torch.isfinite(parameter).all() for parameter in network.parameters()):
         raise ValueError(f"distill: `learning_rate` {learning_rate:g} is too high: the fit left the finite numbers")
-    field.settings = {"losses": values}
-    return field
+    return Field(network.arrays(), octaves=settings.octaves, center=center, scale=scale, settings={"losses": values})
 
 
 def widen(field: Field, directions: NDArray[np.float32]) -> Field:
@@ -99,11 +96,14 @@ def widen(field: Field, directions: NDArray[np.float32]) -> Field:
 
     The directions are orthonormal, so that lengths stay as they are, and the last layer can do it.
     """
-    how = {name: getattr(field, name) for name in ("width", "layers", "octaves", "settings")}
-    wide = Field.seeded(0, directions.shape[1], center=field.center.cpu(), scale=float(field.scale), **how)
-    state = field.cpu().state_dict()
-    last = f"network.{len(field.network) - 1}"
+    last = field.architecture.layer_names().linear[-1]
     basis = torch.from_numpy(directions).T
-    state |= {f"{last}.{name}": basis @ state[f"{last}.{name}"] for name in ("weight", "bias")}
-    wide.load_state_dict(state)
-    return wide.eval().requires_grad_(False)
+    names = [f"{last}.{part}" for part in ("weight", "bias")]
+    turned = {name: (basis @ torch.tensor(field.parameters[name])).numpy() for name in names}
+    return Field(
+        {**field.parameters, **turned},
+        octaves=field.architecture.octaves,
+        center=field.center,
+        scale=field.scale,
+        settings=field.settings,
+    )

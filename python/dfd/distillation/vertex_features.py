@@ -38,8 +38,7 @@ def distill_features(
     """Return the field that has the features that are `given`; `kept` is where a stopped run goes on."""
     state = kept.fit_state() if kept else None
     field = fit(given, settings, center=given.center, scale=given.scale, device=device, stages=stages, state=state)
-    field.settings = {**settings.of_fit(), "features": given.kind, **field.settings}
-    return field
+    return field.with_settings({**settings.of_fit(), "features": given.kind, **field.settings})
 
 
 class GivenFeatures:

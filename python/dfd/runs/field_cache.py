@@ -7,86 +7,32 @@ several processes may look, write and tidy up at once; a file whose content is n
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import hashlib
-import json
 import os
 import secrets
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any
 
 from dfd.common.cache import cache_directory
-from dfd.common.files import atomic_write
 from dfd.common.warn import warn
+from dfd.field.field import Field
 from dfd.runs.recipe import hash_recipe
 
-if TYPE_CHECKING:
-    from dfd.field.field import Field
-
-__all__ = ["CachedField", "find", "find_file", "store"]
-
-Found = TypeVar("Found")
+__all__ = ["find", "store"]
 
 LIMIT = 2 << 30  # bytes of all entries together; the ones longest unused go first
 _ABANDONED = 3600.0  # seconds after which a file that nobody finished is litter
 
 
-@dataclass(frozen=True)
-class CachedField:
-    """A field as its file has it, for those who want a copy of that: looking at it takes no torch."""
-
-    content: bytes = dataclasses.field(repr=False)
-    dimension: int
-    settings: dict[str, Any]
-
-    @classmethod
-    def of(cls, content: bytes) -> CachedField:
-        """Read the header of what `Field.save` wrote.
-
-        Raises
-        ------
-        ValueError
-            If it was another's.
-        """
-        length = int.from_bytes(content[:8], "little")
-        try:
-            header = json.loads(content[8 : 8 + length])["__metadata__"]
-            return cls(content, int(json.loads(header["network"])["dimension"]), json.loads(header["settings"]))
-        except (KeyError, TypeError, RecursionError) as error:
-            raise ValueError(f"no field: {error}") from None
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the field to `path`, whole or not at all; raises what `Field.save` raises."""
-        with atomic_write(path) as temporary:
-            temporary.write_bytes(self.content)
-
-
 def find(recipe: Mapping[str, Any]) -> Field | None:
     """Return the field that `recipe` made, or None where no entry has it whole."""
-
-    def load(path: Path, _: bytes) -> Field:
-        from dfd.field.field import Field
-
-        return Field.load(path)
-
-    return _first_whole(recipe, load)
-
-
-def find_file(recipe: Mapping[str, Any]) -> CachedField | None:
-    """As `find`, without making it a network."""
-    return _first_whole(recipe, lambda _, content: CachedField.of(content))
-
-
-def _first_whole(recipe: Mapping[str, Any], read: Callable[[Path, bytes], Found]) -> Found | None:
     for path in _entries(f"{hash_recipe(recipe)}-"):
         with contextlib.suppress(OSError, ValueError):  # tidied up by another process, or of no use
-            content = path.read_bytes()
-            if not _is_of(path, content):
+            if not _is_of(path, path.read_bytes()):
                 continue
-            found = read(path, content)
+            found = Field.load(path)
             with contextlib.suppress(OSError):  # a cache that can only be read
                 os.utime(path)
             return found
