@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Blend", "Controls", "Falloff", "Instances", "Overlap", "choice", "controls_on", "radius_on"]
 
-Falloff = Literal["linear", "smooth", "sharp", "root", "sphere"]
+Falloff = Literal["linear", "smooth", "sharp", "root", "sphere", "constant"]
 Instances = Literal["own", "together", "only"]
 Overlap = Literal["add", "interpolate", "normalize", "paper"]
 Blend = Literal["linear", "dual_quaternion", "polar"]

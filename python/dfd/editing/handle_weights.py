@@ -27,9 +27,10 @@ __all__ = ["HandleWeights"]
 
 # Of a handle's weight that fixed points leave at the handle itself: with less, dividing by it makes noise of the rest.
 LEAST_LEFT = 0.01
+# Of the largest singular value of the weights among handles: below, they no longer say which handle moves what.
+SINGULAR = 1e-4
 
 Float32 = NDArray[np.float32]
-Indices = NDArray[np.int64]
 
 
 class Key(NamedTuple):
@@ -93,10 +94,18 @@ class HandleWeights:
         self._follow(edit)
         return self._instances.of(edit, self._columns.between(0, len(self._keys)), self._keys, self._rows)
 
+    def instance_counts(self, edit: Edit) -> list[int]:
+        """(H,) how many columns pose each handle."""
+        columns = self.posing(edit)[1]
+        return np.bincount([column.handle for column in columns], minlength=len(edit.handles)).tolist()
+
+    def anchor(self, handle: Handle) -> int:
+        """The vertex by which a handle is judged: its own, the nearest one, or that in the middle of its region."""
+        return self._rows.anchor(handle.place)
+
     def reach(self, handle: Handle) -> float:
         """The number that the handle's `reach` is."""
-        reach = handle.controls.reach
-        return self._auto_reach(handle.place) if isinstance(reach, str) else reach
+        return self._reach(handle.place, handle.controls)
 
     def left(self, edit: Edit, handle: Handle) -> float:
         """What the fixed points of `edit` leave of the weight of `handle` at the handle itself, in [0, 1] (Eq. 6)."""
@@ -126,6 +135,36 @@ class HandleWeights:
                     f"`fixed` must leave something of handle {handle.id} at {handle.place}, but leaves {left:.2g}: "
                     "what is fixed looks just like it; lower its strength, or fix something else"
                 )
+
+    def among(self, edit: Edit, weights: Float32, columns: Sequence[Column]) -> NDArray[np.float64]:
+        """(C, C) weights among columns, row j at the vertex where column j is held."""
+        held = [column.vertex(self.anchor(edit.handles[column.handle])) for column in columns]
+        return weights[held].astype(np.float64)
+
+    def check_interpolation(self, edit: Edit) -> None:
+        """Refuse an edit whose handles cannot all land where they are sent.
+
+        Raises
+        ------
+        ValueError
+            If `overlap` is "interpolate" and two handles have the same weights everywhere among handles.
+        """
+        if edit.overlap != "interpolate" or len(edit.handles) < 2:
+            return
+        among = self._rows_among(edit)
+        left, sizes, _ = np.linalg.svd(among)
+        if sizes[-1] <= SINGULAR * sizes[0]:
+            first, second = sorted(np.argsort(-np.abs(left[:, -1]), kind="stable")[:2].tolist())
+            one, other = edit.handles[first], edit.handles[second]
+            raise ValueError(
+                f"`overlap` cannot be 'interpolate': handle {one.id} at {one.place} and handle {other.id} at "
+                f"{other.place} look the same and cannot both arrive"
+            )
+
+    def _rows_among(self, edit: Edit) -> NDArray[np.float64]:
+        self._follow(edit)
+        held = [self.anchor(handle) for handle in edit.handles]
+        return self._columns.between(0, len(self._keys))[held].astype(np.float64)
 
     def _follow(self, edit: Edit) -> None:
         """Have a column for each handle of `edit`, in their order."""
@@ -161,37 +200,30 @@ class HandleWeights:
     def _bind(self, keys: Sequence[Key], out: Float32) -> None:
         """Weights (V, N) of `keys`, all `_alike`, to `out` (Eq. 4 to 7)."""
         geodesic, locality = self._distances.falloff(keys[0].sources, keys[0].controls)
-        points, strength = self._rows.fixed(self._fixed)
-        options: dict[str, Any] = {
-            "fixed": points,
-            "strength": strength,
-            "geodesic": geodesic,
-            "locality": [locality if key.sources else 0.0 for key in keys],
-            "reach": [
-                self._auto_reach(key.place) if key.controls.reach == "auto" else key.controls.reach for key in keys
-            ],
-            "falloff": keys[0].controls.falloff,
-        }
-        places = [key.place for key in keys]
-        if places[0].region is None:
-            bind(self.features, self._rows.points(places), **options, out=out)
-        else:
-            self._bind_region(places[0], options, out)
+        reaches = [self._reach(key.place, key.controls) for key in keys]
+        bind(
+            self.features,
+            self._rows.points([key.place for key in keys]),
+            fixed=self._rows.points([fixed.place for fixed in self._fixed]) if self._fixed else None,
+            strength=[fixed.strength for fixed in self._fixed] if self._fixed else None,
+            geodesic=geodesic,
+            locality=locality,
+            reach=1.0 if reaches == [1.0] * len(keys) else reaches,
+            falloff=keys[0].controls.falloff,
+            out=out,
+        )
         for key, column in zip(keys, out.T, strict=True):
             self._finish(key, column)
 
-    def _bind_region(self, place: Place, options: dict[str, Any], out: Float32) -> None:
-        """Weights (V, 1) for the nearest member of a region, which itself weighs all that fixed points leave."""
-        one = np.empty((len(out), 1), np.float32, order="F")
-        out[:] = 0
-        for vertex in self._rows.representatives(place):
-            np.maximum(out, bind(self.features, vertex[None], **options, out=one), out=out)
-        held = self._rows.members(place)
-        free = 1.0 - self._held_weights()[held] if self._fixed else np.float32(1.0)
-        out[held, 0] = np.maximum(out[held, 0], free)
-
     def _finish(self, key: Key, column: Float32) -> None:
-        """What a column is beyond Eq. 4 to 7: regions held to the letter, arrival, strength and limits."""
+        """What a column is beyond Eq. 4 to 7: regions whole, arrival, strength and limits.
+
+        A region weighs by members that stand for it; here all of them count as the nearest.
+        """
+        if key.place.region is not None:
+            own = self._rows.members(key.place)
+            free = 1.0 - self._held_weights()[own] if self._fixed else np.float32(1.0)
+            column[own] = np.maximum(column[own], free)
         for fixed in self._fixed:
             if fixed.place.region is not None:
                 held = self._rows.members(fixed.place)
@@ -221,26 +253,25 @@ class HandleWeights:
             self._held = np.zeros(len(self._mesh.vertices), np.float32)
             one = np.empty((len(self._held), 1), np.float32, order="F")
             for fixed in self._fixed:
-                for point in self._rows.points([fixed.place]):
-                    bind(self.features, point[None], out=one)
-                    np.maximum(self._held, np.float32(fixed.strength) * one[:, 0], out=self._held)
+                bind(self.features, self._rows.points([fixed.place]), out=one)
+                np.maximum(self._held, np.float32(fixed.strength) * one[:, 0], out=self._held)
                 if fixed.place.region is not None:
                     held = self._rows.members(fixed.place)
                     self._held[held] = np.maximum(self._held[held], np.float32(fixed.strength))
         return self._held
 
-    def _auto_reach(self, place: Place) -> float:
+    def _reach(self, place: Place, controls: Controls) -> float:
+        if not isinstance(controls.reach, str):
+            return controls.reach
         if place not in self._reaches:
             # With twice the paper's reach, no distance of unit features is cut off.
-            weights = np.concatenate(
-                [bind(self.features, p[None], reach=2.0) for p in self._rows.points([place])], axis=1
-            )
-            self._reaches[place] = auto_reach(2.0 * (1.0 - weights.max(axis=1)))
+            weights = bind(self.features, self._rows.points([place]), reach=2.0)
+            self._reaches[place] = auto_reach(2.0 * (1.0 - weights[:, 0]))
         return self._reaches[place]
 
 
 def _alike(one: Key, other: Key) -> bool:
     """Whether one call binds both: vertices and points are told to it in two ways, and distances only take memory."""
-    single = one.place.region is None and other.place.region is None
     kinds = (one.place.vertex is None) == (other.place.vertex is None)
-    return single and kinds and not one.sources and not other.sources and one.controls.falloff == other.controls.falloff
+    same_falloff = one.controls.falloff == other.controls.falloff
+    return kinds and same_falloff and not one.sources and not other.sources

@@ -59,6 +59,10 @@ class Column(NamedTuple):
         linear = frame @ transform.linear @ frame.T
         return np.column_stack([linear, pivot + frame @ np.asarray(transform.translation) - linear @ pivot])
 
+    def vertex(self, anchor: int) -> int:
+        """The vertex where it is held; `anchor` is that of the handle."""
+        return anchor if self.instance is None else self.instance.vertex
+
     def position(self, handle: Handle, mesh: Mesh) -> NDArray[np.float64]:
         """(3,) where what it holds is, mesh units: it tells its side of a plane of symmetry."""
         at = handle.place.position if self.instance is None else mesh.vertices[self.instance.vertex]

@@ -51,7 +51,7 @@ class PosedShape:
         if self._drag is None or not self._moving.keys() >= set(moved):
             weights, columns = self._weights.posing(edit)
             moving = [i for i, column in enumerate(columns) if column.handle in moved]
-            self._drag = Drag(self._mesh.vertices, weights, moving=moving, **self._arguments(edit, columns))
+            self._drag = Drag(self._mesh.vertices, weights, moving=moving, **self._arguments(edit, weights, columns))
             self._moving = {handle: [column for column in columns if column.handle == handle] for handle in moved}
         matrices = [self._matrix(edit, column) for columns in self._moving.values() for column in columns]
         posed: NDArray[np.float64] = self._drag.pose(matrices)
@@ -63,10 +63,10 @@ class PosedShape:
         if _acting(edit) == _acting(Edit()):
             return self._mesh.vertices  # no weight changes that
         weights, columns = self._weights.posing(edit)
-        posed: NDArray[np.float64] = pose(self._mesh.vertices, weights, **self._arguments(edit, columns))
+        posed: NDArray[np.float64] = pose(self._mesh.vertices, weights, **self._arguments(edit, weights, columns))
         return posed
 
-    def _arguments(self, edit: Edit, columns: tuple[Column, ...]) -> dict[str, Any]:
+    def _arguments(self, edit: Edit, weights: NDArray[np.float32], columns: tuple[Column, ...]) -> dict[str, Any]:
         """What `pose` and `Drag` take for `edit`, besides vertices and weights."""
         positions = [column.position(edit.handles[column.handle], self._mesh) for column in columns]
         return {
@@ -74,6 +74,7 @@ class PosedShape:
             "default": None if edit.default is None else edit.default.matrix(box_center(self._mesh)),
             "symmetry": edit.symmetry,
             "handles": np.reshape(positions, (-1, 3)),
+            "handle_weights": self._weights.among(edit, weights, columns) if edit.overlap == "interpolate" else None,
             "overlap": edit.overlap,
             "blend": edit.blend,
         }

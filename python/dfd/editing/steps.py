@@ -66,6 +66,7 @@ class Steps:
     def _commit(self, edit: Edit) -> None:
         """Take a step that may change weights: refused where a handle could not arrive."""
         self._weights.check_arrivals(edit)
+        self._weights.check_interpolation(edit)
         self._history.commit(edit)
 
     def _commit_move(self, edit: Edit, topic: Hashable, merge: bool) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import check
-from dfd.editing.edit import Fixed
 from dfd.editing.place import Place
 from dfd.editing.regions import Region, members
 from dfd.weights.compact import CompactFeatures, compact
@@ -107,10 +106,18 @@ class VertexRows:
         inner = np.array([other.vertex]) if other.region is None else self.members(other)
         return bool(np.isin(inner, self.members(place)).all())
 
-    def points(self, places: Sequence[Place]) -> Indices | Float32:
-        """What `bind` takes for places: (N,) vertices, or (N, D) features where one of them is no vertex."""
-        vertices = self._vertices(places)
+    def points(self, places: Sequence[Place]) -> Any:
+        """What `bind` takes for places: (N,) vertices, (N, D) features where one is no vertex, or a list of regions."""
+        if any(place.region is not None for place in places):
+            return [self._point(place) for place in places]
+        vertices = np.array([-1 if place.vertex is None else place.vertex for place in places], np.int64)
         return vertices if (vertices >= 0).all() else self.of(places)
+
+    def _point(self, place: Place) -> Indices | Float32:
+        """One item of a list of regions."""
+        if place.region is not None:
+            return self.representatives(place)
+        return self.of([place]) if place.vertex is None else np.array([place.vertex])
 
     def of(self, places: Sequence[Place]) -> Float32:
         """(N, D) features of places, several for a region."""
@@ -122,13 +129,6 @@ class VertexRows:
             rows[~known] = self._field(np.array(positions))
         rows[known] = self._vertex_rows(vertices[known])
         return rows
-
-    def fixed(self, fixed: Sequence[Fixed]) -> tuple[Indices | Float32 | None, Float32 | float]:
-        """What `bind` takes for fixed points, and (P,) their strengths."""
-        if not fixed:
-            return None, 1.0
-        counts = [1 if one.place.region is None else len(self.representatives(one.place)) for one in fixed]
-        return self.points([one.place for one in fixed]), np.repeat([one.strength for one in fixed], counts)
 
     def _vertices(self, places: Sequence[Place]) -> Indices:
         """(N,) vertices, −1 for a point of space."""

@@ -35,7 +35,9 @@ def edit(mesh):
     """An edit that uses everything an edit can hold."""
     axes = ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
     turned = Transform((0.0, 0.25, 0.0), (0.0, 0.0, 30.0), (1.0, 2.0, 0.5), (0.5, 0.5, 0.5), axes)
-    near = Controls(0.8, "smooth", radius=0.25, strength=0.5, instances="own", level=True, within=Ball((0.01, 0.0, 0.0), 0.7))
+    near = Controls(
+        0.8, "smooth", radius=0.25, strength=0.5, instances="own", level=True, within=Ball((0.01, 0.0, 0.0), 0.7)
+    )
     return Edit(
         handles=(
             Handle(3, place_on(mesh, 40), turned, Controls(locality=2.5), name="ear, links ◔"),
