@@ -59,6 +59,8 @@ class Controls:
     def __post_init__(self) -> None:
         """Check them, once."""
         keep = object.__setattr__
+        if isinstance(self.reach, str) and self.reach != "auto":
+            raise ValueError(f'Controls: `reach` must be "auto" or a number above 0, got {self.reach!r}')
         if self.reach != "auto":
             keep(self, "reach", check.number("Controls", "reach", self.reach, minimum=0.0, exclusive=True))
         choice("falloff", self.falloff, get_args(Falloff))

@@ -155,6 +155,7 @@ class VertexSetDocument(Document):
     kind: Literal["vertices"]
     indices: list[Annotated[int, Field(ge=0)]] = Field(min_length=1)
     positions: list[Three]
+    count: int | None = Field(None, ge=1, description="How many vertices the mesh has that they are of.")
 
 
 RegionDocument = Annotated[

@@ -222,7 +222,7 @@ def edit_on(mesh: Mesh, edit: Edit) -> Edit:
 def symmetry_on(
     mesh: Mesh, plane: SymmetryPlane | str, band: float | None = None, *, field: Field | None = None
 ) -> SymmetryPlane:
-    """The plane that a person means by "x", "y" or "z" (through the center of the box) or by a plane.
+    """The plane that a person means by "x", "y" or "z" (through the center of the box), by "x=0.1", or by a plane.
 
     With a `field`, "auto" is the one of these across which the shape looks most alike. `band`, in mesh units, replaces
     the plane's own. Without it, a named axis gets 3 % of the longest side.
@@ -238,12 +238,22 @@ def symmetry_on(
             raise ValueError("`plane` cannot be 'auto': the shape looks alike across no axis plane")
         plane = axis_name(found[0].normal)
     if isinstance(plane, str):
-        if plane not in AXES:
-            raise ValueError(f"`plane` must be x, y, z or a SymmetryPlane, got {plane!r}")
-        plane = axis_plane(mesh, plane, band=DEFAULT_BAND * float(np.max(mesh.extents)))
+        plane = _named_plane(mesh, plane)
     elif not isinstance(plane, SymmetryPlane):
-        raise ValueError(f"`plane` must be x, y, z or a SymmetryPlane, got {type(plane).__name__}")
+        raise ValueError(f"`plane` must be x, y, z, a text such as x=0 or a SymmetryPlane, got {type(plane).__name__}")
     return plane if band is None else replace(plane, band=check.number("band", "band", band, minimum=0.0))
+
+
+def _named_plane(mesh: Mesh, name: str) -> SymmetryPlane:
+    """The plane across an axis, "x" through the center of the box and "x=0.1" where it says."""
+    axis, equals, offset = name.partition("=")
+    try:
+        if axis.strip() not in AXES:
+            raise ValueError
+        plane = axis_plane(mesh, axis.strip(), band=DEFAULT_BAND * float(np.max(mesh.extents)))
+        return replace(plane, offset=float(offset)) if equals else plane
+    except ValueError:
+        raise ValueError(f"`plane` must be x, y, z, a text such as x=0 or a SymmetryPlane, got {name!r}") from None
 
 
 def box_center(mesh: Mesh) -> Vector:

@@ -97,7 +97,7 @@ class HandleWeights:
     def instance_counts(self, edit: Edit) -> list[int]:
         """(H,) how many columns pose each handle."""
         columns = self.posing(edit)[1]
-        return np.bincount([column.handle for column in columns], minlength=len(edit.handles)).tolist()
+        return [sum(column.handle == i for column in columns) for i in range(len(edit.handles))]
 
     def anchor(self, handle: Handle) -> int:
         """The vertex by which a handle is judged: its own, the nearest one, or that in the middle of its region."""

@@ -31,7 +31,9 @@ def region_to(region: Region | None) -> RegionDocument | None:
             return PartDocument(kind="part", name=region.name)
         case VertexSet():
             positions: list[Vector] = [(x, y, z) for x, y, z in region.positions.tolist()]
-            return VertexSetDocument(kind="vertices", indices=region.indices.tolist(), positions=positions)
+            return VertexSetDocument(
+                kind="vertices", indices=region.indices.tolist(), positions=positions, count=region.count
+            )
 
 
 def region_from(document: RegionDocument) -> Region:
@@ -52,4 +54,4 @@ def region_from(document: RegionDocument) -> Region:
         case PartDocument():
             return Part(document.name)
         case VertexSetDocument():
-            return VertexSet(document.indices, document.positions)
+            return VertexSet(document.indices, document.positions, document.count)

@@ -25,7 +25,7 @@ __all__ = ["SAME_POSITION", "Ball", "Box", "HalfSpace", "Part", "Region", "Verte
 SAME_POSITION = 1e-5
 
 # On a finer mesh, what lies nearer to a vertex of a set than this part of their spacing belongs to the set.
-NEAR_SPACING = 0.75
+NEAR_SPACING = 0.8
 
 Indices = NDArray[np.int64]
 
@@ -135,9 +135,10 @@ class VertexSet:
 
     indices: Indices  # (N,) ascending
     positions: NDArray[np.float64]  # (N, 3) mesh units
+    count: int | None  # how many vertices that shape has; None where nobody knows
 
-    def __init__(self, indices: Any, positions: Any) -> None:
-        """Keep (N,) vertex indices, once each, and their (N, 3) positions.
+    def __init__(self, indices: Any, positions: Any, count: int | None = None) -> None:
+        """Keep (N,) vertex indices, once each, their (N, 3) positions, and how many vertices the shape has.
 
         Raises
         ------
@@ -150,6 +151,7 @@ class VertexSet:
         placed = check.array("VertexSet", "positions", positions, (len(chosen), 3), dtype=np.float64)
         order = np.argsort(chosen)
         self.indices, self.positions = chosen[order], placed[order]
+        self.count = count
         for values in (self.indices, self.positions):
             values.flags.writeable = False
 
@@ -161,7 +163,7 @@ class VertexSet:
             mask = check.array("VertexSet", "indices", values, (len(mesh.vertices),), dtype=bool)
             values = np.flatnonzero(mask)
         indices = np.unique(check.vertex_indices("VertexSet", "indices", values, len(mesh.vertices)))
-        return cls(indices, mesh.vertices[indices])
+        return cls(indices, mesh.vertices[indices], len(mesh.vertices))
 
     @cached_property
     def _identity(self) -> tuple[bytes, bytes]:
@@ -192,7 +194,8 @@ class VertexSet:
             return inside
         apart, nearest = cKDTree(mesh.vertices).query(self.positions)
         inside[nearest] = True
-        if apart.max() > SAME_POSITION * mesh.diagonal and len(self.positions) > 1:
+        reordered = self.count == len(mesh.vertices) and apart.max() <= SAME_POSITION * mesh.diagonal
+        if not reordered and len(self.positions) > 1:
             tree = cKDTree(self.positions)
             spacing = float(np.median(tree.query(self.positions, k=2)[0][:, 1]))
             inside |= np.isfinite(tree.query(mesh.vertices, distance_upper_bound=NEAR_SPACING * spacing)[0])

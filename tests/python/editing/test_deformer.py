@@ -248,7 +248,10 @@ def test_a_handle_can_sit_elsewhere_and_its_pivot_comes_along(deformer, mesh):
             r"Deformer.fix: `at` must be a vertex index, a point x,y,z, top, bottom, .*, got 'seat'",
         ),
         (lambda d: d.release(8), r"Deformer.release: `at` must be a fixed point, got 8"),
-        (lambda d: d.set_symmetry("w"), r"Deformer.set_symmetry: `plane` must be x, y, z or a SymmetryPlane"),
+        (
+            lambda d: d.set_symmetry("w"),
+            r"Deformer.set_symmetry: `plane` must be x, y, z, a text such as x=0 or a SymmetryPlane",
+        ),
         (lambda d: d.set_symmetry("x", band=-1), r"Deformer.set_symmetry: `band` must be at least 0"),
         (lambda d: d.set_default(scale=math.nan), r"Deformer.set_default: `scale` must be finite"),
         (lambda d: d.apply(Edit(fixed=(Fixed(Place((0.0, 0.0, 0.0), 10**6)),))), r"Deformer.apply: `at` must lie in 0"),
