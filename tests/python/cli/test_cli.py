@@ -15,6 +15,7 @@ from unittest import mock
 import numpy as np
 import pytest
 import torch
+from made_field import made_field
 from mesh_files import CORNERS, CUBE
 from PIL import Image
 from tiny_encoder import save_tiny_encoder
@@ -38,7 +39,7 @@ def folder(tmp_path_factory):
     mesh.save(path / "chair.obj")
     with torch.random.fork_rng():
         torch.manual_seed(1)
-        field = Field(16, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents))
+        field = made_field(16, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents))
     field.settings = {"encoder": "none", "seed": 3, "losses": [1.0, 0.5, 0.4]}
     field.save(path / "chair.field.safetensors")
     return path

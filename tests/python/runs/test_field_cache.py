@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 import torch
+from made_field import made_field
 from tiny_encoder import save_tiny_encoder
 
 import dfd
@@ -256,7 +257,7 @@ def test_a_full_disk_leaves_nothing_half(encoder: Path, mesh: Mesh, cache: Path)
 
 def store(name: str, cache: Path, age: float) -> Path:
     before = set(cache.glob("*")) if cache.exists() else set()
-    field_cache.store({"name": name}, Field(4, width=8, layers=1))
+    field_cache.store({"name": name}, made_field(4, width=8, layers=1))
     (entry,) = set(cache.glob("*")) - before
     os.utime(entry, (time.time() - age,) * 2)
     return entry
@@ -281,7 +282,7 @@ def test_entries_longest_unused_go_first(cache: Path, monkeypatch: pytest.Monkey
 
 def test_equal_fields_are_one_entry(cache: Path) -> None:
     def made() -> Field:
-        return Field.seeded(0, 4, width=8, layers=1, settings={"b": 1, "a": [0.5]})
+        return made_field(4, seed=0, width=8, layers=1, settings={"b": 1, "a": [0.5]})
 
     for _ in range(20):
         field_cache.store({"name": "a"}, made())
@@ -292,7 +293,7 @@ def test_processes_may_do_the_same_at_once(cache: Path) -> None:
     code = (
         "import torch; torch.manual_seed(0)\n"
         "from dfd import Field\nfrom dfd.runs import field_cache\n"
-        "field = Field(8, width=64, layers=2)\n"
+        "field = made_field(8, width=64, layers=2)\n"
         "for index in range(12):\n"
         "    field_cache.store({'name': index % 3}, field)\n"
         "    found = field_cache.find({'name': (index + 1) % 3})\n"
