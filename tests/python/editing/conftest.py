@@ -4,7 +4,6 @@ from unittest import mock
 
 import numpy as np
 import pytest
-import torch
 from made_field import made_field
 
 import dfd
@@ -19,9 +18,7 @@ def mesh():
 @pytest.fixture(scope="session")
 def field(mesh):
     """A field that has learnt nothing: enough to see what the session does with one."""
-    with torch.random.fork_rng():
-        torch.manual_seed(1)
-        return made_field(16, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents))
+    return made_field(16, seed=1, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents))
 
 
 @pytest.fixture(scope="session")

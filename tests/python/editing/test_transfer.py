@@ -7,7 +7,6 @@ from made_field import made_field
 import dfd
 from dfd.editing.regions import Ball, Box, HalfSpace, VertexSet
 from dfd.editing.transfer import transfer
-from dfd.field.field import Field
 
 
 class Known:
@@ -17,14 +16,12 @@ class Known:
 
     def __init__(self, scale=1.0, shift=(0.0, 0.0, 0.0), mesh=None, signature=None):
         self.factor, self.shift = scale, np.asarray(shift)
-        self.signature = signature or Field.seeded(
-            3, 16, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents)
+        self.signature = signature or made_field(
+            16, seed=3, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents)
         )
         bounds = scale * mesh.bounds + self.shift
-        import torch
-
-        self.center = torch.tensor(bounds.mean(axis=0))
-        self.scale = torch.tensor(2 / np.ptp(bounds, axis=0).max())
+        self.center = bounds.mean(axis=0)
+        self.scale = 2 / np.ptp(bounds, axis=0).max()
 
     def __call__(self, points):
         return self.signature((np.asarray(points) - self.shift) / self.factor)
