@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,8 @@ Float32 = NDArray[np.float32]
 Source = Float32 | CompactFeatures
 
 
-class Targets(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Targets:
     """What a kernel measures distances to.
 
     Attributes
@@ -55,10 +57,7 @@ def targets(name: str, value: Any, source: Source) -> Targets:
     items = _items(name, value)
     if items is None:
         return _points(name, np.asarray(tensors.shared("bind", name, value)), source)
-    regions = [_thinned(_points(f"{name}[{i}]", item, source), source) for i, item in enumerate(items)]
-    for i, region in enumerate(regions):
-        if len(region.points) == 0:
-            raise ValueError(f"bind: `{name}[{i}]` must have at least one member")
+    regions = [_thinned(_region(f"{name}[{i}]", item, source), source) for i, item in enumerate(items)]
     members = np.array([len(region.points) for region in regions], np.uint32)
     if all(region.points.ndim == 1 for region in regions):
         return Targets(np.concatenate([region.points for region in regions]).astype(np.int64), None, members)
@@ -108,26 +107,33 @@ def _points(name: str, array: NDArray[Any], source: Source) -> Targets:
     return Targets(check.vertex_indices("bind", name, array, source.shape[0]), None, None)
 
 
+def _region(name: str, array: NDArray[Any], source: Source) -> Targets:
+    """The members of one handle, which lie in the shape: their features are looked at here."""
+    if len(array) == 0:
+        raise ValueError(f"bind: `{name}` must have at least one member")
+    if array.ndim == 2:
+        return _points(name, array, source)
+    return Targets(check.vertex_indices("bind", name, array, source.shape[0]), None, None)
+
+
 def _as_rows(region: Targets, source: Source) -> Targets:
     """Vertices of a region as the rows that they have."""
     if region.points.ndim == 2:
         return region
     vertices = region.points.astype(np.int64)
     rows = source.stored(vertices) if isinstance(source, CompactFeatures) else source[vertices]
-    return region._replace(points=rows)
+    return replace(region, points=rows)
 
 
 def _thinned(region: Targets, source: Source) -> Targets:
     """At most `MOST_MEMBERS` of a region's points, the farthest from all before it next, from the first one on."""
     count = len(region.points)
-    if region.points.ndim == 1:
-        check.vertex_indices("bind", "handles", region.points, source.shape[0])
     if count <= 1:
         return region
     considered = np.arange(count)
     if count > MOST_CONSIDERED:
         considered = np.linspace(0, count - 1, MOST_CONSIDERED).astype(np.int64)
-    rows = _as_rows(region._replace(points=region.points[considered]), source).points.astype(np.float64)
+    rows = _as_rows(replace(region, points=region.points[considered]), source).points.astype(np.float64)
     rows *= source.step if isinstance(source, CompactFeatures) else 1.0
     chosen = [0]
     distances = np.linalg.norm(rows - rows[0], axis=1)
@@ -135,4 +141,4 @@ def _thinned(region: Targets, source: Source) -> Targets:
         chosen.append(int(distances.argmax()))
         np.minimum(distances, np.linalg.norm(rows - rows[chosen[-1]], axis=1), out=distances)
     kept = considered[chosen]
-    return region._replace(points=region.points[kept], missed=None if region.missed is None else region.missed[kept])
+    return replace(region, points=region.points[kept], missed=None if region.missed is None else region.missed[kept])
