@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dfd.common import check
 from dfd.posing.transforms import Vector, affine, rotation_vector, scale_factors, vector
-from dfd.symmetry.plane import AXES, SymmetryPlane, axis_name, axis_plane
+from dfd.symmetry.plane import AXES, DEFAULT_BAND, SymmetryPlane, axis_name, axis_plane
 from dfd.symmetry.search import symmetry_planes
 
 if TYPE_CHECKING:
@@ -21,10 +21,6 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
 __all__ = ["Edit", "Handle", "Place", "Transform", "box_center", "edit_on", "handle_on", "place_on", "symmetry_on"]
-
-# Half width of the band in which a symmetric edit passes from one side to the other, as a part of the longest side.
-# Wide enough that no crease shows, narrow enough that what is mirrored stays on its own side.
-DEFAULT_BAND = 0.03
 
 
 @dataclass(frozen=True)
