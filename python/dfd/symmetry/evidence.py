@@ -25,6 +25,7 @@ _APART = 0.1  # of half the longest side: what is nearer looks alike anyhow
 _BINS = 24  # of distances, for how features change with them
 STAYS = 0.1  # normalized: a point that moves by less says nothing about a symmetry
 _MOVED = 0.3  # the share of points that a symmetry has to move
+_NO_SPREAD = 1e-4  # features that differ by less everywhere say nothing about symmetry
 _TRIMMED = 0.8  # share of the points that a score goes by: what a hand holds need not be symmetric
 
 
@@ -74,9 +75,11 @@ class Evidence:
             return 1.0, 0.0
         landed = float((self.tree.query(images[moves])[0] < 3 * self.spacing).mean())
         changed = np.linalg.norm(self.features[moves] - self.features_at(images[moves]), axis=1)
-        usual = self.usual_change(distance[moves])
+        usual = float(self.usual_change(distance[moves]).mean())
+        if usual < _NO_SPREAD:
+            return 1.0, landed
         kept = np.argsort(changed)[: max(1, int(_TRIMMED * len(changed)))]
-        return float(changed[kept].mean() / max(float(usual.mean()), 1e-12)), landed
+        return float(changed[kept].mean() / usual), landed
 
 
 def gather(field: Field, mesh: Mesh) -> Evidence | None:

@@ -102,12 +102,12 @@ def rotational_symmetries(field: Field, mesh: Mesh, *, threshold: float = THRESH
     evidence = gather(field, mesh)
     if evidence is None:
         return []
-    found: list[tuple[float, RotationalSymmetry]] = []
-    for axis, point in _axes(evidence.points):
-        best = _best_order(evidence, axis, point, threshold)
-        if best is not None and not any(abs(np.dot(best[1].axis, other.axis)) > _SAME_AXIS for _, other in found):
-            found.append(best)
-    return [symmetry for _, symmetry in sorted(found, key=lambda each: each[0])]
+    judged = [_best_order(evidence, axis, point, threshold) for axis, point in _axes(evidence.points)]
+    found: list[RotationalSymmetry] = []
+    for symmetry in sorted(filter(None, judged), key=lambda symmetry: symmetry.relative_score):
+        if not any(abs(np.dot(symmetry.axis, other.axis)) > _SAME_AXIS for other in found):
+            found.append(symmetry)
+    return found
 
 
 def _axes(points: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
@@ -123,8 +123,8 @@ def _axes(points: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArra
 
 def _best_order(
     evidence: Evidence, axis: NDArray[np.float64], point: NDArray[np.float64], threshold: float
-) -> tuple[float, RotationalSymmetry] | None:
-    """Return the unlikeness and the symmetry of the highest order about an axis that is hardly worse than the best."""
+) -> RotationalSymmetry | None:
+    """Return the symmetry of the highest order about an axis that is hardly worse than the best."""
     judged = []
     for order in range(2, LARGEST_ORDER + 1):
         moved = _refined(evidence, axis, point, order)
@@ -139,7 +139,7 @@ def _best_order(
         return None
     most = _NO_WORSE * min(judged)[0] + _FIT_LEAVES
     unlikeness, order, (axis, point) = max((each for each in judged if each[0] <= most), key=lambda each: each[1])
-    return unlikeness, _symmetry(evidence, axis, point, order, unlikeness)
+    return _symmetry(evidence, axis, point, order, unlikeness)
 
 
 def _refined(
