@@ -1,7 +1,7 @@
 """`python -m bench.geodesics`: errors against exact distances and times, of the meshes in DFD_MESHES.
 
-Exact distances (Mitchell, Mount and Papadimitriou 1987) come from pygeodesic. On a mesh that is subdivided they are those
-of the mesh itself, at its own vertices: subdivision at the middles of edges moves no point of the surface.
+Exact distances (Mitchell, Mount and Papadimitriou 1987) come from pygeodesic. For a subdivided mesh they are those of
+the mesh itself, at its own vertices: subdivision at the middles of edges moves no point of the surface.
 """
 
 from __future__ import annotations
