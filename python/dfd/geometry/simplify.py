@@ -18,7 +18,7 @@ __all__ = ["simplify"]
 def simplify(mesh: Mesh, face_count: int) -> Mesh:
     """Simplify `mesh` to at most about `face_count` faces; one that has no more is returned as it is.
 
-    Texture coordinates do not survive: the copy takes, vertex by vertex, the colour of the nearest vertex of `mesh`.
+    Texture coordinates do not survive: the copy takes, vertex by vertex, the color of the nearest vertex of `mesh`.
 
     Raises
     ------
@@ -30,7 +30,7 @@ def simplify(mesh: Mesh, face_count: int) -> Mesh:
     face_count = check.whole("simplify", "face_count", face_count, minimum=4)
     if len(mesh.faces) <= face_count:
         return mesh
-    faces = _sound_faces(mesh)
+    faces = _faces_with_area(mesh)
     if len(faces) == 0:
         return mesh
     # Quadrics hold squared coordinates: around the origin and of size 1 they lose least.
@@ -56,7 +56,7 @@ def simplify(mesh: Mesh, face_count: int) -> Mesh:
     return coarse
 
 
-def _sound_faces(mesh: Mesh) -> NDArray[np.int32]:
+def _faces_with_area(mesh: Mesh) -> NDArray[np.int32]:
     """Return a copy of the faces that have an area: around others the simplification sees every collapse as a fold."""
     first, second, third = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
     return mesh.faces[np.cross(second - first, third - first).any(axis=1)]
