@@ -215,7 +215,8 @@ def _needed_buffers(header: Header) -> set[int]:
     views: set[object] = set()
     for primitive in _shown_primitives(header):
         accessors.update(_values(primitive.get("attributes")), [primitive.get("indices")])
-        for target in primitive.get("targets") or []:
+        targets = primitive.get("targets")
+        for target in targets if isinstance(targets, list) else []:
             accessors.update(_values(target))
         views.add((extension(primitive, DRACO) or {}).get("bufferView"))
     accessors.update(skin.get("inverseBindMatrices") for skin in objects(header, "skins"))
@@ -245,12 +246,14 @@ def _needed_images(header: Header) -> set[int]:
     }:
         if is_index(index, len(materials)):
             textures.update(_texture_indices(materials[cast(int, index)]))
-    found: set[object] = set()
+    found: set[int] = set()
+    count = len(objects(header, "images"))
     for index, texture in enumerate(objects(header, "textures")):
         if index in textures:
             others = _values(texture.get("extensions"))
-            found.update(each.get("source") for each in (texture, *others) if isinstance(each, dict))
-    return {cast(int, each) for each in found if is_index(each, len(header.get("images", [])))}
+            sources = [each.get("source") for each in (texture, *others) if isinstance(each, dict)]
+            found.update(each for each in sources if is_index(each, count))
+    return found
 
 
 def _texture_indices(material: Header) -> set[int]:
