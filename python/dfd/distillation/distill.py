@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from dfd.common import check
 from dfd.common.progress import Stages
+from dfd.mesh.mesh import MeshLike, as_mesh
 
 # torch and transformers take seconds to import; they wait until something is distilled.
 if TYPE_CHECKING:
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
     from dfd.encoders.encode import Encoder
     from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
     from dfd.runs.field_cache import CachedField
     from dfd.runs.recipe import Content
     from dfd.runs.run import Run
@@ -28,7 +28,7 @@ __all__ = ["distill", "find_distilled"]
 
 
 def distill(
-    mesh: Mesh,
+    mesh: MeshLike,
     encoder: str | PathLike[str] | Encoder = "dinov2-small",
     *,
     features: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None,
@@ -54,7 +54,8 @@ def distill(
     Parameters
     ----------
     mesh
-        The shape, with or without textures, holes, loose parts and faces of no area.
+        The shape, or whatever `dfd.load` makes one of; with or without textures, holes, loose parts and faces of no
+        area.
     encoder
         A preset's name, a folder with weights, a hub name, or an encoder that is loaded already.
     features
@@ -129,6 +130,7 @@ def distill(
         learning_rate=learning_rate,
         seed=seed,
     )
+    mesh = as_mesh(mesh)
     of_fit = {name: settings[name] for name in ("octaves", "steps", "batch", "learning_rate", "seed")}
     smoothing, octaves, steps, batch, learning_rate, seed = settings["smoothing"], *of_fit.values()
     stages = progress if isinstance(progress, Stages) else Stages(show=bool(progress))

@@ -17,12 +17,12 @@ from dfd.editing.edit_file import read_edit, write_edit
 from dfd.editing.handle_weights import HandleWeights
 from dfd.editing.history import History
 from dfd.editing.posed_shape import PosedShape
+from dfd.mesh.mesh import MeshLike, as_mesh
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.compact import CompactFeatures
 
 if TYPE_CHECKING:
     from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
 
 __all__ = ["Deformer"]
 
@@ -37,7 +37,7 @@ class Deformer:
     Parameters
     ----------
     mesh
-        The resting shape; it is never changed.
+        The resting shape, or whatever `dfd.load` makes one of; it is never changed.
     field
         The shape's feature field, or that of another resolution of the same shape.
     features
@@ -57,7 +57,8 @@ class Deformer:
         If a part of the mesh lies far outside the box of the field's shape.
     """
 
-    def __init__(self, mesh: Mesh, field: Field, *, features: Any = None) -> None:
+    def __init__(self, mesh: MeshLike, field: Field, *, features: Any = None) -> None:
+        mesh = as_mesh(mesh)
         self.mesh = mesh
         self.field = field
         if features is None:
@@ -379,7 +380,7 @@ class Deformer:
         write_edit(path, self.edit, self.mesh)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str], mesh: Mesh, field: Field, *, features: Any = None) -> Deformer:
+    def load(cls, path: str | os.PathLike[str], mesh: MeshLike, field: Field, *, features: Any = None) -> Deformer:
         """Open a session with the edit in `path`, made on `mesh` or on another resolution of the same shape.
 
         Raises
@@ -390,5 +391,5 @@ class Deformer:
             If it is no edit; the message names the key and what was found there.
         """
         deformer = cls(mesh, field, features=features)
-        deformer._start(read_edit(path, mesh))
+        deformer._start(read_edit(path, deformer.mesh))
         return deformer
