@@ -1,4 +1,4 @@
-"""What colours a surface: textures, vertex colours and materials, looked up at points of faces."""
+"""What colors a surface: textures, vertex colors and materials, looked up at points of faces."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class _Digest(Protocol):
 
 @dataclass(frozen=True)
 class Material:
-    """What one kind of surface looks like; colours are display-referred (sRGB) in [0, 1]."""
+    """What one kind of surface looks like; colors are display-referred (sRGB) in [0, 1]."""
 
-    color: tuple[float, float, float, float] = (GREY, GREY, GREY, 1.0)  # multiplies texture and vertex colours
+    color: tuple[float, float, float, float] = (GREY, GREY, GREY, 1.0)  # multiplies texture and vertex colors
     texture: NDArray[np.uint8] | None = None  # (rows, columns, 4) RGBA, first row on top
     wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")  # what lies beyond the texture along u and v
     alpha_mode: Literal["OPAQUE", "MASK", "BLEND"] = "OPAQUE"
@@ -32,9 +32,9 @@ class Material:
 
 @dataclass(frozen=True)
 class Appearance:
-    """Colours over the faces of a mesh.
+    """Colors over the faces of a mesh.
 
-    Texture coordinates and vertex colours belong to rows, of which a vertex on a seam has several.
+    Texture coordinates and vertex colors belong to rows, of which a vertex on a seam has several.
     """
 
     corners: NDArray[np.int32]  # (R,) the vertex each row is at, -1 for a row that no face uses
