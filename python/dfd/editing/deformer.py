@@ -21,8 +21,8 @@ from dfd.editing.posed_shape import PosedShape
 from dfd.editing.regions import Region
 from dfd.editing.report import Report, report
 from dfd.editing.whole_shape import WholeShape
-from dfd.posing.transforms import Transform, frame_of_normal
 from dfd.mesh.mesh import MeshLike, as_mesh
+from dfd.posing.transforms import Transform, frame_of_normal
 from dfd.weights.compact import CompactFeatures
 
 if TYPE_CHECKING:
