@@ -25,6 +25,7 @@ if _typing.TYPE_CHECKING:
     from dfd.geometry.geodesics import Geodesics
     from dfd.mesh.mesh import Mesh, load
     from dfd.symmetry.plane import SymmetryPlane
+    from dfd.symmetry.rotation import RotationalSymmetry, rotational_symmetries
     from dfd.symmetry.search import symmetry_planes
 
 __all__ = [
@@ -34,6 +35,7 @@ __all__ = [
     "Field",
     "Geodesics",
     "Mesh",
+    "RotationalSymmetry",
     "SymmetryPlane",
     "bind",
     "compact",
@@ -42,6 +44,7 @@ __all__ = [
     "load",
     "pose",
     "reference",
+    "rotational_symmetries",
     "samples",
     "set_num_threads",
     "symmetry_planes",
@@ -54,9 +57,11 @@ _LATER = {
     "Field": "dfd.field.field",
     "Geodesics": "dfd.geometry.geodesics",
     "Mesh": "dfd.mesh.mesh",
+    "RotationalSymmetry": "dfd.symmetry.rotation",
     "SymmetryPlane": "dfd.symmetry.plane",
     "distill": "dfd.distillation.distill",
     "load": "dfd.mesh.mesh",
+    "rotational_symmetries": "dfd.symmetry.rotation",
     "symmetry_planes": "dfd.symmetry.search",
 }
 
