@@ -94,10 +94,12 @@ class Mesh:
 
     @cached_property
     def bounds(self) -> NDArray[np.float64]:
-        """(2, 3) smallest and largest coordinates of the vertices that faces use."""
-        used = np.zeros(len(self.vertices), bool)
-        used[self.faces] = True
-        places = self.vertices if used.all() else self.vertices[used]
+        """(2, 3) smallest and largest coordinates; vertices of a file that no face uses do not count."""
+        places = self.vertices
+        if self._scene is not None:  # of arrays every row is meant
+            used = np.zeros(len(self.vertices), bool)
+            used[self.faces] = True
+            places = self.vertices if used.all() else self.vertices[used]
         return _frozen(np.stack([places.min(axis=0), places.max(axis=0)]))
 
     @cached_property
