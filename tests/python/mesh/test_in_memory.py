@@ -24,7 +24,7 @@ def test_a_pair_of_arrays_is_a_mesh() -> None:
 
 @pytest.mark.parametrize("wrong", [None, 5, (CORNERS,), {"vertices": CORNERS}, CORNERS])
 def test_anything_else_is_refused(wrong: object) -> None:
-    with pytest.raises(TypeError, match=r"load: `source` must be a path, a trimesh.Trimesh, .*, got"):
+    with pytest.raises(ValueError, match=r"load: `source` must be a path, a trimesh.Trimesh, .*, got"):
         load(wrong)  # type: ignore[arg-type]
 
 
