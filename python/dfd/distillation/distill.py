@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 from dfd.common import check
 from dfd.common.progress import Stages
-from dfd.mesh.mesh import MeshLike, as_mesh
 
 # torch and transformers take seconds to import; they wait until something is distilled.
 if TYPE_CHECKING:
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
 
     from dfd.encoders.encode import Encoder
     from dfd.field.field import Field
+    from dfd.mesh.mesh import MeshLike
     from dfd.runs.field_cache import CachedField
     from dfd.runs.recipe import Content
     from dfd.runs.run import Run
@@ -130,6 +130,8 @@ def distill(
         learning_rate=learning_rate,
         seed=seed,
     )
+    from dfd.mesh.mesh import as_mesh  # which imports trimesh
+
     mesh = as_mesh(mesh)
     of_fit = {name: settings[name] for name in ("octaves", "steps", "batch", "learning_rate", "seed")}
     smoothing, octaves, steps, batch, learning_rate, seed = settings["smoothing"], *of_fit.values()
