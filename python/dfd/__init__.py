@@ -26,6 +26,7 @@ if _typing.TYPE_CHECKING:
     from dfd.geometry.geodesics import Geodesics
     from dfd.mesh.mesh import Mesh, load
     from dfd.symmetry.plane import SymmetryPlane
+    from dfd.symmetry.rotation import RotationalSymmetry, rotational_symmetries
     from dfd.symmetry.search import symmetry_planes
 
 __all__ = [
@@ -35,6 +36,7 @@ __all__ = [
     "Field",
     "Geodesics",
     "Mesh",
+    "RotationalSymmetry",
     "SymmetryPlane",
     "bind",
     "compact",
@@ -44,6 +46,7 @@ __all__ = [
     "load",
     "pose",
     "reference",
+    "rotational_symmetries",
     "samples",
     "set_num_threads",
     "symmetry_planes",
@@ -56,10 +59,12 @@ _LATER = {
     "Field": "dfd.field.field",
     "Geodesics": "dfd.geometry.geodesics",
     "Mesh": "dfd.mesh.mesh",
+    "RotationalSymmetry": "dfd.symmetry.rotation",
     "SymmetryPlane": "dfd.symmetry.plane",
     "distill": "dfd.distillation.distill",
     "edit_schema": "dfd.editing.document",
     "load": "dfd.mesh.mesh",
+    "rotational_symmetries": "dfd.symmetry.rotation",
     "symmetry_planes": "dfd.symmetry.search",
 }
 
