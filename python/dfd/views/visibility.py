@@ -39,7 +39,7 @@ class Unseen:
     piece_count: int  # all pieces that have an area
 
 
-def unseen(mesh: Mesh, *, views: int = 24) -> Unseen:
+def unseen(mesh: Mesh, *, views: int = 24, frame: NDArray[np.float64] | None = None) -> Unseen:
     """Measure which part of `mesh` is hidden from all cameras that `dfd.distill` places with its defaults.
 
     Points spread over all faces count as seen when the straight line from some camera to them meets nothing before,
@@ -50,6 +50,8 @@ def unseen(mesh: Mesh, *, views: int = 24) -> Unseen:
     ----------
     views
         How many cameras.
+    frame
+        (3, 3) what counts as right, up and front; see `dfd.views.render.render`.
 
     Raises
     ------
