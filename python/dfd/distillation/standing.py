@@ -35,7 +35,7 @@ class Standing:
         (F, 3); some of them have an area.
     """
 
-    def __init__(self, vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> None:
+    def __init__(self, vertices: NDArray[np.floating], faces: NDArray[np.int32]) -> None:
         generator = np.random.default_rng(0)
         corners = vertices[faces].astype(np.float64)
         ends = np.cumsum(face_areas(vertices, faces))
@@ -124,7 +124,7 @@ class Standing:
         angles = np.radians(np.arange(0, 90, 1.5))
         turned = [np.array([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]]) for a in angles]
         best = min(turned, key=lambda turn: float(np.prod(np.ptp(flat @ turn.T, axis=0))))
-        up, front = best @ np.stack([one, other])
+        up, _ = best @ np.stack([one, other])
         return np.stack([normal, up, np.cross(normal, up)])
 
 
@@ -158,6 +158,7 @@ def _hull_of(points: NDArray[np.float64]) -> ConvexHull | None:
 def _hull_vertices(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Those of `points` (N, 3) that lie on their convex hull; all of them where they lie in a plane."""
     try:
-        return points[ConvexHull(points).vertices]
+        on_hull: NDArray[np.float64] = points[ConvexHull(points).vertices]
+        return on_hull
     except (QhullError, ValueError):
         return points

@@ -58,7 +58,7 @@ class Camera:
         return np.asarray(directions, np.float32)
 
     def in_mesh(self, frame: NDArray[np.float64]) -> Camera:
-        """Return this camera, placed in coordinates along the rows of `frame` (3, 3), in those that `frame` is given in."""
+        """Return this camera, whose coordinates lie along the rows of `frame` (3, 3), in the coordinates of those."""
         axes = (self.position @ frame, self.right @ frame, self.up @ frame, self.back @ frame)
         return Camera(*axes, self.field_of_view)
 
