@@ -58,7 +58,7 @@ def distill(
     checkpoint: str | PathLike[str] | None = None,
     **settings: Unpack[DistillOptions],
 ) -> Field:
-    """Distil the features of an image encoder, or features that are given, into a field around `mesh`.
+    """Distill the features of an image encoder, or features that are given, into a field around `mesh`.
 
     Parameters
     ----------
@@ -90,7 +90,8 @@ def distill(
     steps, batch, learning_rate
         Length of the fit, surface points per step, peak of its one-cycle rate.
     seed
-        Equal seeds give equal fields on one machine.
+        Equal seeds give equal fields on one machine. The precision of a named encoder is decided once on it, by
+        `dfd.encoders.encode.load_encoder`, and is `field.settings["encoder_precision"]`.
     device
         Where torch computes, such as "cpu" or "cuda"; None takes a CUDA device when there is one.
     progress
@@ -101,7 +102,7 @@ def distill(
     checkpoint
         A folder that keeps what is done, every few seconds, for as long as the call lasts. A call that was stopped,
         by whatever, goes on from there when it is made again, to the same bits; one with another mesh or other settings
-        begins anew and says so.
+        begins anew and says so, and so does what is damaged.
 
     Returns
     -------
@@ -121,6 +122,8 @@ def distill(
     -----
     RuntimeWarning
         If the cache cannot be written, or what is done cannot be kept; the call goes on.
+    UserWarning
+        If what `checkpoint` keeps is of other settings or damaged, and begun anew.
 
     Source: paper, Eq. 2 and 3 and supplement L.
     """
@@ -163,16 +166,16 @@ def distilling(
     checkpoint: str | PathLike[str] | None = None,
 ) -> Iterator[Field]:
     """Do what `distill` does for a block that writes the field: the checkpoint stays if the block fails."""
-    known = find_recipe(mesh, encoder, settings, device) if features is None else None
-    with stages.stage("load"):
+    with stages.stage("load"), _loading():
+        known = find_recipe(mesh, encoder, settings, device) if features is None else None
         found = find_field(known, checkpoint) if known and cache else None
-    if found is None:
-        with stages.stage("load"), _loading():
+        if found is None:
             if features is None:
                 work = _of_pictures(mesh, encoder, settings, device)
             else:
                 work = _of_features(mesh, features, settings, device)
-        found = find_field(work.recipe, checkpoint) if cache and work.recipe != known else None
+            if cache and work.recipe != known:
+                found = find_field(work.recipe, checkpoint)
     if found is not None:
         yield found
         return

@@ -49,8 +49,8 @@ __all__ = ["spread"]
 NODES = 12_000  # points on the surface: on average 0.02 apart in normalized coordinates
 HITS = 400_000  # pixels that are gathered at most; more change nothing that can be measured
 NEIGHBOURS = 10
-# A piece hangs together by itself; to another one close by it is tied by this much, so that a piece that no camera
-# sees takes after the pieces around it.
+# A connected component hangs together by itself; to another one close by it is tied by this much, so that one that no
+# camera sees takes after those around it.
 TIE = 0.02
 TIED_NEIGHBOURS = 4
 MIRROR_REACH = 0.06  # how far from its mirror image a point finds what it is tied to, normalized
@@ -63,7 +63,7 @@ ENOUGH = 0.3
 DISTANCE_KEPT = 0.75
 PAIRS = 2000  # whose mean distance stands for that of all
 LARGEST_STRETCH = 5.0  # more would only magnify noise, on a shape that looks the same everywhere
-_APART = 10.0  # between pieces in the search for neighbours, beyond any distance within [−1, 1]³
+_APART = 10.0  # between components in the search for neighbours, beyond any distance within [−1, 1]³
 
 
 def spread(views: Views, pixels: PixelTargets, *, smoothing: float, seed: int, stages: Stages) -> PointTargets:
@@ -88,16 +88,16 @@ def spread(views: Views, pixels: PixelTargets, *, smoothing: float, seed: int, s
     with stages.stage("spread"), one_blas_thread():
         generator = np.random.default_rng(seed)
         vertices, faces = views.vertices.astype(np.float64), views.faces
-        piece = face_components(weld(vertices)[1][faces])
+        component = face_components(weld(vertices)[1][faces])
         points, face, area = _draw_points(vertices, faces, NODES, generator)
-        chosen, nearest = _gather(views, points, piece, face, generator)
+        chosen, nearest = _gather(views, points, component, face, generator)
         tokens = pixels.mean_at(chosen, nearest, len(points))
         seen = np.bincount(nearest, minlength=len(points)) / (len(chosen) / len(points))
         confidence = np.minimum(seen, ENOUGH) * area
         directions = _main_directions(tokens, confidence)
         main = tokens @ directions.T
         strength = smoothing**2 / 2 * ENOUGH
-        links = _surface_links(points, piece[face], seen > 0, area)
+        links = _surface_links(points, component[face], seen > 0, area)
         looks = _unit(_smooth(main[:, :ALIKE_DIRECTIONS], confidence, area, strength * _laplacian(links)))
         links = links + _mirror_links(_centered(points, views), looks, float(np.median(links.data)), generator)
         smooth = _smooth(main, confidence, area, strength * _laplacian(links))
@@ -111,16 +111,16 @@ def spread(views: Views, pixels: PixelTargets, *, smoothing: float, seed: int, s
 def _gather(
     views: Views,
     points: NDArray[np.float64],  # (N, 3)
-    piece: NDArray[np.int32],  # (F,)
+    component: NDArray[np.int32],  # (F,)
     face: NDArray[np.int64],  # (N,)
     generator: np.random.Generator,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Choose pixels (P,), and for each the nearest of `points` on its own piece of the surface (P,)."""
+    """Choose pixels (P,), and for each the nearest of `points` on its own component of the surface (P,)."""
     chosen = np.arange(len(views.points))
     if len(chosen) > HITS:
         chosen = np.sort(generator.choice(len(chosen), HITS, replace=False))
-    tree = cKDTree(_place(points, piece[face]))
-    _, nearest = tree.query(_place(views.points[chosen], piece[views.face[chosen]]), workers=-1)
+    tree = cKDTree(_apart(points, component[face]))
+    _, nearest = tree.query(_apart(views.points[chosen], component[views.face[chosen]]), workers=-1)
     return chosen, nearest
 
 
@@ -199,7 +199,7 @@ def _laplacian(links: sparse.csr_matrix) -> sparse.csr_matrix:
 
 def _surface_links(
     points: NDArray[np.float64],  # (N, 3)
-    piece: NDArray[np.int32],  # (N,)
+    component: NDArray[np.int32],  # (N,)
     seen: NDArray[np.bool_],  # (N,)
     area: float,  # of each point
 ) -> sparse.csr_matrix:
@@ -209,12 +209,13 @@ def _surface_links(
     weights w_ij = 4 area / (k ‖p_i − p_j‖²) give area · g².
     """
     count = len(points)
-    place = _place(points, piece)
     everyone = np.arange(count)
-    blind = np.bincount(piece, seen)[piece] == 0  # on pieces of which nothing is seen
+    blind = np.bincount(component, seen)[component] == 0  # on components of which nothing is seen
     links = [
-        _links(place, everyone, everyone, NEIGHBOURS, lambda i, j: piece[i] == piece[j], 1.0),
-        _links(points, everyone, everyone, TIED_NEIGHBOURS, lambda i, j: piece[i] != piece[j], TIE),
+        _links(
+            _apart(points, component), everyone, everyone, NEIGHBOURS, lambda i, j: component[i] == component[j], 1.0
+        ),
+        _links(points, everyone, everyone, TIED_NEIGHBOURS, lambda i, j: component[i] != component[j], TIE),
         _links(points, np.flatnonzero(blind), np.flatnonzero(~blind), TIED_NEIGHBOURS, lambda i, j: i != j, TIE),
     ]
     one, other, strength = (np.concatenate(parts) for parts in zip(*links, strict=True))
@@ -266,7 +267,7 @@ def _symmetric(
 
 
 def _links(
-    place: NDArray[np.float64],  # (N, 3 or 4)
+    positions: NDArray[np.float64],  # (N, 3 or 4)
     ends: NDArray[np.int64],
     others: NDArray[np.int64],
     neighbours: int,
@@ -277,12 +278,12 @@ def _links(
     wanted = min(neighbours + 1, len(others))
     if len(ends) == 0 or wanted == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
-    _, near = cKDTree(place[others]).query(place[ends], np.arange(1, wanted + 1), workers=-1)
+    _, near = cKDTree(positions[others]).query(positions[ends], np.arange(1, wanted + 1), workers=-1)
     one, other = np.repeat(ends, wanted), others[near.ravel()]
     kept = (one != other) & linked(one, other)
     return one[kept], other[kept], np.full(int(kept.sum()), strength / neighbours)
 
 
-def _place(points: NDArray[np.floating], piece: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Points (N, 3) with a fourth coordinate that keeps pieces apart in a search for neighbours, (N, 4)."""
-    return np.column_stack([points, _APART * piece])
+def _apart(points: NDArray[np.floating], component: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Points (N, 3) with a fourth coordinate that keeps components apart in a search for neighbours, (N, 4)."""
+    return np.column_stack([points, _APART * component])

@@ -40,8 +40,8 @@ class PointTargets:
 class PixelTargets:
     """Targets at the surface points of all views: Ω of Eq. 3.
 
-    Tokens are read between their places, bilinearly: a patch's token stands at the centre of the patch. Only the tokens
-    are kept, never features of pixels.
+    Tokens are read between their positions, bilinearly: a patch's token stands at the center of the patch. Only the
+    tokens are kept, never features of pixels.
 
     Parameters
     ----------
@@ -98,6 +98,6 @@ class PixelTargets:
         return indices, shares
 
     def _between(self, pixel: torch.Tensor, count: int) -> tuple[torch.Tensor, torch.Tensor]:
-        place = ((pixel + 0.5) * (count / self._resolution) - 0.5).clamp_(0, count - 1)
-        before = place.floor()
-        return before.long(), place - before
+        position = ((pixel + 0.5) * (count / self._resolution) - 0.5).clamp_(0, count - 1)
+        before = position.floor()
+        return before.long(), position - before

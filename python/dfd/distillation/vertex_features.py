@@ -64,20 +64,20 @@ class GivenFeatures:
         self.center, self.scale = normalization(mesh)
         self.at_points = isinstance(features, tuple | list) and len(features) == 2  # no mesh has two vertices
         if isinstance(features, tuple | list) and len(features) == 2:
-            positions, rows = features
-            places = check.array("distill", "points", positions, ("N", 3), dtype=np.float64)
+            at, rows = features
+            positions = check.array("distill", "points", at, ("N", 3), dtype=np.float64)
             self.features = check.array("distill", "features", rows, ("N", "D"))
-            if len(places) == 0 or len(places) != len(self.features):
+            if len(positions) == 0 or len(positions) != len(self.features):
                 raise ValueError(
                     f"distill: `features` must have a row for each of the points, "
-                    f"got {len(self.features)} rows for {len(places)} points"
+                    f"got {len(self.features)} rows for {len(positions)} points"
                 )
         else:
-            places = mesh.vertices
+            positions = mesh.vertices
             self.features = check.array("distill", "features", features, ("V", "D"))
-            if len(self.features) != len(places):
+            if len(self.features) != len(positions):
                 raise ValueError(
-                    f"distill: `features` must have shape ({len(places)}, D), a row for each distinct vertex of the "
+                    f"distill: `features` must have shape ({len(positions)}, D), a row for each distinct vertex of the "
                     f"mesh, got {self.features.shape}; features of other points are given as (points, features)"
                 )
         if self.features.shape[1] == 0:
@@ -87,8 +87,8 @@ class GivenFeatures:
             if zero.any():
                 row = start + int(zero.argmax())
                 raise ValueError(f"distill: `features` must have rows with a direction, got only zeros in row {row}")
-        self.points = ((places - self.center) * self.scale).astype(np.float32)
-        self._rows, self._places = torch.from_numpy(self.features), torch.from_numpy(self.points)
+        self.points = ((positions - self.center) * self.scale).astype(np.float32)
+        self._rows, self._positions = torch.from_numpy(self.features), torch.from_numpy(self.points)
         if not self.at_points:
             self._faces = torch.tensor(mesh.faces)
             self._area = torch.from_numpy(np.cumsum(face_areas(self.points, mesh.faces)))
@@ -113,14 +113,14 @@ class GivenFeatures:
         """Return `count` points (count, 3), normalized, and their unit targets (count, D), on the CPU."""
         if self.at_points:
             chosen = torch.randint(len(self._rows), (count,), generator=generator)
-            return self._places[chosen], _unit(self._rows[chosen])
+            return self._positions[chosen], _unit(self._rows[chosen])
         drawn = torch.rand(count, 3, generator=generator, dtype=torch.float64)
         # The first face whose end lies beyond: one without area is never it.
         face = torch.searchsorted(self._area, drawn[:, 0] * self._area[-1], right=True).clamp_(max=len(self._area) - 1)
         corners = self._faces[face].long()
         sqrt = drawn[:, 1].sqrt()
         shares = torch.stack([1 - sqrt, sqrt * (1 - drawn[:, 2]), sqrt * drawn[:, 2]], dim=1).float().unsqueeze(2)
-        return (shares * self._places[corners]).sum(dim=1), _unit((shares * _unit(self._rows[corners])).sum(dim=1))
+        return (shares * self._positions[corners]).sum(dim=1), _unit((shares * _unit(self._rows[corners])).sum(dim=1))
 
 
 def _unit(rows: Tensor) -> Tensor:

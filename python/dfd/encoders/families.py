@@ -17,7 +17,7 @@ from typing import Any, SupportsIndex
 import torch
 from torch import Tensor, nn
 
-from dfd.encoders.foreground import leave_out_background, looking_at, placed
+from dfd.encoders.foreground import leave_out_background, looking_at, with_background
 from dfd.encoders.presets import CLIP, IMAGENET, SYMMETRIC, ChannelStats
 from dfd.encoders.sources import Weights
 
@@ -222,7 +222,7 @@ def _quiet() -> Iterator[None]:
 def _grid(sequence: Tensor, images: Tensor, patch: int) -> Tensor:
     """Patch tokens of a sequence (n, prefix + h·w, D) in their places (n, h, w, D); the prefix is left out."""
     rows, columns = images.shape[2] // patch, images.shape[3] // patch
-    sequence = placed(sequence)
+    sequence = with_background(sequence)
     if sequence.ndim != 3 or sequence.shape[1] < rows * columns:
         raise ValueError(
             f"encode: `encoder` gives an output of shape {tuple(sequence.shape)}, "

@@ -27,8 +27,8 @@ def find_identity(
     """
     if not isinstance(encoder, str | os.PathLike):
         return encoder.identity()
-    place = noted_device() if device is None else str(device)
-    precision = noted_precision(place) if place else None
+    target = noted_device() if device is None else str(device)
+    precision = noted_precision(target) if target else None
     weights = find_fingerprint(encoder) if precision else None
     if not weights:
         return None
@@ -36,7 +36,7 @@ def find_identity(
         "encoder": os.fspath(encoder),
         "encoder_weights": weights,
         "encoder_precision": precision,
-        "device": place,
+        "device": target,
     }
 
 

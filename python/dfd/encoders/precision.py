@@ -123,7 +123,7 @@ def _noted(what: str) -> str | None:
 
 
 def _note(what: str, word: str) -> None:
-    """Write `word` down, in the place of what was noted before."""
+    """Write `word` down, instead of what was noted before."""
     if _noted(what) != word:
         with suppress(OSError), _written(what, word) as note:
             note.replace(_path(what))
@@ -145,7 +145,7 @@ def _note_first(what: str, word: str) -> None:
 
 @contextmanager
 def _written(what: str, word: str) -> Iterator[Path]:
-    """A file beside the place of a note, with its content."""
+    """A file beside the note, with its content."""
     path = _path(what)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}")

@@ -143,7 +143,7 @@ def _from_hub(hub: str) -> tuple[Path | None, str]:
     thread.join(_PATIENCE)
     found = answer[0] if answer else TimeoutError(f"no answer within {_PATIENCE:g} s")
     if isinstance(found, GatedRepoError):
-        return None, f"{hub} asks for its licence to be accepted on {endpoint} and for a token (hf auth login)"
+        return None, f"{hub} asks for its license to be accepted on {endpoint} and for a token (hf auth login)"
     if isinstance(found, RepositoryNotFoundError):
         raise ValueError(f"load_encoder: `encoder`: {endpoint} has no model {hub!r}") from None
     if isinstance(found, Exception):

@@ -13,7 +13,7 @@ from dfd.encoders.presets import ChannelStats
 
 __all__ = ["MANIFEST", "WEIGHT_FILES", "Weights", "folder_weights", "weight_files"]
 
-# Beside the weights, where dfd put them there: where they come from, their checksum, and the block to use.
+# Beside the weights, where dfd put them there: where they come from, their hash, and the block to use.
 MANIFEST = "dfd.json"
 
 WEIGHT_FILES = (
@@ -97,9 +97,9 @@ def _channels(preprocessor: dict[str, Any]) -> ChannelStats | None:
 
 
 def _sha256(files: list[Path]) -> str:
-    digest = hashlib.sha256()
+    sha256 = hashlib.sha256()
     for file in files:
         with file.open("rb") as stream:
             while piece := stream.read(1 << 22):
-                digest.update(piece)
-    return digest.hexdigest()
+                sha256.update(piece)
+    return sha256.hexdigest()

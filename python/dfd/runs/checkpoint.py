@@ -108,7 +108,7 @@ class Checkpoint:
         self._pieces.write(self._tokens_name(image, covered), stream.getbuffer())
 
     def fit_state(self, *made_from: NDArray[Any]) -> FitState:
-        """Return the place for the state of a fit to the arrays `made_from`."""
+        """Return where the state of a fit to the arrays `made_from` is kept."""
         return FitState(self._pieces, f"fit-{self._hash(*made_from)}")
 
     def remove(self) -> None:

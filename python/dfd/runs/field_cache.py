@@ -66,9 +66,13 @@ class CachedField:
 
 def find(recipe: Mapping[str, Any]) -> Field | None:
     """Return the field that `recipe` made, or None where no entry has it whole."""
-    from dfd.field.field import Field
 
-    return _first_whole(recipe, lambda path, _: Field.load(path))
+    def load(path: Path, _: bytes) -> Field:
+        from dfd.field.field import Field
+
+        return Field.load(path)
+
+    return _first_whole(recipe, load)
 
 
 def find_file(recipe: Mapping[str, Any]) -> CachedField | None:

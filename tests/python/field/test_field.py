@@ -191,3 +191,26 @@ def test_a_save_that_fails_leaves_the_old_file(field: Field, tmp_path: Path) -> 
     with pytest.raises(OSError, match="the folder .* does not exist") as error:
         field.save(tmp_path / "nowhere" / "a.safetensors")
     assert error.value.errno in (None, errno.ENOENT)
+
+
+def test_equal_fields_are_equal_files(tmp_path: Path) -> None:
+    settings = {"views": 24, "encoder": "dinov2-small", "losses": [0.5, 0.25]}
+    contents = set()
+    for number in range(20):
+        Field.seeded(1, 4, width=8, layers=1, settings=settings).save(tmp_path / f"{number}.safetensors")
+        contents.add((tmp_path / f"{number}.safetensors").read_bytes())
+    assert len(contents) == 1
+    with safe_open(tmp_path / "0.safetensors", framework="np") as file:  # as other programs read it
+        assert file.metadata()["format"] == "dfd-field"
+        assert file.get_tensor("center").shape == (3,)
+
+
+def test_a_file_with_its_metadata_in_another_order_is_read(tmp_path: Path) -> None:
+    field = Field.seeded(1, 4, width=8, layers=1, settings={"seed": 1})
+    field.save(tmp_path / "now.safetensors")
+    with safe_open(tmp_path / "now.safetensors", framework="pt") as file:
+        metadata, tensors = file.metadata(), {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    save_file(tensors, tmp_path / "before.safetensors", dict(reversed(metadata.items())))
+    before = Field.load(tmp_path / "before.safetensors")
+    assert before.settings == field.settings
+    assert all(torch.equal(value, field.state_dict()[name]) for name, value in before.state_dict().items())
