@@ -121,7 +121,7 @@ def directions(
     moments = weighted.T @ seen.place
     moments += _FLAT * max(float(np.trace(moments)), np.finfo(np.float64).tiny) * np.eye(3)
     rising = np.linalg.solve(moments, weighted.T @ (seen.tokens @ height).astype(np.float64))
-    return pointing, rising
+    return np.asarray(pointing, np.float64), np.asarray(rising, np.float64)
 
 
 def find_probe(encoder: Encoder) -> UpProbe | None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,92 +10,25 @@ from numpy.typing import NDArray
 from dfd.common.progress import Stages
 from dfd.distillation.side_views import look_from_sides
 from dfd.distillation.standing import Standing, axis_frames
+from dfd.distillation.up import AXES, Up, file_up, said_up
 from dfd.distillation.up_probe import UpProbe, find_probe
 from dfd.geometry.topology import face_areas
-from dfd.mesh.normalization import normalization
+from dfd.mesh.normalization import box_normalization
 
 if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["UP_WORDS", "Up", "check_up", "find_up", "said_up"]
+__all__ = ["find_up", "said_or_found"]
 
-AXES: dict[str, NDArray[np.float64]] = {
-    f"{sign}{name}": float(f"{sign}1") * np.eye(3)[axis] for axis, name in enumerate("xyz") for sign in "+-"
-}
-UP_WORDS = ("auto", "file", *AXES)
 RING = np.radians([-60.0, -30.0, 30.0, 60.0])  # about the normal of the mirror plane, beside each quarter turn
-LEAST_EXTENT = 1e-6  # of the longest side: what has less along an axis has none
 
 
-@dataclass(frozen=True, eq=False)
-class Up:
-    """Which way is up in a mesh.
-
-    Attributes
-    ----------
-    frame
-        (3, 3) rotation, rows in the mesh's coordinates: right, up, front.
-    confidence
-        How sure that is, 0 … 1; 1 when it was said.
-    source
-        "said", "file" (its own +y, because nothing could be found), or "found".
-    """
-
-    frame: NDArray[np.float64]
-    confidence: float
-    source: Literal["said", "file", "found"]
-
-    @property
-    def direction(self) -> NDArray[np.float64]:
-        """(3,) unit, in the mesh's coordinates."""
-        up: NDArray[np.float64] = self.frame[1]
-        return up
-
-    def __str__(self) -> str:
-        """As `up` takes it: an axis, or three numbers."""
-        named = next((name for name, axis in AXES.items() if np.allclose(axis, self.direction)), None)
-        return named or ", ".join(f"{part:.3f}" for part in self.direction)
-
-
-def check_up(up: Any) -> str | tuple[float, float, float]:
-    """Return `up` as one of `UP_WORDS`, or as a unit direction.
-
-    Raises
-    ------
-    ValueError
-        If it is neither, nor three numbers with a length.
-    """
-    if isinstance(up, str):
-        word = f"+{up}" if up in ("x", "y", "z") else up
-        if word in UP_WORDS:
-            return word
-    else:
-        try:
-            vector = np.asarray(up, np.float64)
-        except (TypeError, ValueError):
-            vector = np.zeros(0)
-        if vector.shape == (3,) and np.isfinite(vector).all() and np.abs(vector).max() > 0:
-            vector = vector / np.abs(vector).max()  # so that no square overflows or vanishes
-            x, y, z = (vector / np.linalg.norm(vector)).tolist()
-            return x, y, z
-    raise ValueError(f"distill: `up` must be one of {', '.join(UP_WORDS)}, or three numbers with a length, got {up!r}")
-
-
-def said_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
-    """The frame for an `up` that `check_up` has let pass, other than "auto".
-
-    Raises
-    ------
-    ValueError
-        If `mesh` has no extent along `up`.
-    """
-    if up == "file":
-        return Up(np.eye(3), 1.0, "said")
-    direction = AXES[up] if isinstance(up, str) else np.array(up)
-    if np.ptp(mesh.vertices @ direction) <= LEAST_EXTENT * np.max(mesh.extents):
-        raise ValueError(f"distill: `up` must be a direction that `mesh` has some extent along, got {up!r}")
-    return Up(_upright_frame(direction), 1.0, "said")
+def said_or_found(
+    mesh: Mesh, encoder: Encoder, up: str | tuple[float, float, float], *, stages: Stages | None = None
+) -> Up:
+    """Return what `up`, checked by `check_up`, says; look for it where it is "auto"."""
+    return find_up(mesh, encoder, stages=stages) if up == "auto" else said_up(mesh, up)
 
 
 def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stages: Stages | None = None) -> Up:
@@ -113,13 +45,17 @@ def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stage
     Raises
     ------
     ValueError
-        If all vertices are one point.
+        If `probe` was learned from another encoder.
     """
-    center, scale = normalization(mesh)
+    if probe is not None and not probe.fits(encoder):
+        raise ValueError(f"find_up: `probe` was learned from another encoder than {encoder!r}")
     probe = probe or find_probe(encoder)
-    vertices = (mesh.vertices - center) * scale
-    if probe is None or not probe.fits(encoder) or not face_areas(vertices, mesh.faces).sum() > 0:
-        return Up(np.eye(3), 0.0, "file")
+    box = box_normalization(*mesh.bounds) if len(mesh.faces) else None
+    if probe is None or box is None:
+        return file_up()
+    vertices = (mesh.vertices - box[0]) * box[1]
+    if not face_areas(vertices, mesh.faces).sum() > 0:
+        return file_up()
     with (stages or Stages(show=False)).stage("up"):
         standing = Standing(vertices, mesh.faces)
         frame = standing.frame()
@@ -150,15 +86,3 @@ def prior(probe: UpProbe, frame: NDArray[np.float64]) -> float:
     if np.allclose(frame[1], AXES["+y"]):
         return probe.file_up
     return probe.file_z if np.allclose(np.abs(frame[1]), AXES["+z"]) else 0.0
-
-
-def _upright_frame(up: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The frame with `up` in which the other axes of the file are turned least."""
-    along = np.flatnonzero(np.isclose(np.abs(up), 1.0))
-    if len(along):
-        return axis_frames(np.eye(3))[2 * int(along[0]) + (up[along[0]] < 0)]
-    right = np.eye(3)[0] if abs(up[0]) < 0.9 else np.eye(3)[2]
-    right = right - (right @ up) * up
-    right /= np.linalg.norm(right)
-    frame: NDArray[np.float64] = np.stack([right, up, np.cross(right, up)])
-    return frame
