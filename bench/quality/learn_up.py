@@ -24,8 +24,11 @@ from dfd.distillation.standing import Standing, axis_frames
 from dfd.distillation.up_probe import FOLDER, TERMS, UpProbe, directions
 from dfd.encoders.encode import Encoder, load_encoder
 from dfd.mesh.normalization import normalization
+from dfd.runs.recipe import hash_recipe, origin
 
 REPORT = Path(__file__).resolve().parents[1] / "results" / "quality" / "up.md"
+KEPT_VIEWS = REPORT.parent / "side_views"
+LOOKING = ("common", "mesh", "views", "encoders")  # the rooms whose code decides what is seen
 FRAMES = np.stack(axis_frames(np.eye(3)))
 TRUE = 2  # +y among them
 RIDGE = 0.03  # of the mean moment of the tokens
@@ -93,13 +96,27 @@ def lesson(name: str, mesh: dfd.Mesh, encoder: Encoder) -> Lesson:
     """What there is to learn from one shape."""
     center, scale = normalization(mesh)
     standing = Standing((mesh.vertices - center) * scale, mesh.faces)
-    seen = look_from_sides(mesh, encoder, np.eye(3))
+    seen = look_once(mesh, encoder)
     rows = seen.tokens.astype(np.float64)
     weighted = rows * seen.weight[:, None]
     up_in_picture = seen.axes[seen.picture] @ FRAMES[TRUE, 1]
     targets = np.concatenate([up_in_picture, seen.place[:, 1:2]], axis=1)
     evidence = np.stack([standing.evidence(frame) for frame in FRAMES])
     return Lesson(name, seen, evidence, weighted.T @ rows, weighted.T @ targets)
+
+
+def look_once(mesh: dfd.Mesh, encoder: Encoder) -> SideViews:
+    """`look_from_sides`, kept in a file for the next time: the pictures take minutes, what follows them seconds."""
+    kept = (
+        KEPT_VIEWS / f"{hash_recipe({**origin(LOOKING, 'torch'), 'mesh': mesh.content_hash, **encoder.settings()})}.npz"
+    )
+    if not kept.is_file():
+        seen = look_from_sides(mesh, encoder, np.eye(3))
+        KEPT_VIEWS.mkdir(parents=True, exist_ok=True)
+        with atomic_write(kept) as temporary, temporary.open("wb") as stream:
+            np.savez(stream, **vars(seen))
+    with np.load(kept) as arrays:
+        return SideViews(**arrays)
 
 
 def learn(lessons: Sequence[Lesson], encoder: Encoder) -> UpProbe:

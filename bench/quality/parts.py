@@ -21,8 +21,8 @@ MERGED = (
     ("leg", r"leg|knee|thigh|shin|calf"),
     ("torso", r"root|hips|pelvis|spine|chest|torso|body"),
 )
-# How the joints of animals and people fall into kinds of parts that one would want to move together, front and hind legs
-# among them; the first pattern found in a name in small letters counts.
+# How the joints of animals and people fall into kinds of parts that one would want to move together, such as all legs;
+# the first pattern found in a name in small letters counts.
 KINDS = (
     ("ear", r"^ear"),
     ("horn", r"horn"),
