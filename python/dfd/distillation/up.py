@@ -103,8 +103,8 @@ def said_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
 
 def _upright_frame(up: NDArray[np.float64]) -> NDArray[np.float64]:
     """The frame with `up` in which the other axes of the file are turned least."""
-    along = np.flatnonzero(np.abs(up) > 1 - 1e-12)
-    if len(along):
+    along = np.flatnonzero(up)
+    if len(along) == 1:
         straight: NDArray[np.float64] = axis_frames(np.eye(3))[2 * int(along[0]) + int(up[along[0]] < 0)]
         return straight
     right = np.eye(3)[0] if abs(up[0]) < 0.9 else np.eye(3)[2]
