@@ -34,7 +34,7 @@ def said_or_found(
 def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stages: Stages | None = None) -> Up:
     """Find which way is up in `mesh`, from what `encoder` sees of its sides and from how it would stand.
 
-    The file's own +y stays unless something else is clearly more likely.
+    The +y of a file that the shape lies along stays unless something else is clearly more likely.
 
     Parameters
     ----------
@@ -61,7 +61,8 @@ def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stage
         frame = standing.frame()
         frames = candidates(frame)
         odds = probe.terms(look_from_sides(mesh, encoder, frame), standing, frames) @ probe.odds
-        odds += [prior(probe, each) for each in frames]
+        if np.array_equal(frame, np.eye(3)):  # what does not lie along the file's axes follows no convention of files
+            odds += [prior(probe, each) for each in frames]
         chances = np.exp(odds - odds.max())
         best = int(chances.argmax())
     return Up(frames[best], float(chances[best] / chances.sum()), "found")
