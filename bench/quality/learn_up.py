@@ -121,7 +121,7 @@ def look_once(mesh: dfd.Mesh, encoder: Encoder) -> SideViews:
 
 
 def learn(lessons: Sequence[Lesson], encoder: Encoder) -> UpProbe:
-    """The probe from all lessons; its odds are learned from terms of maps that never saw a family, its prior with each shape left out."""
+    """The probe of all lessons: odds from maps that never saw a shape's family, the prior from each left out."""
     terms = crossed(lessons, by_family)
     odds = fit_odds([terms[each.name] for each in lessons])
     towards_up, height = fit_maps(lessons)
@@ -216,8 +216,8 @@ def report(lessons: Sequence[Lesson]) -> str:
     lines = [
         "# Which way is up",
         "",
-        f"{len(lessons)} shapes. Log-odds of the file's +y: {prior:.1f}, of ±z {Z_SHARE:g} of that: the least with which "
-        f"{KEPT:.0%} keep their up, each left out.",
+        f"{len(lessons)} shapes. Log-odds of the file's +y: {prior:.1f}, the least with which {KEPT:.0%} keep their up, "
+        f"each left out; of ±z {Z_SHARE:g} of that.",
         "",
     ]
     for left_out, group in (("its family", by_family), ("itself", by_shape)):
