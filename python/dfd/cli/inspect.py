@@ -5,11 +5,15 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from dfd.cli.arguments import MeshArgument
+
+if TYPE_CHECKING:
+    from dfd.distillation.up import Up
+    from dfd.mesh.mesh import Mesh
 
 __all__ = ["inspect"]
 
@@ -19,15 +23,29 @@ def inspect(
     field: Annotated[
         Path | None, typer.Option("--field", metavar="FIELD", help="Also look for symmetry planes, with this field.")
     ] = None,
+    up: Annotated[
+        str, typer.Option(metavar="DIRECTION", help="Which way is up: auto, file, +y, -z, …, or numbers such as 0,0,1.")
+    ] = "auto",
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")] = False,
 ) -> None:
-    """Say what MESH is made of, what is odd about it, and how much of it the pictures of `dfd distill` do not show."""
+    """Say what MESH is made of, what is odd about it, which way is up, and how much of it pictures do not show.
+
+    The pictures are those that `dfd distill` takes.
+    """
     from dfd import Field, load, symmetry_planes
+    from dfd.distillation.up import check_up, said_up
     from dfd.geometry import topology
     from dfd.views.visibility import unseen
 
     shape = load(mesh)
-    report: dict[str, Any] = {"file": str(mesh), **asdict(topology.inspect(shape)), "unseen": asdict(unseen(shape))}
+    said = check_up(up)
+    found = _found_up(shape) if said == "auto" else said_up(shape, said)
+    report: dict[str, Any] = {
+        "file": str(mesh),
+        **asdict(topology.inspect(shape)),
+        "up": {"axis": str(found), **found.settings},
+        "unseen": asdict(unseen(shape, frame=found.frame)),
+    }
     if field is not None:
         opened = Field.load(field, mesh=shape)
         report["field"] = {
@@ -40,6 +58,19 @@ def inspect(
         typer.echo(json.dumps(report, indent=2, default=_plain))
     else:
         _print_table(report)
+
+
+def _found_up(shape: Mesh) -> Up:
+    from dfd.distillation.distill import DEFAULT_ENCODER
+    from dfd.distillation.up import file_up
+    from dfd.distillation.upright import find_up
+    from dfd.encoders.encode import load_encoder
+
+    try:
+        encoder = load_encoder(DEFAULT_ENCODER)
+    except OSError:  # no weights at hand: all else can be told
+        return file_up()
+    return find_up(shape, encoder)
 
 
 def _print_table(report: dict[str, Any]) -> None:
@@ -63,11 +94,19 @@ def _print_table(report: dict[str, Any]) -> None:
                 for plane in value
             ]
             table.add_row("symmetry planes", "\n".join(planes) or "none")
+        elif name == "up":
+            table.add_row("up", _up(value["axis"], value["up_confidence"], value["up_source"]))
         elif name == "unseen":
             table.add_row("unseen", _unseen(**value))
         else:
             table.add_row(name.replace("_", " "), _shown(value))
     Console(highlight=False, markup=False).print(table)
+
+
+def _up(axis: str, confidence: float, source: str) -> str:
+    if source == "found":
+        return f"{axis}, {confidence:.0%} sure"
+    return axis if source == "said" else f"{axis} by the file's convention: there was nothing to tell it by"
 
 
 def _unseen(views: int, area: float, components: int, component_count: int) -> str:
