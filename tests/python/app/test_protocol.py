@@ -27,7 +27,8 @@ def test_the_schema_of_the_client_is_current() -> None:
 
 def test_every_message_has_a_sentence_in_the_schema() -> None:
     definitions = json.loads(schema())["$defs"]
-    assert all(definition.get("description", "").endswith(".") for definition in definitions.values())
+    del definitions["JsonValue"]  # pydantic's own
+    assert [name for name, one in definitions.items() if not one.get("description", "").strip().endswith(".")] == []
 
 
 def test_a_message_is_read_by_its_type() -> None:

@@ -112,7 +112,6 @@ class StateMessage(Answer):
     can_redo: bool
     field: FieldState
     poses: tuple[KeyPose, ...]
-    saved: bool  # whether the edit on disk is this one
 
 
 class DoneMessage(Answer):

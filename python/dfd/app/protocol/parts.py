@@ -104,7 +104,7 @@ class Plane(Model):
 class PoseTransform(Model):
     """A handle's part of a key pose; everything as in `Transform`, and nothing left out."""
 
-    handle: Annotated[int, Field(ge=1)]
+    handle: Annotated[int, Field(ge=0)]
     translation: Vector
     rotation: Vector
     scale: Vector
