@@ -2,6 +2,7 @@
 
 import { store } from "../store/state";
 import type { Stage } from "../viewer/stage";
+import { themeColor } from "../viewer/theme";
 import { saveBlob, stem } from "./files";
 import { note, problem } from "./toasts";
 
@@ -77,7 +78,7 @@ export async function turntable(stage: Stage, helpers: readonly { visible: boole
 function paintBackground(canvas: HTMLCanvasElement): void {
   const context = canvas.getContext("2d");
   if (!context) return;
-  context.fillStyle = getComputedStyle(document.documentElement).getPropertyValue("--stage").trim();
+  context.fillStyle = themeColor("--stage");
   context.fillRect(0, 0, canvas.width, canvas.height);
 }
 

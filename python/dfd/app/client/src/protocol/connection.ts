@@ -98,7 +98,8 @@ export class Connection {
     socket.onmessage = (event: MessageEvent<string | ArrayBuffer>) => this.receive(event.data);
     socket.onclose = (event) => {
       if (socket !== this.socket) return;
-      for (const { reject } of this.waiting.values()) reject(new Dropped("The connection to the server was lost."));
+      for (const waiting of this.waiting.values())
+        waiting.reject(new Dropped("The connection to the server was lost."));
       this.waiting.clear();
       if (this.ended) return;
       if (event.code in DISMISSALS) {

@@ -85,6 +85,7 @@ export interface State {
   readonly gizmo: GizmoMode;
   readonly space: "local" | "world";
   readonly snap: boolean;
+  readonly uniformScale: boolean;
   readonly dragging: boolean;
   readonly look: Look;
   readonly wireframe: boolean;
@@ -125,6 +126,7 @@ export const INITIAL: State = {
   gizmo: "translate",
   space: "world",
   snap: false,
+  uniformScale: false,
   dragging: false,
   look: "texture",
   wireframe: false,

@@ -92,12 +92,12 @@ export class Shape {
   }
 
   setLook(look: Look, heatStrength: number): void {
-    this.shared["look"].value = LOOKS.indexOf(look);
-    this.shared["heatStrength"].value = heatStrength;
+    this.shared.look.value = LOOKS.indexOf(look);
+    this.shared.heatStrength.value = heatStrength;
   }
 
   setClay(color: Color): void {
-    (this.shared["clay"].value as Color).copy(color);
+    (this.shared.clay.value as Color).copy(color);
   }
 
   setWireframe(on: boolean, color: Color, opacity: number): void {
@@ -110,8 +110,8 @@ export class Shape {
     if (!this.wires) return;
     this.wires.visible = on;
     const { uniforms } = this.wires.material as ShaderMaterial;
-    (uniforms["baseColor"].value as Color).copy(color);
-    uniforms["opacity"].value = opacity;
+    (uniforms.baseColor.value as Color).copy(color);
+    uniforms.opacity.value = opacity;
   }
 
   /** (V, 4) colors of the features' main directions. */
@@ -217,8 +217,8 @@ export class Shape {
       texture.anisotropy = 4;
       texture.needsUpdate = true;
       this.textures.push(texture);
-      uniforms["map"].value = texture;
-      uniforms["hasMap"].value = true;
+      uniforms.map.value = texture;
+      uniforms.hasMap.value = true;
       this.changed();
     } catch {
       // A picture that this browser cannot read leaves the plain color.

@@ -1,6 +1,6 @@
 /** The view: it follows the store, and tells what a person does on the canvas. */
 
-import { Color } from "three";
+import { Color, MOUSE } from "three";
 
 import * as edit from "../actions/edit";
 import { tell, type Arrivals } from "../actions/server";
@@ -17,6 +17,7 @@ import { Pointer } from "./pointer";
 import { mirrorOf, sceneOf } from "./scene";
 import { Shape } from "./shape";
 import { Stage } from "./stage";
+import { themeColor } from "./theme";
 
 /** What of the state the shape's pose and its marks depend on. */
 const POSED = [
@@ -69,6 +70,16 @@ export class Viewer implements Arrivals {
     this.follow();
   }
 
+  /** What pictures leave out. */
+  get helpers(): readonly { visible: boolean }[] {
+    return [this.planes.group, this.gizmo.helper];
+  }
+
+  /** Show the whole shape again. */
+  frame(): void {
+    if (this.shape) this.stage.frameShape(this.shape.radius);
+  }
+
   // --- what arrives in arrays
 
   mesh(message: MeshMessage, payload: Payload): void {
@@ -102,8 +113,7 @@ export class Viewer implements Arrivals {
 
   /** Colors of the page's theme, for what is drawn on the canvas. */
   dress(): void {
-    const style = getComputedStyle(document.documentElement);
-    const color = (name: string) => new Color(style.getPropertyValue(name).trim() || "#888");
+    const color = (name: string) => new Color(themeColor(name));
     const state = store.get();
     this.shape?.setClay(color("--clay"));
     this.shape?.setWireframe(state.wireframe, color("--wire"), 0.5);
@@ -154,7 +164,7 @@ export class Viewer implements Arrivals {
     store.watch(
       (state) => state.tool,
       (tool) => {
-        this.stage.orbit.mouseButtons.LEFT = tool === "paint" ? null : 0;
+        this.stage.orbit.mouseButtons.LEFT = tool === "paint" ? null : MOUSE.ROTATE;
       },
     );
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.dress());
