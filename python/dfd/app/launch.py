@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import html
 import shutil
@@ -82,6 +83,7 @@ class RunningApp:
         )
         self.server = uvicorn.Server(config)
         self._thread: threading.Thread | None = None
+        self.loop: asyncio.AbstractEventLoop | None = None  # on which the server runs
 
     @property
     def url(self) -> str:
@@ -94,10 +96,14 @@ class RunningApp:
     def run(self) -> None:
         """Serve until the process is asked to end; then nothing of any session stays behind."""
         try:
-            self.server.run(sockets=[self._socket])
+            asyncio.run(self._serve())
         finally:
             self._socket.close()
             shutil.rmtree(self._root, ignore_errors=True)
+
+    async def _serve(self) -> None:
+        self.loop = asyncio.get_running_loop()
+        await self.server.serve(sockets=[self._socket])
 
     def start(self) -> None:
         """Serve on a thread, and return when requests are answered."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import re
 import shutil
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
@@ -31,7 +30,7 @@ from dfd.app.protocol.answers import FailureMessage, SessionMessage
 from dfd.app.protocol.requests import Hello
 from dfd.app.safety import Guard, Rules
 from dfd.app.shapes import SAMPLES
-from dfd.app.tabs import SESSION_ENDED, Tab, Tabs, TooManyTabs
+from dfd.app.tabs import NAME, SESSION_ENDED, Tab, Tabs, TooManyTabs
 from dfd.app.uploads import FORMATS, MOST_FILES, UploadedFile, receive
 
 __all__ = ["MESSAGE_BYTES", "STATIC", "Limits", "create"]
@@ -39,7 +38,6 @@ __all__ = ["MESSAGE_BYTES", "STATIC", "Limits", "create"]
 STATIC = Path(__file__).with_name("static")
 MESSAGE_BYTES = 1 << 20  # the longest message of a page
 HELLO_SECONDS = 10.0
-NAME = re.compile(r"[0-9a-f]{32}")
 FOREVER = "public, max-age=31536000, immutable"  # of files whose names change with what is in them
 
 
@@ -145,7 +143,7 @@ class _Server:
 
     async def upload(self, request: Request) -> Response:
         """Take files for a session and have it open them; what comes of it, the page hears over its WebSocket."""
-        tab = self._tabs.find(_name(request.query_params.get("session", "")))
+        tab = self._tabs.find(request.query_params.get("session", ""))
         if tab is None:
             return _refusal(404, "There is no such session: reload the page")
         length = request.headers.get("content-length", "")
@@ -179,9 +177,8 @@ class _Server:
 
     async def download(self, request: Request) -> Response:
         """Give away an export, once."""
-        names = [_name(request.path_params[key]) for key in ("session", "number")]
-        tab = self._tabs.find(names[0])
-        place = None if tab is None or not names[1] else tab.folder / EXPORTS / names[1]
+        tab, number = self._tabs.find(request.path_params["session"]), request.path_params["number"]
+        place = None if tab is None or not NAME.fullmatch(number) else tab.folder / EXPORTS / number
         files = [] if place is None else await run_in_threadpool(_files, place)
         if place is None or len(files) != 1:
             return _refusal(404, "There is no such file: it can be taken once")
@@ -196,11 +193,6 @@ class _Server:
                 background=BackgroundTask(shutil.rmtree, taken, ignore_errors=True),
             )
         return _refusal(404, "There is no such file: it can be taken once")
-
-
-def _name(text: str) -> str:
-    """`text` where it is a name that this server gave, else none."""
-    return text if NAME.fullmatch(text) else ""
 
 
 def _files(place: Path) -> list[Path]:

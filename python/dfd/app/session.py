@@ -75,6 +75,7 @@ class Session:
         self._preparation: Preparation | None = None
         self._progress: ProgressMessage | None = None  # of what the page waits for
         self._number, self._warnings = 0, list[str]()
+        self._names: dict[str, str] = {}  # what people call the files that were opened
         self._after = 0
         self._kept: Edit | None = None  # what is on disk
         self._shown: Edit | None = None  # what the page was told last
@@ -124,6 +125,8 @@ class Session:
         ValueError, OSError
             As `dfd.load` does.
         """
+        if source.path is not None:
+            self._names[str(source.path)] = source.name
         self._tell_progress("open", "read")
         try:
             mesh, told = read_shape(source)
@@ -140,6 +143,7 @@ class Session:
         if field is None:
             self._preparation.look()
         else:
+            self._names[str(field.path)] = field.name
             self._preparation.open(field.path, "file")
 
     def close_shape(self) -> None:
@@ -160,6 +164,7 @@ class Session:
         """Take the field in a file."""
         if self._preparation is None:
             raise ValueError("Open a mesh before its field")
+        self._names[str(field.path)] = field.name
         self._preparation.cancel()
         self._tell_field("preparing")
         self._preparation.open(field.path, "file")
@@ -168,6 +173,7 @@ class Session:
         """Take the edit in a file, as one step, once the field is there."""
         if self.mesh is None:
             raise ValueError("Open a mesh before its edit")
+        self._names[str(edit.path)] = edit.name
         if self.deformer is None:
             self._wanted = edit
             return
@@ -210,7 +216,7 @@ class Session:
         self.looks.field = FieldState(status="ready", origin=origin, settings=settings)
         self._tell_progress("prepare", "done")
         for sentence in told:
-            self.send(FailureMessage(message=sentence))
+            self.fail(0, sentence)
         wanted, self._wanted = self._wanted, None
         self.tell_state()
         if wanted is not None:
@@ -224,7 +230,7 @@ class Session:
     def field_failed(self, task: str, message: str) -> None:
         """Say so; the shape can still be looked at, and an earlier field stays."""
         self._tell_progress(task, "failed")
-        self.send(FailureMessage(message=message))
+        self.fail(0, message)
         self._tell_field("none" if self.deformer is None else "ready")
 
     def field_cancelled(self) -> None:
@@ -271,8 +277,8 @@ class Session:
 
     def fail(self, number: int, sentence: str) -> None:
         """Say that request `number` was not done, without the places of files on this machine."""
-        if self.source is not None and self.source.path is not None:
-            sentence = sentence.replace(str(self.source.path), self.source.name)
+        for path, name in self._names.items():
+            sentence = sentence.replace(f"`path` {path}", name).replace(path, name)
         sentence = _FUNCTION.sub("", sentence.replace(f"{self.folder}/", ""))
         self.send(FailureMessage(id=number, message=sentence))
 

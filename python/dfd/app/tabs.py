@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import re
 import secrets
 import shutil
 import time
@@ -17,9 +18,10 @@ from dfd.app.options import SessionOptions
 from dfd.app.protocol.answers import FailureMessage
 from dfd.app.worker import Attach, Order
 
-__all__ = ["OPENED_ELSEWHERE", "SESSION_ENDED", "Tab", "Tabs", "TooManyTabs"]
+__all__ = ["NAME", "OPENED_ELSEWHERE", "SESSION_ENDED", "Tab", "Tabs", "TooManyTabs"]
 
 OPENED_ELSEWHERE, SESSION_ENDED = 4001, 4002  # close codes of a WebSocket
+NAME = re.compile(r"[0-9a-f]{32}")
 IDLE_SECONDS = 30 * 60.0  # after which a session that no page looks at ends; what it saved stays
 KEEP_SECONDS = 7 * 24 * 3600.0  # after which that goes as well
 MOST_TABS = 64
@@ -174,6 +176,8 @@ class Tabs:
 
     def find(self, name: str) -> Tab | None:
         """The tab of that name, if it has one or had one that can go on."""
+        if not NAME.fullmatch(name):
+            return None
         known = self._tabs.get(name)
         if known is None and self._make_link is None and (self.root / name).is_dir():
             known = self._tabs[name] = self._tab(name)

@@ -116,7 +116,8 @@ def _keep(name: str, stream: IO[bytes], place: Path, given: dict[str, Path], lef
         raise ValueError(f"An upload must have at most {MOST_FILES} files")
     steps = [step for step in name.replace("\\", "/").split("/") if step not in ("", ".")]
     opened = _ending(name) in FORMATS
-    harmless = len(steps) <= DEEPEST and all(SAFE.fullmatch(step) for step in steps)
+    rooted = name.startswith(("/", "\\"))
+    harmless = not rooted and 0 < len(steps) <= DEEPEST and all(SAFE.fullmatch(step) for step in steps)
     if not harmless and not opened:
         return 0
     path = place.joinpath(*(steps if harmless else [f"{len(given)}{_ending(name)}"]))
@@ -142,7 +143,7 @@ def _renamed(path: Path, stem: str) -> Path:
 
 
 def _ending(name: str) -> str:
-    return Path(_last(name)).suffix.lower()
+    return PurePosixPath(name.replace("\\", "/")).suffix.lower()[:20]
 
 
 def _last(name: str) -> str:
