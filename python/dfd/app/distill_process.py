@@ -7,6 +7,7 @@ It ends when its input ends, and so with whoever started it.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import subprocess
@@ -70,7 +71,7 @@ class DistillProcess:
             if "stage" in result:
                 tell(result["stage"], result["done"], result["total"])
         code = self._process.wait()
-        self._process.stdout.close()
+        self._close()
         if self._cancelled:
             return None
         if "field" in result:
@@ -86,8 +87,12 @@ class DistillProcess:
         """Stop it; what is done is kept for the next one."""
         self._cancelled = True
         self._process.kill()
-        if self._process.stdin is not None:
-            self._process.stdin.close()
+
+    def _close(self) -> None:
+        for stream in (self._process.stdin, self._process.stdout):
+            if stream is not None:
+                with contextlib.suppress(BrokenPipeError):
+                    stream.close()
 
 
 class TellingStages(Stages):
