@@ -4,8 +4,8 @@
 // Every line: instruction set, work, best and median milliseconds, bytes that must move, and the share of the ceiling.
 
 #include "dfd/bind.hpp"
-#include "dfd/isa.hpp"
-#include "dfd/parallel.hpp"
+#include "dfd/kernels/dispatch.hpp"
+#include "dfd/common/parallel.hpp"
 #include "dfd/pose.hpp"
 
 #include <algorithm>

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "dfd/matrix.hpp"
+#include "dfd/common/matrix.hpp"
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>

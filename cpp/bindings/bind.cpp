@@ -1,145 +1,134 @@
 #include "dfd/bind.hpp"
 
 #include "arrays.hpp"
-#include "dfd/isa.hpp"
+#include "dfd/kernels/dispatch.hpp"
 #include "module.hpp"
+#include "unlocked.hpp"
 
 #include <nanobind/stl/optional.h>
 
 #include <optional>
 #include <stdexcept>
+#include <vector>
 
 using namespace nb::literals;
 
 namespace {
 
-using Halves = nb::ndarray<const std::uint16_t, nb::shape<-1, -1, 16>, nb::c_contig, nb::device::cpu>;
-using Bytes = nb::ndarray<const std::uint8_t, nb::shape<-1, -1, 16, 4>, nb::c_contig, nb::device::cpu>;
-
-dfd::Features features_of(const InputMatrix<float>& rows)
-{
-    return {dfd::Features::Layout::rows, rows.data(), rows.shape(0), rows.shape(1)};
-}
-
-void require_blocks(std::size_t blocks, std::size_t vertex_count)
-{
-    if (blocks != (vertex_count + dfd::block_size - 1) / dfd::block_size)
-        throw std::invalid_argument("bind: `features` must hold a block for every 16 vertices");
-}
-
-dfd::Features features_of(const Halves& blocks, std::size_t vertex_count)
-{
-    require_blocks(blocks.shape(0), vertex_count);
-    return {dfd::Features::Layout::halves, blocks.data(), vertex_count, blocks.shape(1)};
-}
-
-dfd::Features features_of(const Bytes& blocks, std::size_t vertex_count, float scale)
-{
-    require_blocks(blocks.shape(0), vertex_count);
-    if (blocks.shape(1) < 1) throw std::invalid_argument("bind: `features` must hold the squared lengths");
-    return {dfd::Features::Layout::bytes, blocks.data(), vertex_count, 4 * (blocks.shape(1) - 1), scale};
-}
-
 using Array = nb::ndarray<nb::ro, nb::c_contig, nb::device::cpu>;
 using OptionalArray = std::optional<Array>;
-using Offsets = std::optional<InputVector<float>>;
+template <class T>
+using OptionalVector = std::optional<InputVector<T>>;
 
-bool holds(const Array& array, std::size_t dimensions, nb::dlpack::dtype type)
+template <class T>
+bool holds(const Array& array, std::size_t dimensions)
 {
-    return array.ndim() == dimensions && array.dtype() == type;
+    return array.ndim() == dimensions && array.dtype() == nb::dtype<T>();
 }
 
 template <class T>
-dfd::Matrix<const T> matrix_of(const Array& array)
+std::span<const T> span_of(const OptionalVector<T>& vector)
 {
-    return {static_cast<const T*>(array.data()), array.shape(0), array.shape(1)};
+    return vector ? std::span<const T>{vector->data(), vector->size()} : std::span<const T>{};
 }
 
-// Handles or fixed points: int64 vertices (N), or float32 rows (N, D) with what they miss.
-dfd::Points points_of(const OptionalArray& points, const Offsets& offsets)
+dfd::Matrix<const float> matrix_of(const Array& array)
 {
-    dfd::Points result;
-    if (!points) return result;
-    if (holds(*points, 1, nb::dtype<std::int64_t>()))
-        result.vertices = {static_cast<const std::int64_t*>(points->data()), points->shape(0)};
-    else if (holds(*points, 2, nb::dtype<float>())) result.rows = matrix_of<float>(*points);
-    else throw nb::type_error("bind: points must be int64 vertices (N) or float32 rows (N, D)");
-    if (offsets) result.offsets = {offsets->data(), offsets->size()};
-    return result;
+    return {static_cast<const float*>(array.data()), array.shape(0), array.shape(1)};
 }
 
-dfd::Geodesic geodesic_of(const OptionalArray& geodesic)
+dfd::Features features_of(const Array& array, std::size_t vertex_count, float scale)
 {
-    constexpr nb::dlpack::dtype half{static_cast<std::uint8_t>(nb::dlpack::dtype_code::Float), 16, 1};
-    if (!geodesic) return {};
-    if (holds(*geodesic, 2, nb::dtype<float>())) return matrix_of<float>(*geodesic);
-    if (holds(*geodesic, 2, half)) return matrix_of<std::uint16_t>(*geodesic);
-    throw nb::type_error("bind: `geodesic` must be float32 or float16 (H, V)");
+    using Layout = dfd::Features::Layout;
+    if (holds<float>(array, 2)) return {Layout::rows, array.data(), array.shape(0), array.shape(1)};
+    const bool halves = holds<std::uint16_t>(array, 3) && array.shape(2) == dfd::block_size;
+    const bool bytes = holds<std::uint8_t>(array, 4) && array.shape(2) == dfd::block_size && array.shape(3) == 4;
+    if (!halves && !bytes)
+        throw nb::type_error("bind: features must be float32 (V, D), uint16 (B, D, 16) or uint8 (B, D / 4 + 1, 16, 4)");
+    if (array.shape(0) != (vertex_count + dfd::block_size - 1) / dfd::block_size)
+        throw std::invalid_argument("bind: `features` must hold a block for every 16 vertices");
+    if (halves) return {Layout::halves, array.data(), vertex_count, array.shape(1)};
+    if (array.shape(1) < 1) throw std::invalid_argument("bind: `features` must hold the squared lengths");
+    return {Layout::bytes, array.data(), vertex_count, 4 * (array.shape(1) - 1), scale};
 }
 
-void bind(const dfd::Features& features, const dfd::Points& handles, const dfd::Points& fixed,
-          const OptionalArray& geodesic, const std::optional<InputVector<float>>& locality,
+// Handles or fixed points: int64 vertices (N), copied since other threads may change them, or float32 rows (N, D).
+struct OwnedPoints {
+    std::vector<std::int64_t> vertices;
+    dfd::Points points;
+
+    OwnedPoints(const OptionalArray& given, const OptionalVector<float>& offsets)
+    {
+        if (!given) return;
+        if (holds<std::int64_t>(*given, 1)) {
+            const auto* first = static_cast<const std::int64_t*>(given->data());
+            vertices.assign(first, first + given->shape(0));
+            points.vertices = vertices;
+        } else if (holds<float>(*given, 2)) {
+            points.rows = matrix_of(*given);
+        } else {
+            throw nb::type_error("bind: points must be int64 vertices (N) or float32 rows (N, D)");
+        }
+        points.offsets = span_of(offsets);
+    }
+    OwnedPoints(const OwnedPoints&) = delete;
+    OwnedPoints& operator=(const OwnedPoints&) = delete;
+};
+
+std::vector<dfd::Extent> extents_of(const OptionalVector<float>& reaches, const OptionalVector<std::int32_t>& falloffs)
+{
+    std::vector<dfd::Extent> extents;
+    if (!reaches || !falloffs) return extents;
+    if (reaches->size() != falloffs->size()) throw std::invalid_argument("bind: `reach` and `falloff` must be (H)");
+    for (std::size_t k = 0; k < reaches->size(); ++k) {
+        const std::int32_t falloff = falloffs->data()[k];
+        if (falloff < 0 || falloff > static_cast<std::int32_t>(dfd::Falloff::constant))
+            throw std::invalid_argument("bind: there is no such falloff");
+        extents.push_back({reaches->data()[k], static_cast<dfd::Falloff>(falloff)});
+    }
+    return extents;
+}
+
+void bind(const Array& features, std::size_t vertex_count, float scale, const Array& handles,
+          const OptionalVector<float>& handle_offsets, const OptionalVector<std::uint32_t>& members,
+          const OptionalVector<float>& reaches, const OptionalVector<std::int32_t>& falloffs, const OptionalArray& fixed,
+          const OptionalVector<float>& fixed_offsets, const OptionalVector<float>& strengths,
+          const std::optional<InputMatrix<float>>& geodesic, const OptionalVector<float>& locality,
           const StridedOutput<float>& out, int threads)
 {
-    dfd::Constraints constraints{fixed, geodesic_of(geodesic), {}};
-    if (locality) constraints.locality = {locality->data(), locality->size()};
+    const dfd::Features source = features_of(features, vertex_count, scale);
+    OwnedPoints targets(handles, handle_offsets);
+    targets.points.members = span_of(members);
+    const OwnedPoints held(fixed, fixed_offsets);
+    const std::vector<dfd::Extent> extents = extents_of(reaches, falloffs);
+    dfd::Constraints constraints{held.points, {}, span_of(locality), span_of(strengths), extents};
+    if (geodesic) constraints.geodesic = matrix(*geodesic);
     const auto weights = strided_matrix<float>(out, "bind: `out` must have contiguous rows or columns");
-    nb::gil_scoped_release release;
-    dfd::bind(features, handles, constraints, weights, threads, dfd::kernels());
+    unlocked([&](const dfd::Poll& poll) {
+        dfd::bind(source, targets.points, constraints, weights, threads, dfd::kernels(), poll);
+    });
 }
 
-#define DFD_POINTS_SIGNATURE                                                                                          \
-    "handles: numpy.typing.NDArray[numpy.float32] | numpy.typing.NDArray[numpy.int64], "                              \
-    "handle_offsets: numpy.typing.NDArray[numpy.float32] | None, "                                                    \
-    "fixed: numpy.typing.NDArray[numpy.float32] | numpy.typing.NDArray[numpy.int64] | None, "                         \
-    "fixed_offsets: numpy.typing.NDArray[numpy.float32] | None, "                                                     \
-    "geodesic: numpy.typing.NDArray[numpy.float32] | numpy.typing.NDArray[numpy.float16] | None, "                    \
-    "locality: numpy.typing.NDArray[numpy.float32] | None, out: numpy.typing.NDArray[numpy.float32], threads: int) "  \
-    "-> None"
+#define DFD_ARRAY(type) "numpy.typing.NDArray[numpy." type "]"
 
 }  // namespace
 
 void init_bind(nb::module_& m)
 {
-    m.def(
-        "bind",
-        [](InputMatrix<float> features, Array handles, Offsets handle_offsets, OptionalArray fixed,
-           Offsets fixed_offsets, OptionalArray geodesic, std::optional<InputVector<float>> locality,
-           StridedOutput<float> out, int threads) {
-            bind(features_of(features), points_of(handles, handle_offsets), points_of(fixed, fixed_offsets), geodesic,
-                 locality, out, threads);
-        },
-        "features"_a.noconvert(), "handles"_a.noconvert(), "handle_offsets"_a.noconvert().none(),
-        "fixed"_a.noconvert().none(), "fixed_offsets"_a.noconvert().none(), "geodesic"_a.noconvert().none(),
-        "locality"_a.noconvert().none(), "out"_a.noconvert(), "threads"_a,
-        nb::sig("def bind(features: numpy.typing.NDArray[numpy.float32], " DFD_POINTS_SIGNATURE),
-        "Weights (V, H) of features (V, D) for handles, (H) vertices or (H, D) rows, to `out`; Eq. 4-7.");
-    m.def(
-        "bind_halves",
-        [](Halves features, std::size_t vertex_count, Array handles, Offsets handle_offsets, OptionalArray fixed,
-           Offsets fixed_offsets, OptionalArray geodesic, std::optional<InputVector<float>> locality,
-           StridedOutput<float> out, int threads) {
-            bind(features_of(features, vertex_count), points_of(handles, handle_offsets),
-                 points_of(fixed, fixed_offsets), geodesic, locality, out, threads);
-        },
-        "features"_a.noconvert(), "vertex_count"_a, "handles"_a.noconvert(), "handle_offsets"_a.noconvert().none(),
-        "fixed"_a.noconvert().none(), "fixed_offsets"_a.noconvert().none(), "geodesic"_a.noconvert().none(),
-        "locality"_a.noconvert().none(), "out"_a.noconvert(), "threads"_a,
-        nb::sig("def bind_halves(features: numpy.typing.NDArray[numpy.uint16], vertex_count: int, "
-                DFD_POINTS_SIGNATURE),
-        "`bind` for float16 features in blocks (B, D, 16), given as their bits.");
-    m.def(
-        "bind_bytes",
-        [](Bytes features, std::size_t vertex_count, float scale, Array handles, Offsets handle_offsets,
-           OptionalArray fixed, Offsets fixed_offsets, OptionalArray geodesic,
-           std::optional<InputVector<float>> locality, StridedOutput<float> out, int threads) {
-            bind(features_of(features, vertex_count, scale), points_of(handles, handle_offsets),
-                 points_of(fixed, fixed_offsets), geodesic, locality, out, threads);
-        },
-        "features"_a.noconvert(), "vertex_count"_a, "scale"_a, "handles"_a.noconvert(),
-        "handle_offsets"_a.noconvert().none(), "fixed"_a.noconvert().none(), "fixed_offsets"_a.noconvert().none(),
-        "geodesic"_a.noconvert().none(), "locality"_a.noconvert().none(), "out"_a.noconvert(), "threads"_a,
-        nb::sig("def bind_bytes(features: numpy.typing.NDArray[numpy.uint8], vertex_count: int, scale: float, "
-                DFD_POINTS_SIGNATURE),
-        "`bind` for uint8 features in blocks (B, D / 4 + 1, 16, 4), the last quad of each being its squared length.");
+    m.def("bind", &bind, "features"_a.noconvert(), "vertex_count"_a, "scale"_a, "handles"_a.noconvert(),
+          "handle_offsets"_a.noconvert().none(), "members"_a.noconvert().none(), "reaches"_a.noconvert().none(),
+          "falloffs"_a.noconvert().none(), "fixed"_a.noconvert().none(), "fixed_offsets"_a.noconvert().none(),
+          "strengths"_a.noconvert().none(), "geodesic"_a.noconvert().none(), "locality"_a.noconvert().none(),
+          "out"_a.noconvert(), "threads"_a,
+          nb::sig("def bind(features: " DFD_ARRAY("float32") " | " DFD_ARRAY("uint16") " | " DFD_ARRAY("uint8")
+                  ", vertex_count: int, scale: float, handles: " DFD_ARRAY("float32") " | " DFD_ARRAY("int64")
+                  ", handle_offsets: " DFD_ARRAY("float32") " | None, members: " DFD_ARRAY("uint32")
+                  " | None, reaches: " DFD_ARRAY("float32") " | None, falloffs: " DFD_ARRAY("int32")
+                  " | None, fixed: " DFD_ARRAY("float32") " | " DFD_ARRAY("int64")
+                  " | None, fixed_offsets: " DFD_ARRAY("float32") " | None, strengths: " DFD_ARRAY("float32")
+                  " | None, geodesic: " DFD_ARRAY("float32") " | None, locality: " DFD_ARRAY("float32")
+                  " | None, out: " DFD_ARRAY("float32") ", threads: int) -> None"),
+          "Weights (V, H) of features for handles, (N) vertices or (N, D) rows of which `members` (H) make each, to "
+          "`out`; Eq. 4-7. Features are rows (V, D), bits of float16 in blocks (B, D, 16), or uint8 in blocks "
+          "(B, D / 4 + 1, 16, 4) that stand for `scale` each, the last quad being the squared length.");
 }

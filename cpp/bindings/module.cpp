@@ -1,7 +1,7 @@
 #include "module.hpp"
 
 #include "arrays.hpp"
-#include "dfd/isa.hpp"
+#include "dfd/kernels/dispatch.hpp"
 
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>

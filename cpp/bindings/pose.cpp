@@ -1,8 +1,10 @@
+#include "dfd/common/polar.hpp"
 #include "dfd/pose.hpp"
 
 #include "arrays.hpp"
-#include "dfd/isa.hpp"
+#include "dfd/kernels/dispatch.hpp"
 #include "module.hpp"
+#include "unlocked.hpp"
 
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
@@ -10,6 +12,7 @@
 
 #include <cstring>
 #include <optional>
+#include <stdexcept>
 #include <tuple>
 #include <vector>
 
@@ -23,18 +26,26 @@ using Plane = std::tuple<std::array<double, 3>, double, double>;  // normal, off
 
 template <class T>
 void pose(InputMatrix<T> vertices, StridedInput<float> weights, Transforms transforms, Transform rest,
-          std::optional<Plane> plane, std::optional<InputVector<bool>> positive, std::optional<InputMatrix<T>> base,
+          std::optional<Plane> plane, std::optional<InputVector<bool>> positive, std::optional<InputMatrix<double>> places,
+          std::optional<InputMatrix<double>> mixing, int overlap, int blend, std::optional<InputMatrix<T>> base,
           std::optional<InputMatrix<T>> normals, OutputMatrix<T> out, std::optional<OutputMatrix<T>> out_normals,
           int threads)
 {
     std::vector<dfd::Affine> affine(transforms.shape(0));
     if (!affine.empty()) std::memcpy(affine.data(), transforms.data(), affine.size() * sizeof(dfd::Affine));
-    dfd::Motion motion{affine, {}, {}};
+    std::vector<dfd::Vector3d> standing;
+    if (places) {
+        if (places->shape(1) != 3) throw std::invalid_argument("pose: `handles` must be (H, 3)");
+        standing.resize(places->shape(0));
+        if (!standing.empty()) std::memcpy(standing.data(), places->data(), standing.size() * sizeof standing[0]);
+    }
+    dfd::Motion motion{affine, {}, {}, static_cast<dfd::Overlap>(overlap), static_cast<dfd::Blend>(blend), standing, {}};
     std::memcpy(motion.rest.data(), rest.data(), sizeof motion.rest);
     if (plane && positive) {
         const auto& [normal, offset, band] = *plane;
         motion.mirror = dfd::Mirror{normal, offset, band, {positive->data(), positive->size()}};
     }
+    if (mixing) motion.mixing = {mixing->data(), mixing->size()};
     dfd::PoseArrays<T> arrays;
     arrays.vertices = matrix(vertices);
     arrays.weights = strided_matrix<const float>(weights, "pose: `weights` must have contiguous rows or columns");
@@ -42,26 +53,28 @@ void pose(InputMatrix<T> vertices, StridedInput<float> weights, Transforms trans
     if (base) arrays.base = matrix(*base);
     if (normals) arrays.normals = matrix(*normals);
     if (out_normals) arrays.posed_normals = matrix(*out_normals);
-    nb::gil_scoped_release release;
-    dfd::pose<T>(arrays, motion, threads, dfd::kernels());
+    unlocked([&](const dfd::Poll& poll) { dfd::pose<T>(arrays, motion, threads, dfd::kernels(), poll); });
 }
 
 template <class T>
 void define_pose(nb::module_& m, const char* signature)
 {
     m.def("pose", &pose<T>, "vertices"_a.noconvert(), "weights"_a.noconvert(), "transforms"_a.noconvert(),
-          "default"_a.noconvert(), "plane"_a.none(), "positive"_a.noconvert().none(), "base"_a.noconvert().none(),
+          "default"_a.noconvert(), "plane"_a.none(), "positive"_a.noconvert().none(), "places"_a.noconvert().none(),
+          "mixing"_a.noconvert().none(), "overlap"_a, "blend"_a, "base"_a.noconvert().none(),
           "normals"_a.noconvert().none(), "out"_a.noconvert(), "out_normals"_a.noconvert().none(), "threads"_a,
           nb::sig(signature),
-          "Vertices (V, 3), moved by weights (V, H) and transforms (H, 3, 4), to `out`; Eq. 1 and 8.");
+          "Vertices (V, 3), moved by weights (V, H), times `mixing` (H, H), and transforms (H, 3, 4), to `out`; "
+          "Eq. 1 and 8.");
 }
 
-#define DFD_POSE_SIGNATURE(type)                                                                                  \
-    "def pose(vertices: numpy.typing.NDArray[numpy." type "], weights: numpy.typing.NDArray[numpy.float32], "                               \
-    "transforms: numpy.typing.NDArray[numpy.float64], default: numpy.typing.NDArray[numpy.float64], "                                       \
-    "plane: tuple[tuple[float, float, float], float, float] | None, positive: numpy.typing.NDArray[numpy.bool_] | None, "      \
-    "base: numpy.typing.NDArray[numpy." type "] | None, normals: numpy.typing.NDArray[numpy." type "] | None, out: numpy.typing.NDArray[numpy." type "], " \
-    "out_normals: numpy.typing.NDArray[numpy." type "] | None, threads: int) -> None"
+#define DFD_ARRAY(type) "numpy.typing.NDArray[numpy." type "]"
+#define DFD_POSE_SIGNATURE(type)                                                                                     \
+    "def pose(vertices: " DFD_ARRAY(type) ", weights: " DFD_ARRAY("float32") ", transforms: " DFD_ARRAY("float64")   \
+    ", default: " DFD_ARRAY("float64") ", plane: tuple[tuple[float, float, float], float, float] | None, positive: " \
+    DFD_ARRAY("bool_") " | None, places: " DFD_ARRAY("float64") " | None, mixing: " DFD_ARRAY("float64")             \
+    " | None, overlap: int, blend: int, base: " DFD_ARRAY(type) " | None, normals: " DFD_ARRAY(type)                 \
+    " | None, out: " DFD_ARRAY(type) ", out_normals: " DFD_ARRAY(type) " | None, threads: int) -> None"
 
 }  // namespace
 

@@ -1,11 +1,13 @@
 #include "dfd/bind.hpp"
 
-#include "dfd/parallel.hpp"
-#include "dfd/require.hpp"
-#include "dfd/scratch.hpp"
+#include "dfd/common/parallel.hpp"
+#include "dfd/common/require.hpp"
+#include "dfd/common/scratch.hpp"
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 namespace dfd {
@@ -15,8 +17,6 @@ constexpr std::size_t grain_entries = std::size_t{1} << 19;   // of features, co
 constexpr std::size_t streamed_bytes = std::size_t{1} << 22;  // results beyond this would only wash out the caches
 constexpr std::size_t streamed_columns = 64;
 constexpr std::size_t most_byte_dimensions = 33'000;          // beyond, 32 bits may not hold a squared distance
-
-double value_of(float value) { return double(value); }
 
 double value_of(std::uint16_t half)
 {
@@ -47,7 +47,7 @@ void read_row(const Features& features, std::size_t vertex, std::span<float> row
 // Fixed points and handles, in this order, rearranged in groups of 16.
 class PackedPoints {
 public:
-    PackedPoints(const Points& fixed, const Points& handles, const Features& features)
+    PackedPoints(const Points& fixed, std::span<const float> strengths, const Points& handles, const Features& features)
         : dimension_(features.dimension)
     {
         const std::size_t count = fixed.count() + handles.count();
@@ -73,6 +73,8 @@ public:
                 else pack_floats(row, next);
             }
         }
+        for (std::size_t p = 0; p < strengths.size(); ++p)
+            if (strengths[p] == 0) offsets_[p] = std::numeric_limits<float>::max();  // holds nothing: far from everything
         targets = {rows_.data(),  squares_.data(),      quads_.data(),
                    pairs_.data(), quad_squares_.data(), offsets_.data(), count};
     }
@@ -120,16 +122,43 @@ private:
     std::vector<std::int32_t> quads_, pairs_, quad_squares_;
 };
 
-std::vector<Falloff> falloffs_of(std::span<const float> locality)
+std::vector<Power> powers_of(std::span<const float> locality)
 {
     constexpr float most_products = 8;  // beyond, a logarithm takes no longer
-    std::vector<Falloff> falloffs;
-    for (const float power : locality) {
-        const bool whole = power <= most_products && power == std::floor(power);
-        falloffs.push_back({power, whole ? static_cast<std::int32_t>(power) : -1});
+    std::vector<Power> powers;
+    for (const float exponent : locality) {
+        const bool whole = exponent <= most_products && exponent == std::floor(exponent);
+        powers.push_back({exponent, whole ? static_cast<std::int32_t>(exponent) : -1});
     }
-    return falloffs;
+    return powers;
 }
+
+// What handles and fixed points have beside their features, as long as it is not what the paper gives all of them.
+struct Shapes {
+    std::vector<float> strengths;
+    std::vector<Reach> reaches;
+    std::vector<std::uint32_t> members;
+    bool shaped = false;
+
+    Shapes(const Points& handles, const Constraints& constraints)
+        : strengths(constraints.strengths.begin(), constraints.strengths.end()),
+          members(handles.members.begin(), handles.members.end())
+    {
+        constexpr float most = 1e30f;  // whose products with 0 and with the largest distances are what they should be
+        const std::size_t handle_count = handles.handle_count();
+        strengths.resize(constraints.fixed.count(), 1);
+        members.resize(handle_count, 1);
+        for (const Extent& extent : constraints.extents) {
+            reaches.push_back({std::clamp(1 / extent.reach, 1 / most, most), extent.falloff});
+            shaped |= extent.reach != 1 || extent.falloff != Falloff::linear;
+        }
+        reaches.resize(handle_count, {1, Falloff::linear});
+        const auto differs = [](auto value) { return value != 1; };
+        std::replace(strengths.begin(), strengths.end(), 0.0f, 1.0f);  // they lie far from everything
+        shaped |= std::any_of(strengths.begin(), strengths.end(), differs);
+        shaped |= std::any_of(members.begin(), members.end(), differs);
+    }
+};
 
 void check_points(const Points& points, const Features& features, const char* name, const char* width_message)
 {
@@ -156,6 +185,24 @@ void require_distinct(std::span<const std::int64_t> vertices)
         throw std::invalid_argument("bind: `handles` names vertex " + std::to_string(*twice) + " more than once");
 }
 
+void check_shapes(const Points& handles, const Constraints& constraints)
+{
+    const auto& [fixed, geodesic, locality, strengths, extents] = constraints;
+    if (handles.members.empty()) require_distinct(handles.vertices);
+    std::size_t points = 0;
+    for (const std::uint32_t members : handles.members) {
+        require(members > 0, "bind: a handle that is a region must have at least one point");
+        points += members;
+    }
+    require(handles.members.empty() || points == handles.count(), "bind: `handles` must have as many points as members");
+    require(strengths.empty() || strengths.size() == fixed.count(), "bind: `strength` must be (P)");
+    for (const float strength : strengths)
+        require(strength >= 0 && strength <= 1, "bind: `strength` must lie in [0, 1]");
+    require(extents.empty() || extents.size() == handles.handle_count(), "bind: `reach` and `falloff` must be (H)");
+    for (const Extent& extent : extents)
+        require(std::isfinite(extent.reach) && extent.reach > 0, "bind: `reach` must be finite and above 0");
+}
+
 BindRange range_of(const Kernels& kernels, Features::Layout layout)
 {
     switch (layout) {
@@ -176,16 +223,14 @@ bool can_stream(const StridedMatrix<float>& weights)
 }
 
 // The kernels let pass what rounding may have added, and suspect -0.
-template <class T>
-void require_shares(const Matrix<const T>& geodesic)
+void require_shares(const Matrix<const float>& geodesic)
 {
-    const std::span<const T> all{geodesic.data, geodesic.rows * geodesic.columns};
-    const auto found = std::find_if(all.begin(), all.end(), [](T value) {
-        return !(value_of(value) >= 0 && value_of(value) <= 1 + double(geodesic_slack));
-    });
+    const std::span<const float> all{geodesic.data, geodesic.rows * geodesic.columns};
+    const auto found =
+        std::find_if(all.begin(), all.end(), [](float value) { return !(value >= 0 && value <= 1 + geodesic_slack); });
     if (found == all.end()) return;
     const auto index = static_cast<std::size_t>(found - all.begin());
-    throw std::invalid_argument("bind: `geodesic` must lie in [0, 1], got " + std::to_string(value_of(*found)) +
+    throw std::invalid_argument("bind: `geodesic` must lie in [0, 1], got " + std::to_string(*found) +
                                 " at [" + std::to_string(index / geodesic.columns) + ", " +
                                 std::to_string(index % geodesic.columns) + "]");
 }
@@ -193,31 +238,29 @@ void require_shares(const Matrix<const T>& geodesic)
 }  // namespace
 
 void bind(const Features& features, const Points& handles, const Constraints& constraints,
-          const StridedMatrix<float>& weights, int threads, const Kernels& kernels)
+          const StridedMatrix<float>& weights, int threads, const Kernels& kernels, const Poll& poll)
 {
-    const auto& [fixed, geodesic, locality] = constraints;
+    const auto& [fixed, geodesic, locality, strengths, extents] = constraints;
+    require(features.dimension > 0 || features.vertex_count == 0, "bind: `features` must have at least one dimension");
     require(features.layout != Features::Layout::bytes || features.dimension <= most_byte_dimensions,
             "bind: `features` of bytes must have at most 33,000 dimensions");
     check_points(handles, features, "handles", "bind: `handles` and `features` differ in dimension");
     check_points(fixed, features, "fixed", "bind: `fixed` and `features` differ in dimension");
-    require_distinct(handles.vertices);
-    const std::size_t handle_count = handles.count(), fixed_count = fixed.count();
+    check_shapes(handles, constraints);
+    const std::size_t handle_count = handles.handle_count(), fixed_count = fixed.count();
     require(weights.rows == features.vertex_count && weights.columns == handle_count,
             "bind: `weights` must be (V, H)");
     require(weights.rows * weights.columns == 0 || weights.row_stride == 1 || weights.column_stride == 1,
             "bind: `weights` must have contiguous rows or columns");
-    const bool fits = std::visit(
-        [&](const auto& distances) {
-            return distances.rows == handle_count && distances.columns == features.vertex_count;
-        },
-        geodesic);
-    require(locality.empty() || (locality.size() == handle_count && fits),
+    require(locality.empty() || (locality.size() == handle_count && geodesic.rows == handle_count &&
+                                 geodesic.columns == features.vertex_count),
             "bind: `geodesic` must be (H, V) and `locality` (H)");
     for (const float exponent : locality)
         require(std::isfinite(exponent) && exponent >= 0, "bind: `locality` must be finite and at least 0");
 
-    const PackedPoints packed(fixed, handles, features);
-    const std::vector<Falloff> falloffs = falloffs_of(locality);
+    const PackedPoints packed(fixed, strengths, handles, features);
+    const Shapes shapes(handles, constraints);
+    const std::vector<Power> powers = powers_of(locality);
     BindJob job;
     job.features = features.data;
     job.vertex_count = features.vertex_count;
@@ -226,10 +269,12 @@ void bind(const Features& features, const Points& handles, const Constraints& co
     job.targets = packed.targets;
     job.fixed_count = fixed_count;
     job.handle_count = handle_count;
-    if (!locality.empty())
-        std::visit([&](const auto& distances) { job.geodesic = distances.data; }, geodesic);
-    job.geodesic_halves = std::holds_alternative<Matrix<const std::uint16_t>>(geodesic);
-    job.falloffs = falloffs.data();
+    job.shaped = shapes.shaped;
+    job.strengths = shapes.strengths.data();
+    job.reaches = shapes.reaches.data();
+    job.members = shapes.members.data();
+    job.geodesic = locality.empty() ? nullptr : geodesic.data;
+    job.powers = powers.data();
     job.weights = weights.data;
     job.row_stride = weights.row_stride;
     job.column_stride = weights.column_stride;
@@ -238,11 +283,11 @@ void bind(const Features& features, const Points& handles, const Constraints& co
     const Scratch scratch(threads, bind_scratch(features.dimension, handle_count));
     const BindRange bind_range = range_of(kernels, features.layout);
     std::atomic<unsigned> faults = no_fault;
-    const std::size_t compared = features.dimension * (handle_count + fixed_count + 1) + 1;
+    const std::size_t compared = features.dimension * (packed.targets.count + 1) + 1;
     const std::size_t grain = (grain_entries / compared / block_size + 1) * block_size;
     parallel_ranges(features.vertex_count, grain, threads, [&](std::size_t worker, std::size_t begin, std::size_t end) {
         faults |= bind_range(job, begin, end, scratch.of(worker));
-    });
+    }, poll);
     // Finite features whose length overflows are only far from everything; the slow check tells them apart.
     if ((faults & features_suspect) != 0 && features.layout == Features::Layout::rows)
         require_finite(Matrix<const float>{static_cast<const float*>(features.data), features.vertex_count,
@@ -250,8 +295,7 @@ void bind(const Features& features, const Points& handles, const Constraints& co
                        "bind", "features");
     require((faults & features_suspect) == 0 || features.layout != Features::Layout::halves,
             "bind: `features` must be finite");
-    if ((faults & geodesic_suspect) != 0)
-        std::visit([](const auto& distances) { require_shares(distances); }, geodesic);
+    if ((faults & geodesic_suspect) != 0) require_shares(geodesic);
 }
 
 }  // namespace dfd

@@ -1,8 +1,9 @@
 #include "dfd/pose.hpp"
 
-#include "dfd/parallel.hpp"
-#include "dfd/require.hpp"
-#include "dfd/scratch.hpp"
+#include "dfd/common/parallel.hpp"
+#include "dfd/common/polar.hpp"
+#include "dfd/common/require.hpp"
+#include "dfd/common/scratch.hpp"
 
 #include <atomic>
 #include <cmath>
@@ -13,45 +14,210 @@ namespace {
 
 constexpr std::size_t grain_weights = std::size_t{1} << 15;  // blended: less is not worth a thread
 
-using Point = std::array<double, 3>;
+using Point = Vector3d;
 
-Affine product(const Affine& a, const Affine& b)
+double dot(const Point& a, const Point& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+Point product(const Matrix3d& m, const Point& p)
 {
-    Affine result{};
-    for (std::size_t row = 0; row < 3; ++row) {
-        for (std::size_t column = 0; column < 4; ++column)
-            for (std::size_t k = 0; k < 3; ++k) result[row * 4 + column] += a[row * 4 + k] * b[k * 4 + column];
-        result[row * 4 + 3] += a[row * 4 + 3];
-    }
+    return {dot({m[0], m[1], m[2]}, p), dot({m[3], m[4], m[5]}, p), dot({m[6], m[7], m[8]}, p)};
+}
+
+Point sum(const Point& a, const Point& b) { return {a[0] + b[0], a[1] + b[1], a[2] + b[2]}; }
+
+Point difference(const Point& a, const Point& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
+
+/// A transform as what it adds to a point, change p + shift, which is 0 where it rests; and taken apart at its place.
+struct Displacement {
+    Matrix3d change;  // of the linear part: A - I
+    Point shift, place;
+    Polar polar;
+    double turning;   // how much the linear part does: |A - I|
+};
+
+Displacement displacement_of(const Affine& transform, const Point& place, Blend blend)
+{
+    Displacement d{{}, {transform[3], transform[7], transform[11]}, place, {{1, 0, 0, 0}, {}}, 0};
+    for (std::size_t row = 0; row < 3; ++row)
+        for (std::size_t column = 0; column < 3; ++column)
+            d.change[row * 3 + column] = transform[row * 4 + column] - (row == column ? 1.0 : 0.0);
+    if (blend == Blend::linear) return d;
+    d.polar = polar_decomposition(d.change);
+    double square = 0;
+    for (const double entry : d.change) square += entry * entry;
+    d.turning = std::sqrt(square);
+    return d;
+}
+
+/// H M H for the reflection H of directions.
+Matrix3d reflected(const Matrix3d& m, const Matrix3d& reflection)
+{
+    Matrix3d half{}, result{};
+    for (std::size_t i = 0; i < 9; ++i)
+        for (std::size_t k = 0; k < 3; ++k) half[i] += reflection[i / 3 * 3 + k] * m[k * 3 + i % 3];
+    for (std::size_t i = 0; i < 9; ++i)
+        for (std::size_t k = 0; k < 3; ++k) result[i] += half[i / 3 * 3 + k] * reflection[k * 3 + i % 3];
     return result;
 }
 
-/// R D R for the reflection R across the plane.
-Affine reflected(const Affine& transform, const Mirror& mirror)
+/// What R D R of Eq. (8) adds, for the reflection R across the plane.
+Displacement reflected(const Displacement& d, const Mirror& mirror)
 {
-    Affine reflection;
-    for (std::size_t row = 0; row < 3; ++row) {
-        for (std::size_t column = 0; column < 3; ++column)
-            reflection[row * 4 + column] = (row == column ? 1.0 : 0.0) - 2.0 * mirror.normal[row] * mirror.normal[column];
-        reflection[row * 4 + 3] = 2.0 * mirror.offset * mirror.normal[row];
-    }
-    return product(product(reflection, transform), reflection);
+    const Point& normal = mirror.normal;
+    Matrix3d reflection;
+    for (std::size_t i = 0; i < 9; ++i) reflection[i] = (i % 4 == 0 ? 1.0 : 0.0) - 2 * normal[i / 3] * normal[i % 3];
+    const Point across{2 * mirror.offset * normal[0], 2 * mirror.offset * normal[1], 2 * mirror.offset * normal[2]};
+
+    Displacement result = d;
+    result.change = reflected(d.change, reflection);
+    result.shift = product(reflection, sum(product(d.change, across), d.shift));
+    result.place = sum(product(reflection, d.place), across);
+    const auto& [w, x, y, z] = d.polar.rotation;
+    const Point axis = product(reflection, {x, y, z});
+    result.polar.rotation = {w, -axis[0], -axis[1], -axis[2]};  // a mirrored turn goes the other way round
+    const auto& [xx, yy, zz, yz, zx, xy] = d.polar.stretch;
+    const Matrix3d stretch = reflected({xx, xy, zx, xy, yy, yz, zx, yz, zz}, reflection);
+    result.polar.stretch = {stretch[0], stretch[4], stretch[8], stretch[5], stretch[2], stretch[1]};
+    return result;
 }
 
-/// Appends D - I about `center`: what D adds to a point p is linear (p - center) + translation.
-template <class T>
-void append_displacement(std::vector<T>& table, const Affine& transform, const Point& center)
+/// Rotations that blend turn the shorter way from where D_0 turns.
+void align(Displacement& d, const Displacement& rest)
 {
+    double cosine = 0;
+    for (std::size_t k = 0; k < 4; ++k) cosine += d.polar.rotation[k] * rest.polar.rotation[k];
+    if (cosine >= 0) return;
+    for (double& entry : d.polar.rotation) entry = -entry;
+}
+
+bool stretches(const Displacement& d)
+{
+    return std::any_of(d.polar.stretch.begin(), d.polar.stretch.end(), [](double entry) { return entry != 0; });
+}
+
+void append_affine(std::vector<double>& table, const Displacement& d, const Point& center)
+{
+    const Point shift = sum(d.shift, product(d.change, center));
     for (std::size_t row = 0; row < 3; ++row) {
-        double shift = transform[row * 4 + 3];
-        for (std::size_t column = 0; column < 3; ++column) {
-            const double entry = transform[row * 4 + column] - (row == column ? 1.0 : 0.0);
-            shift += entry * center[column];
-            table.push_back(static_cast<T>(entry));
-        }
-        table.push_back(static_cast<T>(shift));
+        table.insert(table.end(), &d.change[3 * row], &d.change[3 * row] + 3);
+        table.push_back(shift[row]);
     }
 }
+
+void append_quaternion(std::vector<double>& table, const Quaternion& q)
+{
+    table.push_back(q[0] - 1);
+    table.insert(table.end(), q.begin() + 1, q.end());
+}
+
+void append_stretch(std::vector<double>& table, const Symmetric3d& stretch)
+{
+    table.insert(table.end(), stretch.begin(), stretch.end());
+}
+
+/// The rigid motion that follows a stretch about the place, and that stretch, about `center`.
+void append_dual_quaternion(std::vector<double>& table, const Displacement& d, const Point& center, bool stretched)
+{
+    const Quaternion& q = d.polar.rotation;
+    const Point arm = difference(center, d.place);
+    const Point t = sum(rotation_displacement(q, arm), sum(product(d.change, d.place), d.shift));
+    append_quaternion(table, q);
+    table.push_back(-0.5 * (t[0] * q[1] + t[1] * q[2] + t[2] * q[3]));
+    for (std::size_t k = 0; k < 3; ++k) {
+        const std::size_t a = (k + 1) % 3, b = (k + 2) % 3;
+        table.push_back(0.5 * (q[0] * t[k] + t[a] * q[b + 1] - t[b] * q[a + 1]));
+    }
+    if (!stretched) return;
+    append_stretch(table, d.polar.stretch);
+    const auto& [xx, yy, zz, yz, zx, xy] = d.polar.stretch;
+    const Point shift = product({xx, xy, zx, xy, yy, yz, zx, yz, zz}, arm);
+    table.insert(table.end(), shift.begin(), shift.end());
+}
+
+void append_polar(std::vector<double>& table, const Displacement& d, const Point& center)
+{
+    append_affine(table, d, center);
+    append_quaternion(table, d.polar.rotation);
+    append_stretch(table, d.polar.stretch);
+    const Point place = difference(d.place, center);
+    for (const double coordinate : place) table.push_back(d.turning * coordinate);
+    table.push_back(d.turning);
+}
+
+void append(std::vector<double>& table, const Displacement& d, const Point& center, Blend blend, bool stretched)
+{
+    switch (blend) {
+    case Blend::linear: return append_affine(table, d, center);
+    case Blend::dual_quaternion: return append_dual_quaternion(table, d, center, stretched);
+    case Blend::polar: return append_polar(table, d, center);
+    }
+}
+
+/// The rows of a table (H, entries) such that weights times them are weights times `mixing` times the table: what is
+/// blended is linear in its entries. Centers are means by the weights as they are.
+void mix(std::vector<double>& table, const Motion& motion, std::size_t entries)
+{
+    constexpr std::size_t polar_places = 4;
+    if (motion.mixing.empty() || table.empty()) return;
+    const std::size_t count = motion.transforms.size();
+    const std::size_t mixed = motion.blend == Blend::polar ? entries - polar_places : entries;
+    const std::vector<double> given = table;
+    for (std::size_t m = 0; m < count; ++m) {
+        for (std::size_t e = 0; e < mixed; ++e) {
+            double& entry = table[m * entries + e] = 0;
+            for (std::size_t k = 0; k < count; ++k) entry += motion.mixing[m * count + k] * given[k * entries + e];
+        }
+    }
+}
+
+template <class T>
+std::vector<T> narrowed(const std::vector<double>& numbers)
+{
+    std::vector<T> result;
+    result.reserve(numbers.size());
+    for (const double number : numbers) result.push_back(static_cast<T>(number));
+    return result;
+}
+
+/// Entries of what D_0 and the handles do, on either side of the mirror.
+template <class T>
+struct Tables {
+    std::vector<T> rest, positive, negative, shares;
+    bool stretched;
+
+    Tables(const Motion& motion, const Point& center)
+    {
+        std::vector<Displacement> own, other;
+        const Displacement still = displacement_of(motion.rest, center, motion.blend);
+        for (std::size_t k = 0; k < motion.transforms.size(); ++k) {
+            const Point& place = motion.places.empty() ? center : motion.places[k];
+            own.push_back(displacement_of(motion.transforms[k], place, motion.blend));
+            if (motion.mirror) other.push_back(reflected(own.back(), *motion.mirror));
+        }
+        stretched = stretches(still) || std::any_of(own.begin(), own.end(), stretches);
+        std::vector<double> above, below, resting;
+        for (std::size_t k = 0; k < own.size(); ++k) {
+            align(own[k], still);
+            if (motion.mirror) align(other[k], still);
+            const bool switched = motion.mirror && !motion.mirror->positive[k];
+            append(above, switched ? other[k] : own[k], center, motion.blend, stretched);
+            if (motion.mirror) append(below, switched ? own[k] : other[k], center, motion.blend, stretched);
+        }
+        append(resting, still, center, motion.blend, stretched);
+        const std::size_t entries = entries_of(motion.blend, stretched);
+        mix(above, motion, entries);
+        mix(below, motion, entries);
+        rest = narrowed<T>(resting);
+        positive = narrowed<T>(above);
+        negative = narrowed<T>(below);
+        const std::size_t count = motion.mixing.empty() ? 0 : own.size();
+        for (std::size_t m = 0; m < count; ++m) {
+            double share = 0;
+            for (std::size_t k = 0; k < count; ++k) share += motion.mixing[m * count + k];
+            shares.push_back(static_cast<T>(share));
+        }
+    }
+};
 
 template <class T>
 bool same_shape(const Matrix<T>& matrix, std::size_t rows)
@@ -76,6 +242,12 @@ void check_shapes(const PoseArrays<T>& arrays, const Motion& motion)
             "pose: `weights` must have contiguous rows or columns");
     require(!motion.mirror || motion.mirror->positive.size() == motion.transforms.size(),
             "pose: `symmetry` must know every handle's side");
+    const std::size_t handle_count = motion.transforms.size();
+    require(motion.blend == Blend::linear || motion.places.size() == handle_count,
+            "pose: `handles` must say where each handle stands");
+    require(motion.blend == Blend::linear || arrays.base.data == nullptr, "pose: only a linear blend takes a `base`");
+    require(motion.mixing.empty() || motion.mixing.size() == handle_count * handle_count,
+            "pose: `mixing` must be (H, H)");
 }
 
 void require_finite_transforms(const Motion& motion)
@@ -107,7 +279,8 @@ PoseRange<double> range_of(const Kernels& kernels, const PoseJob<double>&) { ret
 }  // namespace
 
 template <class T>
-void pose(const PoseArrays<T>& arrays, const Motion& motion, int threads, const Kernels& kernels)
+void pose(const PoseArrays<T>& arrays, const Motion& motion, int threads, const Kernels& kernels,
+          const Poll& poll)
 {
     check_shapes(arrays, motion);
     require_finite_transforms(motion);
@@ -116,19 +289,7 @@ void pose(const PoseArrays<T>& arrays, const Motion& motion, int threads, const 
 
     Point center;
     for (std::size_t axis = 0; axis < 3; ++axis) center[axis] = static_cast<double>(arrays.vertices.data[axis]);
-    std::vector<T> rest, positive, negative;  // what D_0 and the handles do, on either side
-    append_displacement(rest, motion.rest, center);
-    for (std::size_t k = 0; k < motion.transforms.size(); ++k) {
-        const Affine& own = motion.transforms[k];
-        if (!motion.mirror) {
-            append_displacement(positive, own, center);
-            continue;
-        }
-        const Affine other = reflected(own, *motion.mirror);
-        const bool is_positive = motion.mirror->positive[k];
-        append_displacement(positive, is_positive ? own : other, center);
-        append_displacement(negative, is_positive ? other : own, center);
-    }
+    const Tables<T> tables(motion, center);
 
     PoseJob<T> job;
     job.vertices = arrays.vertices.data;
@@ -137,10 +298,14 @@ void pose(const PoseArrays<T>& arrays, const Motion& motion, int threads, const 
     job.row_stride = arrays.weights.row_stride;
     job.column_stride = arrays.weights.column_stride;
     job.handle_count = motion.transforms.size();
-    job.positive = positive.data();
-    job.negative = negative.empty() ? nullptr : negative.data();
-    const bool still = std::all_of(rest.begin(), rest.end(), [](T entry) { return entry == 0; });
-    job.rest = still || arrays.base.data != nullptr ? nullptr : rest.data();
+    job.overlap = motion.overlap;
+    job.blend = motion.blend;
+    job.stretched = tables.stretched;
+    job.positive = tables.positive.data();
+    job.negative = motion.mirror ? tables.negative.data() : nullptr;
+    const bool still = std::all_of(tables.rest.begin(), tables.rest.end(), [](T entry) { return entry == 0; });
+    job.rest = still || arrays.base.data != nullptr ? nullptr : tables.rest.data();
+    job.shares = tables.shares.empty() ? nullptr : tables.shares.data();
     job.base = arrays.base.data;
     job.normals = arrays.normals.data;
     job.posed_normals = arrays.posed_normals.data;
@@ -161,16 +326,18 @@ void pose(const PoseArrays<T>& arrays, const Motion& motion, int threads, const 
     const std::size_t grain = (grain_weights / (job.handle_count + 1) / block_size + 1) * block_size;
     parallel_ranges(count, grain, threads, [&](std::size_t worker, std::size_t begin, std::size_t end) {
         if (!pose_range(job, begin, end, scratch.of(worker))) finite = false;
-    });
+    }, poll);
     if (finite) return;
     require_finite(arrays.vertices, "pose", "vertices");
     require_finite_weights(arrays.weights);
     require_finite(arrays.base, "pose", "base");
     require_finite(arrays.normals, "pose", "normals");
+    if (!motion.places.empty())
+        require_finite(Matrix<const double>{motion.places.data()->data(), motion.places.size(), 3}, "pose", "handles");
     throw std::invalid_argument("pose: `transforms` move a vertex beyond the largest number that its type holds");
 }
 
-template void pose(const PoseArrays<float>&, const Motion&, int, const Kernels&);
-template void pose(const PoseArrays<double>&, const Motion&, int, const Kernels&);
+template void pose(const PoseArrays<float>&, const Motion&, int, const Kernels&, const Poll&);
+template void pose(const PoseArrays<double>&, const Motion&, int, const Kernels&, const Poll&);
 
 }  // namespace dfd

@@ -1,7 +1,8 @@
 #pragma once
 
+#include "dfd/common/matrix.hpp"
+#include "dfd/common/parallel.hpp"
 #include "dfd/kernels/kernels.hpp"
-#include "dfd/matrix.hpp"
 
 #include <array>
 #include <optional>
@@ -25,6 +26,10 @@ struct Motion {
     std::span<const Affine> transforms;  // (H) D_k
     Affine rest;                         // D_0, which takes what the weights leave of 1
     std::optional<Mirror> mirror;
+    Overlap overlap = Overlap::add;
+    Blend blend = Blend::linear;
+    std::span<const std::array<double, 3>> places = {};  // (H) where each handle stands, for other blends than linear
+    std::span<const double> mixing = {};  // (H, H) row-major: the weights are multiplied by it; empty for the identity
 };
 
 /// The arrays of one pose; all but `vertices`, `weights` and `posed` may be empty.
@@ -40,13 +45,21 @@ struct PoseArrays {
 
 /// Vertices moved by the blended transforms of Eq. (1), mirrored across a plane by Eq. (8) when one is given.
 ///
-/// A vertex moves by blended displacements, taken about a point of the mesh, so nothing is lost to a far origin.
+/// A vertex moves by blended displacements, taken about a point of the mesh, so nothing is lost to a far origin, and
+/// transforms that are the identity leave every vertex as it is, to the bit, unless `overlap` scales it.
+///
+/// Dual quaternions blend each transform as a stretch about the handle's place and a rigid motion after it. Polar
+/// blending moves each vertex with the mean place of the handles that turn it, which goes where Eq. (1) sends it, and
+/// turns and stretches what lies between the two. D_0 stands at the first vertex. Neither scales a vertex whose weights
+/// pass 1: `paper` is `normalize` there.
 ///
 /// @throws std::invalid_argument if shapes disagree, or a value is not finite or too large for T
+/// @throws Stopped if `poll` said so
 template <class T>
-void pose(const PoseArrays<T>& arrays, const Motion& motion, int threads, const Kernels& kernels);
+void pose(const PoseArrays<T>& arrays, const Motion& motion, int threads, const Kernels& kernels,
+          const Poll& poll = {});
 
-extern template void pose(const PoseArrays<float>&, const Motion&, int, const Kernels&);
-extern template void pose(const PoseArrays<double>&, const Motion&, int, const Kernels&);
+extern template void pose(const PoseArrays<float>&, const Motion&, int, const Kernels&, const Poll&);
+extern template void pose(const PoseArrays<double>&, const Motion&, int, const Kernels&, const Poll&);
 
 }  // namespace dfd

@@ -21,6 +21,7 @@ if _typing.TYPE_CHECKING:
     from dfd import reference, samples
     from dfd.distillation.distill import distill
     from dfd.editing.deformer import Deformer
+    from dfd.editing.document import edit_schema
     from dfd.field.field import Field
     from dfd.geometry.geodesics import Geodesics
     from dfd.mesh.mesh import Mesh, load
@@ -38,6 +39,7 @@ __all__ = [
     "bind",
     "compact",
     "distill",
+    "edit_schema",
     "get_num_threads",
     "load",
     "pose",
@@ -56,6 +58,7 @@ _LATER = {
     "Mesh": "dfd.mesh.mesh",
     "SymmetryPlane": "dfd.symmetry.plane",
     "distill": "dfd.distillation.distill",
+    "edit_schema": "dfd.editing.document",
     "load": "dfd.mesh.mesh",
     "symmetry_planes": "dfd.symmetry.search",
 }

@@ -5,7 +5,8 @@ Tests hold the kernels to these; nothing else calls them. Arguments are taken as
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,17 +14,58 @@ from numpy.typing import ArrayLike, NDArray
 if TYPE_CHECKING:
     from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["blend", "feature_weights", "geodesic_falloff", "mirrored_blend", "positive_share", "subtract_fixed"]
+__all__ = ["bind", "feature_weights", "geodesic_falloff", "pose", "positive_share", "subtract_fixed"]
 
 Array = NDArray[np.float64]
+
+FALLOFFS: dict[str, Callable[[Array], Array]] = {
+    "linear": lambda x: x,
+    "smooth": lambda x: x**2 * (3.0 - 2.0 * x),
+    "sharp": lambda x: x**2,
+    "root": np.sqrt,
+    "sphere": lambda x: np.sqrt(1.0 - (1.0 - x) ** 2),
+    "constant": lambda x: np.where(x > 0.0, 1.0, 0.0),
+}
+
+
+def bind(
+    features: ArrayLike,
+    handles: Any,
+    *,
+    fixed: Any = (),
+    strength: ArrayLike = 1.0,
+    geodesic: ArrayLike | None = None,
+    locality: ArrayLike = 0.0,
+    reach: ArrayLike = 1.0,
+    falloff: Any = "linear",
+) -> Array:
+    """(V, H) weights as `dfd.bind` gives them: reach and falloff of Eq. 4 and 5, then Eq. 6, then Eq. 7.
+
+    Each of `handles` and `fixed` is a vertex, several, or feature rows; it weighs by its nearest member.
+    """
+    z = np.asarray(features, np.float64)
+    weights = _nearest_weights(z, handles, reach, falloff)
+    held = _nearest_weights(z, fixed, 1.0, "linear") * np.broadcast_to(strength, len(fixed))
+    weights = subtract_fixed(weights, held)
+    return weights if geodesic is None else geodesic_falloff(weights, geodesic, locality)
+
+
+def _nearest_weights(z: Array, items: Any, reach: ArrayLike, falloff: Any) -> Array:
+    """(V, N) weights of features (V, D) for the nearest member of each item."""
+    weights = np.zeros((len(z), len(items)))
+    reaches = np.broadcast_to(reach, len(items))
+    names = [falloff] * len(items) if isinstance(falloff, str) else falloff
+    for j, item in enumerate(items):
+        members = np.asarray(item)
+        rows = z[np.atleast_1d(members)] if members.dtype.kind in "iu" else np.atleast_2d(members).astype(np.float64)
+        distances = np.min([np.linalg.norm(z - row, axis=1) for row in rows], axis=0)
+        weights[:, j] = FALLOFFS[names[j]](np.maximum(1.0 - distances / reaches[j], 0.0))
+    return weights
 
 
 def feature_weights(features: ArrayLike, handles: ArrayLike) -> Array:
     """(V, H) weights of features (V, D) for handle rows (H, D): max(1 − ‖Z_i − Z_j‖₂, 0), Eq. 4 and 5."""
-    z, h = np.asarray(features, np.float64), np.asarray(handles, np.float64)
-    distances = [np.linalg.norm(z - row, axis=1) for row in h]
-    weights: Array = np.maximum(1.0 - np.array(distances).reshape(len(h), len(z)).T, 0.0)
-    return weights
+    return _nearest_weights(np.asarray(features, np.float64), np.asarray(handles, np.float64), 1.0, "linear")
 
 
 def subtract_fixed(weights: ArrayLike, fixed_weights: ArrayLike) -> Array:
@@ -40,16 +82,6 @@ def geodesic_falloff(weights: ArrayLike, geodesic: ArrayLike, locality: ArrayLik
     return w * falloff
 
 
-def blend(vertices: ArrayLike, weights: ArrayLike, transforms: ArrayLike, default: ArrayLike | None = None) -> Array:
-    """(V, 3) vertices moved by transforms (H, 3, 4) with weights (V, H), and by D₀ for what is left of 1, Eq. 1."""
-    v, w, d = (np.asarray(value, np.float64) for value in (vertices, weights, transforms))
-    rest = np.eye(3, 4) if default is None else np.asarray(default, np.float64)
-    left = np.maximum(1.0 - w.sum(axis=1), 0.0)
-    blended = left[:, None, None] * rest[:3] + np.einsum("vh,hij->vij", w, d[:, :3])
-    moved: Array = np.einsum("vij,vj->vi", blended, np.column_stack([v, np.ones(len(v))]))
-    return moved
-
-
 def positive_share(vertices: ArrayLike, symmetry: SymmetryPlane) -> Array:
     """(V,) how much of each vertex is on the positive side: a step at the plane, or a smoothstep over ±band."""
     heights: Array = np.asarray(vertices, np.float64) @ np.asarray(symmetry.normal) - symmetry.offset
@@ -59,26 +91,169 @@ def positive_share(vertices: ArrayLike, symmetry: SymmetryPlane) -> Array:
     return t * t * (3 - 2 * t)
 
 
-def mirrored_blend(
+def pose(
     vertices: ArrayLike,
     weights: ArrayLike,
     transforms: ArrayLike,
-    symmetry: SymmetryPlane,
-    positive: ArrayLike,
+    *,
     default: ArrayLike | None = None,
-) -> Array:
-    """(V, 3) vertices moved by Eq. 8: D_k on the handle's own side (H booleans: the positive one), R D_k R beyond."""
+    symmetry: SymmetryPlane | None = None,
+    handles: Any = None,
+    handle_weights: ArrayLike | None = None,
+    normals: ArrayLike | None = None,
+    overlap: str = "add",
+    blend: str = "linear",
+) -> Any:
+    """(V, 3) vertices, and with `normals` those as well, as `dfd.pose` gives them: Eq. 1, 8 and beyond."""
+    v, w, d = (np.asarray(value, np.float64) for value in (vertices, weights, transforms))
+    count = w.shape[1]
+    if len(v) == 0:
+        return v if normals is None else (v, v)
+    stands = w.argmax(axis=0) if handles is None else np.asarray(handles)
+    among = w[stands] if handle_weights is None and stands.ndim == 1 else handle_weights
+    places = v[stands] if stands.ndim == 1 else stands.astype(np.float64)
+    d = np.array([_square(matrix) for matrix in d]).reshape(count, 4, 4)
+    rest = _parts(np.eye(4) if default is None else _square(np.asarray(default, np.float64)), v[0], None)
+
+    own = [_parts(matrix, place, rest.rotation) for matrix, place in zip(d, places, strict=True)]
+    if symmetry is None:
+        above = below = own
+        share = np.ones(len(v))
+    else:
+        mirror = _reflection(symmetry)
+        images = places @ mirror[:3, :3].T + mirror[:3, 3]
+        other = [_parts(mirror @ m @ mirror, at, rest.rotation) for m, at in zip(d, images, strict=True)]
+        positive = places @ np.asarray(symmetry.normal) >= symmetry.offset
+        above = [a if side else b for a, b, side in zip(own, other, positive, strict=True)]
+        below = [b if side else a for a, b, side in zip(own, other, positive, strict=True)]
+        share = positive_share(v, symmetry)
+
+    acting = w @ np.linalg.inv(np.asarray(among, np.float64)) if overlap == "interpolate" and count else w
+    total = acting.sum(axis=1)
+    remainder = np.maximum(1.0 - total, 0.0)
+    excess = np.maximum(total - 1.0, 0.0) if (overlap, blend) == ("paper", "linear") else np.zeros(len(v))
+    if overlap == "normalize" or (overlap == "paper" and blend != "linear"):
+        acting = acting / np.maximum(total, 1.0)[:, None]
+
+    moved, turned = np.empty_like(v), np.empty_like(v)
+    for i in range(len(v)):
+        sums = []
+        for parts in (above, below):
+            blended = _sum([rest, *parts], [remainder[i], *acting[i]])
+            turning = _sum([rest, *parts], [remainder[i], *w[i].clip(0.0)])  # means by the weights as they are
+            sums.append(blended._replace(turning=turning.turning, turning_place=turning.turning_place))
+        mixed = _sum(sums, [share[i], 1.0 - share[i]])
+        moved[i], linear = _apply(blend, mixed, excess[i], v[i])
+        if normals is not None:
+            turned[i] = _turn_normal(linear, np.asarray(normals, np.float64)[i])
+    return moved if normals is None else (moved, turned)
+
+
+class _Parts(NamedTuple):
+    """A transform taken apart at a place, each part less that of the identity."""
+
+    matrix: Array  # (4, 4)
+    rotation: Array  # (4,) quaternion w, x, y, z
+    dual: Array  # (4,) dual part of the rigid motion that follows a stretch about the place
+    stretch: Array  # (4, 4) that stretch
+    turning: Any  # how much the linear part does
+    turning_place: Array  # (3,) the place times that
+
+
+def _sum(parts: list[_Parts], weights: Any) -> _Parts:
+    return _Parts(*(np.tensordot(weights, np.stack(kind), axes=1) for kind in zip(*parts, strict=True)))
+
+
+IDENTITY_QUATERNION = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+def _parts(matrix: Array, place: Array, towards: Array | None) -> _Parts:
+    """Parts of an affine (4, 4), its quaternion on the side of `towards` (less the identity's), or of 1."""
+    linear = matrix[:3, :3]
+    rotation, stretch = _polar(linear)
+    q = _quaternion(rotation)
+    goal = IDENTITY_QUATERNION if towards is None else towards + IDENTITY_QUATERNION
+    q = q if q @ goal >= 0 else -q
+    translation = matrix[:3, :3] @ place + matrix[:3, 3] - rotation @ place
+    about = np.eye(4)
+    about[:3, :3], about[:3, 3] = stretch, place - stretch @ place
+    turning = float(np.linalg.norm(linear - np.eye(3)))
+    dual = 0.5 * _product(np.array([0.0, *translation]), q)
+    return _Parts(matrix - np.eye(4), q - IDENTITY_QUATERNION, dual, about - np.eye(4), turning, turning * place)
+
+
+def _apply(blend: str, sums: _Parts, excess: float, vertex: Array) -> tuple[Array, Array]:
+    """(3,) where blended parts move a vertex, and the (3, 3) linear part that turns its normal."""
+    matrix, stretch = sums.matrix + np.eye(4), sums.stretch + np.eye(4)
+    if blend == "linear":
+        matrix[:3, :3] += excess * np.eye(3)
+        return matrix[:3, :3] @ vertex + matrix[:3, 3], matrix[:3, :3]
+    q = sums.rotation + IDENTITY_QUATERNION
+    length = np.linalg.norm(q)
+    q = q / length
+    rotation = np.array([_product(_product(q, np.array([0.0, *axis])), _conjugate(q))[1:] for axis in np.eye(3)]).T
+    linear: Array = rotation @ stretch[:3, :3]
+    if blend == "dual_quaternion":
+        translation = 2.0 * _product(sums.dual / length, _conjugate(q))[1:]
+        return rotation @ (stretch[:3, :3] @ vertex + stretch[:3, 3]) + translation, linear
+    center = sums.turning_place / sums.turning if sums.turning > 0 else vertex
+    return linear @ (vertex - center) + matrix[:3, :3] @ center + matrix[:3, 3], linear
+
+
+def _turn_normal(linear: Array, normal: Array) -> Array:
+    """(3,) unit normal turned by the cofactors of a linear part, or as it is where that squeezes everything flat."""
+    a, b, c = linear
+    turned = np.array([np.cross(b, c), np.cross(c, a), np.cross(a, b)]) @ normal
+    length = np.linalg.norm(turned)
+    result: Array = turned / length if length > 0 else normal
+    return result
+
+
+def _polar(linear: Array) -> tuple[Array, Array]:
+    """(3, 3) proper rotation R and symmetric S with R S = `linear`; mirroring is left to S, and R to the identity."""
+    u, sizes, vt = np.linalg.svd(linear)
+    if np.linalg.det(u @ vt) >= 0:
+        return u @ vt, vt.T @ np.diag(sizes) @ vt
+    flips = [np.array(signs) for signs in ([-1.0, 1, 1], [1.0, -1, 1], [1.0, 1, -1], [-1.0, -1, -1])]
+    signs = max(flips, key=lambda flip: np.trace(u @ np.diag(flip) @ vt))
+    return u @ np.diag(signs) @ vt, vt.T @ np.diag(signs * sizes) @ vt
+
+
+def _quaternion(rotation: Array) -> Array:
+    """(4,) w, x, y, z of a rotation matrix: the eigenvector of its quadratic form (Bar-Itzhack, 2000)."""
+    m = rotation
+    form = np.array(
+        [
+            [m[0, 0] + m[1, 1] + m[2, 2], m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]],
+            [m[2, 1] - m[1, 2], m[0, 0] - m[1, 1] - m[2, 2], m[1, 0] + m[0, 1], m[2, 0] + m[0, 2]],
+            [m[0, 2] - m[2, 0], m[1, 0] + m[0, 1], m[1, 1] - m[0, 0] - m[2, 2], m[2, 1] + m[1, 2]],
+            [m[1, 0] - m[0, 1], m[2, 0] + m[0, 2], m[2, 1] + m[1, 2], m[2, 2] - m[0, 0] - m[1, 1]],
+        ]
+    )
+    q: Array = np.linalg.eigh(form)[1][:, -1]
+    return q if q[0] >= 0 else -q
+
+
+def _product(a: Array, b: Array) -> Array:
+    """The product of two quaternions."""
+    scalar = a[0] * b[0] - a[1:] @ b[1:]
+    return np.array([scalar, *(a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:]))])
+
+
+def _conjugate(q: Array) -> Array:
+    conjugate: Array = q * np.array([1.0, -1.0, -1.0, -1.0])
+    return conjugate
+
+
+def _square(matrix: Array) -> Array:
+    """An affine (3, 4) or (4, 4) as (4, 4)."""
+    return np.vstack([matrix[:3], [0.0, 0.0, 0.0, 1.0]])
+
+
+def _reflection(symmetry: SymmetryPlane) -> Array:
+    """(4, 4) R of Eq. 8."""
     normal = np.asarray(symmetry.normal, np.float64)
     reflection = np.eye(4)
     reflection[:3, :3] -= 2.0 * np.outer(normal, normal)
     reflection[:3, 3] = 2.0 * symmetry.offset * normal
-    own = np.zeros((len(np.asarray(transforms)), 4, 4))
-    own[:, 3, 3] = 1.0
-    own[:, :3] = np.asarray(transforms, np.float64)[:, :3]
-    other = reflection @ own @ reflection
-    side = np.asarray(positive, bool)[:, None, None]
-    above = blend(vertices, weights, np.where(side, own, other), default)
-    below = blend(vertices, weights, np.where(side, other, own), default)
-    share = positive_share(vertices, symmetry)[:, None]
-    mixed: Array = share * above + (1.0 - share) * below
-    return mixed
+    return reflection

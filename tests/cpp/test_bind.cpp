@@ -1,7 +1,7 @@
 #include "dfd/bind.hpp"
 
 #include "check.hpp"
-#include "dfd/isa.hpp"
+#include "dfd/kernels/dispatch.hpp"
 
 #include <algorithm>
 #include <array>
@@ -90,22 +90,6 @@ CASE("geodesic falloff, Equation (7)")
                                   std::pow(1.0 - double(geodesic[j * 64 + i]), double(locality[j]));
             CHECK_NEAR(problem.weights[i * 3 + j], wanted, 1e-6);
         }
-    }
-END
-
-CASE("float16 distances weigh as the same numbers in float")
-    const std::vector<std::uint16_t> halves{0x0000, 0x0001, 0x03ff, 0x0400, 0x2e66, 0x3555, 0x3800, 0x3bff, 0x3c00};
-    const std::vector<float> same{0, 0x1p-24f, 0x3ffp-24f, 0x1p-14f, 0x666p-14f, 0x555p-12f, 0.5f, 0x7ffp-11f, 1};
-    for (const std::string& name : dfd::instruction_sets()) {
-        Problem problem(101, 8, 3);
-        std::vector<std::uint16_t> bits;
-        std::vector<float> numbers;
-        for (std::size_t k = 0; k < 303; ++k) bits.push_back(halves[k % 9]), numbers.push_back(same[k % 9]);
-        const std::vector<float> locality{1, 2, 0.5f};
-        const dfd::Matrix<const std::uint16_t> narrow{bits.data(), 3, 101};
-        const dfd::Matrix<const float> wide{numbers.data(), 3, 101};
-        const std::vector<float> first = problem.bind({{}, narrow, locality}, 2, dfd::kernels(name));
-        CHECK(problem.bind({{}, wide, locality}, 2, dfd::kernels(name)) == first);
     }
 END
 

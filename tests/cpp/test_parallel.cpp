@@ -1,4 +1,4 @@
-#include "dfd/parallel.hpp"
+#include "dfd/common/parallel.hpp"
 
 #include "check.hpp"
 

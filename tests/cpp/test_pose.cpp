@@ -1,7 +1,7 @@
 #include "dfd/pose.hpp"
 
 #include "check.hpp"
-#include "dfd/isa.hpp"
+#include "dfd/kernels/dispatch.hpp"
 
 #include <array>
 #include <limits>
@@ -39,20 +39,20 @@ struct Scene {
         arrays.vertices = {vertices.data(), vertex_count, 3};
         arrays.weights = {weights.data(), vertex_count, handles};
         arrays.posed = {posed.data(), vertex_count, 3};
-        dfd::pose<T>(arrays, {transforms, rest, mirror}, threads, kernels);
+        dfd::pose<T>(arrays, {transforms, rest, mirror, dfd::Overlap::paper}, threads, kernels);
     }
 
     // Equation (1), entry by entry.
     std::array<double, 3> expected(std::size_t i, const std::vector<dfd::Affine>& moves, const dfd::Affine& rest) const
     {
-        double left = 1;
+        double remainder = 1;
         dfd::Affine blend{};
         for (std::size_t k = 0; k < handles; ++k) {
-            left -= double(weights[i * handles + k]);
+            remainder -= double(weights[i * handles + k]);
             for (std::size_t entry = 0; entry < 12; ++entry)
                 blend[entry] += double(weights[i * handles + k]) * moves[k][entry];
         }
-        for (std::size_t entry = 0; entry < 12; ++entry) blend[entry] += std::max(left, 0.0) * rest[entry];
+        for (std::size_t entry = 0; entry < 12; ++entry) blend[entry] += std::max(remainder, 0.0) * rest[entry];
         std::array<double, 3> result;
         for (std::size_t row = 0; row < 3; ++row) {
             result[row] = blend[row * 4 + 3];

@@ -29,23 +29,24 @@ def test_geodesic_falloff():
     np.testing.assert_allclose(falloff, [[1.0, 1.0], [0.25, 1.0], [0.0, 1.0]])
 
 
-def test_blend():
+def test_pose():
     shift = np.eye(3, 4)
     shift[:, 3] = [1.0, 2.0, 3.0]
     double = np.eye(3, 4) * 2
-    moved = reference.blend([[1.0, 1.0, 1.0]], [[0.5, 0.25]], [shift, double])
+    moved = reference.pose([[1.0, 1.0, 1.0]], [[0.5, 0.25]], [shift, double])
     np.testing.assert_allclose(moved, [[1.75, 2.25, 2.75]])
-    np.testing.assert_allclose(reference.blend([[1.0, 1.0, 1.0]], [[0.5]], [shift], double), [[2.0, 2.5, 3.0]])
+    moved = reference.pose([[1.0, 1.0, 1.0]], [[0.5]], [shift], default=double)
+    np.testing.assert_allclose(moved, [[2.0, 2.5, 3.0]])
 
 
-def test_mirrored_blend():
+def test_mirrored_pose():
     plane = dfd.SymmetryPlane((1.0, 0.0, 0.0), 1.0)
     shift = np.eye(3, 4)
     shift[:, 3] = [1.0, 2.0, 0.0]
     vertices = np.array([[3.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
-    moved = reference.mirrored_blend(vertices, np.ones((2, 1)), [shift], plane, [True])
+    moved = reference.pose(vertices, np.ones((2, 1)), [shift], symmetry=plane, handles=[0])
     np.testing.assert_allclose(moved, [[4.0, 2.0, 0.0], [-2.0, 2.0, 0.0]])
-    moved = reference.mirrored_blend(vertices, np.ones((2, 1)), [shift], plane, [False])
+    moved = reference.pose(vertices, np.ones((2, 1)), [shift], symmetry=plane, handles=[1])
     np.testing.assert_allclose(moved, [[2.0, 2.0, 0.0], [0.0, 2.0, 0.0]])
 
 

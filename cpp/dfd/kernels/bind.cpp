@@ -2,10 +2,8 @@
 // wherever it stands and whatever handles it is bound to beside.
 
 #include "dfd/kernels/falloff.hpp"
-#include "dfd/kernels/output.hpp"
+#include "dfd/kernels/store.hpp"
 #include "dfd/kernels/variants.hpp"
-
-#include <type_traits>
 
 namespace dfd {
 namespace {
@@ -23,19 +21,17 @@ constexpr std::size_t tile = 2;
 #endif
 static_assert(group_size % tile == 0);
 
-// Squared distances to `left` targets from `first` on, or to one more: a group of targets ends with zeroes.
+// Squared distances to `wanted` targets from `first` on, or to one more: a group of targets ends with zeroes.
 template <std::size_t Count, class Panel>
-DFD_INLINE void measure(const Panel& panel, const Targets& targets, std::size_t first, std::size_t left, Block* squares)
+DFD_INLINE void measure(const Panel& panel, const Targets& targets, std::size_t first, std::size_t wanted, Block* squares)
 {
     if constexpr (Count < tile) {
-        if (left > Count) return measure<Count == 1 ? 2 : Count + 2>(panel, targets, first, left, squares);
+        if (wanted > Count) return measure<Count == 1 ? 2 : Count + 2>(panel, targets, first, wanted, squares);
     }
     panel.template squared_distances<Count>(targets, first, squares);
 }
 
-typedef std::uint32_t Bits __attribute__((vector_size(vector_bytes)));
-
-// What a range has met.
+// What is wrong with a range.
 struct Faults {
     bool suspect = false;
     Bits largest[parts] = {};  // bits of geodesic distances
@@ -53,28 +49,24 @@ struct Faults {
     }
 };
 
-DFD_INLINE Float load_numbers(const float* from) { return load<Float>(from); }
-DFD_INLINE Float load_numbers(const std::uint16_t* from) { return from_halves(from); }
-
-// Equation (7): the weights of one handle times (1 - g)^power for its distances g, of type T.
-template <class T>
+// Equation (7): the weights of one handle times (1 - g)^power for its distances g.
 DFD_INLINE void narrow(const BindJob& job, std::size_t handle, const Place& place, Block& weights, Faults& faults)
 {
-    const T* distances = static_cast<const T*>(job.geodesic) + handle * job.vertex_count + place.begin;
+    const float* distances = job.geodesic + handle * job.vertex_count + place.begin;
     prefetch(distances, geodesic_ahead, 1);  // more streams than the machine follows by itself
-    T padded[block_size];
+    float padded[block_size];
     if (place.count < block_size) {
-        for (std::size_t lane = 0; lane < block_size; ++lane) padded[lane] = lane < place.count ? distances[lane] : T{};
+        for (std::size_t lane = 0; lane < block_size; ++lane) padded[lane] = lane < place.count ? distances[lane] : 0;
         distances = padded;
     }
-    const auto [power, products] = job.falloffs[handle];
+    const auto [exponent, products] = job.powers[handle];
     for (std::size_t part = 0; part < parts; ++part) {
-        const Float g = load_numbers(distances + part * width);
+        const Float g = load<Float>(distances + part * width);
         // As whole numbers, the bits of negative numbers and of NaN are beyond those of every valid distance.
         faults.largest[part] = (Bits)g > faults.largest[part] ? (Bits)g : faults.largest[part];
-        const Float x = maximum(1.0f - g, splat(0.0f));
+        const Float x = minimum(maximum(1.0f - g, splat(0.0f)), splat(1.0f));
         if (products < 0) {
-            weights.part[part] *= power_of(x, power);
+            weights.part[part] *= power_of(x, exponent);
         } else {
 #pragma GCC unroll 1
             for (int k = 0; k < products; ++k) weights.part[part] *= x;
@@ -82,49 +74,99 @@ DFD_INLINE void narrow(const BindJob& job, std::size_t handle, const Place& plac
     }
 }
 
-// `Columns` and `Distance`, the type of geodesic distances or void, are known to the compiler: what they decide would
-// be decided again for every handle of every block.
-template <bool Columns, class Distance, class Panel>
-DFD_INLINE void bind_block(const BindJob& job, const Panel& panel, const Place& place, float* scratch,
-                           LineStream& lines, Faults& faults)
+// The weights of one handle, to its column or to the scratch that holds rows.
+template <bool Columns>
+DFD_INLINE void put(const BindJob& job, std::size_t handle, const Place& place, const Block& weights, float* scratch)
 {
-    faults.suspect |= panel.suspect();
-    Block room;  // what the fixed points leave: 1 less their largest weight
-    for (std::size_t part = 0; part < parts; ++part) room.part[part] = splat(1.0f);
+    if constexpr (Columns) {
+        put_column(job, handle, place, weights);
+    } else {
+        for (std::size_t part = 0; part < parts; ++part)
+            store(scratch + handle * block_size + part * width, weights.part[part]);
+    }
+}
+
+DFD_INLINE Block ones()
+{
+    Block block;
+    for (std::size_t part = 0; part < parts; ++part) block.part[part] = splat(1.0f);
+    return block;
+}
+
+// `Columns` and `Local`, whether there are geodesic distances, are known to the compiler: what they decide would be
+// decided again for every handle of every block.
+template <bool Columns, bool Local, class Panel>
+DFD_INLINE void bind_block(const BindJob& job, const Panel& panel, const Place& place, float* scratch, Faults& faults)
+{
+    Block room = ones();  // what the fixed points leave: 1 less their largest weight
     for (std::size_t first = 0; first < job.targets.count; first += tile) {
-        const std::size_t left = job.targets.count - first < tile ? job.targets.count - first : tile;
+        const std::size_t count = job.targets.count - first < tile ? job.targets.count - first : tile;
         Block squares[tile];
-        measure<1>(panel, job.targets, first, left, squares);
+        measure<1>(panel, job.targets, first, count, squares);
         std::size_t j = 0;
-        if (first < job.fixed_count) {  // the nearest one weighs most, so one root serves all
-            for (; j < left && first + j < job.fixed_count; ++j)
+        if (first < job.fixed_count) {  // the nearest one weighs most, so one square root serves all
+            for (; j < count && first + j < job.fixed_count; ++j)
                 for (std::size_t part = 0; part < parts; ++part)
                     room.part[part] = minimum(room.part[part], squares[j].part[part]);
             if (first + j == job.fixed_count)
-                for (std::size_t part = 0; part < parts; ++part) room.part[part] = root(room.part[part]);
+                for (std::size_t part = 0; part < parts; ++part) room.part[part] = sqrt(room.part[part]);
         }
-        for (; j < left; ++j) {
+        for (; j < count; ++j) {
             const std::size_t handle = first + j - job.fixed_count;
             Block weights;
             for (std::size_t part = 0; part < parts; ++part) {
-                // The unit that takes roots would hold up all others, so they do every second one.
+                // The unit that takes square roots would hold up all others, so they do every second one.
                 const Float square = squares[j].part[part];
-                const Float distance = j % 2 == 0 ? root(square) : root_by_products(square);
+                const Float distance = j % 2 == 0 ? sqrt(square) : sqrt_by_products(square);
                 weights.part[part] = maximum(room.part[part] - distance, splat(0.0f));  // Equations (4-6)
             }
-            if constexpr (!std::is_void_v<Distance>) narrow<Distance>(job, handle, place, weights, faults);
-            if constexpr (Columns) {
-                put_column(job, handle, place, weights);
-            } else {
-                for (std::size_t part = 0; part < parts; ++part)
-                    store(scratch + handle * block_size + part * width, weights.part[part]);
-            }
+            if constexpr (Local) narrow(job, handle, place, weights, faults);
+            put<Columns>(job, handle, place, weights, scratch);
         }
     }
-    if constexpr (!Columns) put_rows(job, place, scratch, lines);
 }
 
-template <bool Columns, class Distance, class Read>
+// The same for handles that reach farther or less far, fall off otherwise or are regions, and for fixed points that hold
+// in part. What is 1 here and there gives the same bits as above.
+template <bool Columns, class Panel>
+DFD_INLINE void bind_shaped_block(const BindJob& job, const Panel& panel, const Place& place, float* scratch,
+                                  Faults& faults)
+{
+    Block room = ones();
+    Block nearest;  // squared distance to the members of a handle so far
+    std::size_t handle = 0, member = 0;
+    for (std::size_t first = 0; first < job.targets.count; first += tile) {
+        const std::size_t count = job.targets.count - first < tile ? job.targets.count - first : tile;
+        Block squares[tile];
+        measure<1>(panel, job.targets, first, count, squares);
+        for (std::size_t j = 0; j < count; ++j) {
+            if (first + j < job.fixed_count) {
+                const Float strength = splat(job.strengths[first + j]), free = splat(1.0f) - strength;
+                for (std::size_t part = 0; part < parts; ++part)
+                    room.part[part] = minimum(room.part[part], strength * sqrt(squares[j].part[part]) + free);
+                continue;
+            }
+            for (std::size_t part = 0; part < parts; ++part)
+                nearest.part[part] = member == 0 ? squares[j].part[part] : minimum(nearest.part[part], squares[j].part[part]);
+            if (++member < job.members[handle]) continue;
+            member = 0;
+            const auto [inverse, falloff] = job.reaches[handle];
+            Block weights;
+            for (std::size_t part = 0; part < parts; ++part) {
+                const Float distance = sqrt(nearest.part[part]) * splat(inverse), free = room.part[part];
+                weights.part[part] =
+                    falloff == Falloff::linear
+                        ? maximum(free - distance, splat(0.0f))
+                        : maximum(fall_off(maximum(1.0f - distance, splat(0.0f)), falloff) - (1.0f - free), splat(0.0f));
+            }
+            if (job.geodesic != nullptr) narrow(job, handle, place, weights, faults);
+            put<Columns>(job, handle, place, weights, scratch);
+            ++handle;
+        }
+    }
+}
+
+template <bool Columns, bool Local, bool Shaped, class Read>
 DFD_INLINE unsigned bind_blocks(const BindJob& shared_job, std::size_t begin, std::size_t end, float* scratch,
                                 const Read& read)
 {
@@ -134,8 +176,12 @@ DFD_INLINE unsigned bind_blocks(const BindJob& shared_job, std::size_t begin, st
     LineStream lines(by_lines ? job.weights + begin * job.row_stride : nullptr, weights + job.handle_count * block_size);
     Faults faults;
     for (std::size_t i = begin; i < end; i += block_size) {
-        const std::size_t count = end - i < block_size ? end - i : block_size;
-        bind_block<Columns, Distance>(job, read(job, i, count, scratch), {i, count}, weights, lines, faults);
+        const Place place{i, end - i < block_size ? end - i : block_size};
+        const auto panel = read(job, i, place.count, scratch);
+        faults.suspect |= panel.suspect();
+        if constexpr (Shaped) bind_shaped_block<Columns>(job, panel, place, weights, faults);
+        else bind_block<Columns, Local>(job, panel, place, weights, faults);
+        if constexpr (!Columns) put_rows(job, place, weights, lines);
     }
     if (by_lines) lines.finish();
     stream_fence();
@@ -145,9 +191,9 @@ DFD_INLINE unsigned bind_blocks(const BindJob& shared_job, std::size_t begin, st
 template <bool Columns, class Read>
 DFD_INLINE unsigned bind_lines(const BindJob& job, std::size_t begin, std::size_t end, float* scratch, const Read& read)
 {
-    if (job.geodesic == nullptr) return bind_blocks<Columns, void>(job, begin, end, scratch, read);
-    if (job.geodesic_halves) return bind_blocks<Columns, std::uint16_t>(job, begin, end, scratch, read);
-    return bind_blocks<Columns, float>(job, begin, end, scratch, read);
+    if (job.shaped) return bind_blocks<Columns, true, true>(job, begin, end, scratch, read);
+    if (job.geodesic == nullptr) return bind_blocks<Columns, false, false>(job, begin, end, scratch, read);
+    return bind_blocks<Columns, true, false>(job, begin, end, scratch, read);
 }
 
 // Binds block after block; read(job, first vertex, their number, where to) gives a block's features as a panel.

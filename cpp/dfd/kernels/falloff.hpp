@@ -1,6 +1,6 @@
 #pragma once
 
-// Powers of numbers in [0, 1] for Eq. (7).
+// How weights fall off: with distance in feature space up to a reach, and by the powers of Eq. (7).
 
 #include "dfd/kernels/simd.hpp"
 
@@ -14,12 +14,12 @@ DFD_INLINE Float exp2_of(Float x)
     const Int whole = __builtin_convertvector(x - 0.5f, Int);
     const Float f = x - __builtin_convertvector(whole, Float);
     Float y = splat(1.5403530e-4f);
-    y = fused(y, f, splat(1.3333558e-3f));
-    y = fused(y, f, splat(9.6181291e-3f));
-    y = fused(y, f, splat(5.5504109e-2f));
-    y = fused(y, f, splat(2.4022651e-1f));
-    y = fused(y, f, splat(6.9314718e-1f));
-    y = fused(y, f, splat(1.0f));
+    y = multiply_add(y, f, splat(1.3333558e-3f));
+    y = multiply_add(y, f, splat(9.6181291e-3f));
+    y = multiply_add(y, f, splat(5.5504109e-2f));
+    y = multiply_add(y, f, splat(2.4022651e-1f));
+    y = multiply_add(y, f, splat(6.9314718e-1f));
+    y = multiply_add(y, f, splat(1.0f));
     return (Float)((Int)y + (whole << 23));
 }
 
@@ -32,11 +32,11 @@ DFD_INLINE Float log2_of(Float x)
     const Float s = (m - 1.0f) / (m + 1.0f);
     const Float q = s * s;
     Float y = splat(0.32059890f);
-    y = fused(y, q, splat(0.41219859f));
-    y = fused(y, q, splat(0.57707802f));
-    y = fused(y, q, splat(0.96179669f));
-    y = fused(y, q, splat(2.8853901f));
-    return fused(y, s, __builtin_convertvector(exponent, Float));
+    y = multiply_add(y, q, splat(0.41219859f));
+    y = multiply_add(y, q, splat(0.57707802f));
+    y = multiply_add(y, q, splat(0.96179669f));
+    y = multiply_add(y, q, splat(2.8853901f));
+    return multiply_add(y, s, __builtin_convertvector(exponent, Float));
 }
 
 // x^power for x in [0, 1] and power > 0.
@@ -44,6 +44,19 @@ DFD_INLINE Float power_of(Float x, float power)
 {
     const Float positive = exp2_of(power * log2_of(maximum(x, splat(0x1p-126f))));
     return select(at_least(splat(0.0f), x), splat(0.0f), positive);
+}
+
+// What is left of 1 at x = 1 - distance / reach in [0, 1]: 0 at 0, 1 at 1, and never less at more.
+DFD_INLINE Float fall_off(Float x, Falloff falloff)
+{
+    switch (falloff) {
+    case Falloff::smooth: return x * x * (3.0f - 2.0f * x);
+    case Falloff::sharp: return x * x;
+    case Falloff::root: return sqrt(x);
+    case Falloff::sphere: return sqrt(x * (2.0f - x));
+    case Falloff::constant: return select(at_least(splat(0.0f), x), splat(0.0f), splat(1.0f));
+    default: return x;
+    }
 }
 
 }  // namespace

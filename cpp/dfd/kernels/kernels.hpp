@@ -14,6 +14,30 @@ constexpr std::size_t block_size = 16;
 /// Handles that lie together in memory, whatever their number: the rest of the last group is zero.
 constexpr std::size_t group_size = 16;
 
+/// How a weight falls from 1 at the handle to 0 at its reach, by x = 1 - distance / reach; named as in Blender.
+enum class Falloff : std::int32_t {
+    linear,    // x, as in Eq. (5)
+    smooth,    // x² (3 - 2 x)
+    sharp,     // x²
+    root,      // sqrt(x)
+    sphere,    // sqrt(x (2 - x))
+    constant,  // 1
+};
+
+/// What becomes of weights whose sum passes 1.
+enum class Overlap : std::int32_t {
+    add,        // displacements add
+    paper,      // Eq. (1) to the letter: the vertex is scaled by the sum
+    normalize,  // the weights are divided by their sum
+};
+
+/// What of the transforms is blended.
+enum class Blend : std::int32_t {
+    linear,           // their matrices, Eq. (1)
+    dual_quaternion,  // their rigid parts as dual quaternions, and their stretches
+    polar,            // their rotations and stretches, about centers that move by the blended matrices
+};
+
 /// Feature rows to measure distances to, rearranged for the kernels.
 struct Targets {
     const float* rows = nullptr;                 // (G, D, 16): entry k of each handle of a group, side by side
@@ -28,25 +52,34 @@ struct Targets {
 /// What rounding may have added to the largest geodesic distance.
 constexpr float geodesic_slack = 1e-5f;
 
-/// How the geodesic falloff of a handle is taken.
-struct Falloff {
-    float power;            // the exponent of Eq. (7)
+/// How the power of Eq. (7) is taken.
+struct Power {
+    float exponent;
     std::int32_t products;  // multiplications that take it, or -1 where it is not whole and small
+};
+
+/// How far a handle reaches in feature space.
+struct Reach {
+    float inverse;  // 1 / reach
+    Falloff falloff;
 };
 
 struct BindJob {
     const void* features = nullptr;
     std::size_t vertex_count = 0;
     std::size_t dimension = 0;
-    float scale = 1;                   // of an int8 entry
-    Targets targets;                   // the fixed points, then the handles
+    float scale = 1;                          // of an int8 entry
+    Targets targets;                          // the fixed points, then the members of each handle
     std::size_t fixed_count = 0, handle_count = 0;
-    const void* geodesic = nullptr;    // (H, V) or null
-    bool geodesic_halves = false;      // float16, otherwise float
-    const Falloff* falloffs = nullptr; // (H)
-    float* weights = nullptr;          // entry (i, j) at i * row_stride + j * column_stride; one stride is 1
+    bool shaped = false;                      // whether the three below hold anything but ones
+    const float* strengths = nullptr;         // (fixed_count) in (0, 1]
+    const Reach* reaches = nullptr;           // (H)
+    const std::uint32_t* members = nullptr;   // (H) how many targets a handle has
+    const float* geodesic = nullptr;          // (H, V) or null
+    const Power* powers = nullptr;            // (H)
+    float* weights = nullptr;                 // entry (i, j) at i * row_stride + j * column_stride; one stride is 1
     std::size_t row_stride = 0, column_stride = 0;
-    bool stream = false;               // write past the caches
+    bool stream = false;                      // write past the caches
 };
 
 /// What went wrong in a range, if anything.
@@ -61,6 +94,17 @@ constexpr std::size_t bind_scratch(std::size_t dimension, std::size_t handle_cou
     return block_size * (dimension + 2 * handle_count + 1);
 }
 
+/// Numbers of a handle that are blended, each as what it adds to the identity's: with no weight they are 0.
+///
+/// All begin with D_k - I as three rows (linear | translation), but for dual quaternions, which begin with
+/// (w - 1, x, y, z) and the dual part, and then stretch by six entries (xx, yy, zz, yz, zx, xy) and a translation.
+/// Polar blending goes on with the quaternion (w - 1, x, y, z), six entries of the stretch, the center times how much
+/// the linear part does, and how much that is.
+constexpr std::size_t entries_of(Blend blend, bool stretched)
+{
+    return blend == Blend::linear ? 12 : blend == Blend::dual_quaternion ? (stretched ? 17 : 8) : 26;
+}
+
 template <class T>
 struct PoseJob {
     const T* vertices = nullptr;       // (V, 3)
@@ -68,9 +112,13 @@ struct PoseJob {
     const float* weights = nullptr;    // as in BindJob
     std::size_t row_stride = 0, column_stride = 0;
     std::size_t handle_count = 0;
-    const T* positive = nullptr;       // (H, 12) displacements D_k - I about `center` on the positive side
-    const T* negative = nullptr;       // (H, 12) on the other side of the mirror, or null
-    const T* rest = nullptr;           // (12) displacement of D_0, or null for the identity
+    Overlap overlap = Overlap::add;
+    Blend blend = Blend::linear;
+    bool stretched = false;            // whether dual quaternions have a stretch
+    const T* positive = nullptr;       // (H, entries_of) about `center`, on the positive side
+    const T* negative = nullptr;       // the same on the other side of the mirror, or null
+    const T* rest = nullptr;           // (entries_of) of D_0, or null for the identity
+    const T* shares = nullptr;         // (H) what a weight counts for in what is left to D_0, or null for 1
     T center[3] = {};
     T normal[3] = {};                  // of the mirror
     T height = 0;                      // of `center` above the mirror

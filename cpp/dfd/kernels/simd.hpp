@@ -160,15 +160,15 @@ DFD_INLINE V minimum(V a, V b) { return a < b ? a : b; }
 
 #if defined(__AVX512F__)
 
-DFD_INLINE Float fused(Float a, Float b, Float c) { return (Float)_mm512_fmadd_ps((__m512)a, (__m512)b, (__m512)c); }
-DFD_INLINE Double fused(Double a, Double b, Double c)
+DFD_INLINE Float multiply_add(Float a, Float b, Float c) { return (Float)_mm512_fmadd_ps((__m512)a, (__m512)b, (__m512)c); }
+DFD_INLINE Double multiply_add(Double a, Double b, Double c)
 {
     return (Double)_mm512_fmadd_pd((__m512d)a, (__m512d)b, (__m512d)c);
 }
-DFD_INLINE Float root(Float a) { return (Float)_mm512_sqrt_ps((__m512)a); }
-DFD_INLINE Double root(Double a) { return (Double)_mm512_sqrt_pd((__m512d)a); }
-// The same bits as `root` from 2^-60 on, whatever the estimate within its bounds; below, something as small.
-DFD_INLINE Float root_by_products(Float a)
+DFD_INLINE Float sqrt(Float a) { return (Float)_mm512_sqrt_ps((__m512)a); }
+DFD_INLINE Double sqrt(Double a) { return (Double)_mm512_sqrt_pd((__m512d)a); }
+// The same bits as `sqrt` from 2^-60 on, whatever the estimate within its bounds; below, something as small.
+DFD_INLINE Float sqrt_by_products(Float a)
 {
     const __m512 half = _mm512_set1_ps(0.5f);
     const __m512 x = _mm512_max_ps((__m512)a, _mm512_set1_ps(0x1p-60f));
@@ -192,13 +192,13 @@ DFD_INLINE void stream_fence() { _mm_sfence(); }
 
 #elif defined(__AVX2__)
 
-DFD_INLINE Float fused(Float a, Float b, Float c) { return (Float)_mm256_fmadd_ps((__m256)a, (__m256)b, (__m256)c); }
-DFD_INLINE Double fused(Double a, Double b, Double c)
+DFD_INLINE Float multiply_add(Float a, Float b, Float c) { return (Float)_mm256_fmadd_ps((__m256)a, (__m256)b, (__m256)c); }
+DFD_INLINE Double multiply_add(Double a, Double b, Double c)
 {
     return (Double)_mm256_fmadd_pd((__m256d)a, (__m256d)b, (__m256d)c);
 }
-DFD_INLINE Float root(Float a) { return (Float)_mm256_sqrt_ps((__m256)a); }
-DFD_INLINE Double root(Double a) { return (Double)_mm256_sqrt_pd((__m256d)a); }
+DFD_INLINE Float sqrt(Float a) { return (Float)_mm256_sqrt_ps((__m256)a); }
+DFD_INLINE Double sqrt(Double a) { return (Double)_mm256_sqrt_pd((__m256d)a); }
 DFD_INLINE Float from_halves(const std::uint16_t* from)
 {
     return (Float)_mm256_cvtph_ps(_mm_loadu_si128(reinterpret_cast<const __m128i*>(from)));
@@ -226,10 +226,10 @@ DFD_INLINE Float from_halves(const std::uint16_t* from)
 
 #if defined(__x86_64__)
 
-DFD_INLINE Float fused(Float a, Float b, Float c) { return a * b + c; }
-DFD_INLINE Double fused(Double a, Double b, Double c) { return a * b + c; }
-DFD_INLINE Float root(Float a) { return (Float)_mm_sqrt_ps((__m128)a); }
-DFD_INLINE Double root(Double a) { return (Double)_mm_sqrt_pd((__m128d)a); }
+DFD_INLINE Float multiply_add(Float a, Float b, Float c) { return a * b + c; }
+DFD_INLINE Double multiply_add(Double a, Double b, Double c) { return a * b + c; }
+DFD_INLINE Float sqrt(Float a) { return (Float)_mm_sqrt_ps((__m128)a); }
+DFD_INLINE Double sqrt(Double a) { return (Double)_mm_sqrt_pd((__m128d)a); }
 DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, const Quad& quad)
 {
     const __m128i u = (__m128i)unsigned_bytes;
@@ -243,22 +243,22 @@ DFD_INLINE void stream_fence() { _mm_sfence(); }
 #else
 
 #if defined(__ARM_NEON)
-DFD_INLINE Float fused(Float a, Float b, Float c) { return (Float)vfmaq_f32((float32x4_t)c, (float32x4_t)a, (float32x4_t)b); }
-DFD_INLINE Double fused(Double a, Double b, Double c)
+DFD_INLINE Float multiply_add(Float a, Float b, Float c) { return (Float)vfmaq_f32((float32x4_t)c, (float32x4_t)a, (float32x4_t)b); }
+DFD_INLINE Double multiply_add(Double a, Double b, Double c)
 {
     return (Double)vfmaq_f64((float64x2_t)c, (float64x2_t)a, (float64x2_t)b);
 }
-DFD_INLINE Float root(Float a) { return (Float)vsqrtq_f32((float32x4_t)a); }
-DFD_INLINE Double root(Double a) { return (Double)vsqrtq_f64((float64x2_t)a); }
+DFD_INLINE Float sqrt(Float a) { return (Float)vsqrtq_f32((float32x4_t)a); }
+DFD_INLINE Double sqrt(Double a) { return (Double)vsqrtq_f64((float64x2_t)a); }
 #else
-DFD_INLINE Float fused(Float a, Float b, Float c) { return a * b + c; }
-DFD_INLINE Double fused(Double a, Double b, Double c) { return a * b + c; }
-DFD_INLINE Float root(Float a)
+DFD_INLINE Float multiply_add(Float a, Float b, Float c) { return a * b + c; }
+DFD_INLINE Double multiply_add(Double a, Double b, Double c) { return a * b + c; }
+DFD_INLINE Float sqrt(Float a)
 {
     for (std::size_t lane = 0; lane < lanes<float>; ++lane) a[lane] = __builtin_sqrtf(a[lane]);
     return a;
 }
-DFD_INLINE Double root(Double a)
+DFD_INLINE Double sqrt(Double a)
 {
     for (std::size_t lane = 0; lane < lanes<double>; ++lane) a[lane] = __builtin_sqrt(a[lane]);
     return a;
@@ -279,7 +279,7 @@ DFD_INLINE void stream_fence() {}
 #endif
 
 #if !defined(__AVX512F__)
-DFD_INLINE Float root_by_products(Float a) { return root(a); }
+DFD_INLINE Float sqrt_by_products(Float a) { return sqrt(a); }
 #endif
 
 }  // namespace

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 if TYPE_CHECKING:
-    from dfd.editing.edit import Place
+    from dfd.editing.place import Place
     from dfd.mesh.mesh import Mesh
 
 __all__ = ["FieldOption", "MeshArgument", "check_output", "place"]
@@ -22,22 +23,19 @@ FieldOption = Annotated[
 
 
 def place(mesh: Mesh, option: str, text: str) -> Place:
-    """The point of the shape that `text` names: a vertex index, or x,y,z in mesh units.
+    """What of the shape `text` names, as `dfd.editing.place.find` reads it.
 
     Raises
     ------
     ValueError
         In the name of `option`, if it is neither, or there is no such vertex.
     """
-    from dfd.editing.edit import place_on
+    from dfd.editing.place import find
 
-    at: Any
     try:
-        numbers = text.split(",")
-        at = int(text) if len(numbers) == 1 else [float(number) for number in numbers]
-    except ValueError:
-        raise ValueError(f"`{option}` must be a vertex index or a point x,y,z, got {text!r}") from None
-    return place_on(mesh, "dfd", option, at)
+        return find(mesh, text).place
+    except ValueError as error:
+        raise ValueError(re.sub(r"^(\w+: )?`at`", f"`{option}`", str(error))) from None
 
 
 def check_output(option: str, path: Path | None, endings: Sequence[str] = ()) -> None:

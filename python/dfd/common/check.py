@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["array", "number", "vertex_indices", "whole"]
+from dfd.common import tensors
+
+__all__ = ["array", "choice", "number", "vertex_indices", "whole"]
 
 
 def _describe(shape: Sequence[int | str | None]) -> str:
@@ -32,13 +34,13 @@ def array(
     Raises
     ------
     ValueError
-        If `value` is not numeric, has another shape, or (with `finite`) holds NaN or infinity.
+        If `value` is not numeric, a masked array or a tensor that NumPy cannot look into, has another shape, or (with
+        `finite`) holds NaN or infinity.
     """
     if type(value) is np.ndarray:
         result = value
     else:
-        if hasattr(value, "detach"):  # a torch tensor: its memory is shared when it lies on the CPU
-            value = value.detach().cpu()
+        value = tensors.shared(function, name, value)
         try:
             result = np.asarray(value)
         except (TypeError, ValueError):
@@ -103,6 +105,14 @@ def whole(function: str, name: str, value: Any, *, minimum: int, maximum: int | 
     return int(value)
 
 
+def choice(function: str, name: str, value: Any, options: Any) -> Any:
+    """Return `value`, one of the words of the Literal type `options`."""
+    words = get_args(options)
+    if not isinstance(value, str) or value not in words:
+        raise ValueError(f"{function}: `{name}` must be one of {', '.join(words)}, got {value!r}")
+    return value
+
+
 def vertex_indices(
     function: str, name: str, value: Any, vertex_count: int, *, unique: bool = False
 ) -> NDArray[np.int64]:
@@ -113,7 +123,7 @@ def vertex_indices(
     ValueError
         If an index is not a whole number, lies out of range or (with `unique`) occurs twice.
     """
-    indices = np.asarray(value)
+    indices = np.asarray(tensors.shared(function, name, value))
     if indices.size == 0 and indices.ndim == 1:
         return np.zeros(0, np.int64)
     if indices.ndim != 1 or indices.dtype.kind not in "iu":

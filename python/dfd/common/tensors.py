@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common import check
-
-__all__ = ["contiguous", "is_tensor", "like", "lines_contiguous", "output", "shared"]
+__all__ = ["is_tensor", "like", "lines_contiguous", "output", "shared", "tracked"]
 
 
 def is_tensor(value: Any) -> bool:
@@ -19,21 +17,33 @@ def is_tensor(value: Any) -> bool:
     return torch is not None and isinstance(value, torch.Tensor)
 
 
+def tracked(*values: Any) -> bool:
+    """Whether one of `values` is a tensor that torch records gradients for."""
+    torch = sys.modules.get("torch")
+    if torch is None or not torch.is_grad_enabled():
+        return False
+    return any(isinstance(value, torch.Tensor) and value.requires_grad for value in values)
+
+
 def shared(function: str, name: str, value: Any) -> Any:
     """`value`, or the NumPy view of the memory of a torch CPU tensor.
 
     Raises
     ------
     ValueError
-        If `value` is a tensor on another device or of a type that NumPy lacks.
+        If `value` is a tensor on another device or of a type that NumPy lacks, or an array whose mask would be lost.
     """
-    if type(value) is np.ndarray or not is_tensor(value):
+    if type(value) is np.ndarray:
+        return value
+    if isinstance(value, np.ma.MaskedArray):
+        raise ValueError(f"{function}: `{name}` must not be a masked array: fill what is masked, or leave it out")
+    if not is_tensor(value):
         return value
     if value.device.type != "cpu":
         raise ValueError(f"{function}: `{name}` must be on the CPU, got a tensor on {value.device}")
     try:
         return value.detach().resolve_conj().resolve_neg().numpy()
-    except (TypeError, RuntimeError):
+    except (TypeError, RuntimeError, NotImplementedError):
         raise ValueError(f"{function}: `{name}` must be a dense array of numbers, got {value.dtype}") from None
 
 
@@ -87,8 +97,3 @@ def lines_contiguous(array: NDArray[Any]) -> bool:
 def like(value: Any, result: NDArray[Any]) -> Any:
     """`result` as a torch tensor over the same memory when `value` is a tensor, else as it is."""
     return sys.modules["torch"].from_numpy(result) if is_tensor(value) else result
-
-
-def contiguous(function: str, name: str, value: Any, shape: tuple[int | str | None, ...], dtype: Any) -> NDArray[Any]:
-    """`value` as a C-contiguous array whose finiteness the kernel checks as it reads."""
-    return check.array(function, name, shared(function, name, value), shape, dtype=dtype, finite=False)

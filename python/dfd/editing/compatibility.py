@@ -11,21 +11,21 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["check_fit"]
+__all__ = ["check_compatible"]
 
 # Of the longest sides. The nearest units that get mixed up, inch and centimetre, differ by 2.54; a shape that was only
 # posed, cut or simplified stays below.
 LARGEST_RATIO = 2.0
-# From the centre, in half longest sides. A shape that was posed a little stays within; one that stands on the ground,
+# From the center, in half longest sides. A shape that was posed a little stays within; one that stands on the ground,
 # but with another axis up, reaches 2.
 FARTHEST_REACH = 1.5
 
 
-def check_fit(function: str, field: Field, mesh: Mesh) -> None:
+def check_compatible(field: Field, mesh: Mesh) -> None:
     """Refuse a field whose own shape was of quite another size, or lay elsewhere.
 
-    The field holds the longest side and the centre of its shape's box and nothing else of it, so a stranger of the same
-    size at the same place passes. So do other resolutions of the same shape, its parts down to half of its size, and
+    The field holds the longest side and the center of its shape's box and nothing else of it, so a stranger of the same
+    size in the same position passes. So do other resolutions of the same shape, its parts down to half of its size, and
     poses of it.
 
     Raises
@@ -48,15 +48,15 @@ def check_fit(function: str, field: Field, mesh: Mesh) -> None:
         f"a shape with a longest side of {2 / scale:.4g} around {_point(center)}, "
         f"and this mesh has one of {np.max(mesh.extents):.4g} around {_point(np.mean(mesh.bounds, axis=0))}"
     )
-    remedy = "bring the mesh to that shape's units, axes and place, or distill a field from it"
+    remedy = "bring the mesh to that shape's units, axes and position, or distill a field from it"
     if outside or not 1 / LARGEST_RATIO <= ratio <= LARGEST_RATIO:
-        raise ValueError(f"{function}: `field` must belong to this mesh, but it was distilled from {sizes}: {remedy}")
+        raise ValueError(f"`field` must belong to this mesh, but it was distilled from {sizes}: {remedy}")
     if reach > FARTHEST_REACH:
         warnings.warn(
-            f"{function}: `field` was distilled from {sizes}: weights beyond that shape's box are a guess. "
+            f"`field` was distilled from {sizes}: weights beyond that shape's box are a guess. "
             f"Unless the mesh is a pose of that shape, {remedy}",
             UserWarning,
-            stacklevel=3,
+            stacklevel=4,
         )
 
 

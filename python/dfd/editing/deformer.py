@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Hashable
-from contextlib import AbstractContextManager
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dfd.editing.compatibility import check_fit
-from dfd.editing.edit import Edit, Handle, Place, Transform, box_center, edit_on, handle_on, place_on, symmetry_on
+from dfd.editing.compatibility import check_compatible
+from dfd.editing.controls import Controls, Falloff, Instances, controls_on
+from dfd.editing.door import door
+from dfd.editing.edit import Edit, Handle, edit_on
 from dfd.editing.edit_file import read_edit, write_edit
 from dfd.editing.handle_weights import HandleWeights
-from dfd.editing.history import History
+from dfd.editing.place import place_on
 from dfd.editing.posed_shape import PosedShape
-from dfd.symmetry.plane import SymmetryPlane
+from dfd.editing.regions import Region
+from dfd.editing.report import Report, report
+from dfd.editing.whole_shape import WholeShape
+from dfd.posing.transforms import Transform, frame_of_normal
 from dfd.weights.compact import CompactFeatures
 
 if TYPE_CHECKING:
@@ -27,7 +31,7 @@ if TYPE_CHECKING:
 __all__ = ["Deformer"]
 
 
-class Deformer:
+class Deformer(WholeShape):
     """One editing session of one shape.
 
     Nothing is ever baked: every handle keeps the numbers it was given and can be changed or removed at any time, and
@@ -61,45 +65,15 @@ class Deformer:
         self.mesh = mesh
         self.field = field
         if features is None:
-            check_fit("Deformer", field, mesh)
+            with door("Deformer"):
+                check_compatible(field, mesh)
         self._weights = HandleWeights(mesh, field, features)
         self._posed = PosedShape(mesh, self._weights)
         self._start(Edit())
 
-    def _start(self, edit: Edit) -> None:
-        self._history = History(edit)
-        self._next_id = 1 + max((handle.id for handle in edit.handles), default=0)
-
     def __repr__(self) -> str:
         """Say how much is being done to what."""
         return f"Deformer({self.mesh!r}, {len(self.handles)} handles, {len(self.fixed)} fixed points)"
-
-    # --- what there is
-
-    @property
-    def edit(self) -> Edit:
-        """The present state, an immutable value."""
-        return self._history.present
-
-    @property
-    def handles(self) -> tuple[Handle, ...]:
-        """The live handles, in the order in which they came."""
-        return self.edit.handles
-
-    @property
-    def fixed(self) -> tuple[Place, ...]:
-        """The fixed points, in the order in which they came."""
-        return self.edit.fixed
-
-    @property
-    def symmetry(self) -> SymmetryPlane | None:
-        """The plane across which handles act on both sides, or None."""
-        return self.edit.symmetry
-
-    @property
-    def default(self) -> Transform | None:
-        """D₀ of Eq. 1, what happens to what no handle holds; None is nothing."""
-        return self.edit.default
 
     def handle(self, handle: int) -> Handle:
         """The handle of that id.
@@ -109,19 +83,28 @@ class Deformer:
         ValueError
             If there is none.
         """
-        return self.edit.handle("Deformer.handle", handle)
+        with door("Deformer.handle"):
+            return self.edit.handle(handle)
 
     # --- handles
 
     def add(
         self,
-        at: int | ArrayLike | Place,
+        at: Any,
         *,
         translation: ArrayLike | None = None,
         rotation: ArrayLike | None = None,
         scale: ArrayLike | None = None,
         pivot: ArrayLike | None = None,
-        locality: float = 0.0,
+        axes: ArrayLike | None = None,
+        reach: float | str | None = None,
+        falloff: Falloff | None = None,
+        locality: float | None = None,
+        radius: float | str | None = None,
+        strength: float | None = None,
+        instances: Instances | None = None,
+        level: bool | None = None,
+        within: Region | ArrayLike | None = None,
         name: str | None = None,
     ) -> int:
         """Take hold of the shape and return the new handle's id.
@@ -129,29 +112,72 @@ class Deformer:
         Parameters
         ----------
         at
-            A vertex index, or any point (3,) in mesh units, on the surface or off it.
+            A vertex index; any point (3,) in mesh units, on the surface or off it; an array of vertex indices or a
+            mask (V,), or a region of `dfd.editing.regions`, all of which is held; a text, see `dfd.editing.place.find`.
         translation
             (3,) in mesh units.
         rotation
             (3,) rotation vector in degrees (axis times angle, right-handed), or a quaternion (x, y, z, w).
         scale
-            One factor, or (3,) along the mesh's axes, before the rotation.
+            One factor, or (3,) along `axes`, before the rotation.
         pivot
-            (3,) in mesh units, about which it turns and scales; its own position if left out.
+            (3,) in mesh units, about which it turns and scales; its own position if left out, the center of a region.
+        axes
+            (3, 3) orthonormal vectors, one a row, along which it scales; "normal" for a frame whose third vector is the
+            surface's normal at the handle; the mesh's own axes if left out.
+        reach
+            Feature distance at which the weight is 0: 1 is the paper's, less takes fewer look-alikes along; "auto"
+            stops at the largest gap of the distances.
+        falloff
+            The curve from the handle to the end of its reach, by the names of `dfd.bind`; "linear" if left out.
         locality
             λ of Eq. 7: 0 reaches everything that looks alike, more stays nearer.
+        radius
+            In place of `locality`: the distance over the surface at which the weight is smoothly 0, in mesh units or as
+            "20%" of the diagonal of the box.
+        strength
+            In [0, 1], a factor for all of its weights; 1 if left out.
+        instances
+            "together" (if left out): all look-alikes move about one pivot, as in the paper; "own": each about its own;
+            "only": this one alone.
+        level
+            Whether all instances follow with full weight.
+        within
+            A region, as `at` takes one, beyond which nothing follows.
         name
             For people.
 
         Raises
         ------
         ValueError
-            If a number is not finite or of another shape, `locality` is negative, or the place is taken.
+            If a number is not finite, of another shape or out of its range, a name is unknown, a region is empty, a
+            point lies farther from the shape than the diagonal of its box, the place is taken, or fixed points leave
+            nothing of the handle.
         """
-        function = "Deformer.add"
-        transform = Transform().changed(function, translation=translation, rotation=rotation, scale=scale, pivot=pivot)
-        handle = handle_on(self.mesh, function, self._next_id, at, transform, locality, name)
-        self._commit(handle, replace(self.edit, handles=(*self.handles, handle)))
+        with door("Deformer.add"):
+            place = place_on(self.mesh, at)
+            handle = Handle(
+                self._next_id,
+                place,
+                self._transform(Transform(), place.vertex, translation, rotation, scale, pivot, axes),
+                Controls().changed(
+                    **controls_on(
+                        self.mesh,
+                        {
+                            "reach": reach,
+                            "falloff": falloff,
+                            "locality": locality,
+                            "radius": radius,
+                            "strength": strength,
+                            "instances": instances,
+                            "level": level,
+                            "within": within,
+                        },
+                    )
+                ),
+                name,
+            )
+            self._commit(replace(self.edit, handles=(*self.handles, handle)))
         self._next_id += 1
         return handle.id
 
@@ -163,6 +189,7 @@ class Deformer:
         rotation: ArrayLike | None = None,
         scale: ArrayLike | None = None,
         pivot: ArrayLike | None = None,
+        axes: ArrayLike | None = None,
         merge: bool = False,
     ) -> None:
         """Set parts of a handle's transform, always from the resting shape; what is left out stays. Nothing is rebound.
@@ -173,8 +200,8 @@ class Deformer:
             The handle's id.
         translation, rotation, scale
             As in `add`.
-        pivot
-            As in `add`; "auto" returns it to the handle's position.
+        pivot, axes
+            As in `add`; "auto" returns them to the handle's position and the mesh's axes.
         merge
             Join the step before if that one moved the same handle: a drag is one plain move and then merged ones, and
             `undo` takes it back whole.
@@ -184,34 +211,54 @@ class Deformer:
         ValueError
             If there is no such handle, or a number is not finite or of another shape.
         """
-        function = "Deformer.move"
-        held = self.edit.handle(function, handle)
-        transform = held.transform.changed(
-            function, translation=translation, rotation=rotation, scale=scale, pivot=pivot
-        )
-        changed = replace(held, transform=transform)
-        self._commit(changed, self.edit.replaced(changed), topic=handle, merge=merge)
+        with door("Deformer.move"):
+            held = self.edit.handle(handle)
+            moved = self._transform(held.transform, held.place.vertex, translation, rotation, scale, pivot, axes)
+            self._commit_move(self.edit.replaced(replace(held, transform=moved)), handle, merge)
 
     def change(
         self,
         handle: int,
         *,
-        at: int | ArrayLike | Place | None = None,
+        at: Any = None,
+        reach: float | str | None = None,
+        falloff: Falloff | None = None,
         locality: float | None = None,
+        radius: float | str | None = None,
+        strength: float | None = None,
+        instances: Instances | None = None,
+        level: bool | None = None,
+        within: Region | ArrayLike | None = None,
         name: str | None = None,
     ) -> None:
-        """Set where a handle sits, its locality or its name; what is left out stays.
+        """Set where a handle is, what follows it, or its name, as in `add`; what is left out stays.
+
+        Of `radius` and `locality` the one that is given ends the other; `within="everywhere"` takes the limit away.
 
         Raises
         ------
         ValueError
             As in `add`, or if there is no such handle.
         """
-        function = "Deformer.change"
-        held = self.edit.handle(function, handle)
-        own = held.locality if locality is None else locality, held.name if name is None else name
-        changed = handle_on(self.mesh, function, held.id, held.place if at is None else at, held.transform, *own)
-        self._commit(changed, self.edit.replaced(changed))
+        with door("Deformer.change"):
+            held = self.edit.handle(handle)
+            given = {
+                "reach": reach,
+                "falloff": falloff,
+                "locality": locality,
+                "radius": radius,
+                "strength": strength,
+                "instances": instances,
+                "level": level,
+                "within": within,
+            }
+            changed = replace(
+                held,
+                place=held.place if at is None else place_on(self.mesh, at),
+                controls=held.controls.changed(**controls_on(self.mesh, given)),
+                name=held.name if name is None else name,
+            )
+            self._commit(self.edit.replaced(changed))
 
     def remove(self, handle: int) -> None:
         """Let go of a handle.
@@ -221,76 +268,9 @@ class Deformer:
         ValueError
             If there is no such handle.
         """
-        held = self.edit.handle("Deformer.remove", handle)
-        self._history.commit(replace(self.edit, handles=tuple(other for other in self.handles if other is not held)))
-
-    # --- what holds for the whole shape
-
-    def fix(self, at: int | ArrayLike | Place) -> None:
-        """Hold a vertex or a point (3,) in mesh units in place, and with it all that looks like it (Eq. 6).
-
-        Raises
-        ------
-        ValueError
-            If it is no vertex and no finite point, or is fixed or a handle already.
-        """
-        place = place_on(self.mesh, "Deformer.fix", "at", at)
-        self._history.commit(replace(self.edit, fixed=(*self.fixed, place)))
-
-    def release(self, at: int | ArrayLike | Place) -> None:
-        """Take back a `fix`.
-
-        Raises
-        ------
-        ValueError
-            If that point is not fixed.
-        """
-        place = place_on(self.mesh, "Deformer.release", "at", at)
-        self._history.commit(self.edit.released("Deformer.release", place))
-
-    def set_symmetry(self, plane: SymmetryPlane | str | None, *, band: float | None = None) -> None:
-        """Let every handle act on both sides of a plane, mirrored on the other side (Eq. 8).
-
-        Parameters
-        ----------
-        plane
-            A plane; "x", "y" or "z" for the plane across that axis through the centre of the box; "auto" for the plane
-            across which the shape looks most alike; None for no symmetry.
-        band
-            Half width, in mesh units, of the zone in which the sides blend; 0 is Eq. 8 to the letter, which tears what
-            lies across the plane. If left out: the plane's own, or 3 % of the longest side for an axis or "auto".
-
-        Raises
-        ------
-        ValueError
-            If it is no such plane, `band` is negative or not finite, or "auto" finds no plane.
-        """
-        chosen = None
-        if plane is not None:
-            chosen = symmetry_on(self.mesh, "Deformer.set_symmetry", plane, band, field=self.field)
-        self._history.commit(replace(self.edit, symmetry=chosen))
-
-    def set_default(
-        self,
-        *,
-        translation: ArrayLike | None = None,
-        rotation: ArrayLike | None = None,
-        scale: ArrayLike | None = None,
-        pivot: ArrayLike | None = None,
-    ) -> None:
-        """Set D₀ of Eq. 1, what happens to what no handle holds; with nothing given it stays where it is.
-
-        The pivot is the centre of the box if left out; the rest is as in `add`.
-
-        Raises
-        ------
-        ValueError
-            If a number is not finite or of another shape.
-        """
-        function = "Deformer.set_default"
-        transform = Transform().changed(function, translation=translation, rotation=rotation, scale=scale, pivot=pivot)
-        transform.matrix(box_center(self.mesh))
-        self._history.commit(replace(self.edit, default=None if transform == Transform() else transform))
+        with door("Deformer.remove"):
+            held = self.edit.handle(handle)
+            self._commit(replace(self.edit, handles=tuple(other for other in self.handles if other is not held)))
 
     def apply(self, edit: Edit) -> None:
         """Replace everything by `edit`, as one step; `Edit()` clears the session.
@@ -298,38 +278,29 @@ class Deformer:
         Raises
         ------
         ValueError
-            If a vertex of `edit` is none of the mesh.
+            If a vertex of `edit` is none of the mesh, or a region of it is empty there.
         """
-        self._history.commit(edit_on(self.mesh, "Deformer.apply", edit))
+        with door("Deformer.apply"):
+            self._commit(edit_on(self.mesh, edit))
         self._next_id = max(self._next_id, 1 + max((handle.id for handle in edit.handles), default=0))
 
-    # --- steps
-
-    @property
-    def can_undo(self) -> bool:
-        """Whether there is a step to take back."""
-        return self._history.can_undo
-
-    @property
-    def can_redo(self) -> bool:
-        """Whether there is a step that was taken back."""
-        return self._history.can_redo
-
-    def undo(self) -> bool:
-        """Take the newest step back; False if there is none."""
-        return self._history.undo()
-
-    def redo(self) -> bool:
-        """Take a step again that was taken back; False if there is none."""
-        return self._history.redo()
-
-    def step(self) -> AbstractContextManager[None]:
-        """`with deformer.step():` makes one step of all changes inside; if one of them fails, none of them happens."""
-        return self._history.step()
-
-    def _commit(self, changed: Handle, edit: Edit, *, topic: Hashable = None, merge: bool = False) -> None:
-        _ = changed.matrix  # refuses numbers so large that no finite matrix comes of them
-        self._history.commit(edit, topic=topic, merge=merge)
+    def _transform(
+        self,
+        transform: Transform,
+        vertex: int | None,
+        translation: ArrayLike | None,
+        rotation: ArrayLike | None,
+        scale: ArrayLike | None,
+        pivot: ArrayLike | None,
+        axes: ArrayLike | None,
+    ) -> Transform:
+        """`transform` with what is given exchanged, `axes` in numbers."""
+        if isinstance(axes, str) and axes == "normal":
+            normal = np.zeros(3) if vertex is None else self.mesh.normals[vertex]
+            if not normal.any():
+                raise ValueError("`axes` cannot be 'normal': the handle is at no vertex with a normal")
+            axes = frame_of_normal(normal)
+        return transform.changed(translation=translation, rotation=rotation, scale=scale, pivot=pivot, axes=axes)
 
     # --- what comes of it
 
@@ -360,16 +331,17 @@ class Deformer:
 
     @property
     def vertices(self) -> NDArray[np.float64]:
-        """(V, 3) the posed shape in mesh units, read-only: Eq. 1, and with a plane Eq. 8.
-
-        Where weights sum to more than 1, handles add up and those at rest count for nothing (`HandleWeights.blend_of`).
-        """
+        """(V, 3) the posed shape in mesh units, read-only: Eq. 1 and 8, as `overlap` and `blend` say."""
         return self._posed.of(self.edit)
+
+    def report(self) -> Report:
+        """What the present edit does to the shape, for people: how much moved, how far, and whether handles arrived."""
+        return report(self.mesh, self.edit, self._weights, self.vertices)
 
     # --- files
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the present edit, without its history, as the JSON document of `dfd.editing.edit_file`.
+        """Write the present edit, without its history, as the JSON document of `dfd.editing.document`.
 
         Raises
         ------
@@ -387,7 +359,12 @@ class Deformer:
         OSError
             If `path` cannot be read.
         ValueError
-            If it is no edit; the message names the key and what was found there.
+            If it is no edit, or one of another shape; the message names the key and what was found there.
+
+        Warns
+        -----
+        UserWarning
+            If a vertex of the edit is no longer where it was, and counts as a point of space.
         """
         deformer = cls(mesh, field, features=features)
         deformer._start(read_edit(path, mesh))

@@ -1,18 +1,22 @@
-"""An edit of a shape, as one immutable value: handles, fixed points, symmetry and default transform.
+"""An edit of a shape, as one immutable value: handles, fixed points, symmetry, and how they are put together.
 
-It is what `Deformer` steps through and what it keeps in a file; `dfd.editing.edit_file` describes the document.
+It is what `Deformer` steps through and what it keeps in a file; `dfd.editing.document` describes the document.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from dfd.common import check
-from dfd.posing.transforms import Vector, affine, rotation_vector, scale_factors, vector
+from dfd.editing.controls import Blend, Controls, Overlap, choice
+from dfd.editing.place import Place, place_on
+from dfd.editing.regions import Region, members
+from dfd.posing.transforms import Transform, Vector, vector
 from dfd.symmetry.plane import AXES, SymmetryPlane, axis_name, axis_plane
 from dfd.symmetry.search import symmetry_planes
 
@@ -20,185 +24,174 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Edit", "Handle", "Place", "Transform", "box_center", "edit_on", "handle_on", "place_on", "symmetry_on"]
+__all__ = ["Edit", "Fixed", "Handle", "box_center", "edit_on", "symmetry_on"]
 
 # Half width of the band in which a symmetric edit passes from one side to the other, as a part of the longest side.
 # Wide enough that no crease shows, narrow enough that what is mirrored stays on its own side.
 DEFAULT_BAND = 0.03
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where a handle or a fixed point sits on the resting shape: at a vertex, or at any point of space.
-
-    Attributes
-    ----------
-    position
-        (3,) in mesh units.
-    vertex
-        Index of the vertex that lies there, or None.
-    """
-
-    position: Vector
-    vertex: int | None = None
-
-    def __str__(self) -> str:
-        """Name it for a message, and as the command line takes it."""
-        return ",".join(f"{x:g}" for x in self.position) if self.vertex is None else str(self.vertex)
-
-
-@dataclass(frozen=True)
-class Transform:
-    """Scale, then rotation, then translation, about a pivot.
-
-    Attributes
-    ----------
-    translation
-        (3,) in mesh units.
-    rotation
-        (3,) rotation vector in degrees: its direction is the axis, its length the angle, right-handed.
-    scale
-        (3,) factors along the mesh's axes.
-    pivot
-        (3,) in mesh units; None is the handle's own position, or for the default transform the centre of the box.
-    """
-
-    translation: Vector = (0.0, 0.0, 0.0)
-    rotation: Vector = (0.0, 0.0, 0.0)
-    scale: Vector = (1.0, 1.0, 1.0)
-    pivot: Vector | None = None
-
-    def changed(
-        self,
-        function: str,
-        *,
-        translation: ArrayLike | None = None,
-        rotation: ArrayLike | None = None,
-        scale: ArrayLike | None = None,
-        pivot: ArrayLike | None = None,
-    ) -> Transform:
-        """The transform with some of its parts exchanged; None leaves a part, the pivot "auto" takes its own away.
-
-        Raises
-        ------
-        ValueError
-            In the name of `function`, if a number is not finite or not of its shape.
-        """
-        own_pivot = self.pivot
-        if pivot is not None:
-            own_pivot = None if isinstance(pivot, str) and pivot == "auto" else vector(function, "pivot", pivot)
-        return Transform(
-            self.translation if translation is None else vector(function, "translation", translation),
-            self.rotation if rotation is None else rotation_vector(function, rotation),
-            self.scale if scale is None else scale_factors(function, scale),
-            own_pivot,
-        )
-
-    @property
-    def rests(self) -> bool:
-        """Whether it leaves every point in place, whatever the pivot."""
-        return self == Transform(pivot=self.pivot)
-
-    def matrix(self, center: Vector) -> NDArray[np.float64]:
-        """The (3, 4) affine matrix in mesh units; `center` is the pivot of a transform without one."""
-        pivot = center if self.pivot is None else self.pivot
-        return affine(translation=self.translation, rotation=self.rotation, scale=self.scale, pivot=pivot)
+IDENTITY = Transform()
+PAPER = Controls()
 
 
 @dataclass(frozen=True)
 class Handle:
-    """A point of the shape that is held, and what is done to it.
+    """What is held of the shape, and what is done to it.
 
     Attributes
     ----------
     id
         Stays with the handle for as long as it lives, and is never given to another one.
     place
-        Where it sits on the resting shape.
+        Where it is on the resting shape.
     transform
         What is done to it, about its own pivot.
-    locality
-        λ of Eq. 7; 0 lets it reach everything that looks alike, more keeps it near.
+    controls
+        What follows it.
     name
         For people; None when nobody gave one.
+
+    Raises
+    ------
+    ValueError
+        If `name` is no text, or the numbers are so large that the matrix is not finite.
     """
 
     id: int
     place: Place
-    transform: Transform = Transform()
-    locality: float = 0.0
+    transform: Transform = IDENTITY
+    controls: Controls = PAPER
     name: str | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what no frame should have to look at again."""
+        name: object = self.name
+        if name is not None and not (isinstance(name, str) and name):
+            raise ValueError(f"Handle: `name` must be a text that is not empty, got {self.name!r}")
+        _ = self.matrix
 
     @property
     def pivot(self) -> Vector:
         """The point, (3,) in mesh units, about which the handle turns and scales."""
         return self.place.position if self.transform.pivot is None else self.transform.pivot
 
-    @property
+    @cached_property
     def matrix(self) -> NDArray[np.float64]:
-        """The handle's transform as a (3, 4) affine matrix in mesh units."""
+        """The handle's transform as a (3, 4) affine matrix in mesh units, read-only."""
         return self.transform.matrix(self.place.position)
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """A point or a region that stays, and with it all that looks like it (Eq. 6).
+
+    Attributes
+    ----------
+    place
+        Where it is on the resting shape.
+    strength
+        In [0, 1]: how much of the weight there it takes away; 1 is Eq. 6.
+    """
+
+    place: Place
+    strength: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse a strength that is none."""
+        strength = check.number("Fixed", "strength", self.strength, minimum=0.0, maximum=1.0)
+        object.__setattr__(self, "strength", strength)
+
+    @property
+    def position(self) -> Vector:
+        """Where it is, (3,) in mesh units."""
+        return self.place.position
+
+    @property
+    def vertex(self) -> int | None:
+        """The vertex that it is, or None."""
+        return self.place.vertex
 
 
 @dataclass(frozen=True)
 class Edit:
     """Everything that a session has done to a shape; never changed, only replaced.
 
+    Attributes
+    ----------
+    handles, fixed
+        In the order in which they came.
+    symmetry
+        The plane across which handles act on both sides, or None.
+    default
+        D₀ of Eq. 1, what happens to what no handle holds; None is nothing.
+    overlap, blend
+        How weights that meet and transforms are put together, by the names of `dfd.pose`.
+    arrive
+        Whether handles get back what fixed points take from them (`Deformer.arrive`).
+
     Raises
     ------
     ValueError
-        If two handles share an id, or any two handles or fixed points share a place.
+        If two handles share an id, or any two handles or fixed points share a place, or a name is unknown.
     """
 
     handles: tuple[Handle, ...] = ()
-    fixed: tuple[Place, ...] = ()
+    fixed: tuple[Fixed, ...] = ()
     symmetry: SymmetryPlane | None = None
     default: Transform | None = None
+    overlap: Overlap = "add"
+    blend: Blend = "linear"
+    arrive: bool = True
 
     def __post_init__(self) -> None:
         """Refuse two of what may be only once."""
+        choice("overlap", self.overlap, get_args(Overlap))
+        choice("blend", self.blend, get_args(Blend))
+        if not isinstance(self.arrive, bool):
+            raise ValueError(f"Edit: `arrive` must be True or False, got {self.arrive!r}")
         ids: set[int] = set()
-        taken: dict[Vector, str] = {}
+        taken: dict[tuple[Vector, Region | None], str] = {}
         for handle in self.handles:
             if handle.id in ids:
                 raise ValueError(f"Edit: `handles` must have distinct ids, got {handle.id} twice")
             ids.add(handle.id)
-            if handle.place.position in taken:
+            key = (handle.place.position, handle.place.region)
+            if key in taken:
                 raise ValueError(
                     f"Edit: `handles` must lie at distinct places, got two at {handle.place}: "
-                    f"{taken[handle.place.position]} and handle {handle.id}"
+                    f"{taken[key]} and handle {handle.id}"
                 )
-            taken[handle.place.position] = f"handle {handle.id}"
-        for place in self.fixed:
-            if place.position in taken:
-                raise ValueError(f"Edit: `fixed` must be free places, but {place} is {taken[place.position]} already")
-            taken[place.position] = "fixed"
+            taken[key] = f"handle {handle.id}"
+        for fixed in self.fixed:
+            key = (fixed.position, fixed.place.region)
+            if key in taken:
+                raise ValueError(f"Edit: `fixed` must be free places, but {fixed.place} is {taken[key]} already")
+            taken[key] = "fixed"
 
-    def handle(self, function: str, id: int) -> Handle:  # noqa: A002  # the handle's own word for it
+    def handle(self, id: int) -> Handle:  # noqa: A002  # the handle's own word for it
         """The handle of that id.
 
         Raises
         ------
         ValueError
-            In the name of `function`, if there is none.
+            If there is none.
         """
         for handle in self.handles:
             if handle.id == id:
                 return handle
         known = ", ".join(str(handle.id) for handle in self.handles) or "none"
-        raise ValueError(f"{function}: `handle` must be the id of a handle ({known}), got {id!r}")
+        raise ValueError(f"Edit: `handle` must be the id of a handle ({known}), got {id!r}")
 
-    def released(self, function: str, place: Place) -> Edit:
-        """The edit without the fixed point at `place`.
+    def released(self, place: Place) -> Edit:
+        """The edit without the fixed point or region at `place`.
 
         Raises
         ------
         ValueError
-            In the name of `function`, if there is none.
+            If there is none.
         """
-        kept = tuple(other for other in self.fixed if other.position != place.position)
+        kept = tuple(fixed for fixed in self.fixed if not _same(fixed.place, place))
         if len(kept) == len(self.fixed):
-            raise ValueError(f"{function}: `at` must be a fixed point, got {place}")
+            raise ValueError(f"Edit: `at` must be a fixed point, got {place}")
         return replace(self, fixed=kept)
 
     def replaced(self, changed: Handle) -> Edit:
@@ -206,63 +199,30 @@ class Edit:
         return replace(self, handles=tuple(changed if handle.id == changed.id else handle for handle in self.handles))
 
 
-def place_on(mesh: Mesh, function: str, name: str, at: Any) -> Place:
-    """The place that a person means by `at`: a vertex index, three coordinates in mesh units, or a `Place`.
+def _same(one: Place, other: Place) -> bool:
+    return (one.position, one.region) == (other.position, other.region)
+
+
+def edit_on(mesh: Mesh, edit: Edit) -> Edit:
+    """`edit` with its vertices and regions where those of `mesh` lie.
 
     Raises
     ------
     ValueError
-        In the name of `function`, if it is no vertex of `mesh` and no finite point.
+        If one of them is none of `mesh`.
     """
-    if isinstance(at, Place):
-        return at if at.vertex is None else place_on(mesh, function, name, at.vertex)
-    if np.ndim(at) == 0:
-        if isinstance(at, bool) or not isinstance(at, int | np.integer):
-            raise ValueError(f"{function}: `{name}` must be a vertex index or a point, got {at!r}")
-        vertex = int(check.vertex_indices(function, name, [at], len(mesh.vertices))[0])
-        return Place(vector(function, name, mesh.vertices[vertex]), vertex)
-    return Place(vector(function, name, at))
-
-
-def handle_on(
-    mesh: Mesh,
-    function: str,
-    id: int,  # noqa: A002  # the handle's own word for it
-    at: Any,
-    transform: Transform,
-    locality: float,
-    name: Any,
-) -> Handle:
-    """The handle that a person means, its place as in `place_on`.
-
-    Raises
-    ------
-    ValueError
-        In the name of `function`, if the place is none, `locality` is negative or not finite, or `name` is no text.
-    """
-    place = place_on(mesh, function, "at", at)
-    if name is not None and not (isinstance(name, str) and name):
-        raise ValueError(f"{function}: `name` must be a text that is not empty, got {name!r}")
-    return Handle(id, place, transform, check.number(function, "locality", locality, minimum=0.0), name)
-
-
-def edit_on(mesh: Mesh, function: str, edit: Edit) -> Edit:
-    """`edit` with its vertices where those of `mesh` lie.
-
-    Raises
-    ------
-    ValueError
-        In the name of `function`, if one of them is no vertex of `mesh`.
-    """
-    handles = (replace(handle, place=place_on(mesh, function, "edit", handle.place)) for handle in edit.handles)
-    fixed = (place_on(mesh, function, "edit", place) for place in edit.fixed)
+    for handle in edit.handles:
+        if handle.controls.within is not None:
+            members(mesh, handle.controls.within)
+    handles = (replace(handle, place=place_on(mesh, handle.place)) for handle in edit.handles)
+    fixed = (replace(fixed, place=place_on(mesh, fixed.place)) for fixed in edit.fixed)
     return replace(edit, handles=tuple(handles), fixed=tuple(fixed))
 
 
 def symmetry_on(
-    mesh: Mesh, function: str, plane: SymmetryPlane | str, band: float | None, *, field: Field | None = None
+    mesh: Mesh, plane: SymmetryPlane | str, band: float | None = None, *, field: Field | None = None
 ) -> SymmetryPlane:
-    """The plane that a person means by "x", "y" or "z" (through the centre of the box) or by a plane.
+    """The plane that a person means by "x", "y" or "z" (through the center of the box), by "x=0.1", or by a plane.
 
     With a `field`, "auto" is the one of these across which the shape looks most alike. `band`, in mesh units, replaces
     the plane's own. Without it, a named axis gets 3 % of the longest side.
@@ -270,22 +230,32 @@ def symmetry_on(
     Raises
     ------
     ValueError
-        In the name of `function`, if `plane` is neither, "auto" finds none, or `band` is negative or not finite.
+        If `plane` is neither, "auto" finds none, or `band` is negative or not finite.
     """
-    if plane == "auto" and field is not None:
+    if isinstance(plane, str) and plane == "auto" and field is not None:
         found = symmetry_planes(field, mesh)
         if not found:
-            raise ValueError(f"{function}: `plane` cannot be 'auto': the shape looks alike across no axis plane")
+            raise ValueError("`plane` cannot be 'auto': the shape looks alike across no axis plane")
         plane = axis_name(found[0].normal)
     if isinstance(plane, str):
-        if plane not in AXES:
-            raise ValueError(f"{function}: `plane` must be x, y, z or a SymmetryPlane, got {plane!r}")
-        plane = axis_plane(mesh, plane, band=DEFAULT_BAND * float(np.max(mesh.extents)))
+        plane = _named_plane(mesh, plane)
     elif not isinstance(plane, SymmetryPlane):
-        raise ValueError(f"{function}: `plane` must be x, y, z or a SymmetryPlane, got {type(plane).__name__}")
-    return plane if band is None else replace(plane, band=check.number(function, "band", band, minimum=0.0))
+        raise ValueError(f"`plane` must be x, y, z, a text such as x=0 or a SymmetryPlane, got {type(plane).__name__}")
+    return plane if band is None else replace(plane, band=check.number("band", "band", band, minimum=0.0))
+
+
+def _named_plane(mesh: Mesh, name: str) -> SymmetryPlane:
+    """The plane across an axis, "x" through the center of the box and "x=0.1" where it says."""
+    axis, equals, offset = name.partition("=")
+    try:
+        if axis.strip() not in AXES:
+            raise ValueError
+        plane = axis_plane(mesh, axis.strip(), band=DEFAULT_BAND * float(np.max(mesh.extents)))
+        return replace(plane, offset=float(offset)) if equals else plane
+    except ValueError:
+        raise ValueError(f"`plane` must be x, y, z, a text such as x=0 or a SymmetryPlane, got {name!r}") from None
 
 
 def box_center(mesh: Mesh) -> Vector:
-    """Centre of the bounding box, the pivot of a default transform without one, (3,) in mesh units."""
-    return vector("box_center", "mesh", np.asarray(mesh.bounds, np.float64).mean(axis=0))
+    """Center of the bounding box, the pivot of a default transform without one, (3,) in mesh units."""
+    return vector("mesh", np.asarray(mesh.bounds, np.float64).mean(axis=0))

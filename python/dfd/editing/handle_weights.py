@@ -3,29 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common import check
 from dfd.editing.columns import Columns
-from dfd.editing.edit import Edit, Handle, Place
-from dfd.posing.transforms import Vector, vector
+from dfd.editing.controls import Controls
+from dfd.editing.distances import Distances
+from dfd.editing.edit import Edit, Fixed, Handle
+from dfd.editing.instance_columns import Column, InstanceColumns
+from dfd.editing.place import Place
+from dfd.editing.vertex_rows import VertexRows
 from dfd.weights.bind import bind
-from dfd.weights.compact import CompactFeatures, compact
+from dfd.weights.compact import CompactFeatures
+from dfd.weights.reach import auto_reach
 
 if TYPE_CHECKING:
     from dfd.field.field import Field
-    from dfd.geometry.geodesics import Geodesics
     from dfd.mesh.mesh import Mesh
-    from dfd.symmetry.plane import SymmetryPlane
 
 __all__ = ["HandleWeights"]
 
-# As many vertices as `compact` would judge by: up to there it takes longer than it saves.
-MOST_EXACT = 16_384
+# Of a handle's weight that fixed points leave at the handle itself: with less, dividing by it makes noise of the rest.
+LEAST_LEFT = 0.01
+# Of the largest singular value of the weights among handles: below, they no longer say which handle moves what.
+SINGULAR = 1e-4
 
 Float32 = NDArray[np.float32]
 
@@ -34,8 +37,8 @@ class Key(NamedTuple):
     """What a column of weights depends on, besides the fixed points."""
 
     place: Place
-    locality: float
-    sources: tuple[int, ...]  # the vertices where its distances start; none without locality
+    controls: Controls  # those that shape the column
+    sources: tuple[int, ...]  # the vertices where its distances start; none where it has no use for any
 
 
 class HandleWeights:
@@ -59,157 +62,216 @@ class HandleWeights:
 
     def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
         self._mesh = mesh
-        self._field = field
-        self._features = None if features is None else _checked(features, (len(mesh.vertices), field.dimension))
+        self._rows = VertexRows(mesh, field, features)
+        self._distances = Distances(mesh)
+        self._instances = InstanceColumns(mesh)
         self._columns = Columns(len(mesh.vertices))
-        self._keys: list[Key] = []  # of the columns from 1 on
-        self._fixed: tuple[Place, ...] = ()
-        self._resting: bool | None = None  # whether the column of rest is one without D₀; None when it is out of date
+        self._keys: list[Key] = []
+        self._fixed: tuple[Fixed, ...] = ()
+        self._arrive = True
         self._given: Float32 | None = None  # what `of` gave out last, as long as it holds
-        self._distances: dict[int, Float32] = {}  # (V,) each, by the vertex they start at
-        self._found: dict[Vector, int] = {}  # nearest vertices: every frame of a drag asks for the same ones
+        self._held: Float32 | None = None  # (V,) what the fixed points take away, as long as they stay
+        self._reaches: dict[Place, float] = {}
 
     @property
     def features(self) -> Float32 | CompactFeatures:
         """(V, D) features of the vertices: in full up to 16,384 vertices, compact beyond, or what was given."""
-        self.prepare()
-        assert self._features is not None
-        return self._features
+        return self._rows.features
 
     def prepare(self, progress: Callable[[int], object] | None = None) -> None:
         """Ask the field for the features, unless they are there; `progress` hears how many further rows are done."""
-        if self._features is not None:
-            return
-        if len(self._mesh.vertices) > MOST_EXACT:
-            self._features = compact(self._field, self._mesh.vertices, progress=progress)
-        else:
-            self._features = self._field.features(self._mesh)
-            if progress is not None:
-                progress(len(self._features))
+        self._rows.prepare(progress)
 
     def of(self, edit: Edit) -> Float32:
         """(V, H) weights of the handles of `edit`, in their order; read-only, and nothing that follows changes it."""
         self._follow(edit)
         if self._given is None:
-            self._given = self._columns.lend(1, 1 + len(self._keys))
+            self._given = self._columns.given(len(self._keys))
         return self._given
 
-    def blend_of(self, edit: Edit) -> Float32:
-        """(V, H) or (V, 1 + H) weights to pose with: `of`, behind a handle that rests where there is more than one.
-
-        Where look-alike handles sum to more than 1, Eq. 1 magnifies the shape about the origin, even when no handle
-        moves. So one more handle rests, with a weight that takes away so much that they never do: a handle at rest
-        then changes nothing anywhere, not by a bit, and handles that move add up. With a D₀, which gets what the sum
-        leaves of 1, that weight is min(1 − Σ W, 0): where the sum is at most 1, it is Eq. 1 to the letter.
-        """
+    def posing(self, edit: Edit) -> tuple[Float32, tuple[Column, ...]]:
+        """(V, C) weights to pose with, and which handle and instance each column is of: one or more for each handle."""
         self._follow(edit)
-        count = len(self._keys)
-        if count < 2:
-            return self._columns.between(1, 1 + count)
-        without_default = edit.default is None
-        if self._resting is not without_default:
-            handles = self._columns.between(1, 1 + count)
-            surplus = -float(count) if without_default else 1.0 - handles.sum(axis=1, dtype=np.float64)
-            np.minimum(surplus, 0.0, out=self._columns.between(0, 1)[:, 0])
-            self._resting = without_default
-        return self._columns.between(0, 1 + count)
+        return self._instances.of(edit, self._columns.between(0, len(self._keys)), self._keys, self._rows)
+
+    def instance_counts(self, edit: Edit) -> list[int]:
+        """(H,) how many columns pose each handle."""
+        columns = self.posing(edit)[1]
+        return [sum(column.handle == i for column in columns) for i in range(len(edit.handles))]
+
+    def anchor(self, handle: Handle) -> int:
+        """The vertex by which a handle is judged: its own, the nearest one, or that in the middle of its region."""
+        return self._rows.anchor(handle.place)
+
+    def reach(self, handle: Handle) -> float:
+        """The number that the handle's `reach` is."""
+        return self._reach(handle.place, handle.controls)
+
+    def left(self, edit: Edit, handle: Handle) -> float:
+        """What the fixed points of `edit` leave of the weight of `handle` at the handle itself, in [0, 1] (Eq. 6)."""
+        held = 0.0
+        own = self._rows.of([handle.place])
+        for fixed in edit.fixed:
+            if self._rows.holds(fixed.place, handle.place):
+                held = max(held, fixed.strength)
+            apart = np.linalg.norm(own[:, None] - self._rows.of([fixed.place])[None], axis=2)
+            held = max(held, fixed.strength * (1.0 - float(apart.min(axis=1).max())))
+        return 1.0 - held
+
+    def check_arrivals(self, edit: Edit) -> None:
+        """Refuse an edit whose handles cannot arrive.
+
+        Raises
+        ------
+        ValueError
+            If fixed points leave nothing of a handle at the handle itself.
+        """
+        if not edit.arrive or not edit.fixed:
+            return
+        for handle in edit.handles:
+            left = self.left(edit, handle)
+            if left < LEAST_LEFT:
+                raise ValueError(
+                    f"`fixed` must leave something of handle {handle.id} at {handle.place}, but leaves {left:.2g}: "
+                    "what is fixed looks just like it; lower its strength, or fix something else"
+                )
+
+    def among(self, edit: Edit, weights: Float32, columns: Sequence[Column]) -> NDArray[np.float64]:
+        """(C, C) weights among columns, row j at the vertex where column j is held."""
+        held = [column.vertex(self.anchor(edit.handles[column.handle])) for column in columns]
+        return weights[held].astype(np.float64)
+
+    def check_interpolation(self, edit: Edit) -> None:
+        """Refuse an edit whose handles cannot all land where they are sent.
+
+        Raises
+        ------
+        ValueError
+            If `overlap` is "interpolate" and two handles have the same weights everywhere among handles.
+        """
+        if edit.overlap != "interpolate" or len(edit.handles) < 2:
+            return
+        among = self._rows_among(edit)
+        left, sizes, _ = np.linalg.svd(among)
+        if sizes[-1] <= SINGULAR * sizes[0]:
+            first, second = sorted(np.argsort(-np.abs(left[:, -1]), kind="stable")[:2].tolist())
+            one, other = edit.handles[first], edit.handles[second]
+            raise ValueError(
+                f"`overlap` cannot be 'interpolate': handle {one.id} at {one.place} and handle {other.id} at "
+                f"{other.place} look the same and cannot both arrive"
+            )
+
+    def _rows_among(self, edit: Edit) -> NDArray[np.float64]:
+        self._follow(edit)
+        held = [self.anchor(handle) for handle in edit.handles]
+        return self._columns.between(0, len(self._keys))[held].astype(np.float64)
 
     def _follow(self, edit: Edit) -> None:
-        """Have a column for each handle of `edit`, in their order: the first is 1."""
-        if edit.fixed != self._fixed:
-            self._keys, self._fixed = [], edit.fixed
-        keys = [Key(handle.place, handle.locality, self._sources(handle, edit.symmetry)) for handle in edit.handles]
+        """Have a column for each handle of `edit`, in their order."""
+        if (edit.fixed, edit.arrive) != (self._fixed, self._arrive):
+            self._keys, self._held, self._fixed, self._arrive = [], None, edit.fixed, edit.arrive
+        keys = [self._key(handle, edit) for handle in edit.handles]
         if keys == self._keys:
             return
-        column_of = {key: column for column, key in enumerate(self._keys, start=1)}
-        self._keys, self._given, self._resting = [], None, None  # were binding to fail now, all are bound anew
+        column_of = {key: column for column, key in enumerate(self._keys)}
+        self._keys, self._given = [], None  # were binding to fail now, all are bound anew
         self._columns = self._columns.rearranged([column_of.get(key) for key in keys])
-        runs: list[list[int]] = []  # of neighbours that one call can bind
-        for column, key in enumerate(keys, start=1):
+        runs: list[list[int]] = []  # of neighbors that one call can bind
+        for column, key in enumerate(keys):
             if key in column_of:
                 continue
-            if runs and runs[-1][-1] == column - 1 and _alike(keys[column - 2], key):
+            if runs and runs[-1][-1] == column - 1 and _alike(keys[column - 1], key):
                 runs[-1].append(column)
             else:
                 runs.append([column])
         for run in runs:
-            first, last = run[0], run[-1] + 1
-            self._bind(keys[first - 1 : last - 1], self._columns.between(first, last))
+            self._bind([keys[column] for column in run], self._columns.between(run[0], run[-1] + 1))
         self._keys = keys
-        # The distances of handles that are gone are not worth their memory.
-        living = {source for key in keys for source in key.sources}
-        self._distances = {source: row for source, row in self._distances.items() if source in living}
+        self._distances.keep({source for key in keys for source in key.sources})
+
+    def _key(self, handle: Handle, edit: Edit) -> Key:
+        controls = handle.controls.of_column
+        near = controls.locality > 0 or controls.radius is not None
+        sources = (
+            self._distances.sources(self._rows.vertices(handle.place), handle.place, edit.symmetry) if near else ()
+        )
+        return Key(handle.place, controls, sources)
 
     def _bind(self, keys: Sequence[Key], out: Float32) -> None:
         """Weights (V, N) of `keys`, all `_alike`, to `out` (Eq. 4 to 7)."""
-        sources = keys[0].sources
+        geodesic, locality = self._distances.falloff(keys[0].sources, keys[0].controls)
+        reaches = [self._reach(key.place, key.controls) for key in keys]
         bind(
             self.features,
-            self._points([key.place for key in keys]),
-            fixed=self._points(self._fixed) if self._fixed else None,
-            geodesic=self._distance(sources)[None] if sources else None,
-            locality=[key.locality for key in keys],
+            self._rows.points([key.place for key in keys]),
+            fixed=self._rows.points([fixed.place for fixed in self._fixed]) if self._fixed else None,
+            strength=[fixed.strength for fixed in self._fixed] if self._fixed else None,
+            geodesic=geodesic,
+            locality=locality,
+            reach=1.0 if reaches == [1.0] * len(keys) else reaches,
+            falloff=keys[0].controls.falloff,
             out=out,
         )
+        for key, column in zip(keys, out.T, strict=True):
+            self._finish(key, column)
 
-    def _points(self, places: Sequence[Place]) -> NDArray[np.int64] | Float32:
-        """What `bind` takes for places: (N,) vertex indices, or (N, D) features where one of them is no vertex."""
-        vertices = np.array([-1 if place.vertex is None else place.vertex for place in places])
-        known = vertices >= 0
-        if known.all():
-            return vertices
-        features = self.features
-        rows = np.empty((len(places), features.shape[1]), np.float32)
-        rows[~known] = self._field(np.array([place.position for place in places])[~known])
-        if isinstance(features, CompactFeatures):
-            rows[known] = features.rows(vertices[known])
-        else:
-            rows[known] = features[vertices[known]]
-        return rows
+    def _finish(self, key: Key, column: Float32) -> None:
+        """What a column is beyond Eq. 4 to 7: regions whole, arrival, strength and limits.
 
-    def _distance(self, sources: tuple[int, ...]) -> Float32:
-        """(V,) distances in [0, 1] from the nearest of `sources`."""
-        for source in sources:
-            if source not in self._distances:
-                self._distances[source] = self._geodesics.distances([source])[0]
-        first, *others = (self._distances[source] for source in sources)
-        return np.minimum(first, others[0]) if others else first
-
-    def _sources(self, handle: Handle, symmetry: SymmetryPlane | None) -> tuple[int, ...]:
-        """The vertices from which a handle's distances start; none for locality 0, which has no use for distances.
-
-        A symmetric edit acts at the handle's mirror image as well, and what is near that is as near: measured from the
-        handle alone, locality would undo the symmetry.
+        A region weighs by members that stand for it; here all of them count as the nearest.
         """
-        if handle.locality == 0:
-            return ()
-        place = handle.place
-        source = self._nearest(place.position) if place.vertex is None else place.vertex
-        if symmetry is None:
-            return (source,)
-        mirrored = self._nearest(vector("HandleWeights", "symmetry", symmetry.reflect([place.position])[0]))
-        return (source,) if mirrored == source else (source, mirrored)
+        if key.place.region is not None:
+            own = self._rows.members(key.place)
+            free = 1.0 - self._held_weights()[own] if self._fixed else np.float32(1.0)
+            column[own] = np.maximum(column[own], free)
+        for fixed in self._fixed:
+            if fixed.place.region is not None:
+                held = self._rows.members(fixed.place)
+                column[held] = np.minimum(column[held], 1.0 - fixed.strength)
+        if self._fixed and self._arrive:
+            left = self._left_of(key, column)
+            if left >= LEAST_LEFT:
+                np.minimum(column / np.float32(left), 1.0, out=column)
+        if key.controls.strength < 1.0:
+            column *= np.float32(key.controls.strength)
+        if key.controls.within is not None:
+            beyond = np.ones(len(column), bool)
+            beyond[self._rows.members_of(key.controls.within)] = False
+            column[beyond] = 0.0
 
-    def _nearest(self, point: Vector) -> int:
-        if point not in self._found:
-            self._found[point] = int(np.linalg.norm(self._mesh.vertices - np.asarray(point), axis=1).argmin())
-        return self._found[point]
+    def _left_of(self, key: Key, column: Float32) -> float:
+        """What is left at the handle of its own column."""
+        if key.place.vertex is not None:
+            return float(column[key.place.vertex])
+        if key.place.region is not None:
+            return float(column[self._rows.members(key.place)].max())
+        return self.left(Edit(fixed=self._fixed), Handle(1, key.place))
 
-    @cached_property
-    def _geodesics(self) -> Geodesics:
-        from dfd.geometry.geodesics import Geodesics  # built for those who ask for locality, and for nobody else
+    def _held_weights(self) -> Float32:
+        """(V,) max_p s_p W_p of Eq. 6: what the fixed points take away."""
+        if self._held is None:
+            self._held = np.zeros(len(self._mesh.vertices), np.float32)
+            one = np.empty((len(self._held), 1), np.float32, order="F")
+            for fixed in self._fixed:
+                bind(self.features, self._rows.points([fixed.place]), out=one)
+                np.maximum(self._held, np.float32(fixed.strength) * one[:, 0], out=self._held)
+                if fixed.place.region is not None:
+                    held = self._rows.members(fixed.place)
+                    self._held[held] = np.maximum(self._held[held], np.float32(fixed.strength))
+        return self._held
 
-        return Geodesics(self._mesh)
-
-
-def _checked(features: Any, shape: tuple[int, int]) -> Float32 | CompactFeatures:
-    if not isinstance(features, CompactFeatures):
-        return check.array("Deformer", "features", features, shape)
-    if features.shape != shape:
-        raise ValueError(f"Deformer: `features` must have shape {shape}, got {features.shape}")
-    return features
+    def _reach(self, place: Place, controls: Controls) -> float:
+        if not isinstance(controls.reach, str):
+            return controls.reach
+        if place not in self._reaches:
+            # With twice the paper's reach, no distance of unit features is cut off.
+            weights = bind(self.features, self._rows.points([place]), reach=2.0)
+            self._reaches[place] = auto_reach(2.0 * (1.0 - weights[:, 0]))
+        return self._reaches[place]
 
 
 def _alike(one: Key, other: Key) -> bool:
     """Whether one call binds both: vertices and points are told to it in two ways, and distances only take memory."""
-    return (one.place.vertex is None) == (other.place.vertex is None) and not one.sources and not other.sources
+    kinds = (one.place.vertex is None) == (other.place.vertex is None)
+    same_falloff = one.controls.falloff == other.controls.falloff
+    return kinds and same_falloff and not one.sources and not other.sources

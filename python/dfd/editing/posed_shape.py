@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.editing.edit import Edit, box_center
+from dfd.editing.instance_columns import Column
 from dfd.posing.pose import Drag, pose
 
 if TYPE_CHECKING:
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
 __all__ = ["PosedShape"]
-
-IDENTITY = np.eye(3, 4)
 
 
 class PosedShape:
@@ -32,7 +31,7 @@ class PosedShape:
         self._edit = Edit()
         self._vertices = mesh.vertices
         self._drag: Drag | None = None
-        self._moving: list[int] = []  # which of the edit's handles `_drag` can move
+        self._moving: dict[int, list[Column]] = {}  # the columns that `_drag` can move, by handle
 
     def of(self, edit: Edit) -> NDArray[np.float64]:
         """(V, 3) vertices in mesh units, read-only, moved by `edit` from where they rest."""
@@ -49,55 +48,67 @@ class PosedShape:
         if moved is None or 2 * len(moved) > len(edit.handles):
             self._drag = None
             return self._vertices if _acting(self._edit) == _acting(edit) else self._whole(edit)
-        if self._drag is None or not set(moved) <= set(self._moving):
-            arguments = self._arguments(edit)
-            resting = len(arguments["transforms"]) - len(edit.handles)
-            self._drag = Drag(self._mesh.vertices, moving=[resting + i for i in moved], **arguments)
-            self._moving = moved
-        posed: NDArray[np.float64] = self._drag.pose([edit.handles[i].matrix for i in self._moving])
+        if self._drag is None or not self._moving.keys() >= set(moved):
+            weights, columns = self._weights.posing(edit)
+            moving = [i for i, column in enumerate(columns) if column.handle in moved]
+            self._drag = Drag(self._mesh.vertices, weights, moving=moving, **self._arguments(edit, weights, columns))
+            self._moving = {handle: [column for column in columns if column.handle == handle] for handle in moved}
+        matrices = [self._matrix(edit, column) for columns in self._moving.values() for column in columns]
+        posed: NDArray[np.float64] = self._drag.pose(matrices)
         return posed
 
     def _whole(self, edit: Edit) -> NDArray[np.float64]:
+        if not edit.handles and edit.default is None:
+            return self._mesh.vertices
         if _acting(edit) == _acting(Edit()):
             return self._mesh.vertices  # no weight changes that
-        posed: NDArray[np.float64] = pose(self._mesh.vertices, **self._arguments(edit))
+        weights, columns = self._weights.posing(edit)
+        posed: NDArray[np.float64] = pose(self._mesh.vertices, weights, **self._arguments(edit, weights, columns))
         return posed
 
-    def _arguments(self, edit: Edit) -> dict[str, Any]:
-        """What `pose` and `Drag` take for `edit`."""
-        weights = self._weights.blend_of(edit)
-        # The handle that rests, when there is one, stands anywhere: mirrored, it rests too.
-        resting = weights.shape[1] - len(edit.handles)
-        places = [(0.0, 0.0, 0.0)] * resting + [handle.place.position for handle in edit.handles]
+    def _arguments(self, edit: Edit, weights: NDArray[np.float32], columns: tuple[Column, ...]) -> dict[str, Any]:
+        """What `pose` and `Drag` take for `edit`, besides vertices and weights."""
+        positions = [column.position(edit.handles[column.handle], self._mesh) for column in columns]
         return {
-            "weights": weights,
-            "transforms": np.reshape([IDENTITY] * resting + [handle.matrix for handle in edit.handles], (-1, 3, 4)),
+            "transforms": np.reshape([self._matrix(edit, column) for column in columns], (-1, 3, 4)),
             "default": None if edit.default is None else edit.default.matrix(box_center(self._mesh)),
             "symmetry": edit.symmetry,
-            "handles": None if edit.symmetry is None else np.reshape(places, (-1, 3)),
+            "handles": np.reshape(positions, (-1, 3)),
+            "handle_weights": self._weights.among(edit, weights, columns) if edit.overlap == "interpolate" else None,
+            "overlap": edit.overlap,
+            "blend": edit.blend,
         }
+
+    def _matrix(self, edit: Edit, column: Column) -> NDArray[np.float64]:
+        return column.matrix(edit.handles[column.handle], self._mesh)
 
 
 def _moved(before: Edit, after: Edit) -> list[int] | None:
     """Which handles' transforms tell two edits apart; None where other things do."""
-    if len(before.handles) != len(after.handles):
-        return None
-    if (before.fixed, before.symmetry, before.default) != (after.fixed, after.symmetry, after.default):
+    if len(before.handles) != len(after.handles) or _whole_shape(before) != _whole_shape(after):
         return None
     moved = []
     for i, (old, new) in enumerate(zip(before.handles, after.handles, strict=True)):
-        if old is not new and (old.place, old.locality) != (new.place, new.locality):
+        if old is not new and (old.place, old.controls) != (new.place, new.controls):
             return None
         if old is not new and old.transform != new.transform:
             moved.append(i)
     return moved
 
 
+def _whole_shape(edit: Edit) -> tuple[Any, ...]:
+    return edit.fixed, edit.symmetry, edit.default, edit.overlap, edit.blend, edit.arrive
+
+
 def _acting(edit: Edit) -> tuple[Any, ...]:
-    """What of an edit tells in the shape: handles that rest do not, unless they keep a D₀ from what they hold."""
+    """What of an edit tells in the shape.
+
+    Handles that rest do not where displacements add, unless they keep a D₀ from what they hold.
+    """
+    inert = edit.default is None and edit.overlap == "add" and edit.blend == "linear"
     handles = [
-        (handle.place, handle.locality, handle.transform)
+        (handle.place, handle.controls, handle.transform)
         for handle in edit.handles
-        if edit.default is not None or not handle.transform.rests
+        if not (inert and handle.transform.rests)
     ]
-    return handles, (edit.fixed, edit.symmetry) if handles else None, edit.default
+    return handles, _whole_shape(edit) if handles else edit.default

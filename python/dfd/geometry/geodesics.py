@@ -76,10 +76,27 @@ class Geodesics:
             return np.asarray(self._tree.query(points)[1], np.int64).reshape(-1)
         return check.vertex_indices("Geodesics.distances", "handles", handles, len(self._mesh.vertices))
 
+    def lengths(self, handles: Any) -> NDArray[np.float32]:
+        """Return how far every vertex is from each handle along the surface, (H, V) in mesh units, inf where no way is.
+
+        Parameters and errors are those of `distances`.
+        """
+        chosen = self._handle_vertices(handles)
+        return np.array([self._lengths(int(handle)) for handle in chosen], np.float32).reshape(len(chosen), -1)
+
     def _from(self, handle: int) -> NDArray[np.float32]:
         """Return one row of `distances`."""
+        lengths = self._lengths(handle)
+        reached = np.isfinite(lengths)
+        farthest = lengths[reached].max()
+        row = np.ones(len(lengths), np.float32)
+        row[reached] = lengths[reached] / farthest if farthest > 0 else 0
+        return row
+
+    def _lengths(self, handle: int) -> NDArray[np.float64]:
+        """Return one row of `lengths`."""
         coarse = self._coarse
-        row = np.ones(len(self._mesh.vertices), np.float32)
+        row = np.full(len(self._mesh.vertices), np.inf)
         row[self._same_place(handle)] = 0
         if coarse.face[handle] < 0:  # no sound face leads away from it
             return row
@@ -94,9 +111,7 @@ class Geodesics:
         distance = coarse.carry(far)[reached]
         if share.max() < 1 - 1e-9:
             distance = self._near_field(handle, reached, distance)
-        distance = np.maximum(distance, 0)
-        farthest = distance.max()
-        row[reached] = distance / farthest if farthest > 0 else 0
+        row[reached] = np.maximum(distance, 0)
         row[self._same_place(handle)] = 0
         return row
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from dfd.common import check
 from dfd.mesh.appearance import Appearance
+from dfd.mesh.file.parts import Part
 from dfd.mesh.file.read import SceneFile
 from dfd.mesh.file.write import write
 from dfd.mesh.normals import smooth_normals
@@ -88,6 +89,30 @@ class Mesh:
     def part_count(self) -> int:
         """How many parts the scene of its file has; 1 for a mesh made from arrays."""
         return len(self._scene.parts) if self._scene else 1
+
+    @property
+    def part_names(self) -> tuple[str, ...]:
+        """The names of the parts of its file's scene, in their order, once each; none for a mesh made from arrays."""
+        return tuple(dict.fromkeys(name for part in self._parts for name in (part.node, part.name)))
+
+    def part_vertices(self, name: str) -> NDArray[np.int64]:
+        """(N,) ascending, the vertices of the parts of that name: a node of the scene, or a geometry wherever it is.
+
+        Raises
+        ------
+        ValueError
+            If the scene has no part of that name; the message lists those it has.
+        """
+        named = [part for part in self._parts if name in (part.node, part.name)]
+        if not named or self._scene is None:
+            known = ", ".join(self.part_names[:20]) or "none"
+            raise ValueError(f"Mesh.part_vertices: `name` must be a part of the scene ({known}), got {name!r}")
+        rows = np.concatenate([self._scene.vertex[part.rows] for part in named])
+        return np.unique(rows[rows >= 0]).astype(np.int64)
+
+    @property
+    def _parts(self) -> tuple[Part, ...]:
+        return self._scene.parts if self._scene else ()
 
     @property
     def diagonal(self) -> float:

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dfd import _core
 from dfd.common import check, tensors, threads
+from dfd.posing.overlap import interpolating
 
 if TYPE_CHECKING:
     from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["Drag", "pose"]
+__all__ = ["Blend", "Drag", "Overlap", "pose"]
+
+Overlap = Literal["add", "paper", "normalize", "interpolate"]  # the first three numbered as in the kernels
+Blend = Literal["linear", "dual_quaternion", "polar"]  # numbered as in the kernels
+
+Float64 = NDArray[np.float64]
 
 IDENTITY = np.eye(3, 4)
 IDENTITY.flags.writeable = False
@@ -27,7 +34,10 @@ def pose(
     default: Any = None,
     symmetry: SymmetryPlane | None = None,
     handles: Any = None,
+    handle_weights: Any = None,
     normals: Any = None,
+    overlap: Overlap = "add",
+    blend: Blend = "linear",
     out: Any = None,
 ) -> Any:
     """Move each vertex by the transforms of the handles that it follows.
@@ -45,10 +55,27 @@ def pose(
     symmetry
         Plane across which handles act mirrored on the other side. Over its `band` the sides blend smoothly.
     handles
-        With `symmetry`: (H,) vertex indices or (H, 3) positions, which tell each handle's side; where left out, a
-        handle stands at the vertex with its largest weight.
+        (H,) vertex indices or (H, 3) positions: where handles stand, which tells their sides of the plane, the weights
+        among them and the points about which other blends than linear take them apart. Where left out, a handle stands
+        at the vertex with its largest weight.
+    handle_weights
+        (H, H) weights among handles for `overlap="interpolate"`, row j at the place of handle j; needed where handles
+        stand at positions that are no vertices, otherwise the rows of `weights` at `handles`.
     normals
         (V, 3) unit normals to turn along, by the cofactors of each vertex's blended transform.
+    overlap
+        What becomes of weights whose sum passes 1. "add": displacements add, so that handles that rest change nothing.
+        "paper": Eq. 1 to the letter, which scales the vertex by the sum about the origin. "normalize": weights are
+        divided by their sum. "interpolate": displacements add, of weights times the inverse of those among the handles,
+        so that each handle lands exactly where its own transform sends it (inside the band of a plane, in part).
+    blend
+        What of the transforms is blended. "linear": the matrices, Eq. 1.
+        "dual_quaternion": each transform is a stretch about the handle's place and a rigid motion after it; stretches
+        blend linearly, rigid motions as dual quaternions (Kavan et al., Geometric Skinning with Approximate Dual
+        Quaternion Blending, 2008). "polar": rotations and stretches of the polar decompositions (Shoemake and Duff,
+        Matrix Animation and Polar Decomposition, 1992) blend apart, as quaternions and linearly, and act about the mean
+        place of the handles that turn, which the linear blend moves (as do the centers of Le and Hodgins, Real-time
+        Skeletal Skinning with Optimized Centers of Rotation, 2016). Both keep the thickness of what is twisted.
     out
         (V, 3) array of the type of `vertices` for the result, otherwise a new one is made.
 
@@ -56,29 +83,39 @@ def pose(
     -------
     vertices
         (V, 3) in mesh units, float32 if `vertices` is (or has fewer digits), else float64; a torch tensor if it is one.
-        With `normals`, a pair: the vertices, and (V, 3) unit normals of the same type.
+        With `normals`, a pair: the vertices, and (V, 3) unit normals of the same type. Where torch records gradients
+        for `vertices`, `weights` or `transforms`, a linear blend gives them.
 
     Raises
     ------
     ValueError
-        If shapes disagree, a value is not finite, a transform is not affine, or `out` is not what the vertices fit in.
+        If shapes disagree, a value is not finite, a transform is not affine, two handles at one place cannot both
+        arrive, gradients are asked for that there are none of, or `out` is not what the vertices fit in.
 
-    Equation 1: V' = (max(1 − Σ W_k, 0) D₀ + Σ W_k D_k) V. Where weights sum to more than 1 nothing is normalised.
-    Equation 8: at vertices on the other side of the plane, with reflection R, handle k acts through R D_k R.
+    Equation 1: V' = (max(1 − Σ W_k, 0) D₀ + Σ W_k D_k) V. With "add", V' = V + max(1 − Σ W_k, 0) (D₀ V − V) +
+    Σ W_k (D_k V − V), which is the same where weights sum to at most 1, and leaves vertices as they are, to the bit,
+    where all transforms are the identity. The other blends take the same sums of what quaternions and stretches differ
+    from the identity's by, each quaternion with the sign that turns it the shorter way from D₀; D₀ stands at the first
+    vertex. They have no Eq. 1 to follow: their "paper" is "normalize".
+    Equation 8: at vertices on the other side of the plane, with reflection R, handle k acts through R D_k R and stands
+    at its mirror image. Within the band what is blended is mixed by a smoothstep.
     """
+    if tensors.tracked(vertices, weights, transforms, default, normals, handle_weights, out):
+        from dfd.posing.gradients import posed_with_gradients
+
+        options = {"symmetry": symmetry, "handles": handles, "handle_weights": handle_weights, "normals": normals}
+        options |= {"default": default, "overlap": overlap, "blend": blend, "out": out}
+        return posed_with_gradients(vertices, weights, transforms, options)
     points = _points("pose", vertices)
     matrix = _weights("pose", weights, len(points))
     affine = _affine("pose", "transforms", transforms, matrix.shape[1])
-    rest = IDENTITY if default is None else _affine("pose", "default", default, None)[0]
-    plane = _plane(symmetry)
-    positive = None if symmetry is None else _positive_sides("pose", symmetry, handles, points, matrix)
+    rule = _rule("pose", points, matrix, default, symmetry, handles, handle_weights, overlap, blend)
     directions = turned = None
     if normals is not None:
-        directions = tensors.contiguous("pose", "normals", normals, points.shape, points.dtype)
+        directions = check.array("pose", "normals", normals, points.shape, dtype=points.dtype, finite=False)
         turned = _empty_like(points)
     posed = _target("pose", out, points, {"vertices": points, "weights": matrix, "normals": directions})
-    count = threads.get_num_threads()
-    _core.pose(points, matrix, affine, rest, plane, positive, None, directions, posed, turned, count)
+    _run(rule, points, matrix, affine, posed, normals=directions, turned=turned)
     result = tensors.like(vertices, posed) if out is None else out
     return result if turned is None else (result, tensors.like(vertices, turned))
 
@@ -87,7 +124,8 @@ class Drag:
     """Some handles move, the others rest: everything that rests is folded into one base, so a frame costs the movers.
 
     Parameters are those of `dfd.pose`, `transforms` being where the drag starts, and `moving` the handles that move:
-    positions in 0 … H − 1 among the columns of `weights`.
+    positions in 0 … H − 1 among the columns of `weights`. Only a linear blend can be folded: with the others a frame
+    costs what `dfd.pose` does.
     """
 
     def __init__(
@@ -100,6 +138,9 @@ class Drag:
         default: Any = None,
         symmetry: SymmetryPlane | None = None,
         handles: Any = None,
+        handle_weights: Any = None,
+        overlap: Overlap = "add",
+        blend: Blend = "linear",
     ) -> None:
         """Fold the resting handles.
 
@@ -108,22 +149,26 @@ class Drag:
         ValueError
             As `dfd.pose` does, or if `moving` is out of range or names a handle twice.
         """
+        if tensors.tracked(vertices, weights, transforms, default, handle_weights):
+            raise ValueError("Drag: a drag has no gradients: detach the tensors that require them")
         self._points = _points("Drag", vertices).copy()
         matrix = _weights("Drag", weights, len(self._points))
         affine = _affine("Drag", "transforms", transforms, matrix.shape[1])
-        rest = IDENTITY if default is None else _affine("Drag", "default", default, None)[0]
         self._moving = check.vertex_indices("Drag", "moving", np.atleast_1d(moving), matrix.shape[1], unique=True)
-        self._plane = _plane(symmetry)
-        positive = None if symmetry is None else _positive_sides("Drag", symmetry, handles, self._points, matrix)
-        self._positive = None if positive is None else np.ascontiguousarray(positive[self._moving])
-        self._weights = np.asfortranarray(matrix[:, self._moving])
+        rule = _rule("Drag", self._points, matrix, default, symmetry, handles, handle_weights, overlap, blend)
+        self._like = vertices if tensors.is_tensor(vertices) else None
+        self._base: NDArray[Any] | None = None
+        if blend != "linear":
+            self._rule, self._weights, self._transforms = rule, matrix.copy(order="K"), affine.copy()
+            return
         # Handles that do nothing add nothing, so posing with the movers at rest leaves what they add to.
         resting = affine.copy()
         resting[self._moving] = IDENTITY
         self._base = _empty_like(self._points)
-        count = threads.get_num_threads()
-        _core.pose(self._points, matrix, resting, rest, self._plane, positive, None, None, self._base, None, count)
-        self._like = vertices if tensors.is_tensor(vertices) else None
+        _run(rule, self._points, matrix, resting, self._base)
+        self._weights = np.asfortranarray(_effective(rule, matrix)(self._moving), np.float32)
+        positive = None if rule.positive is None else np.ascontiguousarray(rule.positive[self._moving])
+        self._rule = replace(rule, rest=IDENTITY, positive=positive, places=None, mixing=None, overlap="add")
 
     def pose(self, transforms: Any, *, out: Any = None) -> Any:
         """(V, 3) vertices with the moving handles at `transforms`, (M, 3, 4) or (M, 4, 4), in the order of `moving`.
@@ -133,28 +178,101 @@ class Drag:
         ValueError
             As `dfd.pose` does.
         """
+        if tensors.tracked(transforms, out):
+            raise ValueError("Drag.pose: a drag has no gradients: detach the tensors that require them")
         affine = _affine("Drag.pose", "transforms", transforms, len(self._moving))
         posed = _target("Drag.pose", out, self._points, {"vertices": self._points, "base": self._base})
-        _core.pose(
-            self._points,
-            self._weights,
-            affine,
-            IDENTITY,
-            self._plane,
-            self._positive,
-            self._base,
-            None,
-            posed,
-            None,
-            threads.get_num_threads(),
-        )
+        if self._base is None:
+            self._transforms[self._moving] = affine
+            affine = self._transforms
+        _run(self._rule, self._points, self._weights, affine, posed, base=self._base)
         return tensors.like(self._like, posed) if out is None else out
+
+
+@dataclass(frozen=True)
+class _Rule:
+    """How transforms become one, as the kernel takes it."""
+
+    rest: Float64  # (3, 4) D₀
+    plane: tuple[tuple[float, float, float], float, float] | None
+    positive: NDArray[np.bool_] | None  # (H,) which handles stand where the plane's normal points
+    places: Float64 | None  # (H, 3)
+    mixing: Float64 | None  # (H, H) what the weights are multiplied by
+    overlap: Overlap
+    blend: Blend
+
+
+def _rule(
+    function: str,
+    points: NDArray[Any],
+    weights: NDArray[np.float32],
+    default: Any,
+    symmetry: SymmetryPlane | None,
+    handles: Any,
+    handle_weights: Any,
+    overlap: Overlap,
+    blend: Blend,
+) -> _Rule:
+    check.choice(function, "overlap", overlap, Overlap)
+    check.choice(function, "blend", blend, Blend)
+    rest = IDENTITY if default is None else _affine(function, "default", default, None)[0]
+    indices = places = positive = mixing = None
+    if symmetry is not None or blend != "linear" or overlap == "interpolate":
+        indices, places = _standing(function, handles, points, weights)
+    if symmetry is not None:
+        assert places is not None
+        positive = places @ np.asarray(symmetry.normal, np.float64) - symmetry.offset >= 0
+    if overlap == "interpolate":
+        mixing = np.ascontiguousarray(interpolating(function, _among(function, handle_weights, weights, indices)))
+    plane = None if symmetry is None else (symmetry.normal, symmetry.offset, symmetry.band)
+    return _Rule(rest, plane, positive, None if blend == "linear" else places, mixing, overlap, blend)
+
+
+def _run(
+    rule: _Rule,
+    points: NDArray[Any],
+    weights: NDArray[np.float32],
+    transforms: Float64,
+    posed: NDArray[Any],
+    *,
+    base: NDArray[Any] | None = None,
+    normals: NDArray[Any] | None = None,
+    turned: NDArray[Any] | None = None,
+) -> None:
+    _core.pose(
+        points,
+        weights,
+        transforms,
+        rule.rest,
+        rule.plane,
+        rule.positive,
+        rule.places,
+        rule.mixing,
+        0 if rule.overlap == "interpolate" else get_args(Overlap).index(rule.overlap),
+        get_args(Blend).index(rule.blend),
+        base,
+        normals,
+        posed,
+        turned,
+        threads.get_num_threads(),
+    )
+
+
+def _effective(rule: _Rule, weights: NDArray[np.float32]) -> Any:
+    """What gives the (V, M) weights of some handles that displacements are added by."""
+    if rule.mixing is not None:
+        mixing = rule.mixing
+        return lambda moving: weights @ mixing[:, moving].astype(np.float32)
+    if rule.overlap == "normalize":
+        sums = np.maximum(weights.sum(axis=1, dtype=np.float64), 1.0)
+        return lambda moving: weights[:, moving] / sums[:, None]
+    return lambda moving: weights[:, moving]
 
 
 def _points(function: str, vertices: Any) -> NDArray[Any]:
     points = tensors.shared(function, "vertices", vertices)
     dtype = np.float32 if getattr(points, "dtype", None) in (np.float32, np.float16) else np.float64
-    return tensors.contiguous(function, "vertices", points, ("V", 3), dtype)
+    return check.array(function, "vertices", points, ("V", 3), dtype=dtype, finite=False)
 
 
 def _weights(function: str, weights: Any, vertex_count: int) -> NDArray[np.float32]:
@@ -168,7 +286,7 @@ def _weights(function: str, weights: Any, vertex_count: int) -> NDArray[np.float
         and tensors.lines_contiguous(matrix)
     ):
         return matrix
-    return tensors.contiguous(function, "weights", matrix, (vertex_count, "H"), np.float32)
+    return check.array(function, "weights", matrix, (vertex_count, "H"), finite=False)
 
 
 def _empty_like(points: NDArray[Any]) -> NDArray[Any]:
@@ -182,7 +300,7 @@ def _target(function: str, out: Any, points: NDArray[Any], inputs: dict[str, NDA
     return tensors.output(function, out, points.shape, points.dtype, inputs)
 
 
-def _affine(function: str, name: str, value: Any, count: int | None) -> NDArray[np.float64]:
+def _affine(function: str, name: str, value: Any, count: int | None) -> Float64:
     """(H, 3, 4) transforms, or (1, 3, 4) when `count` is None and `value` is a single one."""
     array = np.asarray(tensors.shared(function, name, value))
     if array.shape == (count, 3, 4) and array.dtype == np.float64 and array.flags.c_contiguous:
@@ -202,29 +320,36 @@ def _affine(function: str, name: str, value: Any, count: int | None) -> NDArray[
     return np.ascontiguousarray(result[:, :3])
 
 
-def _plane(symmetry: SymmetryPlane | None) -> tuple[tuple[float, float, float], float, float] | None:
-    if symmetry is None:
-        return None
-    return symmetry.normal, symmetry.offset, symmetry.band
-
-
-def _positive_sides(
-    function: str, symmetry: SymmetryPlane, handles: Any, vertices: NDArray[Any], weights: NDArray[np.float32]
-) -> NDArray[np.bool_]:
-    """(H,) whether each handle stands on the side that the plane's normal points to."""
+def _standing(
+    function: str, handles: Any, vertices: NDArray[Any], weights: NDArray[np.float32]
+) -> tuple[NDArray[np.int64] | None, Float64]:
+    """(H,) the vertices at which handles stand, None for positions, and (H, 3) where that is."""
     count = weights.shape[1]
     if handles is None:
-        places = vertices[weights.argmax(axis=0)] if len(vertices) else np.zeros((count, 3))
+        if len(vertices) == 0:
+            return None, np.zeros((count, 3))
+        indices = weights.argmax(axis=0)
     else:
         array = np.asarray(tensors.shared(function, "handles", handles))
         if array.ndim == 2:
-            places = check.array(function, "handles", array, (count, 3), dtype=np.float64)
-        else:
-            indices = check.vertex_indices(function, "handles", array, len(vertices))
-            if len(indices) != count:
-                raise ValueError(
-                    f"{function}: `handles` must name {count} handles, as many as `weights` has, got {len(indices)}"
-                )
-            places = vertices[indices]
-    heights = places.astype(np.float64) @ np.asarray(symmetry.normal, np.float64) - symmetry.offset
-    return np.ascontiguousarray(heights >= 0)
+            return None, check.array(function, "handles", array, (count, 3), dtype=np.float64)
+        indices = check.vertex_indices(function, "handles", array, len(vertices))
+        if len(indices) != count:
+            raise ValueError(
+                f"{function}: `handles` must name {count} handles, as many as `weights` has, got {len(indices)}"
+            )
+    return indices, np.ascontiguousarray(vertices[indices], np.float64)
+
+
+def _among(
+    function: str, handle_weights: Any, weights: NDArray[np.float32], indices: NDArray[np.int64] | None
+) -> Float64:
+    """(H, H) weights among handles, row j at the place of handle j."""
+    count = weights.shape[1]
+    if handle_weights is not None:
+        return check.array(function, "handle_weights", handle_weights, (count, count), dtype=np.float64)
+    if indices is None:
+        if len(weights) == 0:
+            return np.eye(count)
+        raise ValueError(f"{function}: `handle_weights` must be given to interpolate handles that are no vertices")
+    return check.array(function, "weights", weights[indices], (count, count), dtype=np.float64)

@@ -2,26 +2,132 @@
 
 A rotation is a *rotation vector in degrees*: its direction is the axis, its length the angle, right-handed. (0, 90, 0)
 turns by 90° about y. It has neither an order of axes to agree on nor a gimbal lock, half the vector is half the turn,
-and about a single axis it reads like an Euler angle. A quaternion (x, y, z, w), in glTF's order, is taken wherever a
-rotation is and becomes a rotation vector.
+more than a whole turn stays more than a whole turn, and about a single axis it reads like an Euler angle. A quaternion
+(x, y, z, w), in glTF's order, is taken wherever a rotation is and becomes a rotation vector.
 """
 
 from __future__ import annotations
 
-import math
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from dfd.common import check
 
-__all__ = ["affine", "rotation_matrix", "rotation_vector", "scale_factors", "vector"]
+__all__ = [
+    "Frame",
+    "Transform",
+    "Vector",
+    "affine",
+    "frame_of_normal",
+    "frame_vectors",
+    "rotation_matrix",
+    "rotation_vector",
+    "scale_factors",
+    "vector",
+]
 
 Vector = tuple[float, float, float]
+Frame = tuple[Vector, Vector, Vector]  # three orthonormal vectors
 
 # Beyond it a float64 has no digits left for the part that matters, what exceeds the whole turns.
 LARGEST_ANGLE = 1e9
+
+
+@dataclass(frozen=True)
+class Transform:
+    """Scale, then rotation, then translation, about a pivot: p ↦ pivot + translation + R A S Aᵀ (p − pivot).
+
+    Attributes
+    ----------
+    translation
+        (3,) in mesh units.
+    rotation
+        (3,) rotation vector in degrees; given as a quaternion (x, y, z, w), it becomes one, the shorter way round.
+    scale
+        (3,) factors along `axes`; one number becomes three. 0 flattens, a negative factor mirrors.
+    pivot
+        (3,) in mesh units; None is the handle's own position, or for the default transform the center of the box.
+    axes
+        Three orthonormal vectors along which `scale` acts, the columns of A; None is the mesh's own axes.
+    linear
+        (3, 3) read-only, R A S Aᵀ.
+
+    Raises
+    ------
+    ValueError
+        If an attribute has another shape or is not finite, a rotation is the quaternion 0 or beyond ±1e9 degrees,
+        `axes` are not orthonormal, or the numbers are so large that the matrix is not finite.
+    """
+
+    translation: Vector = (0.0, 0.0, 0.0)
+    rotation: Vector = (0.0, 0.0, 0.0)
+    scale: Vector = (1.0, 1.0, 1.0)
+    pivot: Vector | None = None
+    axes: Frame | None = None
+    linear: NDArray[np.float64] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Check the numbers, once, and keep what every matrix of this transform shares."""
+        keep = object.__setattr__
+        keep(self, "translation", vector("translation", self.translation))
+        keep(self, "rotation", rotation_vector(self.rotation))
+        keep(self, "scale", scale_factors(self.scale))
+        if self.pivot is not None:
+            keep(self, "pivot", vector("pivot", self.pivot))
+        if self.axes is not None:
+            keep(self, "axes", frame_vectors("axes", self.axes))
+        keep(self, "linear", _linear(self.rotation, self.scale, self.axes))
+
+    def changed(
+        self,
+        *,
+        translation: ArrayLike | None = None,
+        rotation: ArrayLike | None = None,
+        scale: ArrayLike | None = None,
+        pivot: ArrayLike | None = None,
+        axes: ArrayLike | None = None,
+    ) -> Transform:
+        """The transform with some of its parts exchanged; None leaves a part, "auto" takes pivot or axes away.
+
+        Raises
+        ------
+        ValueError
+            As `Transform` does.
+        """
+        given = {"translation": translation, "rotation": rotation, "scale": scale, "pivot": pivot, "axes": axes}
+        parts: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+        for name in ("pivot", "axes"):
+            if isinstance(parts.get(name), str) and parts[name] == "auto":
+                parts[name] = None
+        return replace(self, **parts) if parts else self
+
+    @property
+    def rests(self) -> bool:
+        """Whether it leaves every point in place, whatever the pivot and the axes."""
+        identity = (0.0, 0.0, 0.0)
+        return self.translation == identity and self.rotation == identity and self.scale == (1.0, 1.0, 1.0)
+
+    def matrix(self, center: Vector = (0.0, 0.0, 0.0)) -> NDArray[np.float64]:
+        """The (3, 4) affine matrix in mesh units; `center` is the pivot of a transform without one.
+
+        Raises
+        ------
+        ValueError
+            If `translation` and pivot are so large that it is not finite.
+        """
+        pivot = np.asarray(center if self.pivot is None else self.pivot)
+        matrix = np.empty((3, 4))
+        matrix[:, :3] = self.linear
+        with np.errstate(over="ignore", invalid="ignore"):
+            matrix[:, 3] = pivot + np.asarray(self.translation) - self.linear @ pivot
+        if not np.isfinite(matrix).all():
+            raise ValueError("Transform: `translation`, `scale` and `pivot` are too large: the matrix is not finite")
+        matrix.flags.writeable = False
+        return matrix
 
 
 def affine(
@@ -30,33 +136,17 @@ def affine(
     rotation: ArrayLike = (0.0, 0.0, 0.0),
     scale: ArrayLike = 1.0,
     pivot: ArrayLike = (0.0, 0.0, 0.0),
+    axes: ArrayLike | None = None,
 ) -> NDArray[np.float64]:
-    """The map p ↦ pivot + translation + R S (p − pivot), as a (3, 4) matrix in mesh units.
-
-    Parameters
-    ----------
-    translation
-        (3,) in mesh units.
-    rotation
-        (3,) rotation vector in degrees, or (4,) quaternion (x, y, z, w) of any length but 0.
-    scale
-        One factor or (3,), along the mesh's axes before the rotation. 0 flattens, a negative factor mirrors.
-    pivot
-        (3,) in mesh units, the point that rotation and scale leave in place.
+    """The (3, 4) matrix, in mesh units, of the `Transform` with these parts; the pivot is the origin if left out.
 
     Raises
     ------
     ValueError
-        If an argument has another shape or is not finite, or the numbers are so large that the matrix is not finite.
+        As `Transform` does.
     """
-    center = np.asarray(vector("affine", "pivot", pivot))
-    matrix = np.empty((3, 4))
-    with np.errstate(over="ignore", invalid="ignore"):
-        matrix[:, :3] = rotation_matrix(rotation) * np.asarray(scale_factors("affine", scale))
-        matrix[:, 3] = center + np.asarray(vector("affine", "translation", translation)) - matrix[:, :3] @ center
-    if not np.isfinite(matrix).all():
-        raise ValueError("affine: `translation`, `scale` and `pivot` are too large: the matrix is not finite")
-    return matrix
+    parts: dict[str, Any] = {"translation": translation, "rotation": rotation, "scale": scale, "axes": axes}
+    return Transform(**parts, pivot=vector("pivot", pivot)).matrix().copy()
 
 
 def rotation_matrix(rotation: ArrayLike) -> NDArray[np.float64]:
@@ -67,63 +157,90 @@ def rotation_matrix(rotation: ArrayLike) -> NDArray[np.float64]:
     ValueError
         If `rotation` has neither 3 nor 4 finite numbers, or is the quaternion 0.
     """
-    turn = np.asarray(rotation_vector("rotation_matrix", rotation))
-    degrees = float(np.linalg.norm(turn))
-    if degrees == 0.0:
-        return np.eye(3)
-    x, y, z = turn / degrees
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    # Whole turns taken off in degrees, where they are exact.
-    angle = math.radians(math.fmod(degrees, 360.0))
-    matrix: NDArray[np.float64] = np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
-    return matrix  # Rodrigues' formula
+    degrees = np.asarray(rotation_vector(rotation))
+    angle = float(np.linalg.norm(degrees))
+    # Whole turns are taken off in degrees, where they are exact.
+    within = degrees if angle < 360.0 else degrees * (np.fmod(angle, 360.0) / angle)
+    matrix: NDArray[np.float64] = Rotation.from_rotvec(within, degrees=True).as_matrix()
+    return matrix
 
 
-def rotation_vector(function: str, rotation: ArrayLike) -> Vector:
+def rotation_vector(rotation: ArrayLike) -> Vector:
     """`rotation` as a rotation vector in degrees; a quaternion takes the shorter way round."""
-    numbers = _numbers(function, "rotation", rotation)
+    numbers = _numbers("rotation", rotation)
     if numbers.shape == (3,):
         if np.abs(numbers).max() > LARGEST_ANGLE:
             raise ValueError(
-                f"{function}: `rotation` must stay within ±{LARGEST_ANGLE:g} degrees, got {_triple(numbers)}"
+                f"Transform: `rotation` must stay within ±{LARGEST_ANGLE:g} degrees, got {_triple(numbers)}"
             )
         return _triple(numbers)
     if numbers.shape != (4,):
         raise ValueError(
-            f"{function}: `rotation` must be a rotation vector in degrees (3 numbers) "
+            f"Transform: `rotation` must be a rotation vector in degrees (3 numbers) "
             f"or a quaternion x y z w (4 numbers), got shape {numbers.shape}"
         )
     largest = np.abs(numbers).max()
     if largest == 0.0:
-        raise ValueError(f"{function}: `rotation` must be a quaternion other than 0")
-    quaternion = numbers / largest  # neither squares of large numbers nor of small ones
-    quaternion *= -1.0 if quaternion[3] < 0 else 1.0
-    sine = float(np.linalg.norm(quaternion[:3]))
-    if sine == 0.0:
-        return (0.0, 0.0, 0.0)
-    return _triple(quaternion[:3] / sine * math.degrees(2.0 * math.atan2(sine, float(quaternion[3]))))
+        raise ValueError("Transform: `rotation` must be a quaternion other than 0")
+    # First to a size whose square neither overflows nor vanishes.
+    return _triple(Rotation.from_quat(numbers / largest).as_rotvec(degrees=True))
 
 
-def scale_factors(function: str, scale: ArrayLike) -> Vector:
+def scale_factors(scale: ArrayLike) -> Vector:
     """`scale`, one factor or three, as three factors."""
-    numbers = _numbers(function, "scale", scale)
+    numbers = _numbers("scale", scale)
     if numbers.shape not in ((), (3,)):
-        raise ValueError(f"{function}: `scale` must be one number or 3, got shape {numbers.shape}")
+        raise ValueError(f"Transform: `scale` must be one number or 3, got shape {numbers.shape}")
     return _triple(np.broadcast_to(numbers, (3,)))
 
 
-def vector(function: str, name: str, value: ArrayLike) -> Vector:
+def vector(name: str, value: ArrayLike) -> Vector:
     """`value` as three finite numbers."""
-    numbers = _numbers(function, name, value)
+    numbers = _numbers(name, value)
     if numbers.shape != (3,):
-        raise ValueError(f"{function}: `{name}` must be 3 numbers, got shape {numbers.shape}")
+        raise ValueError(f"Transform: `{name}` must be 3 numbers, got shape {numbers.shape}")
     return _triple(numbers)
 
 
-def _numbers(function: str, name: str, value: Any) -> NDArray[np.float64]:
+def frame_vectors(name: str, value: ArrayLike) -> Frame:
+    """`value`, (3, 3), as three orthonormal vectors, one a row."""
+    rows = check.array("Transform", name, value, (3, 3), dtype=np.float64)
+    if np.abs(rows @ rows.T - np.eye(3)).max() > 1e-6:
+        raise ValueError(f"Transform: `{name}` must be 3 unit vectors at right angles, got {rows.tolist()}")
+    x, y, z = (_triple(row) for row in rows)
+    return (x, y, z)
+
+
+def frame_of_normal(normal: ArrayLike) -> Frame:
+    """Three orthonormal vectors, right-handed, whose last is along `normal` (3,), which must not be 0."""
+    along = np.asarray(normal, np.float64)
+    along = along / np.linalg.norm(along)
+    # The axis that is least along the normal leaves the longest remainder at a right angle to it.
+    beside = np.eye(3)[np.abs(along).argmin()]
+    across = beside - (beside @ along) * along
+    across /= np.linalg.norm(across)
+    return (_triple(across), _triple(np.cross(along, across)), _triple(along))
+
+
+def _linear(rotation: Vector, scale: Vector, axes: Frame | None) -> NDArray[np.float64]:
+    """R A S Aᵀ, (3, 3), read-only."""
+    linear: NDArray[np.float64]
+    with np.errstate(over="ignore", invalid="ignore"):
+        if axes is None:
+            linear = rotation_matrix(rotation) * np.asarray(scale)
+        else:
+            columns = np.asarray(axes).T
+            linear = rotation_matrix(rotation) @ (columns * np.asarray(scale)) @ columns.T
+    if not np.isfinite(linear).all():
+        raise ValueError("Transform: `scale` is too large: the matrix is not finite")
+    linear.flags.writeable = False
+    return linear
+
+
+def _numbers(name: str, value: Any) -> NDArray[np.float64]:
     if value is None or np.isscalar(value) or getattr(value, "ndim", 1) == 0:
-        return check.array(function, name, value, (), dtype=np.float64).reshape(())
-    return check.array(function, name, value, (None,), dtype=np.float64)
+        return check.array("Transform", name, value, (), dtype=np.float64).reshape(())
+    return check.array("Transform", name, value, (None,), dtype=np.float64)
 
 
 def _triple(numbers: NDArray[np.float64]) -> Vector:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,12 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 from dfd import _core
 from dfd.common import check, tensors, threads
 from dfd.weights.compact import CompactFeatures
+from dfd.weights.regions import Targets, targets
 
-__all__ = ["bind"]
+__all__ = ["Falloff", "bind"]
+
+Falloff = Literal["linear", "smooth", "sharp", "root", "sphere", "constant"]  # numbered as in the kernels
 
 Float32 = NDArray[np.float32]
-Points = NDArray[np.int64] | Float32  # (N,) vertices or (N, d) rows
-Distances = NDArray[np.float32] | NDArray[np.float16]
 
 
 def bind(
@@ -23,11 +25,14 @@ def bind(
     handles: Any,
     *,
     fixed: Any = None,
+    strength: ArrayLike | None = None,
     geodesic: Any = None,
     locality: ArrayLike = 0.0,
+    reach: ArrayLike = 1.0,
+    falloff: Falloff | Sequence[Falloff] = "linear",
     out: Any = None,
 ) -> Any:
-    """How much each vertex follows each handle, in [0, 1], and exactly 1 at the handle itself.
+    """How much each vertex follows each handle, in [0, 1]; 1 at the handle, less what fixed points hold of it.
 
     Parameters
     ----------
@@ -35,14 +40,25 @@ def bind(
         (V, D) rows, of unit length by convention; they are taken as they are. float32 is read in place. Or what
         `dfd.compact` makes of them, which binds many times faster within its tolerance.
     handles
-        (H,) distinct vertex indices, or (H, D) feature rows, so that a handle can be any point in space.
+        (H,) distinct vertex indices, or (H, D) feature rows, so that a handle can be any point in space. Or a sequence
+        of H items, each a vertex index, a list of them or (N, D) rows: a handle that is a region weighs by its nearest
+        member. At most 32 members that lie far apart stand for all; those within 0.001 of a kept one in feature space,
+        and of a region beyond 8,192 members all but that many spread evenly over it, are left out.
     fixed
-        (P,) vertex indices or (P, D) feature rows of points that stay, and with them all that looks like them.
+        Points or regions that stay, and with them all that looks like them: (P,) or (P, D) or a sequence of P items, as
+        for `handles`.
+    strength
+        How much `fixed` holds, in [0, 1], for all or (P,) for each: 1, also if left out, is the paper's.
     geodesic
-        (H, V) geodesic distances from each handle, in [0, 1]. float32 and float16 are read in place; in float16 they
-        take half the memory, and are off by 2.5e-4 at most.
+        (H, V) geodesic distances from each handle, in [0, 1]. float32 is read in place.
     locality
         λ ≥ 0, for all handles or (H,) for each: 0 reaches as far as looks do, larger stays closer to the handle.
+    reach
+        r > 0, for all handles or (H,) for each: the feature distance at which a handle's weight ends. Unit rows lie at
+        most 2 apart, so that more than 2 takes in everything.
+    falloff
+        How the weight falls by x = 1 − d / r, for all handles or H names: linear x, smooth x² (3 − 2x), sharp x², root
+        √x, sphere √(x (2 − x)), constant 1 within the reach. The names are those of Blender's proportional editing.
     out
         (V, H) float32 array for the result, otherwise a new one is made. Its rows or its columns are contiguous: a
         column of a column-major array takes one more handle without touching the others.
@@ -55,65 +71,103 @@ def bind(
     Raises
     ------
     ValueError
-        If shapes disagree, a value is not finite, an index is out of range or repeated, a distance lies outside
-        [0, 1], or `out` is not what the weights fit in.
+        If shapes disagree, a value is not finite, an index is out of range or repeated, a region is empty, a distance
+        or strength lies outside [0, 1], a reach is not above 0, an array is masked or requires gradients (weights
+        have none), or `out` is not what the weights fit in.
 
-    Equations 4 and 5: W = max(1 − ‖Z_i − Z_j‖, 0); then 6: W ← max(W − max_p W_p, 0); then 7: W ← W (1 − G)^λ.
+    Equations 4 and 5: W = f(max(1 − ‖Z_i − Z_j‖ / r, 0)), in the paper with r = 1 and f(x) = x. Then 6, in the paper
+    with strength s = 1: W ← max(W − max_p s_p W_p, 0), where W_p = max(1 − ‖Z_i − Z_p‖, 0). Then 7: W ← W (1 − G)^λ.
     """
+    if tensors.tracked(features, handles, fixed, geodesic, out):
+        raise ValueError("bind: weights have no gradients: detach the tensors that require them")
     source: Float32 | CompactFeatures
     if isinstance(features, CompactFeatures):
-        source, blocks = features, features.blocks
+        source, blocks, step = features, features.blocks, features.step
     else:
-        source = blocks = tensors.contiguous("bind", "features", features, ("V", "D"), np.float32)
-    points, missed = _points("handles", handles, source)
-    fixed_points, fixed_missed = (None, None) if fixed is None else _points("fixed", fixed, source)
-    shape = (source.shape[0], len(points))
-    distances, exponents = _falloff(geodesic, locality, shape)
+        source = blocks = check.array("bind", "features", features, ("V", "D"), finite=False)
+        step = 1.0
+        if source.shape[1] == 0 and len(source):
+            raise ValueError(f"bind: `features` must have at least one dimension, got {source.shape}")
+    wanted = targets("handles", handles, source)
+    held = None if fixed is None else targets("fixed", fixed, source)
+    shape = (source.shape[0], len(wanted))
+    distances, exponents = _locality(geodesic, locality, shape)
+    reaches, falloffs = _extents(reach, falloff, shape[1])
     if out is None:
         weights = _core.empty_float32(*shape)
     else:
-        inputs = {"features": blocks, "handles": points, "fixed": fixed_points, "geodesic": distances}
+        inputs = {"features": blocks, "handles": wanted.points, "geodesic": distances}
+        inputs["fixed"] = None if held is None else held.points
         weights = tensors.output("bind", out, shape, np.float32, inputs, columns=True)
-    rest = (points, missed, fixed_points, fixed_missed, distances, exponents, weights, threads.get_num_threads())
-    if not isinstance(source, CompactFeatures):
-        _core.bind(blocks, *rest)
-    elif source.precision == "int8":
-        _core.bind_bytes(blocks, shape[0], source.step, *rest)
-    else:
-        _core.bind_halves(blocks, shape[0], *rest)
+    _core.bind(
+        blocks,
+        shape[0],
+        step,
+        wanted.points,
+        wanted.missed,
+        wanted.members,
+        reaches,
+        falloffs,
+        None if held is None else held.points,
+        None if held is None else held.missed,
+        _strengths(strength, held),
+        distances,
+        exponents,
+        weights,
+        threads.get_num_threads(),
+    )
     return tensors.like(features, weights) if out is None else out
 
 
-def _points(name: str, value: Any, source: Float32 | CompactFeatures) -> tuple[Points, Float32 | None]:
-    """What to compare with, and (N,) what rows miss; the kernel checks where vertices lie and that handles differ."""
-    array = np.asarray(tensors.shared("bind", name, value))
-    if array.ndim == 2:
-        rows = check.array("bind", name, array, ("N", source.shape[1]))
-        if not isinstance(source, CompactFeatures):
-            return rows, None
-        stored, missed = source.project(rows)
-        return np.ascontiguousarray(stored), missed
-    if array.ndim == 1 and array.dtype == np.int64:
-        return np.ascontiguousarray(array), None
-    return check.vertex_indices("bind", name, array, source.shape[0]), None
+def _strengths(strength: ArrayLike | None, held: Targets | None) -> Float32 | None:
+    """(N,) how much each of the fixed points holds; None where all hold wholly."""
+    if strength is None:
+        return None
+    if held is None:
+        raise ValueError("bind: `fixed` must be given when `strength` is")
+    strengths = _for_each("strength", strength, len(held), minimum=0.0)
+    if (strengths > 1).any():
+        raise ValueError(f"bind: `strength` must be at most 1, got {strengths.max():g}")
+    return strengths if held.members is None else np.repeat(strengths, held.members)
 
 
-def _falloff(geodesic: Any, locality: ArrayLike, shape: tuple[int, int]) -> tuple[Distances | None, Float32 | None]:
+def _extents(
+    reach: ArrayLike, falloff: Falloff | Sequence[Falloff], handle_count: int
+) -> tuple[Float32 | None, NDArray[np.int32] | None]:
+    """(H,) reaches and (H,) numbers of falloffs, or neither where they are the paper's."""
+    if type(reach) is float and reach == 1.0 and falloff == "linear":
+        return None, None
+    reaches = _for_each("reach", reach, handle_count, minimum=0.0, exclusive=True)
+    names = [falloff] if isinstance(falloff, str) else list(falloff)
+    numbers = [get_args(Falloff).index(check.choice("bind", "falloff", name, Falloff)) for name in names]
+    if isinstance(falloff, str):
+        numbers *= handle_count
+    if len(numbers) != handle_count:
+        raise ValueError(f"bind: `falloff` must be one name or {handle_count}, as many as handles, got {len(numbers)}")
+    return reaches, np.array(numbers, np.int32)
+
+
+def _locality(geodesic: Any, locality: ArrayLike, shape: tuple[int, int]) -> tuple[Float32 | None, Float32 | None]:
     """(H, V) distances and (H,) exponents λ, or neither."""
     if geodesic is None and type(locality) is float and locality == 0:
         return None, None
     vertex_count, handle_count = shape
-    if np.ndim(locality) == 0:
-        exponents = np.full(handle_count, check.number("bind", "locality", locality, minimum=0), np.float32)
-    else:
-        exponents = check.array("bind", "locality", locality, (handle_count,))
-        if (exponents < 0).any():
-            raise ValueError(f"bind: `locality` must be at least 0, got {exponents.min():g}")
+    exponents = _for_each("locality", locality, handle_count, minimum=0.0)
     if geodesic is None:
         if exponents.any():
             raise ValueError("bind: `geodesic` must be given when `locality` is above 0")
         return None, None
-    array = tensors.shared("bind", "geodesic", geodesic)
-    dtype = np.float16 if getattr(array, "dtype", None) == np.float16 else np.float32
-    distances: Distances = tensors.contiguous("bind", "geodesic", array, (handle_count, vertex_count), dtype)
-    return distances, exponents
+    return check.array("bind", "geodesic", geodesic, (handle_count, vertex_count), finite=False), exponents
+
+
+def _for_each(name: str, value: ArrayLike, count: int, *, minimum: float, exclusive: bool = False) -> Float32:
+    """(count,) numbers, from one for all or one for each."""
+    if np.ndim(tensors.shared("bind", name, value)) == 0:
+        number = check.number("bind", name, value, minimum=minimum, exclusive=exclusive)
+        numbers = np.full(count, np.clip(number, 0, np.finfo(np.float32).max), np.float32)
+    else:
+        numbers = check.array("bind", name, value, (count,))
+        if (numbers < minimum).any() or (exclusive and (numbers == minimum).any()):
+            bound = "above" if exclusive else "at least"
+            raise ValueError(f"bind: `{name}` must be {bound} {minimum:g}, got {numbers.min():g}")
+    return np.maximum(numbers, np.finfo(np.float32).tiny) if exclusive else numbers  # not 0, rounded

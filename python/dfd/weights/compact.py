@@ -195,13 +195,11 @@ class _Source:
             if points is None:
                 raise ValueError("compact: `points` must be given for a field")
             self._field = features
-            self._array = check.array(
-                "compact", "points", tensors.shared("compact", "points", points), ("V", 3), dtype=np.float64
-            )
+            self._array = check.array("compact", "points", points, ("V", 3), dtype=np.float64)
         else:
             if points is not None:
                 raise ValueError("compact: `points` are for a field, and `features` are rows already")
-            self._array = tensors.contiguous("compact", "features", features, ("V", "D"), np.float32)
+            self._array = check.array("compact", "features", features, ("V", "D"), finite=False)
         self.count = len(self._array)
         if self.count == 0:
             raise ValueError("compact: `features` must have at least one row, got none")

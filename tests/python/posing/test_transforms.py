@@ -7,7 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dfd.posing.transforms import affine, rotation_matrix, rotation_vector, scale_factors, vector
+from dfd.posing.transforms import (
+    Transform,
+    affine,
+    frame_of_normal,
+    rotation_matrix,
+    rotation_vector,
+    scale_factors,
+    vector,
+)
 
 coordinate = st.floats(-10, 10)
 points = st.tuples(coordinate, coordinate, coordinate)
@@ -58,15 +66,15 @@ def test_a_quaternion_is_the_rotation_vector_it_stands_for(rotation):
     angle = math.radians(np.linalg.norm(rotation))
     axis = np.asarray(rotation) / (np.linalg.norm(rotation) or 1.0)
     quaternion = [*(axis * math.sin(angle / 2)), math.cos(angle / 2)]
-    np.testing.assert_allclose(rotation_vector("f", quaternion), rotation, atol=1e-5)
+    np.testing.assert_allclose(rotation_vector(quaternion), rotation, atol=1e-5)
     np.testing.assert_allclose(rotation_matrix(quaternion), rotation_matrix(rotation), atol=1e-7)
 
 
 def test_a_quaternion_and_its_opposite_of_any_length_are_one_rotation():
-    wanted = rotation_vector("f", (0, math.sin(0.4), 0, math.cos(0.4)))
+    wanted = rotation_vector((0, math.sin(0.4), 0, math.cos(0.4)))
     for factor in (-1, 5, 1e-200, -1e200):
         scaled = np.multiply((0, math.sin(0.4), 0, math.cos(0.4)), factor)
-        np.testing.assert_allclose(rotation_vector("f", scaled), wanted)
+        np.testing.assert_allclose(rotation_vector(scaled), wanted)
 
 
 def test_scale_acts_along_the_axes_before_the_rotation():
@@ -82,7 +90,7 @@ def test_one_factor_scales_all_axes(factor):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"translation": (1, 2)}, r"affine: `translation` must be 3 numbers, got shape \(2,\)"),
+        ({"translation": (1, 2)}, r"Transform: `translation` must be 3 numbers, got shape \(2,\)"),
         ({"translation": (1, 2, math.nan)}, r"`translation` must be finite, got nan at \[2\]"),
         ({"translation": "up"}, r"`translation` must be a numeric array"),
         ({"pivot": (0, 0, math.inf)}, r"`pivot` must be finite"),
@@ -93,16 +101,57 @@ def test_one_factor_scales_all_axes(factor):
         ({"rotation": (0, 0, 0, 0)}, r"`rotation` must be a quaternion other than 0"),
         ({"rotation": (1e300, 1e300, 0)}, r"`rotation` must stay within ±1e\+09 degrees"),
         ({"translation": (1e308, 0, 0), "pivot": (1e308, 0, 0)}, r"the matrix is not finite"),
+        ({"axes": np.eye(2)}, r"`axes` must have shape \(3, 3\), got \(2, 2\)"),
+        ({"axes": [(1, 0, 0), (0, 1, 0), (0, 1, 1)]}, r"`axes` must be 3 unit vectors at right angles, got"),
         ({"scale": 1e200, "pivot": (1e200, 0, 0)}, r"the matrix is not finite"),
     ],
 )
 def test_what_is_no_transform_is_refused(arguments, message):
     with pytest.raises(ValueError, match=message):
         affine(**arguments)
+    if arguments.get("pivot", 0) is not None:
+        with pytest.raises(ValueError, match=message):
+            Transform(**arguments).matrix()
+
+
+def test_a_transform_checks_itself_once_and_keeps_its_matrix():
+    transform = Transform(rotation=[0, 0, 0, 2], scale=2, pivot=np.array([1, 2, 3]))
+    assert transform == Transform((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (2.0, 2.0, 2.0), (1.0, 2.0, 3.0))
+    assert hash(transform) == hash(Transform(scale=2, pivot=(1, 2, 3)))
+    assert transform.changed() is transform
+    assert transform.changed(pivot="auto").pivot is None
+    np.testing.assert_array_equal(transform.linear, 2 * np.eye(3))
+    for array in (transform.linear, transform.matrix()):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+
+
+@pytest.mark.parametrize("degrees", [360, 720.5, -1000, 1e9])
+def test_whole_turns_survive_and_turn_nothing(degrees):
+    transform = Transform(rotation=(0, degrees, 0))
+    assert transform.rotation == (0, degrees, 0)
+    np.testing.assert_allclose(transform.linear, rotation_matrix((0, math.fmod(degrees, 360), 0)), atol=1e-12)
+
+
+@given(st.tuples(*[st.floats(-100, 100)] * 3), st.tuples(*[st.floats(0.1, 3)] * 3))
+def test_scale_acts_along_the_axes_that_it_is_given(rotation, scale):
+    axes = rotation_matrix(rotation)
+    linear = Transform(scale=scale, axes=axes, rotation=(0, 0, 90)).linear
+    turn = rotation_matrix((0, 0, 90))
+    for axis, factor in zip(axes, scale, strict=True):
+        np.testing.assert_allclose(linear @ axis, factor * turn @ axis, atol=1e-9)
+
+
+@given(st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda normal: np.linalg.norm(normal) > 1e-3))
+def test_a_frame_of_a_normal_ends_with_it(normal):
+    frame = np.asarray(frame_of_normal(normal))
+    np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(frame[2], np.asarray(normal) / np.linalg.norm(normal), atol=1e-12)
+    assert np.linalg.det(frame) == pytest.approx(1)
 
 
 def test_numbers_come_back_as_plain_floats():
-    for triple in (vector("f", "v", np.arange(3, dtype=np.int8)), scale_factors("f", np.float32(2))):
+    for triple in (vector("v", np.arange(3, dtype=np.int8)), scale_factors(np.float32(2))):
         assert [type(number) for number in triple] == [float] * 3
 
 

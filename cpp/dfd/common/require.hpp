@@ -2,7 +2,7 @@
 
 // Checks of what callers pass in. They throw std::invalid_argument; `assert` is for our own mistakes only.
 
-#include "dfd/matrix.hpp"
+#include "dfd/common/matrix.hpp"
 
 #include <algorithm>
 #include <cmath>

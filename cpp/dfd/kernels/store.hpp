@@ -2,7 +2,7 @@
 
 // Weights of a block of vertices, on their way to memory.
 
-#include "dfd/kernels/panels.hpp"
+#include "dfd/kernels/distances.hpp"
 #include "dfd/kernels/transpose.hpp"
 
 namespace dfd {

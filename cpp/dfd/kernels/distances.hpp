@@ -11,6 +11,8 @@ constexpr std::size_t width = lanes<float>;
 constexpr std::size_t parts = vectors<float>;
 constexpr std::size_t chunk = 128;  // entries summed before the sum joins the total
 
+typedef std::uint32_t Bits __attribute__((vector_size(vector_bytes)));
+
 // One number of each vertex of a block.
 struct Block {
     Float part[parts];
@@ -41,7 +43,7 @@ public:
         for (std::size_t part = 0; part < parts; ++part) {
             square_.part[part] = sum_of(dimension, [&](std::size_t k, Float sum) __attribute__((always_inline)) {
                 const Float entry = load<Float>(panel + k * block_size + part * width);
-                return fused(entry, entry, sum);
+                return multiply_add(entry, entry, sum);
             });
         }
     }
@@ -69,7 +71,7 @@ public:
                 for (std::size_t j = 0; j < Count; ++j) {
                     const Float other = splat(rows[k * group_size + j]);
                     for (std::size_t part = 0; part < parts; ++part)
-                        sum[j][part] = fused(entry[part], other, sum[j][part]);
+                        sum[j][part] = multiply_add(entry[part], other, sum[j][part]);
                 }
             }
 #pragma GCC unroll 16
@@ -79,7 +81,7 @@ public:
         for (std::size_t j = 0; j < Count; ++j) {
             for (std::size_t part = 0; part < parts; ++part) {
                 const Float squares = square_.part[part] + splat(targets.squares[first + j]);
-                Float square = fused(splat(-2.0f), total[j][part], squares);
+                Float square = multiply_add(splat(-2.0f), total[j][part], squares);
                 // An error of 2e-7 (|a|² + |b|²) in the square stays below 2e-6 in the distance above this bound;
                 // beyond a distance of 1 it is never seen.
                 const Float bound = minimum(0.005f * squares * squares, 1.0f + 1e-6f * squares);
@@ -95,7 +97,7 @@ private:
     {
         return sum_of(dimension_, [&](std::size_t k, Float sum) __attribute__((always_inline)) {
             const Float difference = load<Float>(panel_ + k * block_size + part * width) - splat(row[k * group_size]);
-            return fused(difference, difference, sum);
+            return multiply_add(difference, difference, sum);
         });
     }
 
@@ -137,8 +139,9 @@ public:
         for (std::size_t j = 0; j < Count; ++j) {
             for (std::size_t part = 0; part < parts; ++part) {
                 const Int own = load<Int>(panel_ + (quads_ * block_size + part * width) * 4);
-                const Int square = own + targets.quad_squares[first + j] - 2 * sum[j][part];
-                out[j].part[part] = fused(__builtin_convertvector(square, Float), splat(scale_ * scale_),
+                // Unsigned, so that squared lengths that are none wrap around.
+                const Bits square = (Bits)own + (Bits)splat(targets.quad_squares[first + j]) - 2u * (Bits)sum[j][part];
+                out[j].part[part] = multiply_add(__builtin_convertvector((Int)square, Float), splat(scale_ * scale_),
                                           splat(targets.offsets[first + j]));
             }
         }

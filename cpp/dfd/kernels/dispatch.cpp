@@ -1,4 +1,4 @@
-#include "dfd/isa.hpp"
+#include "dfd/kernels/dispatch.hpp"
 
 #include "dfd/kernels/variants.hpp"
 

@@ -1,0 +1,48 @@
+#pragma once
+
+#include "dfd/common/parallel.hpp"
+
+#include <nanobind/nanobind.h>
+
+#include <chrono>
+#include <thread>
+
+/// Takes the lock of the interpreter back. A thread that asks while the interpreter shuts down is ended by it, and must
+/// not be: its stack holds frames that cannot be unwound. It stays until the process is gone.
+inline void take_lock(PyThreadState* state)
+{
+    try {
+        PyEval_RestoreThread(state);
+    } catch (...) {
+        for (;;) std::this_thread::sleep_for(std::chrono::hours(24));
+    }
+}
+
+/// Calls `work(poll)` while other threads of Python run. Signals, such as that of Ctrl-C, are looked after meanwhile:
+/// where their handler raises, the work stops.
+template <class Work>
+void unlocked(const Work& work)
+{
+    using Clock = std::chrono::steady_clock;
+    constexpr std::chrono::milliseconds between(100);
+    PyThreadState* state = PyEval_SaveThread();
+    Clock::time_point asked = Clock::now();
+    const dfd::Poll poll = [&] {
+        if (Clock::now() - asked < between) return false;
+        take_lock(state);
+        const bool raised = PyErr_CheckSignals() != 0;
+        state = PyEval_SaveThread();
+        asked = Clock::now();
+        return raised;
+    };
+    try {
+        work(poll);
+    } catch (const dfd::Stopped&) {
+        take_lock(state);
+        throw nanobind::python_error();
+    } catch (const std::exception&) {
+        take_lock(state);
+        throw;
+    }
+    take_lock(state);
+}

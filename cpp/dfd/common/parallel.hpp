@@ -1,0 +1,72 @@
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <cstddef>
+#include <exception>
+#include <functional>
+
+#ifdef _OPENMP
+#include <omp.h>
+#else
+#include <system_error>
+#include <thread>
+#include <vector>
+#endif
+
+namespace dfd {
+
+/// Asked now and then by the thread that called, while it works; true stops the work.
+using Poll = std::function<bool()>;
+
+/// What a call throws that its `Poll` has stopped: its result is unfinished.
+struct Stopped : std::exception {
+    const char* what() const noexcept override { return "stopped"; }
+};
+
+/// Calls `work(worker, begin, end)` until ranges have covered 0 … `count`, on workers numbered below `threads`. Ranges
+/// are multiples of `grain` but the last, and several for each worker, so that one that is held up delays little, nor
+/// is any so long that `poll` would not be asked for a while.
+/// `work` must not throw. One thread touches no runtime at all, so that it is safe in a forked child.
+/// @throws Stopped if `poll` said so
+template <class Work>
+void parallel_ranges(std::size_t count, std::size_t grain, int threads, const Work& work, const Poll& poll = {})
+{
+    constexpr std::size_t ranges_per_worker = 8, longest = 512, alignment = 16;
+    const std::size_t workers =
+        std::max(std::min(count / grain, static_cast<std::size_t>(std::max(threads, 1))), std::size_t{1});
+    const std::size_t share =
+        workers == 1 ? count : (count + workers * ranges_per_worker - 1) / (workers * ranges_per_worker);
+    const std::size_t range = (std::min(share, longest * grain) + alignment - 1) / alignment * alignment;
+    std::atomic<std::size_t> next = 0;
+    std::atomic<bool> stopped = false;
+    const auto take_ranges = [&](std::size_t worker) {
+        for (std::size_t begin; (begin = next.fetch_add(range, std::memory_order_relaxed)) < count;) {
+            work(worker, begin, std::min(begin + range, count));
+            if (worker == 0 && poll && poll()) {
+                stopped = true;
+                next = count;
+            }
+        }
+    };
+    if (workers == 1) {
+        take_ranges(0);
+    } else {
+#ifdef _OPENMP
+#pragma omp parallel num_threads(static_cast<int>(workers))
+        take_ranges(static_cast<std::size_t>(omp_get_thread_num()));
+#else
+        std::vector<std::thread> others;
+        others.reserve(workers - 1);
+        try {
+            for (std::size_t worker = 1; worker < workers; ++worker) others.emplace_back(take_ranges, worker);
+        } catch (const std::system_error&) {  // those that have started, and this one, do the work
+        }
+        take_ranges(0);
+        for (std::thread& other : others) other.join();
+#endif
+    }
+    if (stopped) throw Stopped();
+}
+
+}  // namespace dfd

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <array>
+
+namespace dfd {
+
+using Vector3d = std::array<double, 3>;
+using Matrix3d = std::array<double, 9>;     // row-major
+using Quaternion = std::array<double, 4>;   // w, x, y, z
+using Symmetric3d = std::array<double, 6>;  // xx, yy, zz, yz, zx, xy
+
+/// A linear map as a stretch along perpendicular axes and then a rotation: A = R S.
+struct Polar {
+    Quaternion rotation;  // unit, w >= 0
+    Symmetric3d stretch;  // S - I
+};
+
+/// The polar decomposition of I + `change`, with R a proper rotation: of a map that mirrors, S mirrors along the axis,
+/// or along all three, that leaves R nearest to the identity.
+Polar polar_decomposition(const Matrix3d& change);
+
+/// R p - p for a unit quaternion, exactly 0 where it does not turn.
+Vector3d rotation_displacement(const Quaternion& rotation, const Vector3d& point);
+
+}  // namespace dfd

@@ -1,0 +1,220 @@
+#pragma once
+
+// What blended transforms do to a vertex and its normal. The entries of a transform are what it adds to the identity's,
+// so that what rests adds nothing, not by a bit.
+
+#include "dfd/kernels/interleave.hpp"
+
+namespace dfd {
+namespace {
+
+// Sums over handles of weights times entries.
+template <class T, std::size_t Count>
+struct Sums {
+    Vector<T> entry[Count];
+};
+
+template <class T>
+DFD_INLINE Vector<T> dot(const Vector3<T>& a, const Vector3<T>& b)
+{
+    return multiply_add(a.x, b.x, multiply_add(a.y, b.y, a.z * b.z));
+}
+
+template <class T>
+DFD_INLINE Vector3<T> cross(const Vector3<T>& a, const Vector3<T>& b)
+{
+    return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+
+template <class T>
+DFD_INLINE Vector3<T> sum(const Vector3<T>& a, const Vector3<T>& b)
+{
+    return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+
+template <class T>
+DFD_INLINE Vector3<T> scaled(const Vector3<T>& a, Vector<T> factor)
+{
+    return {a.x * factor, a.y * factor, a.z * factor};
+}
+
+// A normal of any length at length 1; a part squeezed flat keeps the normals that it had.
+template <class T>
+DFD_INLINE Vector3<T> unit_normal(const Vector3<T>& n, const Vector3<T>& before)
+{
+    const Vector<T> length = sqrt(n.x * n.x + n.y * n.y + n.z * n.z);
+    const auto flat = equal(length, Vector<T>{});
+    const Vector<T> scale = T(1) / select(flat, Vector<T>{} + T(1), length);
+    return {select(flat, before.x, n.x * scale), select(flat, before.y, n.y * scale),
+            select(flat, before.z, n.z * scale)};
+}
+
+// Three rows (linear | translation), less the identity's.
+template <class T>
+struct AffineSum {
+    const Vector<T>* entry;
+
+    DFD_INLINE Vector3<T> displacement(const Vector3<T>& p) const
+    {
+        const auto row = [&](std::size_t e) __attribute__((always_inline)) {
+            return multiply_add(entry[e], p.x,
+                                multiply_add(entry[e + 1], p.y, multiply_add(entry[e + 2], p.z, entry[e + 3])));
+        };
+        return {row(0), row(4), row(8)};
+    }
+
+    DFD_INLINE Vector3<T> linear(const Vector3<T>& p) const
+    {
+        const auto row = [&](std::size_t e) __attribute__((always_inline)) {
+            return multiply_add(entry[e], p.x, multiply_add(entry[e + 1], p.y, entry[e + 2] * p.z));
+        };
+        return {row(0), row(4), row(8)};
+    }
+
+    // Normals turn by the cofactors of the linear part, whose rows are a, b and c; `one` is the identity's weight.
+    DFD_INLINE Vector3<T> turned(Vector<T> one, const Vector3<T>& normal) const
+    {
+        const Vector3<T> a{entry[0] + one, entry[1], entry[2]};
+        const Vector3<T> b{entry[4], entry[5] + one, entry[6]};
+        const Vector3<T> c{entry[8], entry[9], entry[10] + one};
+        const auto triple = [&](const Vector3<T>& u, const Vector3<T>& v) __attribute__((always_inline)) {
+            return (u.y * v.z - u.z * v.y) * normal.x + (u.z * v.x - u.x * v.z) * normal.y +
+                   (u.x * v.y - u.y * v.x) * normal.z;
+        };
+        return unit_normal<T>({triple(b, c), triple(c, a), triple(a, b)}, normal);
+    }
+};
+
+// A quaternion (w - 1, x, y, z) of any length, as the rotation that it stands for.
+template <class T>
+struct RotationSum {
+    Vector<T> scale, w;  // 1 / length, and the unit quaternion
+    Vector3<T> v;
+
+    DFD_INLINE explicit RotationSum(const Vector<T>* entry)
+    {
+        const Vector<T> real = entry[0] + T(1);
+        const Vector3<T> imaginary{entry[1], entry[2], entry[3]};
+        // Opposite rotations may cancel; what is left of them then turns nothing.
+        constexpr T least = sizeof(T) == sizeof(float) ? T(1e-30f) : T(1e-200);
+        scale = T(1) / sqrt(maximum(multiply_add(real, real, dot<T>(imaginary, imaginary)), splat(least)));
+        w = real * scale;
+        v = scaled<T>(imaginary, scale);
+    }
+
+    // What it adds to p: R p - p.
+    DFD_INLINE Vector3<T> displacement(const Vector3<T>& p) const
+    {
+        const Vector3<T> across = cross<T>(v, p);
+        const Vector3<T> sideways{multiply_add(w, p.x, across.x), multiply_add(w, p.y, across.y),
+                                  multiply_add(w, p.z, across.z)};
+        return scaled<T>(cross<T>(v, sideways), splat(T(2)));
+    }
+};
+
+// A symmetric matrix, less the identity: xx, yy, zz, yz, zx, xy.
+template <class T>
+struct StretchSum {
+    const Vector<T>* entry;
+
+    DFD_INLINE Vector3<T> displacement(const Vector3<T>& p) const
+    {
+        return {multiply_add(entry[0], p.x, multiply_add(entry[5], p.y, entry[4] * p.z)),
+                multiply_add(entry[5], p.x, multiply_add(entry[1], p.y, entry[3] * p.z)),
+                multiply_add(entry[4], p.x, multiply_add(entry[3], p.y, entry[2] * p.z))};
+    }
+
+    // The cofactors of the stretch times a normal.
+    DFD_INLINE Vector3<T> turned(const Vector3<T>& n) const
+    {
+        const Vector<T> xx = entry[0] + T(1), yy = entry[1] + T(1), zz = entry[2] + T(1);
+        const Vector<T> yz = entry[3], zx = entry[4], xy = entry[5];
+        const Vector<T> a = zx * yz - xy * zz, b = xy * yz - zx * yy, c = xy * zx - xx * yz;
+        return {(yy * zz - yz * yz) * n.x + a * n.y + b * n.z, a * n.x + (xx * zz - zx * zx) * n.y + c * n.z,
+                b * n.x + c * n.y + (xx * yy - xy * xy) * n.z};
+    }
+};
+
+// Equation (1).
+template <class T>
+struct LinearBlend {
+    static constexpr std::size_t count = entries_of(Blend::linear, false);
+
+    static DFD_INLINE Vector3<T> displacement(const Vector<T>* entry, const Vector3<T>& p)
+    {
+        return AffineSum<T>{entry}.displacement(p);
+    }
+
+    static DFD_INLINE Vector3<T> turned(const Vector<T>* entry, Vector<T> excess, const Vector3<T>& normal)
+    {
+        return AffineSum<T>{entry}.turned(excess + T(1), normal);
+    }
+};
+
+// Kavan, Collins, Žára, O'Sullivan, Geometric Skinning with Approximate Dual Quaternion Blending, 2008: a blended
+// stretch first, then the rigid motion of the blended dual quaternion.
+template <class T, bool Stretched>
+struct DualQuaternionBlend {
+    static constexpr std::size_t count = entries_of(Blend::dual_quaternion, Stretched);
+
+    static DFD_INLINE Vector3<T> displacement(const Vector<T>* entry, const Vector3<T>& p)
+    {
+        const RotationSum<T> rotation(entry);
+        Vector3<T> stretch{}, from = p;
+        if constexpr (Stretched) {
+            stretch = sum<T>(StretchSum<T>{entry + 8}.displacement(p), {entry[14], entry[15], entry[16]});
+            from = sum<T>(p, stretch);
+        }
+        const Vector<T> dual_w = entry[4] * rotation.scale;
+        const Vector3<T> dual = scaled<T>({entry[5], entry[6], entry[7]}, rotation.scale);
+        const Vector3<T> across = cross<T>(rotation.v, dual);
+        const auto translated = [&](Vector<T> d, Vector<T> v, Vector<T> c) __attribute__((always_inline)) {
+            return T(2) * (multiply_add(rotation.w, d, c) - dual_w * v);
+        };
+        const Vector3<T> translation{translated(dual.x, rotation.v.x, across.x), translated(dual.y, rotation.v.y, across.y),
+                                     translated(dual.z, rotation.v.z, across.z)};
+        return sum<T>(stretch, sum<T>(rotation.displacement(from), translation));
+    }
+
+    static DFD_INLINE Vector3<T> turned(const Vector<T>* entry, Vector<T>, const Vector3<T>& normal)
+    {
+        Vector3<T> n = normal;
+        if constexpr (Stretched) n = StretchSum<T>{entry + 8}.turned(normal);
+        return unit_normal<T>(sum<T>(n, RotationSum<T>(entry).displacement(n)), normal);
+    }
+};
+
+// Rotations and stretches, which Shoemake and Duff, Matrix Animation and Polar Decomposition, 1992, blend apart, about
+// centers that move by the blended matrices, as those of Le and Hodgins, Real-time Skeletal Skinning with Optimized
+// Centers of Rotation, 2016, do.
+template <class T>
+struct PolarBlend {
+    static constexpr std::size_t count = entries_of(Blend::polar, true);
+    static constexpr std::size_t places = 22;  // from here on negative weights count for nothing
+
+    static DFD_INLINE Vector3<T> displacement(const Vector<T>* entry, const Vector3<T>& p)
+    {
+        const AffineSum<T> affine{entry};
+        const Vector<T> mass = entry[25], zero{};
+        constexpr T least = sizeof(T) == sizeof(float) ? T(1e-20f) : T(1e-100);
+        const auto turns = at_least(mass, splat(least));
+        const Vector<T> share = T(1) / select(turns, mass, zero + T(1));
+        const Vector3<T> arm{p.x - select(turns, entry[22] * share, p.x), p.y - select(turns, entry[23] * share, p.y),
+                             p.z - select(turns, entry[24] * share, p.z)};
+        const Vector3<T> stretch = StretchSum<T>{entry + 16}.displacement(arm);
+        const Vector3<T> rotation = RotationSum<T>(entry + 12).displacement(sum<T>(arm, stretch));
+        const Vector3<T> sheared = affine.linear(arm);
+        const Vector3<T> gained{rotation.x + stretch.x - sheared.x, rotation.y + stretch.y - sheared.y,
+                                rotation.z + stretch.z - sheared.z};
+        return sum<T>(affine.displacement(p), gained);
+    }
+
+    static DFD_INLINE Vector3<T> turned(const Vector<T>* entry, Vector<T>, const Vector3<T>& normal)
+    {
+        const Vector3<T> n = StretchSum<T>{entry + 16}.turned(normal);
+        return unit_normal<T>(sum<T>(n, RotationSum<T>(entry + 12).displacement(n)), normal);
+    }
+};
+
+}  // namespace
+}  // namespace dfd

@@ -1,0 +1,142 @@
+"""How a handle's weights are shaped, and how an edit's handles are put together: the choices, by the field's names."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+from dfd.common import check
+from dfd.editing.place import place_on
+from dfd.editing.regions import Region
+
+if TYPE_CHECKING:
+    from dfd.mesh.mesh import Mesh
+
+__all__ = ["Blend", "Controls", "Falloff", "Instances", "Overlap", "choice", "controls_on", "radius_on"]
+
+Falloff = Literal["linear", "smooth", "sharp", "root", "sphere", "constant"]
+Instances = Literal["own", "together", "only"]
+Overlap = Literal["add", "interpolate", "normalize", "paper"]
+Blend = Literal["linear", "dual_quaternion", "polar"]
+
+
+@dataclass(frozen=True)
+class Controls:
+    """What a handle takes hold of besides where it is; as they are left out, the paper's weights (Eq. 4 to 7).
+
+    Attributes
+    ----------
+    reach
+        Feature distance at which the weight is 0, above 0: W = max(1 − d / reach, 0); 1 is Eq. 5. "auto" stops at the
+        largest gap of the handle's own distances (`dfd.weights.reach`).
+    falloff
+        The curve from 1 at the handle to 0 at `reach`, by the names of `dfd.bind`.
+    locality
+        λ of Eq. 7, at least 0: 0 reaches everything that looks alike, more stays nearer.
+    radius
+        Distance over the surface, mesh units, at which the weight is smoothly 0; None is no limit. It is the other
+        spelling of `locality`, so only one of them may be given.
+    strength
+        In [0, 1], a factor for all of its weights.
+    instances
+        "together": all that look alike move about one pivot (the paper); "own": each about its own; "only": no other.
+    level
+        Whether all instances follow with full weight.
+    within
+        Region beyond which nothing follows; None is everywhere.
+    """
+
+    reach: float | str = 1.0
+    falloff: Falloff = "linear"
+    locality: float = 0.0
+    radius: float | None = None
+    strength: float = 1.0
+    instances: Instances = "together"
+    level: bool = False
+    within: Region | None = None
+
+    def __post_init__(self) -> None:
+        """Check them, once."""
+        keep = object.__setattr__
+        if isinstance(self.reach, str) and self.reach != "auto":
+            raise ValueError(f'Controls: `reach` must be "auto" or a number above 0, got {self.reach!r}')
+        if self.reach != "auto":
+            keep(self, "reach", check.number("Controls", "reach", self.reach, minimum=0.0, exclusive=True))
+        choice("falloff", self.falloff, get_args(Falloff))
+        keep(self, "locality", check.number("Controls", "locality", self.locality, minimum=0.0))
+        if self.radius is not None:
+            keep(self, "radius", check.number("Controls", "radius", self.radius, minimum=0.0, exclusive=True))
+            if self.locality != 0.0:
+                both = f"{self.radius:g} and {self.locality:g}"
+                raise ValueError(f"Controls: `radius` and `locality` must not be given both, got {both}")
+        keep(self, "strength", check.number("Controls", "strength", self.strength, minimum=0.0, maximum=1.0))
+        choice("instances", self.instances, get_args(Instances))
+        if not isinstance(self.level, bool):
+            raise ValueError(f"Controls: `level` must be True or False, got {self.level!r}")
+        if self.within is not None and not isinstance(self.within, Region):
+            raise ValueError(f"Controls: `within` must be a region, got {type(self.within).__name__}")
+
+    @cached_property
+    def of_column(self) -> Controls:
+        """Those that shape the column of weights: all but how instances share it."""
+        return replace(self, instances="together", level=False)
+
+    def changed(self, **given: Any) -> Controls:
+        """The controls with some of them exchanged; None leaves one, and of `radius` and `locality` one ends the other.
+
+        Raises
+        ------
+        ValueError
+            As `Controls` does.
+        """
+        parts = {name: value for name, value in given.items() if value is not None}
+        if "radius" in parts and "locality" not in parts:
+            parts["locality"] = 0.0
+        elif "locality" in parts and "radius" not in parts:
+            parts["radius"] = None
+        if isinstance(parts.get("within"), str):  # "everywhere"
+            parts["within"] = None
+        return replace(self, **parts) if parts else self
+
+
+def controls_on(mesh: Mesh, given: dict[str, Any]) -> dict[str, Any]:
+    """`given` as `Controls.changed` takes it: `radius` in mesh units, `within` a region of `mesh`.
+
+    Raises
+    ------
+    ValueError
+        If `radius` is neither a length nor a percentage, or `within` is no region or holds no vertex.
+    """
+    found = dict(given)
+    if given.get("radius") is not None:
+        found["radius"] = radius_on(mesh, given["radius"])
+    within = given.get("within")
+    if within is not None and not (isinstance(within, str) and within == "everywhere"):
+        found["within"] = place_on(mesh, within).region
+        if found["within"] is None:
+            raise ValueError(f"`within` must be a region, got {within!r}")
+    return found
+
+
+def radius_on(mesh: Mesh, radius: Any) -> float:
+    """A radius in mesh units, from a length or from a text such as "20%", of the diagonal of the mesh's box.
+
+    Raises
+    ------
+    ValueError
+        If it is neither, or not above 0.
+    """
+    length, unit = radius, 1.0
+    if isinstance(radius, str):
+        try:
+            length, unit = float(radius.removesuffix("%")), mesh.diagonal / 100 if radius.endswith("%") else 1.0
+        except ValueError:
+            raise ValueError(f"`radius` must be a length or a percentage such as 20%, got {radius!r}") from None
+    return unit * check.number("radius", "radius", length, minimum=0.0, exclusive=True)
+
+
+def choice(name: str, value: Any, known: tuple[str, ...]) -> None:
+    """Refuse a `value` that is none of `known`."""
+    if value not in known:
+        raise ValueError(f"`{name}` must be one of {', '.join(known)}, got {value!r}")

@@ -1,0 +1,84 @@
+"""Distances over the surface from a session's handles, and the falloff that they make (Eq. 7)."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.editing.controls import Controls
+from dfd.editing.place import Place
+from dfd.posing.transforms import Vector
+
+if TYPE_CHECKING:
+    from dfd.geometry.geodesics import Geodesics
+    from dfd.mesh.mesh import Mesh
+    from dfd.symmetry.plane import SymmetryPlane
+
+__all__ = ["Distances"]
+
+Float32 = NDArray[np.float32]
+Indices = NDArray[np.int64]
+
+
+class Distances:
+    """Rows of distances on one mesh, kept as long as a handle starts there."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._mesh = mesh
+        self._rows: dict[tuple[int, bool], Float32] = {}  # (V,) each, by its source and whether it is in mesh units
+        self._found: dict[Vector, int] = {}  # nearest vertices: every frame of a drag asks for the same ones
+
+    def sources(self, own: Indices, place: Place, symmetry: SymmetryPlane | None) -> tuple[int, ...]:
+        """The vertices from which the distances of a handle at `place`, with `own` vertices there, start.
+
+        A symmetric edit acts at the handle's mirror image as well, and what is near that is as near: measured from the
+        handle alone, locality would undo the symmetry.
+        """
+        sources = dict.fromkeys(own.tolist())
+        if symmetry is not None:
+            points = [place.position] if place.region is None else self._mesh.vertices[own]
+            for x, y, z in symmetry.reflect(points).tolist():
+                sources[self._nearest((x, y, z))] = None
+        return tuple(sources)
+
+    def falloff(self, sources: tuple[int, ...], controls: Controls) -> tuple[Float32 | None, float]:
+        """(1, V) distances in [0, 1] and the exponent λ that make the falloff (1 − G)^λ of `controls`; or neither.
+
+        With a radius r, G is (d / r)² up to 1 and λ is 2: (1 − (d / r)²)², which is flat at the handle and at r, and
+        0 beyond it.
+        """
+        if not sources:
+            return None, 0.0
+        if controls.radius is None:
+            return self._nearest_of(sources, False)[None], controls.locality
+        reached = np.minimum(self._nearest_of(sources, True) / np.float32(controls.radius), np.float32(1.0))
+        return np.square(reached)[None], 2.0
+
+    def keep(self, sources: set[int]) -> None:
+        """Forget the distances of handles that are gone: they are not worth their memory."""
+        self._rows = {key: row for key, row in self._rows.items() if key[0] in sources}
+
+    def _nearest_of(self, sources: tuple[int, ...], in_units: bool) -> Float32:
+        """(V,) distances from the nearest of `sources`, in [0, 1] or in mesh units."""
+        for source in sources:
+            if (source, in_units) not in self._rows:
+                ask = self._geodesics.lengths if in_units else self._geodesics.distances
+                self._rows[source, in_units] = ask([source])[0]
+        nearest, *others = (self._rows[source, in_units] for source in sources)
+        for other in others:
+            nearest = np.minimum(nearest, other)
+        return nearest
+
+    def _nearest(self, point: Vector) -> int:
+        if point not in self._found:
+            self._found[point] = int(np.linalg.norm(self._mesh.vertices - np.asarray(point), axis=1).argmin())
+        return self._found[point]
+
+    @cached_property
+    def _geodesics(self) -> Geodesics:
+        from dfd.geometry.geodesics import Geodesics  # built for those who ask for locality, and for nobody else
+
+        return Geodesics(self._mesh)

@@ -1,0 +1,230 @@
+"""Sets of vertices, as people name them: a ball, a box, one side of a plane, a part of the scene, a list of vertices.
+
+A region is kept as what was said and not as what it held, so that it means the same on another resolution of the shape.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from dfd.common import check
+from dfd.posing.transforms import Vector, vector
+
+if TYPE_CHECKING:
+    from dfd.mesh.mesh import Mesh
+
+__all__ = ["SAME_POSITION", "Ball", "Box", "HalfSpace", "Part", "Region", "VertexSet", "members"]
+
+# A vertex that moved by no more than this part of the box's diagonal is the same one: files round positions to float32.
+SAME_POSITION = 1e-5
+
+# On a finer mesh, what lies nearer to a vertex of a set than this part of their spacing belongs to the set.
+NEAR_SPACING = 0.8
+
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Ball:
+    """What lies within `radius` of `center`, mesh units."""
+
+    center: Vector
+    radius: float
+
+    def __post_init__(self) -> None:
+        """Refuse a ball that is none."""
+        object.__setattr__(self, "center", vector("center", self.center))
+        object.__setattr__(self, "radius", check.number("Ball", "radius", self.radius, minimum=0.0, exclusive=True))
+
+    def __str__(self) -> str:
+        """Name it for a message."""
+        return f"the ball of radius {self.radius:g} around {_point(self.center)}"
+
+    def inside(self, mesh: Mesh) -> NDArray[np.bool_]:
+        """(V,) which vertices lie in it."""
+        inside: NDArray[np.bool_] = np.linalg.norm(mesh.vertices - np.asarray(self.center), axis=1) <= self.radius
+        return inside
+
+
+@dataclass(frozen=True)
+class Box:
+    """What lies between two corners, mesh units."""
+
+    low: Vector
+    high: Vector
+
+    def __post_init__(self) -> None:
+        """Refuse a box that is none."""
+        object.__setattr__(self, "low", vector("low", self.low))
+        object.__setattr__(self, "high", vector("high", self.high))
+        if any(low > high for low, high in zip(self.low, self.high, strict=True)):
+            raise ValueError(f"Box: `low` must not exceed `high`, got {self.low} and {self.high}")
+
+    def __str__(self) -> str:
+        """Name it for a message."""
+        return f"the box from {_point(self.low)} to {_point(self.high)}"
+
+    def inside(self, mesh: Mesh) -> NDArray[np.bool_]:
+        """(V,) which vertices lie in it."""
+        low, high = np.asarray(self.low), np.asarray(self.high)
+        inside: NDArray[np.bool_] = np.all((mesh.vertices >= low) & (mesh.vertices <= high), axis=1)
+        return inside
+
+
+@dataclass(frozen=True)
+class HalfSpace:
+    """One side of a plane: every p with normal · p ≥ offset, mesh units; `normal` gets unit length."""
+
+    normal: Vector
+    offset: float
+
+    def __post_init__(self) -> None:
+        """Refuse a plane without a direction."""
+        normal = vector("normal", self.normal)
+        length = float(np.linalg.norm(normal))
+        if length == 0.0:
+            raise ValueError(f"HalfSpace: `normal` must have a length, got {normal}")
+        x, y, z = (component / length for component in normal)
+        object.__setattr__(self, "normal", (x, y, z))
+        object.__setattr__(self, "offset", check.number("HalfSpace", "offset", self.offset) / length)
+
+    def __str__(self) -> str:
+        """Name it for a message."""
+        return f"the side {_point(self.normal)} · p ≥ {self.offset:g}"
+
+    def inside(self, mesh: Mesh) -> NDArray[np.bool_]:
+        """(V,) which vertices lie in it."""
+        inside: NDArray[np.bool_] = mesh.vertices @ np.asarray(self.normal) >= self.offset
+        return inside
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of the mesh's scene, by its name."""
+
+    name: str
+
+    def __post_init__(self) -> None:
+        """Refuse what is no name."""
+        name: object = self.name
+        if not isinstance(name, str) or not name:
+            raise ValueError(f"Part: `name` must be a text that is not empty, got {self.name!r}")
+
+    def __str__(self) -> str:
+        """Name it for a message."""
+        return f"part:{self.name}"
+
+    def inside(self, mesh: Mesh) -> NDArray[np.bool_]:
+        """(V,) which vertices belong to it."""
+        inside = np.zeros(len(mesh.vertices), bool)
+        inside[mesh.part_vertices(self.name)] = True
+        return inside
+
+
+class VertexSet:
+    """A list of vertices, with where they lie on the shape on which they were chosen.
+
+    On another mesh, those nearest to them belong to it, and on a finer one what lies between them.
+    """
+
+    indices: Indices  # (N,) ascending
+    positions: NDArray[np.float64]  # (N, 3) mesh units
+    count: int | None  # how many vertices that shape has; None where nobody knows
+
+    def __init__(self, indices: Any, positions: Any, count: int | None = None) -> None:
+        """Keep (N,) vertex indices, once each, their (N, 3) positions, and how many vertices the shape has.
+
+        Raises
+        ------
+        ValueError
+            If there is none, one occurs twice, or there are not as many positions.
+        """
+        chosen = check.vertex_indices("VertexSet", "indices", indices, np.iinfo(np.int32).max, unique=True)
+        if len(chosen) == 0:
+            raise ValueError("VertexSet: `indices` must name at least one vertex")
+        placed = check.array("VertexSet", "positions", positions, (len(chosen), 3), dtype=np.float64)
+        order = np.argsort(chosen)
+        self.indices, self.positions = chosen[order], placed[order]
+        self.count = count
+        for values in (self.indices, self.positions):
+            values.flags.writeable = False
+
+    @classmethod
+    def of(cls, mesh: Mesh, chosen: Any) -> VertexSet:
+        """The vertices of `mesh` that `chosen` names: (N,) indices, or a mask of (V,) truth values."""
+        values = np.asarray(chosen)
+        if values.dtype == bool:
+            mask = check.array("VertexSet", "indices", values, (len(mesh.vertices),), dtype=bool)
+            values = np.flatnonzero(mask)
+        indices = np.unique(check.vertex_indices("VertexSet", "indices", values, len(mesh.vertices)))
+        return cls(indices, mesh.vertices[indices], len(mesh.vertices))
+
+    @cached_property
+    def _identity(self) -> tuple[bytes, bytes]:
+        return self.indices.tobytes(), self.positions.tobytes()
+
+    def __eq__(self, other: object) -> bool:
+        """Whether both hold the same vertices at the same positions."""
+        return self is other or (isinstance(other, VertexSet) and self._identity == other._identity)
+
+    def __hash__(self) -> int:
+        """Equal sets hash alike."""
+        return hash(self._identity)
+
+    def __repr__(self) -> str:
+        """Say how many there are."""
+        return f"VertexSet({len(self.indices)} vertices)"
+
+    def __str__(self) -> str:
+        """Name it for a message."""
+        count = len(self.indices)
+        return f"a set of {count} {'vertex' if count == 1 else 'vertices'}"
+
+    def inside(self, mesh: Mesh) -> NDArray[np.bool_]:
+        """(V,) which vertices belong to it."""
+        inside = np.zeros(len(mesh.vertices), bool)
+        if self.lies_on(mesh):
+            inside[self.indices] = True
+            return inside
+        apart, nearest = cKDTree(mesh.vertices).query(self.positions)
+        inside[nearest] = True
+        reordered = self.count == len(mesh.vertices) and apart.max() <= SAME_POSITION * mesh.diagonal
+        if not reordered and len(self.positions) > 1:
+            tree = cKDTree(self.positions)
+            spacing = float(np.median(tree.query(self.positions, k=2)[0][:, 1]))
+            inside |= np.isfinite(tree.query(mesh.vertices, distance_upper_bound=NEAR_SPACING * spacing)[0])
+        return inside
+
+    def lies_on(self, mesh: Mesh) -> bool:
+        """Whether the vertices of `mesh` with these indices lie where these lie."""
+        if self.indices[-1] >= len(mesh.vertices):
+            return False
+        apart = np.linalg.norm(mesh.vertices[self.indices] - self.positions, axis=1)
+        return bool(apart.max() <= SAME_POSITION * mesh.diagonal)
+
+
+Region = Ball | Box | HalfSpace | Part | VertexSet
+
+
+def members(mesh: Mesh, region: Region) -> Indices:
+    """(N,) ascending, the vertices of `mesh` in `region`.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    found = np.flatnonzero(region.inside(mesh))
+    if len(found) == 0:
+        raise ValueError(f"`region` must hold a vertex, but {region} holds none of the mesh's {len(mesh.vertices)}")
+    return found
+
+
+def _point(position: Vector) -> str:
+    return "(" + ", ".join(f"{x:g}" for x in position) + ")"

@@ -1,0 +1,148 @@
+"""What an edit does to a shape, in numbers and in one sentence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.posing.transforms import Vector, vector
+
+if TYPE_CHECKING:
+    from dfd.editing.edit import Edit, Handle
+    from dfd.editing.handle_weights import HandleWeights
+    from dfd.mesh.mesh import Mesh
+
+__all__ = ["HandleReport", "Report", "report"]
+
+# What nobody sees, as a part of the diagonal of the box: a vertex that moved less stayed, a handle that misses less
+# arrived.
+UNSEEN = 1e-3
+
+
+@dataclass(frozen=True)
+class HandleReport:
+    """What became of one handle.
+
+    Attributes
+    ----------
+    id, name
+        Those of the handle.
+    vertex
+        The vertex by which it is judged: its own, or the one nearest to it.
+    target
+        (3,) where the handle's transform sends that vertex, mesh units.
+    landed
+        (3,) where the vertex is.
+    missing
+        The distance between the two.
+    arrived
+        Whether `missing` is too small to see: below 0.1 % of the diagonal of the box.
+    mirrored
+        (3,) where the handle acts mirrored as well, or None.
+    instances
+        How many instances it moves, each about its own pivot; 1 where it moves all together.
+    """
+
+    id: int
+    name: str | None
+    vertex: int
+    target: Vector
+    landed: Vector
+    missing: float
+    arrived: bool
+    mirrored: Vector | None
+    instances: int
+
+    def __str__(self) -> str:
+        """Say it in a few words."""
+        named = f"handle {self.id}" + (f" ({self.name})" if self.name else "")
+        words = f"{named} arrived" if self.arrived else f"{named} is {self.missing:.3g} from where it was sent"
+        if self.instances > 1:
+            words += f", each of {self.instances} instances about its own pivot"
+        if self.mirrored is not None:
+            words += f", mirrored at {','.join(f'{x:.3g}' for x in self.mirrored)}"
+        return words
+
+
+@dataclass(frozen=True)
+class Report:
+    """What an edit does to a shape.
+
+    Attributes
+    ----------
+    moved
+        The part of the vertices, in [0, 1], that moved by more than 0.1 % of the diagonal of the box.
+    farthest
+        How far the vertex moved that moved farthest, mesh units.
+    handles
+        What became of each handle.
+    warning
+        Why nothing moved, where nothing did; None otherwise.
+    """
+
+    moved: float
+    farthest: float
+    handles: tuple[HandleReport, ...]
+    warning: str | None
+
+    def __str__(self) -> str:
+        """The sentence."""
+        if self.warning is not None:
+            return self.warning
+        share = "less than 1" if 0 < self.moved < 0.01 else f"{100 * self.moved:.0f}"
+        told = [f"moved {share} % of the vertices, up to {self.farthest:.3g}"]
+        if len(self.handles) > 1 and all(handle.arrived and handle.mirrored is None for handle in self.handles):
+            told.append(f"all {len(self.handles)} handles arrived")
+        else:
+            told += map(str, self.handles)
+        return "; ".join(told)
+
+
+def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: NDArray[np.float64]) -> Report:
+    """What `edit` does to `mesh`, whose vertices (V, 3) are at `posed`."""
+    distances = np.linalg.norm(posed - mesh.vertices, axis=1)
+    farthest = float(distances.max())
+    moved = float(np.mean(distances > UNSEEN * mesh.diagonal))
+    counts = weights.instance_counts(edit)
+    handles = tuple(
+        _handle_report(mesh, edit, handle, weights.anchor(handle), count, posed)
+        for handle, count in zip(edit.handles, counts, strict=True)
+    )
+    return Report(moved, farthest, handles, _warning(edit) if moved == 0 else None)
+
+
+def _handle_report(
+    mesh: Mesh, edit: Edit, handle: Handle, vertex: int, instances: int, posed: NDArray[np.float64]
+) -> HandleReport:
+    target = handle.matrix[:, :3] @ mesh.vertices[vertex] + handle.matrix[:, 3]
+    missing = float(np.linalg.norm(posed[vertex] - target))
+    mirrored = None
+    if edit.symmetry is not None:
+        image = edit.symmetry.reflect([handle.place.position])[0]
+        if np.linalg.norm(image - np.asarray(handle.place.position)) > UNSEEN * mesh.diagonal:
+            mirrored = vector("mirrored", image)
+    return HandleReport(
+        handle.id,
+        handle.name,
+        vertex,
+        vector("target", target),
+        vector("landed", posed[vertex]),
+        missing,
+        missing <= UNSEEN * mesh.diagonal,
+        mirrored,
+        instances,
+    )
+
+
+def _warning(edit: Edit) -> str:
+    """Why nothing moved."""
+    if not edit.handles and edit.default is None:
+        return "nothing moved: nothing is held"
+    if all(handle.transform.rests for handle in edit.handles):
+        return "nothing moved: no handle is moved, turned or scaled"
+    if all(handle.controls.strength == 0 for handle in edit.handles):
+        return "nothing moved: the strength of every handle is 0"
+    return "nothing moved: no weight is left, or the moves are too small to see"

@@ -1,0 +1,110 @@
+"""Gradients of a linear blend for torch: the kernel goes forward, and back what torch makes of Eq. 1 and 8."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from torch.autograd.function import once_differentiable
+
+from dfd.common import tensors
+
+if TYPE_CHECKING:
+    from dfd.symmetry.plane import SymmetryPlane
+
+__all__ = ["posed_with_gradients"]
+
+
+def posed_with_gradients(vertices: Any, weights: Any, transforms: Any, options: dict[str, Any]) -> Any:
+    """What `dfd.pose` gives, as a tensor with gradients for `vertices`, `weights` and `transforms`.
+
+    Raises
+    ------
+    ValueError
+        As `dfd.pose` does; and if other arguments require gradients, or the blend has none.
+    """
+    for name in ("default", "normals", "handle_weights", "out"):
+        if tensors.tracked(options[name]):
+            raise ValueError(f"pose: `{name}` has no gradient: detach it")
+    if options["normals"] is not None or options["out"] is not None:
+        name = "normals" if options["normals"] is not None else "out"
+        raise ValueError(f"pose: `{name}` is not for tensors that require gradients: detach them")
+    if options["blend"] != "linear" or options["overlap"] == "interpolate":
+        raise ValueError(
+            "pose: only a linear blend without interpolation has gradients: detach the tensors that require them"
+        )
+    for name, value in (("vertices", vertices), ("weights", weights), ("transforms", transforms)):
+        if tensors.tracked(value) and value.dtype not in (torch.float32, torch.float64):
+            raise ValueError(f"pose: `{name}` must be float32 or float64 to have gradients, got {value.dtype}")
+    arguments = [torch.as_tensor(tensors.shared("pose", "", value)) if not tensors.is_tensor(value) else value
+                 for value in (vertices, weights, transforms)]  # fmt: skip
+    return _Pose.apply(*arguments, options)  # type: ignore[no-untyped-call]
+
+
+class _Pose(torch.autograd.Function):
+    @staticmethod
+    def forward(
+        ctx: Any, vertices: torch.Tensor, weights: torch.Tensor, transforms: torch.Tensor, options: dict[str, Any]
+    ) -> torch.Tensor:
+        from dfd.posing.pose import pose
+
+        ctx.save_for_backward(vertices, weights, transforms)
+        ctx.options = options
+        posed: torch.Tensor = pose(vertices.detach(), weights.detach(), transforms.detach(), **options)
+        return posed
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, gradient: torch.Tensor) -> tuple[torch.Tensor | None, ...]:
+        with torch.enable_grad():
+            needed = ctx.needs_input_grad
+            inputs = [saved.detach().requires_grad_(needed[k]) for k, saved in enumerate(ctx.saved_tensors)]
+            vertices, weights, transforms = (value.to(torch.float64) for value in inputs)
+            posed = _posed(vertices, weights, transforms, ctx.options)
+        wanted = [value for value in inputs if value.requires_grad]
+        found = iter(torch.autograd.grad(posed, wanted, gradient.to(torch.float64), allow_unused=True))
+        return *(next(found) if value.requires_grad else None for value in inputs), None
+
+
+def _posed(
+    vertices: torch.Tensor, weights: torch.Tensor, transforms: torch.Tensor, options: dict[str, Any]
+) -> torch.Tensor:
+    """(V, 3) by Eq. 1 and 8, in float64 and with torch's own operations."""
+    from dfd.posing.pose import _affine, _standing  # what `dfd.pose` makes of the same arguments
+
+    rest = torch.eye(3, 4, dtype=torch.float64)
+    if options["default"] is not None:
+        rest = torch.from_numpy(_affine("pose", "default", options["default"], None)[0])
+    total = weights.sum(dim=1, keepdim=True)
+    excess = torch.clamp(total - 1, min=0) if options["overlap"] == "paper" else torch.zeros_like(total)
+    if options["overlap"] == "normalize":
+        weights = weights / torch.clamp(total, min=1)
+    remainder = torch.clamp(1 - total, min=0)
+
+    def moved(affine: torch.Tensor) -> torch.Tensor:
+        changes = torch.cat([affine, rest[None]]) - torch.eye(3, 4, dtype=torch.float64)
+        blended = torch.einsum("vh,hij->vij", torch.cat([weights, remainder], dim=1), changes)
+        shift = torch.einsum("vij,vj->vi", blended[:, :, :3], vertices) + blended[:, :, 3]
+        return vertices * (1 + excess) + shift
+
+    affine = transforms[:, :3]
+    plane: SymmetryPlane | None = options["symmetry"]
+    if plane is None:
+        return moved(affine)
+    normal = torch.tensor(plane.normal, dtype=torch.float64)
+    _, places = _standing("pose", options["handles"], vertices.detach().numpy(), weights.detach().float().numpy())
+    positive = torch.from_numpy(places @ np.asarray(plane.normal) >= plane.offset)[:, None, None]
+    reflection = torch.eye(4, dtype=torch.float64)
+    reflection[:3, :3] -= 2 * torch.outer(normal, normal)
+    reflection[:3, 3] = 2 * plane.offset * normal
+    bottom = torch.tensor([0.0, 0.0, 0.0, 1.0], dtype=torch.float64).expand(len(affine), 1, 4)
+    other = (reflection @ torch.cat([affine, bottom], dim=1) @ reflection)[:, :3]
+    height = vertices @ normal - plane.offset
+    if plane.band > 0:
+        t = torch.clamp(height / (2 * plane.band) + 0.5, 0, 1)
+        share = t * t * (3 - 2 * t)
+    else:
+        share = (height >= 0).to(torch.float64)
+    above, below = moved(torch.where(positive, affine, other)), moved(torch.where(positive, other, affine))
+    return share[:, None] * above + (1 - share[:, None]) * below

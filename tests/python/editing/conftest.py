@@ -1,0 +1,86 @@
+"""A session on a made chair, and what notes what the session asks for."""
+
+from unittest import mock
+
+import numpy as np
+import pytest
+import torch
+
+import dfd
+from dfd.editing import handle_weights, posed_shape
+from dfd.field.field import Field
+
+
+@pytest.fixture(scope="session")
+def mesh():
+    return dfd.samples.chair(4000).mesh
+
+
+@pytest.fixture(scope="session")
+def field(mesh):
+    """A field that has learnt nothing: enough to see what the session does with one."""
+    with torch.random.fork_rng():
+        torch.manual_seed(1)
+        return Field(16, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents)).eval()
+
+
+@pytest.fixture(scope="session")
+def features(mesh, field):
+    return field.features(mesh)
+
+
+@pytest.fixture
+def deformer(mesh, field, features):
+    return dfd.Deformer(mesh, field, features=features)
+
+
+class Counting:
+    """Straight distances that note what they were asked for, and are cheap."""
+
+    def __init__(self, mesh):
+        self.mesh, self.asked = mesh, []
+
+    def lengths(self, handles):
+        self.asked.append(list(handles))
+        return np.linalg.norm(self.mesh.vertices[handles][:, None] - self.mesh.vertices, axis=2).astype(np.float32)
+
+    def distances(self, handles):
+        lengths = self.lengths(handles)
+        return lengths / lengths.max(axis=1, keepdims=True)
+
+
+@pytest.fixture
+def geodesics(deformer, mesh):
+    counting = Counting(mesh)
+    deformer._weights._distances.__dict__["_geodesics"] = counting
+    return counting
+
+
+@pytest.fixture
+def bound():
+    """How many handles each call of `bind` was for."""
+    counts = []
+
+    def counted(features, handles, **options):
+        counts.append(len(handles))
+        return dfd.bind(features, handles, **options)
+
+    with mock.patch.object(handle_weights, "bind", counted):
+        yield counts
+
+
+@pytest.fixture
+def folds():
+    """How many handles each `Drag` was made to move, and -1 for each whole pose."""
+    counts = []
+
+    def whole(*arguments, **options):
+        counts.append(-1)
+        return dfd.pose(*arguments, **options)
+
+    def drag(*arguments, moving, **options):
+        counts.append(len(moving))
+        return dfd.Drag(*arguments, moving=moving, **options)
+
+    with mock.patch.object(posed_shape, "pose", whole), mock.patch.object(posed_shape, "Drag", drag):
+        yield counts

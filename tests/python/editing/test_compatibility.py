@@ -1,0 +1,65 @@
+"""Whether a field and a mesh belong together."""
+
+import re
+import warnings
+
+import numpy as np
+import pytest
+
+import dfd
+from dfd.field.field import Field
+
+
+def moved(mesh, factor=1.0, shift=(0.0, 0.0, 0.0)):
+    """The mesh in other units and at another place; a shift of 1 is its longest side."""
+    return dfd.Mesh(factor * mesh.vertices + np.array(shift) * max(mesh.extents), mesh.faces)
+
+
+@pytest.mark.parametrize(
+    "stranger",
+    [
+        lambda mesh: moved(mesh, 100),
+        lambda mesh: moved(mesh, 0.01),
+        lambda mesh: moved(mesh, 2.54),
+        lambda mesh: moved(mesh, 1 / 2.54),
+        lambda mesh: moved(mesh, 1, (0, 3, 0)),
+        lambda mesh: moved(mesh, 1, (-1.6, 0, 0)),
+    ],
+)
+def test_a_field_of_another_shape_is_refused(mesh, field, features, stranger):
+    other = stranger(mesh)
+    message = (
+        "Deformer: `field` must belong to this mesh, but it was distilled from a shape with a longest side of 0.9897 "
+        f"around (0, 0.526, -0.007948), and this mesh has one of {max(other.extents):.4g} around "
+    )
+    with pytest.raises(ValueError, match=re.escape(message) + r"\(.*\): bring the mesh to that shape's units"):
+        dfd.Deformer(other, field)
+    dfd.Deformer(other, field, features=features)  # whoever brings features knows what they are
+
+
+@pytest.mark.parametrize(
+    "relative",
+    [
+        lambda mesh: dfd.samples.chair(9000).mesh,
+        lambda mesh: moved(mesh, 1.2),
+        lambda mesh: moved(mesh, 0.6),
+        lambda mesh: moved(mesh, 1, (0.2, 0, 0)),
+        lambda mesh: dfd.Mesh(mesh.vertices[mesh.vertices[:, 1] > 0.4], [[0, 1, 2]]),
+        lambda mesh: dfd.Mesh(mesh.vertices - (mesh.vertices[:, 1:2] < 0.4) * [0, 0.2, 0], mesh.faces),
+    ],
+)
+def test_relatives_of_the_field_s_shape_are_welcome(mesh, field, relative):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        deformer = dfd.Deformer(relative(mesh), field)
+    deformer.add(0, scale=2)
+    assert np.isfinite(deformer.vertices).all()
+
+
+def test_a_mesh_that_reaches_far_out_of_the_field_s_box_is_told_so(mesh, field):
+    standing = moved(mesh, 1, -np.array([0, mesh.bounds[0, 1], 0]) / max(mesh.extents))
+    ground = Field(16, center=standing.bounds.mean(0), scale=2 / max(standing.extents))
+    dfd.Deformer(standing, ground)
+    lying = dfd.Mesh(standing.vertices @ [[1, 0, 0], [0, 0, 1], [0, -1, 0]], mesh.faces)
+    with pytest.warns(UserWarning, match=r"weights beyond that shape's box are a guess\. Unless the mesh is a pose"):
+        dfd.Deformer(lying, ground)

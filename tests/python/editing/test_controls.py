@@ -1,0 +1,308 @@
+"""Every control of a handle and of a session: what it does to weights and shape, and that it is undone."""
+
+import numpy as np
+import pytest
+
+import dfd
+from dfd.editing.controls import Controls, radius_on
+from dfd.editing.place import place_on
+from dfd.editing.regions import Ball, HalfSpace
+from dfd.posing.transforms import frame_of_normal
+from dfd.weights.reach import auto_reach
+
+
+@pytest.fixture(scope="module")
+def chair():
+    return dfd.samples.chair(4000)
+
+
+@pytest.fixture(scope="module")
+def labeled(chair, mesh):
+    """Features that know a leg from a seat and a little of where on it: (V, 16) unit rows."""
+    rows = np.zeros((len(mesh.vertices), 16), np.float32)
+    rows[np.arange(len(rows)), chair.labels] = 1.0
+    rows[:, 8:11] = 0.4 * np.abs(mesh.vertices)
+    rows[:, 12] = 1.5
+    return (rows / np.linalg.norm(rows, axis=1, keepdims=True)).astype(np.float32)
+
+
+@pytest.fixture
+def session(mesh, field, labeled):
+    return dfd.Deformer(mesh, field, features=labeled)
+
+
+@pytest.fixture(scope="module")
+def foot(chair, mesh):
+    legs = chair.vertices_of("leg", 0)
+    return int(legs[mesh.vertices[legs, 1].argmin()])
+
+
+# --- what shapes a column
+
+
+def test_reach_and_falloff_are_those_of_bind(session, labeled, foot):
+    handle = session.add(foot, reach=0.5, falloff="sharp")
+    np.testing.assert_array_equal(session.weights, dfd.bind(labeled, [foot], reach=0.5, falloff="sharp"))
+    session.change(handle, reach=0.7)
+    np.testing.assert_array_equal(session.weights, dfd.bind(labeled, [foot], reach=0.7, falloff="sharp"))
+    session.undo()
+    session.undo()
+    assert session.handles == ()
+    session.redo()
+    assert session.handle(handle).controls == Controls(0.5, "sharp")
+
+
+def test_a_reach_can_find_itself(session, chair, labeled, foot):
+    handle = session.add(foot, reach="auto")
+    distances = np.linalg.norm(labeled - labeled[foot], axis=1)
+    reach = session._weights.reach(session.handle(handle))
+    assert reach == pytest.approx(auto_reach(distances), abs=1e-5)
+    np.testing.assert_array_equal(session.weights, dfd.bind(labeled, [foot], reach=reach))
+    leg = chair.labels == chair.parts.index("leg")
+    np.testing.assert_array_equal(session.weights[:, 0] > 0, leg)
+
+
+def test_a_radius_ends_smoothly_where_it_says(session, geodesics_of, labeled, foot):
+    lengths = geodesics_of(session).lengths([foot])
+    handle = session.add(foot, radius=0.3)
+    weights, free = session.weights[:, 0], dfd.bind(labeled, [foot])[:, 0]
+    wanted = np.where(lengths[0] < 0.3, free * (1 - (lengths[0] / 0.3) ** 2) ** 2, 0)
+    np.testing.assert_allclose(weights, wanted, atol=1e-6)
+    assert weights[foot] == 1
+    session.change(handle, locality=2.0)
+    assert session.handle(handle).controls == Controls(locality=2.0)
+    session.change(handle, radius="20%")
+    assert session.handle(handle).controls.radius == pytest.approx(0.2 * session.mesh.diagonal)
+    assert session.handle(handle).controls.locality == 0
+    assert radius_on(session.mesh, "0.5") == 0.5
+
+
+@pytest.fixture
+def geodesics_of():
+    from conftest import Counting
+
+    def replaced(session):
+        session._weights._distances.__dict__["_geodesics"] = Counting(session.mesh)
+        return session._weights._distances._geodesics
+
+    return replaced
+
+
+def test_strength_is_a_factor_and_within_a_limit(session, labeled, foot, mesh):
+    handle = session.add(foot, strength=0.25, within="x>0")
+    weights = 0.25 * dfd.bind(labeled, [foot])[:, 0]
+    weights[mesh.vertices[:, 0] < 0] = 0
+    np.testing.assert_array_equal(session.weights[:, 0], weights)
+    session.change(handle, within="everywhere", strength=1)
+    np.testing.assert_array_equal(session.weights, dfd.bind(labeled, [foot]))
+
+
+def test_a_region_is_held_as_its_nearest_member_is(session, labeled, chair):
+    seat = chair.vertices_of("seat")
+    session.add(seat, translation=(0, 0.2, 0))
+    weights = session.weights[:, 0]
+    np.testing.assert_array_equal(weights[seat], 1)
+    nearest = dfd.bind(labeled, seat).max(axis=1)
+    np.testing.assert_allclose(weights, nearest, atol=0.05)
+    assert (weights <= nearest + 1e-6).all()
+    np.testing.assert_allclose(session.vertices[seat], session.mesh.vertices[seat] + (0, 0.2, 0), atol=1e-6)
+    low, high = session.mesh.vertices[seat].min(axis=0), session.mesh.vertices[seat].max(axis=0)
+    np.testing.assert_allclose(session.handles[0].pivot, (low + high) / 2)
+
+
+# --- fixed points and regions
+
+
+def test_handles_arrive_although_fixed_points_take_from_them(session, chair, labeled, foot, mesh):
+    seat = int(chair.vertices_of("seat")[0])
+    session.add(foot, translation=(0, -0.2, 0))
+    session.fix(seat)
+    left = dfd.bind(labeled, [foot], fixed=[seat])
+    assert 0.2 < left[foot, 0] < 0.9
+    np.testing.assert_allclose(session.weights, np.minimum(left / left[foot, 0], 1), rtol=1e-6)
+    np.testing.assert_allclose(session.vertices[foot], mesh.vertices[foot] - (0, 0.2, 0), atol=1e-7)
+    np.testing.assert_array_equal(session.vertices[seat], mesh.vertices[seat])
+    session.arrive = False
+    np.testing.assert_array_equal(session.weights, left)
+    session.undo()
+    assert session.arrive
+    assert session.weights[foot, 0] == 1
+
+
+def test_points_in_space_and_regions_arrive_too(session, field, labeled, chair, mesh):
+    legs = chair.vertices_of("leg")
+    session.add(legs)
+    session.fix(int(chair.vertices_of("seat")[0]), strength=0.5)
+    assert session.weights[legs, 0].max() == 1
+    assert session.weights[legs, 0].min() > 0.5
+    point = tuple(mesh.vertices[5] + 0.01)
+    other = dfd.Deformer(mesh, field)
+    other.add(point)
+    other.fix(900)
+    row = field(np.array([point]))
+    left = 1 - np.maximum(1 - np.linalg.norm(row - other.features[900], axis=1), 0)
+    wanted = dfd.bind(other.features, row, fixed=[900]) / left
+    np.testing.assert_allclose(other.weights, np.minimum(wanted, 1), atol=1e-4)
+
+
+@pytest.mark.parametrize("strength", [0.0, 0.5, 1.0])
+def test_a_fixed_point_holds_by_its_strength(session, labeled, chair, foot, strength):
+    seat = int(chair.vertices_of("seat")[0])
+    session.arrive = False
+    session.add(foot)
+    session.fix(seat, strength=strength)
+    np.testing.assert_array_equal(session.weights, dfd.bind(labeled, [foot], fixed=[seat], strength=strength))
+
+
+def test_all_of_a_fixed_region_stays(session, chair, foot, mesh):
+    session.add(foot, translation=(0, -0.2, 0))
+    back = chair.vertices_of("back")
+    session.fix(HalfSpace((0, 1, 0), 0.5))
+    held = mesh.vertices[:, 1] >= 0.5
+    assert set(back) & set(np.flatnonzero(held))
+    np.testing.assert_array_equal(session.vertices[held], mesh.vertices[held])
+    assert np.abs(session.vertices - mesh.vertices).max() == pytest.approx(0.2)
+    session.release(HalfSpace((0, 1, 0), 0.5))
+    assert session.fixed == ()
+
+
+def test_nothing_left_of_a_handle_is_said_at_once(session, foot):
+    session.add(foot)
+    message = rf"Deformer.fix: `fixed` must leave something of handle 1 at {foot}, but leaves 0: .* lower its strength"
+    with pytest.raises(ValueError, match=message):
+        session.fix(Ball(session.mesh.vertices[foot], 0.05))
+    assert session.fixed == ()
+    session.fix(Ball(session.mesh.vertices[foot], 0.05), strength=0.5)
+    session.arrive = False
+    session.fix(Ball(session.mesh.vertices[foot], 0.06))
+    assert session.weights[foot, 0] == 0
+    with pytest.raises(ValueError, match="Deformer.arrive: `fixed` must leave something of handle 1"):
+        session.arrive = True
+
+
+# --- how handles are put together
+
+
+def test_overlap_and_blend_are_those_of_pose(session, foot, mesh):
+    session.add(foot, rotation=(0, 0, 100))
+    session.add(int(mesh.vertices[:, 1].argmax()), translation=(0, 0.1, 0), scale=2)
+    for overlap in ("add", "normalize", "paper", "interpolate"):
+        for blend in ("linear", "dual_quaternion", "polar"):
+            session.overlap, session.blend = overlap, blend
+            held = [handle.place.vertex for handle in session.handles]
+            wanted = dfd.pose(
+                mesh.vertices, session.weights, session.transforms, handles=held, overlap=overlap, blend=blend
+            )
+            np.testing.assert_allclose(session.vertices, wanted, atol=1e-12)
+    session.undo()
+    assert (session.overlap, session.blend) == ("interpolate", "dual_quaternion")
+
+
+def test_interpolated_handles_land_where_they_were_sent(session, chair, mesh):
+    leg = chair.vertices_of("leg", 0)
+    heights = mesh.vertices[leg, 1]
+    held = [
+        int(leg[heights.argmin()]),
+        int(leg[heights.argmax()]),
+        *(int(chair.vertices_of(p)[0]) for p in ("seat", "back")),
+    ]
+    for i, vertex in enumerate(held):
+        session.add(vertex, translation=(0, -0.1 * i, 0.02))
+    targets = mesh.vertices[held] + [(0, -0.1 * i, 0.02) for i in range(4)]
+    assert np.abs(session.vertices[held] - targets).max() > 0.05
+    session.overlap = "interpolate"
+    np.testing.assert_allclose(session.vertices[held], targets, atol=1e-4)
+    session.move(2, translation=(0, 0, 0.3))
+    np.testing.assert_allclose(session.vertices[held[1]], mesh.vertices[held[1]] + (0, 0, 0.3), atol=1e-4)
+    np.testing.assert_allclose(session.vertices[held[3]], targets[3], atol=1e-4)
+
+
+def test_two_handles_that_look_the_same_cannot_be_interpolated(mesh, field, labeled):
+    same = labeled.copy()
+    same[6] = same[5]
+    session = dfd.Deformer(mesh, field, features=same)
+    session.add(5)
+    session.overlap = "interpolate"
+    with pytest.raises(
+        ValueError, match=r"Deformer.add: `overlap` cannot be 'interpolate': handle 1 at 5 and handle 2"
+    ):
+        session.add(6)
+    assert len(session.handles) == 1
+
+
+def test_symmetry_is_a_property_that_undoes_too(session, mesh):
+    session.symmetry = "x=0.1"
+    assert session.symmetry.normal == (1.0, 0.0, 0.0)
+    assert session.symmetry.offset == 0.1
+    session.symmetry = "z"
+    session.undo()
+    assert session.symmetry.offset == 0.1
+    session.undo()
+    assert session.symmetry is None
+
+
+def test_scale_along_the_normal_makes_thicker_and_not_longer(session, foot, mesh):
+    vertex = int(np.abs(mesh.normals).max(axis=1).argmin())
+    session.add(vertex, scale=(1, 1, 2), axes="normal")
+    normal = mesh.normals[vertex]
+    linear = session.transforms[0][:, :3]
+    np.testing.assert_allclose(linear @ normal, 2 * normal, atol=1e-6)
+    across = np.asarray(frame_of_normal(normal))[:2]
+    np.testing.assert_allclose(linear @ across.T, across.T, atol=1e-6)
+    session.move(1, axes="auto")
+    np.testing.assert_allclose(session.transforms[0][:, :3], np.diag([1, 1, 2]))
+
+
+# --- what is refused
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"reach": 0}, r"Deformer.add: `reach` must be above 0, got 0"),
+        ({"reach": -1}, r"Deformer.add: `reach` must be above 0, got -1"),
+        ({"reach": "far"}, r"Deformer.add: `reach` must be \"auto\" or a number above 0, got 'far'"),
+        ({"falloff": "steep"}, r"Deformer.add: `falloff` must be one of linear, smooth, .*, got 'steep'"),
+        ({"radius": 0}, r"Deformer.add: `radius` must be above 0, got 0"),
+        ({"radius": "wide"}, r"Deformer.add: `radius` must be a length or a percentage such as 20%, got 'wide'"),
+        ({"radius": "-5%"}, r"Deformer.add: `radius` must be above 0, got -5"),
+        ({"radius": 1, "locality": 1}, r"Deformer.add: `radius` and `locality` must not be given both, got 1 and 1"),
+        ({"strength": 1.5}, r"Deformer.add: `strength` must be at most 1, got 1.5"),
+        ({"instances": "all"}, r"Deformer.add: `instances` must be one of own, together, only, got 'all'"),
+        ({"level": "yes"}, r"Deformer.add: `level` must be True or False, got 'yes'"),
+        ({"within": "top"}, r"Deformer.add: `within` must be a region, got 'top'"),
+        ({"within": "y>70"}, r"Deformer.add: `region` must hold a vertex, but the side"),
+        ({"axes": "normal", "at": (0, 0.5, 0)}, r"Deformer.add: `axes` cannot be 'normal': the handle is at no vertex"),
+        ({"axes": np.ones((3, 3))}, r"Deformer.add: `axes` must be 3 unit vectors at right angles"),
+    ],
+)
+def test_odd_controls_are_refused_by_name(session, given, message):
+    with pytest.raises(ValueError, match=message):
+        session.add(given.pop("at", 5), **given)
+    assert session.handles == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("overlap", "sum", r"Deformer.overlap: `overlap` must be one of add, interpolate, normalize, paper, got 'sum'"),
+        ("blend", "cubic", r"Deformer.blend: `blend` must be one of linear, dual_quaternion, polar, got 'cubic'"),
+        ("arrive", 1, r"Deformer.arrive: `arrive` must be True or False, got 1"),
+        ("symmetry", "x=wide", r"Deformer.symmetry: `plane` must be x, y, z, .* got 'x=wide'"),
+    ],
+)
+def test_odd_settings_are_refused_by_name(session, name, value, message):
+    before = session.edit
+    with pytest.raises(ValueError, match=message):
+        setattr(session, name, value)
+    assert session.edit is before
+
+
+def test_a_limit_is_checked_on_the_mesh_at_hand(session, foot):
+    session.add(foot, within=Ball(session.mesh.vertices[foot], 0.1))
+    other = dfd.Mesh(session.mesh.vertices + 5, session.mesh.faces)
+    from dfd.editing.edit import edit_on
+
+    with pytest.raises(ValueError, match="`region` must hold a vertex"):
+        edit_on(other, session.edit)
+    assert place_on(session.mesh, foot) == session.handles[0].place

@@ -1,0 +1,428 @@
+"""Edits as JSON documents: what survives a file, and what a file must not hold."""
+
+import copy
+import json
+import math
+import os
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sheet import grid
+
+import dfd.editing.document
+from dfd.editing.controls import Controls
+from dfd.editing.document import EditDocument, edit_schema
+from dfd.editing.edit import Edit, Fixed, Handle, symmetry_on
+from dfd.editing.edit_file import from_document, read_edit, to_document, write_edit
+from dfd.editing.place import Place, place_on
+from dfd.editing.regions import Ball, Box, HalfSpace
+from dfd.mesh.mesh import Mesh
+from dfd.posing.transforms import Transform
+from dfd.symmetry.plane import SymmetryPlane
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    return grid(9)
+
+
+@pytest.fixture
+def edit(mesh):
+    """An edit that uses everything an edit can hold."""
+    axes = ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+    turned = Transform((0.0, 0.25, 0.0), (0.0, 0.0, 30.0), (1.0, 2.0, 0.5), (0.5, 0.5, 0.5), axes)
+    near = Controls(
+        0.8, "smooth", radius=0.25, strength=0.5, instances="own", level=True, within=Ball((0.01, 0.0, 0.0), 0.7)
+    )
+    return Edit(
+        handles=(
+            Handle(3, place_on(mesh, 40), turned, Controls(locality=2.5), name="ear, links ◔"),
+            Handle(1, Place((0.1, 0.2, 1 / 3)), controls=Controls(reach="auto")),
+            Handle(7, place_on(mesh, np.array([3, 4, 5])), controls=near),
+        ),
+        fixed=(
+            Fixed(place_on(mesh, 7)),
+            Fixed(Place((9.0, 9.0, 9.0)), 0.25),
+            Fixed(place_on(mesh, Box((-1, -1, 0.9), (-0.4, 1, 1)))),
+            Fixed(place_on(mesh, HalfSpace((0.0, 0.0, -2.0), -0.02)), 0.5),
+        ),
+        symmetry=SymmetryPlane((1.0, 0.0, 0.0), 0.01, band=0.05),
+        default=Transform(scale=(2.0, 2.0, 2.0)),
+        overlap="interpolate",
+        blend="dual_quaternion",
+        arrive=False,
+    )
+
+
+@pytest.fixture
+def document(edit, mesh):
+    return to_document(edit, mesh)
+
+
+# --- files
+
+
+def test_an_edit_comes_back_from_its_file_exactly(edit, mesh, tmp_path):
+    path = tmp_path / "edit.json"
+    write_edit(path, edit, mesh)
+    assert read_edit(path, mesh) == edit
+
+
+numbers = st.floats(-1e6, 1e6)
+triples = st.tuples(numbers, numbers, numbers)
+transforms = st.builds(Transform, triples, triples, triples, st.none() | triples)
+controls = st.builds(
+    Controls,
+    st.just("auto") | st.floats(0.01, 2),
+    st.sampled_from(["linear", "smooth"]),
+    st.floats(0, 1e3),
+    strength=st.floats(0, 1),
+    instances=st.sampled_from(["own", "together", "only"]),
+    level=st.booleans(),
+)
+
+
+@given(
+    handles=st.lists(
+        st.tuples(triples, transforms, controls, st.none() | st.text(st.characters(codec="utf-8"), min_size=1)),
+        max_size=4,
+        unique_by=lambda handle: handle[0],
+    ),
+    default=st.none() | transforms,
+    angle=numbers,
+    band=st.floats(0, 10),
+)
+@settings(max_examples=50, deadline=None)
+def test_any_edit_comes_back_from_its_text(mesh, tmp_path_factory, handles, default, angle, band):
+    edit = Edit(
+        tuple(Handle(i + 1, Place(place), *rest) for i, (place, *rest) in enumerate(handles)),
+        symmetry=SymmetryPlane((math.cos(angle), math.sin(angle), 0.0), angle, band=band),
+        default=default,
+    )
+    path = tmp_path_factory.mktemp("any") / "edit.json"
+    write_edit(path, edit, mesh)
+    assert read_edit(path, mesh) == edit
+
+
+def test_an_empty_edit_comes_back(mesh, tmp_path):
+    write_edit(tmp_path / "edit.json", Edit(), mesh)
+    assert read_edit(tmp_path / "edit.json", mesh) == Edit()
+
+
+def test_the_file_is_json_that_people_can_read(edit, mesh, tmp_path):
+    path = tmp_path / "edit.json"
+    write_edit(path, edit, mesh)
+    text = path.read_text(encoding="utf-8")
+    assert json.loads(text) == to_document(edit, mesh)
+    assert '"translation": [0.0, 0.25, 0.0],\n' in text
+    assert "ear, links ◔" in text
+
+
+def test_the_example_of_the_documentation_is_read(mesh):
+    example = re.search(r"^    \{.*?^    \}", dfd.editing.document.__doc__, re.DOTALL | re.MULTILINE)[0]
+    with pytest.warns(UserWarning, match="2 of its vertices or sets of them are taken by position"):
+        edit = from_document(json.loads(example), mesh)
+    assert edit.handles[0].name == "left horn"
+    assert edit.handles[0].transform == Transform((0.0, 0.2, 0.0), (0.0, 0.0, 30.0))
+    assert edit.symmetry == SymmetryPlane((1.0, 0.0, 0.0), 0.0, band=0.05)
+    # Every key of the example is one that is written, and the other way round.
+    assert to_document(edit, mesh).keys() == json.loads(example).keys()
+    assert to_document(edit, mesh)["handles"][0].keys() == json.loads(example)["handles"][0].keys()
+
+
+def test_a_short_document_by_hand_is_enough(mesh):
+    edit = from_document(
+        {"format": "dfd-edit", "version": 1, "handles": [{"vertex": 4, "scale": 2}, {"position": [0, 1, 2]}]}, mesh
+    )
+    assert edit == Edit(
+        (Handle(1, place_on(mesh, 4), Transform(scale=(2.0, 2.0, 2.0))), Handle(2, Place((0.0, 1.0, 2.0)))),
+        arrive=False,
+    )
+
+
+def test_missing_ids_are_given_around_those_that_are_there(mesh):
+    handles = [{"vertex": 0}, {"vertex": 1, "id": 1}, {"vertex": 2}, {"vertex": 3, "id": 7}]
+    edit = from_document({"format": "dfd-edit", "version": 1, "handles": handles}, mesh)
+    assert [handle.id for handle in edit.handles] == [2, 1, 3, 7]
+
+
+def test_a_quaternion_is_read_as_the_rotation_it_is(mesh):
+    half = math.sqrt(0.5)
+    entry = {"vertex": 4, "rotation": [0, half, 0, half]}
+    edit = from_document({"format": "dfd-edit", "version": 1, "handles": [entry]}, mesh)
+    np.testing.assert_allclose(edit.handles[0].transform.rotation, (0, 90, 0), atol=1e-12)
+
+
+def test_an_axis_stands_for_its_plane_through_the_box(mesh):
+    edit = from_document({"format": "dfd-edit", "version": 1, "symmetry": "z"}, mesh)
+    assert edit.symmetry == symmetry_on(mesh, "z", None)
+    assert edit.symmetry.offset == pytest.approx(0.5)
+    assert edit.symmetry.band == pytest.approx(0.03)
+
+
+def test_a_byte_order_mark_does_no_harm(edit, mesh, tmp_path):
+    path = tmp_path / "edit.json"
+    path.write_text(json.dumps(to_document(edit, mesh)), encoding="utf-8-sig")
+    assert read_edit(path, mesh) == edit
+
+
+def test_a_document_of_version_1_means_what_it_meant(mesh):
+    document = {
+        "format": "dfd-edit",
+        "version": 1,
+        "mesh": {"vertices": 81},
+        "handles": [{"id": 2, "vertex": 4, "rotation": [0, 0, 400], "locality": 2.5}],
+        "fixed": [{"vertex": 7, "position": None}],
+        "symmetry": {"normal": [1, 0, 0], "offset": 0.5},
+        "default": {"scale": 2},
+    }
+    assert from_document(document, mesh) == Edit(
+        (Handle(2, place_on(mesh, 4), Transform(rotation=(0.0, 0.0, 400.0)), Controls(locality=2.5)),),
+        (Fixed(place_on(mesh, 7)),),
+        SymmetryPlane((1.0, 0.0, 0.0), 0.5),
+        Transform(scale=(2.0, 2.0, 2.0)),
+        arrive=False,
+    )
+    assert from_document({**document, "version": 2}, mesh).arrive
+
+
+def test_the_schema_says_what_is_read_and_what_is_written(document):
+    schema = edit_schema()
+    assert schema == dfd.edit_schema()
+    assert schema["additionalProperties"] is False
+    assert set(schema["properties"]) == set(document)
+    handle = schema["$defs"]["HandleDocument"]
+    assert set(handle["properties"]) == set(document["handles"][0])
+    assert handle["properties"]["falloff"]["enum"][0] == "linear"
+    assert handle["additionalProperties"] is False
+    assert EditDocument.model_validate(document).model_dump(mode="json") == document
+
+
+# --- another mesh
+
+
+def test_on_another_resolution_handles_stay_where_they_were(edit, mesh, document):
+    finer = grid(33)
+    with pytest.warns(UserWarning, match="made on a mesh of 81 vertices, and this one has 1089: 3 of its vertices"):
+        moved = from_document(document, finer)
+    for old, new in zip(edit.handles[:2], moved.handles[:2], strict=True):
+        assert new == replace(old, place=Place(old.place.position))
+    assert moved.fixed[0].place == Place(edit.fixed[0].position)
+    assert moved.handles[2].place.region == edit.handles[2].place.region
+    assert moved.handles[2].place == place_on(finer, edit.handles[2].place.region)
+    assert [fixed.place.region for fixed in moved.fixed] == [fixed.place.region for fixed in edit.fixed]
+
+
+def test_an_edit_of_another_shape_is_refused(document):
+    stranger = grid(33)
+    stranger = Mesh(stranger.vertices * [1, 1, 2], stranger.faces)
+    with pytest.raises(ValueError, match=r"`mesh.bounds` must be those of this mesh.*transfer carries it over"):
+        from_document(document, stranger)
+
+
+def test_a_vertex_without_a_position_holds_only_for_its_own_mesh(mesh, document):
+    document["handles"][0]["position"] = None
+    other = Mesh(mesh.vertices * [1, 1, 1.001], mesh.faces)
+    with pytest.raises(ValueError, match=r"`handles\[0\]` must have a position: the edit was made on another mesh"):
+        from_document(document, other)
+
+
+def test_a_vertex_that_still_lies_there_stays_a_vertex(edit, mesh, document):
+    rounded = Mesh(mesh.vertices.astype(np.float32), mesh.faces)
+    place = from_document(document, rounded).handles[0].place
+    assert place == place_on(rounded, 40)
+
+
+def test_the_same_number_of_vertices_in_another_order_is_noticed(mesh, document):
+    order = np.arange(len(mesh.vertices))[::-1]
+    backwards = Mesh(mesh.vertices[order], order.argsort()[mesh.faces])
+    # The middle vertex of 81 keeps its place, the one in a corner does not.
+    with pytest.warns(UserWarning, match="2 of its vertices or sets of them are taken by position"):
+        moved = from_document(document, backwards)
+    assert moved.fixed[0].vertex is None
+    assert moved.handles[0].place.vertex == 40
+    np.testing.assert_array_equal(np.flatnonzero(moved.handles[2].place.region.inside(backwards)), [75, 76, 77])
+
+
+def test_a_vertex_without_a_position_holds_only_for_its_own_resolution(mesh):
+    document = {"format": "dfd-edit", "version": 1, "mesh": {"vertices": 500}, "handles": [{"vertex": 4}]}
+    message = r"`handles\[0\]` must have a position: the edit counts 500 vertices, the mesh 81"
+    with pytest.raises(ValueError, match=message):
+        from_document(document, mesh)
+
+
+# --- what is refused
+
+
+MISSING = object()
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "message"),
+    [
+        (("format",), "gltf", r'`format` must be "dfd-edit", got "gltf"'),
+        (("format",), MISSING, r'`format` must be "dfd-edit", got null'),
+        (("version",), 3, r"`version` must be 1 or 2, got 3"),
+        (("version",), True, r"`version` must be 1 or 2, got true"),
+        (("units",), {"length": "inch"}, r"`units.length` must be 'mesh', got .inch."),
+        (("mesh",), 9, r"`mesh` must be an object, got 9"),
+        (("mesh",), {}, r"`mesh.vertices` is missing"),
+        (("mesh", "vertices"), 0, r"`mesh.vertices` must be at least 1, got 0"),
+        (("colour",), 1, r"`colour` is an unknown key"),
+        (("handles",), {}, r"`handles` must be a list, got \{\}"),
+        (("handles", 0), 5, r"`handles\[0\]` must be an object, got 5"),
+        (("handles", 0, "rotaton"), [0, 0, 0], r"`handles\[0\].rotaton` is an unknown key; known are .*, id, name"),
+        (("handles", 0, "id"), 0, r"`handles\[0\].id` must be at least 1, got 0"),
+        (("handles", 0, "id"), 1.0, r"`handles\[0\].id` must be a whole number, got 1.0"),
+        (("handles", 0, "id"), 1, r"`handles` must have distinct ids, got 1 twice"),
+        (("handles", 0, "name"), "", r"`handles\[0\].name` must hold a character, got"),
+        (("handles", 0, "name"), 3, r"`handles\[0\].name` must be a valid string, got 3"),
+        (("handles", 0, "vertex"), -1, r"`handles\[0\].vertex` must be at least 0, got -1"),
+        (("handles", 0, "vertex"), "40", r'`handles\[0\].vertex` must be a whole number, got "40"'),
+        (("handles", 0, "position"), [0, 0], r"`handles\[0\].position` must hold more than 2 items, got \[0, 0\]"),
+        (("handles", 0, "position"), [0, 0, "1"], r'`handles\[0\].position\[2\]` must be a finite number, got "1"'),
+        (("handles", 0, "translation"), None, r"`handles\[0\].translation` must be a list, got null"),
+        (("handles", 0, "translation"), [0, math.nan, 0], r"`handles\[0\].translation\[1\]` must be a finite number"),
+        (("handles", 0, "translation"), [0, 10**400, 0], r"`handles\[0\].translation\[1\]` must be a finite number"),
+        (("handles", 0, "translation"), [0, True, 0], r"`handles\[0\].translation\[1\]` must be a finite number"),
+        (("handles", 0, "rotation"), [1, 2], r"`handles\[0\].rotation` must have at least 3 items, got \[1, 2\]"),
+        (("handles", 0, "rotation"), [0, 0, 0, 0], r"`handles\[0\].rotation` must be a quaternion other than 0"),
+        (("handles", 0, "scale"), [1, 2], r"`handles\[0\].scale` must hold more than 2 items, got \[1, 2\]"),
+        (("handles", 0, "scale"), "big", r'`handles\[0\].scale` must be a finite number, got "big"'),
+        (("handles", 0, "pivot"), 1, r"`handles\[0\].pivot` must be a list, got 1"),
+        (
+            ("handles", 1),
+            {"position": [10, 0, 0], "scale": 1e308},
+            r"`handles\[1\].translation`, `scale` and `pivot` are too large: the matrix is not finite",
+        ),
+        (("handles", 0, "locality"), -1, r"`handles\[0\].locality` must be at least 0, got -1"),
+        (("handles", 1, "position"), None, r"`handles\[1\]` must have a vertex, a position or a region"),
+        (("handles", 0, "reach"), 0, r"`handles\[0\].reach` must be above 0, got 0"),
+        (("handles", 0, "reach"), "far", r"`handles\[0\].reach` must be 'auto', got .far."),
+        (("handles", 0, "falloff"), "steep", r"`handles\[0\].falloff` must be 'linear', .*, got .steep."),
+        (
+            ("handles", 0, "radius"),
+            0.5,
+            r"`handles\[0\].radius` and `locality` must not be given both, got 0.5 and 2.5",
+        ),
+        (("handles", 0, "strength"), 2, r"`handles\[0\].strength` must be at most 1, got 2"),
+        (("handles", 0, "level"), 1, r"`handles\[0\].level` must be true or false, got 1"),
+        (("handles", 0, "axes"), [[1, 0, 0]], r"`handles\[0\].axes` must hold more than 1 items"),
+        (("handles", 0, "axes"), [[1, 0, 0]] * 3, r"`handles\[0\].axes` must be 3 unit vectors at right angles"),
+        (("handles", 2, "region", "kind"), "cone", r"`handles\[2\].region.kind` must be 'ball', .* or 'vertices', got"),
+        (("handles", 2, "region", "indices"), [-1], r"`handles\[2\].region.indices\[0\]` must be at least 0, got -1"),
+        (
+            ("handles", 2, "region", "indices"),
+            [1, 1, 2],
+            r"`handles\[2\].region.indices` names vertex 1 more than once",
+        ),
+        (("handles", 2, "region", "size"), 3, r"`handles\[2\].region.size` is an unknown key$"),
+        (("handles", 2, "within", "radius"), -1, r"`handles\[2\].within.radius` must be above 0, got -1"),
+        (("handles", 2, "within", "radius"), 1e-9, r"`handles\[2\].within.region` must hold a vertex, but the ball"),
+        (("overlap",), "sum", r"`overlap` must be 'add', 'interpolate', 'normalize' or 'paper', got .sum."),
+        (("blend",), "cubic", r"`blend` must be 'linear', 'dual_quaternion' or 'polar', got .cubic."),
+        (("arrive",), None, r"`arrive` must be true or false, got null"),
+        (("fixed",), 5, r"`fixed` must be a list, got 5"),
+        (("fixed", 0, "vertex"), 1.5, r"`fixed\[0\].vertex` must be a whole number"),
+        (("fixed", 0, "locality"), 1, r"`fixed\[0\].locality` is an unknown key"),
+        (("fixed", 1, "position"), [0.1, 0.2, 1 / 3], r"`fixed` must be free places, but 0.1,0.2,0.333333 is handle 1"),
+        (("symmetry",), "w", r"`symmetry` must be 'x', 'y' or 'z', got .w."),
+        (("symmetry",), {"normal": [1, 0, 0]}, r"`symmetry.offset` is missing"),
+        (("symmetry", "normal"), [1, 1, 0], r"`symmetry.normal` must have length 1, got 1.41421"),
+        (("symmetry", "band"), -0.1, r"`symmetry.band` must be at least 0, got -0.1"),
+        (("symmetry", "ofset"), 0, r"`symmetry.ofset` is an unknown key"),
+        (("default", "locality"), 0, r"`default.locality` is an unknown key"),
+        (("default",), [], r"`default` must be an object, got \[\]"),
+    ],
+)
+def test_every_odd_value_is_named(document, mesh, keys, value, message):
+    changed = copy.deepcopy(document)
+    entry = changed
+    for key in keys[:-1]:
+        entry = entry[key]
+    if value is MISSING:
+        del entry[keys[-1]]
+    else:
+        entry[keys[-1]] = value
+    with pytest.raises(ValueError, match=message) as caught:
+        from_document(changed, mesh, name="some.json")
+    assert str(caught.value).startswith("some.json: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_an_index_out_of_range_is_named(mesh):
+    document = {"format": "dfd-edit", "version": 1, "fixed": [{"vertex": 81}]}
+    with pytest.raises(ValueError, match=r"`fixed\[0\].vertex` must lie in 0 … 80, got 81"):
+        from_document(document, mesh)
+
+
+@pytest.mark.parametrize("document", [None, [], "edit", 3, True])
+def test_what_is_no_object_is_no_edit(document, mesh):
+    with pytest.raises(ValueError, match="`document` must be an edit, got"):
+        from_document(document, mesh)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "no whole JSON document: Expecting value: line 1 column 1"),
+        ("{}", "`format` must be"),
+        ('{"version": 1, "version": 1}', "`version` is given twice"),
+        ('{"version": NaN}', "numbers must be finite, got NaN"),
+        ('{"version": -Infinity}', "numbers must be finite, got -Infinity"),
+        ("[" * 100_000, "nested too deeply|no whole JSON document"),
+    ],
+)
+def test_odd_files_are_refused_in_the_name_of_their_path(mesh, tmp_path, text, message):
+    path = tmp_path / "odd.json"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=message) as caught:
+        read_edit(path, mesh)
+    assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_a_number_too_large_for_a_float_is_refused(document, mesh, tmp_path):
+    path = tmp_path / "large.json"
+    path.write_text(json.dumps(document).replace("0.25", "1e999"))
+    with pytest.raises(ValueError, match=r"`handles\[0\].translation\[1\]` must be a finite number"):
+        read_edit(path, mesh)
+
+
+def test_a_file_cut_short_anywhere_is_refused(document, mesh, tmp_path):
+    text = json.dumps(document)
+    path = tmp_path / "cut.json"
+    for length in range(0, len(text) - 1, 17):
+        path.write_text(text[:length])
+        with pytest.raises(ValueError, match="no whole JSON document"):
+            read_edit(path, mesh)
+
+
+def test_bytes_that_are_no_text_are_refused(mesh, tmp_path):
+    path = tmp_path / "edit.json"
+    path.write_bytes(b'{"format": "\xff"}')
+    with pytest.raises(ValueError, match="must be UTF-8 text, but byte 12 is none"):
+        read_edit(path, mesh)
+
+
+def test_a_missing_file_and_a_folder_are_named(mesh, tmp_path):
+    for path in (tmp_path / "none.json", tmp_path):
+        with pytest.raises(OSError, match=f"{re.escape(str(path))}: the edit could not be read"):
+            read_edit(path, mesh)
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(edit, mesh, tmp_path, monkeypatch):
+    path = tmp_path / "edit.json"
+    path.write_text("precious")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match=r"edit.json could not be written: No space left on device"):
+        write_edit(path, edit, mesh)
+    assert path.read_text() == "precious"
+    assert list(tmp_path.iterdir()) == [path]

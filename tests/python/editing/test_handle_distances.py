@@ -1,0 +1,49 @@
+"""What a session asks geodesics for."""
+
+import numpy as np
+
+import dfd
+
+
+def test_geodesics_are_for_those_who_ask_for_locality(deformer, geodesics, bound):
+    near, far = deformer.add(5), deformer.add(900)
+    _ = deformer.vertices
+    assert geodesics.asked == []
+    deformer.move(far, scale=2)
+    _ = deformer.vertices
+    deformer.change(near, locality=2.0)
+    _ = deformer.weights
+    assert geodesics.asked == [[5]]
+    assert bound == [2, 1]
+    deformer.change(near, locality=4.0)
+    _ = deformer.weights
+    deformer.fix(100)
+    _ = deformer.weights
+    assert geodesics.asked == [[5]]
+    assert deformer.handle(far).controls.locality == 0
+
+
+def test_locality_is_each_handle_s_own(deformer, geodesics, mesh):
+    deformer.add(5, locality=3.0)
+    deformer.add(900)
+    wanted = dfd.bind(deformer.features, [5, 900], geodesic=geodesics.distances([5, 900]), locality=[3.0, 0.0])
+    np.testing.assert_array_equal(deformer.weights, wanted)
+
+
+def test_a_point_s_distances_start_at_the_nearest_vertex(deformer, geodesics, mesh):
+    deformer.add(mesh.vertices[70] + 1e-4, locality=1.0)
+    _ = deformer.weights
+    assert geodesics.asked == [[70]]
+
+
+def test_locality_of_a_symmetric_edit_starts_at_both_mirror_images(deformer, geodesics, bound, mesh):
+    vertex = int(mesh.vertices[:, 0].argmax())
+    mirrored = int(np.linalg.norm(mesh.vertices - mesh.vertices[vertex] * [-1, 1, 1], axis=1).argmin())
+    deformer.add(vertex, locality=3.0)
+    deformer.add(5)
+    _ = deformer.weights
+    deformer.set_symmetry("x")
+    both = geodesics.distances([vertex, mirrored]).min(axis=0)
+    wanted = dfd.bind(deformer.features, [vertex], geodesic=both[None], locality=3.0)
+    np.testing.assert_array_equal(deformer.weights[:, :1], wanted)
+    assert bound == [1, 1, 1]

@@ -1,0 +1,362 @@
+"""Weights of a session: what binds them, what they cost, and where they lie."""
+
+from unittest import mock
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import dfd
+from dfd.editing import posed_shape, vertex_rows
+from dfd.editing.edit import Edit
+from dfd.field.field import Field
+
+# --- what it costs
+
+
+def test_a_move_binds_nothing_and_a_new_handle_binds_itself(deformer, bound):
+    first = deformer.add(5)
+    _ = deformer.vertices
+    for angle in range(5):
+        deformer.move(first, rotation=(0, 0, angle))
+        _ = deformer.vertices
+    assert bound == [1]
+    second = deformer.add(900, scale=2)
+    _ = deformer.vertices
+    third = deformer.add((0.5, 0.5, 0.5), scale=2)
+    _ = deformer.vertices
+    assert bound == [1, 1, 1]
+    deformer.remove(second)
+    _ = deformer.vertices
+    assert bound == [1, 1, 1]
+    np.testing.assert_array_equal(deformer.weights[:, 0], dfd.bind(deformer.features, [5])[:, 0])
+    assert deformer.handles[1].id == third
+    assert deformer.weights.shape[1] == 2
+
+
+def test_nothing_is_bound_before_somebody_looks(deformer, bound):
+    for vertex in range(10):
+        deformer.add(vertex)
+    deformer.fix(100)
+    assert bound == []
+    _ = deformer.vertices  # nothing moves yet
+    assert bound == []
+    _ = deformer.weights
+    assert bound == [10]
+
+
+def test_one_call_binds_what_it_can(deformer, bound, geodesics, features, field):
+    for at in (1, 2, (0.1, 0.2, 0.3), (0.2, 0.1, 0.3), 3):
+        deformer.add(at)
+    for vertex in (4, 5):
+        deformer.add(vertex, locality=2.0)
+    weights = deformer.weights
+    assert bound == [2, 2, 1, 1, 1]
+    points = field(np.array([(0.1, 0.2, 0.3), (0.2, 0.1, 0.3)]))
+    np.testing.assert_array_equal(weights[:, [0, 1, 4]], dfd.bind(features, [1, 2, 3]))
+    np.testing.assert_array_equal(weights[:, 2:4], dfd.bind(features, points))
+    near = dfd.bind(features, [4, 5], geodesic=geodesics.distances([4, 5]), locality=2.0)
+    np.testing.assert_array_equal(weights[:, 5:], near)
+
+
+def test_new_fixed_points_bind_all_handles_once(deformer, bound):
+    for vertex in (5, 6, 7):
+        deformer.add(vertex)
+    _ = deformer.weights
+    deformer.fix(100)
+    _ = deformer.weights
+    _ = deformer.vertices
+    assert bound == [3, 3]
+
+
+def test_looking_twice_costs_nothing(deformer):
+    deformer.add(5, scale=2)
+    assert deformer.vertices is deformer.vertices
+    assert deformer.weights is deformer.weights
+
+
+def test_features_are_asked_for_once_and_only_when_needed(mesh, field):
+    with mock.patch.object(Field, "features", return_value=field.features(mesh)) as asked:
+        deformer = dfd.Deformer(mesh, field)
+        deformer.add(5, scale=2)
+        asked.assert_not_called()
+        _ = deformer.vertices
+        deformer.add(6)
+        _ = deformer.vertices
+        deformer.prepare()
+        asked.assert_called_once()
+
+
+def test_a_drag_costs_what_moves_and_gives_what_a_pose_gives(mesh, field, features, folds):
+    for symmetry, default in ((None, None), ("x", None), (None, (0, 0, 5)), ("x", (0, 0, 5))):
+        deformer = dfd.Deformer(mesh, field, features=features)
+        handles = [deformer.add(vertex, translation=(0, 0.01 * vertex, 0)) for vertex in (5, 6, 7, 8, 9)]
+        deformer.set_symmetry(symmetry)
+        deformer.set_default(rotation=default)
+        assert deformer.weights.sum(axis=1).max() > 4
+        start = deformer.vertices
+        del folds[:]
+        for frame in range(1, 4):
+            deformer.move(handles[2], rotation=(0, 10 * frame, 0), scale=1 + 0.1 * frame, merge=frame > 1)
+            dragged = deformer.vertices
+        assert folds == [1]
+        whole = dfd.Deformer(mesh, field, features=features)
+        whole.apply(deformer.edit)
+        np.testing.assert_allclose(dragged, whole.vertices, rtol=0, atol=1e-12)
+        assert np.abs(dragged - start).max() > 0.05
+        deformer.undo()
+        np.testing.assert_allclose(deformer.vertices, start, rtol=0, atol=1e-12)
+        deformer.redo()
+        np.testing.assert_allclose(deformer.vertices, dragged, rtol=0, atol=1e-12)
+
+
+def test_a_drag_ends_with_whatever_else_changes(deformer, mesh, field, features, folds):
+    handles = [deformer.add(vertex) for vertex in (5, 6, 7, 8, 9)]
+    deformer.add(900, translation=(0.1, 0, 0))
+    changes = (
+        lambda: deformer.move(handles[0], scale=2),
+        lambda: deformer.move(handles[0], scale=1.5),
+        lambda: deformer.move(handles[1], scale=2),
+        lambda: deformer.change(handles[1], at=10),
+        lambda: deformer.move(handles[1], scale=3),
+        lambda: deformer.fix(1500),
+        lambda: deformer.move(handles[1], scale=1.2),
+        lambda: deformer.set_symmetry("x"),
+        lambda: deformer.move(handles[1], scale=1.1),
+        lambda: deformer.set_default(translation=(0, 0, 1)),
+        lambda: deformer.remove(handles[3]),
+        lambda: deformer.change(handles[2], name="knee"),
+    )
+    _ = deformer.vertices
+    for change in changes:
+        change()
+        moved = deformer.vertices
+        fresh = dfd.Deformer(mesh, field, features=features)
+        fresh.apply(deformer.edit)
+        with mock.patch.object(posed_shape, "pose", dfd.pose):
+            np.testing.assert_allclose(moved, fresh.vertices, rtol=0, atol=1e-12)
+    assert folds == [-1, 1, 1, -1, 1, -1, 1, -1, 1, -1, -1]
+
+
+def test_what_moves_nearly_whole_is_posed_whole(deformer, folds):
+    first, second = deformer.add(5), deformer.add(6)
+    _ = deformer.vertices
+    for frame in range(1, 3):
+        with deformer.step():
+            deformer.move(first, scale=1 + frame)
+            deformer.move(second, scale=1 + frame)
+        _ = deformer.vertices
+    deformer.remove(second)
+    _ = deformer.vertices
+    deformer.move(first, scale=1)
+    deformer.move(first, scale=2)
+    _ = deformer.vertices
+    assert folds == [-1, -1, -1, -1]
+
+
+def test_handles_that_rest_come_and_go_for_nothing(deformer, folds, bound):
+    deformer.add(5, translation=(0, 0.2, 0))
+    second = deformer.add(6)
+    moved = deformer.vertices
+    deformer.add(7, pivot=(1, 2, 3))
+    assert deformer.vertices is moved
+    deformer.remove(second)
+    assert deformer.vertices is moved
+    assert (folds, bound) == ([-1], [2])
+    deformer.set_default(scale=2)
+    held = deformer.vertices
+    deformer.add(900)
+    assert np.abs(deformer.vertices - held).max() > 0.05
+
+
+def test_several_handles_can_be_dragged_at_once(deformer, mesh, field, features, folds):
+    handles = [deformer.add(vertex) for vertex in (5, 6, 900, 8, 9)]
+    deformer.move(handles[4], translation=(0.1, 0, 0))
+    _ = deformer.vertices
+    for frame in range(1, 4):
+        with deformer.step():
+            deformer.move(handles[0], translation=(0, 0.1 * frame, 0))
+            deformer.move(handles[2], rotation=(0, 0, 9 * frame))
+        _ = deformer.vertices
+    deformer.move(handles[2], rotation=(0, 0, 5))
+    moved = deformer.vertices
+    assert folds == [-1, 2]
+    fresh = dfd.Deformer(mesh, field, features=features)
+    fresh.apply(deformer.edit)
+    np.testing.assert_allclose(moved, fresh.vertices, rtol=0, atol=1e-12)
+
+
+# --- columns of weights
+
+
+def test_a_new_handle_touches_no_other_column(deformer):
+    deformer.add(5)
+    first = deformer.weights
+    deformer.add(6)
+    both = deformer.weights
+    assert np.shares_memory(first, both[:, :1])
+    assert not np.shares_memory(first, both[:, 1:])
+    assert both[:, 0].flags.c_contiguous
+    assert both[:, 1].flags.c_contiguous
+
+
+def test_weights_that_somebody_holds_stay_as_they_are(deformer):
+    second = [deformer.add(vertex) for vertex in (5, 6, 7)][1]
+    changes = (
+        lambda: deformer.remove(second),
+        lambda: deformer.undo(),
+        lambda: deformer.change(second, at=900),
+        lambda: deformer.fix(1500),
+        lambda: deformer.undo(),
+        lambda: deformer.apply(Edit(handles=deformer.handles[::-1])),
+        lambda: deformer.apply(Edit()),
+        lambda: deformer.add(8),
+        lambda: deformer.add(9),
+    )
+    held = []
+    for change in changes:
+        held += [(array, array.copy()) for array in (deformer.weights, deformer.weights[:, -1:])]
+        change()
+    _ = deformer.weights
+    for array, copy in held:
+        np.testing.assert_array_equal(array, copy)
+
+
+def test_columns_that_nobody_was_given_make_room_in_their_place(deformer):
+    second = [deformer.add(vertex, scale=2) for vertex in (5, 6, 7)][1]
+    _ = deformer.vertices
+    first = deformer._weights._columns._rows
+    deformer.change(deformer.handles[2].id, at=8)
+    _ = deformer.vertices
+    assert deformer._weights._columns._rows is first
+    _ = deformer.weights
+    deformer.remove(second)
+    _ = deformer.vertices
+    assert deformer._weights._columns._rows is not first
+
+
+def test_handles_may_come_in_another_order(deformer, features):
+    for vertex in (5, 6, 7):
+        deformer.add(vertex)
+    assert deformer.weights.shape == (len(features), 3)
+    deformer.apply(Edit(handles=deformer.handles[::-1]))
+    np.testing.assert_array_equal(deformer.weights, dfd.bind(features, [7, 6, 5]))
+
+
+STEPS = st.sampled_from(["add", "remove", "change", "turn", "undo", "redo", "look", "hold"])
+
+
+@given(st.lists(st.tuples(STEPS, st.integers(0))))
+def test_weights_are_those_of_the_handles_whatever_was_done_before(steps):
+    features = FEW.features(SMALL)
+    deformer = dfd.Deformer(SMALL, FEW, features=features)
+    held = []
+    for step, number in steps:
+        taken = [handle.place.vertex for handle in deformer.handles]
+        free = [vertex for vertex in range(len(SMALL.vertices)) if vertex not in taken]
+        if step == "add":
+            deformer.add(free[number % len(free)])
+        elif step == "remove" and taken:
+            deformer.remove(deformer.handles[number % len(taken)].id)
+        elif step == "change" and taken:
+            deformer.change(deformer.handles[number % len(taken)].id, at=free[number % len(free)])
+        elif step == "turn":
+            deformer.apply(Edit(handles=deformer.handles[::-1]))
+        elif step == "undo":
+            deformer.undo()
+        elif step == "redo":
+            deformer.redo()
+        elif step == "hold":
+            held.append((deformer.weights, deformer.weights.copy()))
+        elif step == "look":
+            now = [handle.place.vertex for handle in deformer.handles]
+            np.testing.assert_array_equal(deformer.weights, dfd.bind(features, now))
+    now = [handle.place.vertex for handle in deformer.handles]
+    np.testing.assert_array_equal(deformer.weights, dfd.bind(features, now))
+    for array, copy in held:
+        np.testing.assert_array_equal(array, copy)
+
+
+SMALL = dfd.Mesh(np.random.default_rng(0).standard_normal((40, 3)), [[0, 1, 2]])
+FEW = Field.seeded(0, 4, width=8, layers=1, center=SMALL.bounds.mean(0), scale=2 / max(SMALL.extents))
+
+
+def test_the_memory_of_many_handles_is_given_back(deformer):
+    with deformer.step():
+        for vertex in range(100):
+            deformer.add(vertex)
+    _ = deformer.weights
+    many = deformer._weights._columns._rows.nbytes
+    deformer.apply(Edit())
+    _ = deformer.weights
+    assert deformer._weights._columns._rows.nbytes < many / 5
+
+
+# --- compact features
+
+
+@pytest.fixture
+def compacted():
+    """Every shape is one of many vertices."""
+    with (
+        mock.patch.object(vertex_rows, "MOST_EXACT", 100),
+        mock.patch.object(Field, "features", side_effect=AssertionError),
+    ):
+        yield
+
+
+def test_many_vertices_bind_from_compact_features(compacted, mesh, field, features):
+    deformer = dfd.Deformer(mesh, field)
+    deformer.arrive = False
+    for vertex in (5, 900, 1500):
+        deformer.add(vertex, translation=(0, 0.1, 0))
+    deformer.add(mesh.vertices[70], scale=2)
+    deformer.add((0.3, 0.1, 0.2))
+    places = np.concatenate([features[[5, 900, 1500, 70]], field(np.array([(0.3, 0.1, 0.2)]))])
+    for fixed in (None, 600, (0.1, 0.2, 0.3)):
+        if fixed is not None:
+            deformer.fix(fixed)
+        rows = {
+            None: None,
+            600: features[[600]],
+            (0.1, 0.2, 0.3): np.concatenate([features[[600]], field(np.array([(0.1, 0.2, 0.3)]))]),
+        }[fixed]
+        exact = dfd.bind(features, places, fixed=rows)
+        assert 0 < np.abs(deformer.weights - exact).max() <= (0.01 if fixed is None else 0.02)  # W less W of the fixed
+    assert isinstance(deformer.features, dfd.CompactFeatures)
+    assert deformer.features.error <= 0.01
+    np.testing.assert_array_equal(deformer.weights[600], 0)
+    exactly = dfd.Deformer(mesh, field, features=features)
+    exactly.apply(deformer.edit)
+    np.testing.assert_allclose(deformer.vertices, exactly.vertices, atol=0.02 * mesh.diagonal)
+
+
+def test_a_vertex_that_is_held_weighs_1_whatever_binds_it(compacted, mesh, field):
+    for tolerance, precision in ((0.01, None), (0.05, "int8"), (0.002, "float16")):
+        compact = dfd.compact(field, mesh.vertices, tolerance=tolerance)
+        assert precision is None or compact.precision == precision
+        deformer = dfd.Deformer(mesh, field, features=compact)
+        assert deformer.features is compact
+        deformer.add((0.3, 0.1, 0.2))
+        vertices = list(range(0, len(mesh.vertices), 100))
+        for vertex in vertices:
+            deformer.add(vertex)
+        np.testing.assert_array_equal(deformer.weights[vertices, np.arange(1, 1 + len(vertices))], 1)
+        np.testing.assert_array_equal(deformer.vertices, mesh.vertices)
+
+
+@pytest.mark.parametrize("most_exact", [100, 10_000])
+def test_preparing_tells_how_far_it_is(mesh, field, most_exact):
+    done = []
+    with mock.patch.object(vertex_rows, "MOST_EXACT", most_exact):
+        deformer = dfd.Deformer(mesh, field)
+        deformer.prepare(done.append)
+        deformer.prepare(done.append)
+    assert sum(done) == len(mesh.vertices)
+    assert isinstance(deformer.features, dfd.CompactFeatures) == (most_exact == 100)
+
+
+def test_compact_features_of_another_shape_are_refused(mesh, field, features):
+    with pytest.raises(ValueError, match=r"Deformer: `features` must have shape \(2004, 16\), got \(2003, 16\)"):
+        dfd.Deformer(mesh, field, features=dfd.compact(features[1:]))

@@ -1,0 +1,135 @@
+"""Undo without limit."""
+
+import pytest
+
+from dfd.editing.edit import Edit, Fixed
+from dfd.editing.history import History
+from dfd.editing.place import Place
+
+
+def states(count):
+    return [Edit(fixed=(Fixed(Place((float(i), 0.0, 0.0))),)) for i in range(count)]
+
+
+def test_undo_walks_back_to_the_start_and_redo_to_the_end():
+    start, *later = states(500)
+    history = History(start)
+    for state in later:
+        history.commit(state)
+    for state in [*later[-2::-1], start]:
+        assert history.undo()
+        assert history.present == state
+    assert not history.can_undo
+    assert not history.undo()
+    while history.redo():
+        pass
+    assert history.present == later[-1]
+    assert not history.can_redo
+
+
+def test_a_new_step_forgets_what_was_undone():
+    first, second, third = states(3)
+    history = History(first)
+    history.commit(second)
+    history.undo()
+    history.commit(third)
+    assert not history.can_redo
+    history.undo()
+    assert history.present == first
+
+
+def test_no_change_is_no_step():
+    (only,) = states(1)
+    history = History(only)
+    history.commit(Edit(fixed=only.fixed))
+    assert not history.can_undo
+
+
+def test_merged_commits_about_one_topic_are_one_step():
+    first, second, third, fourth = states(4)
+    history = History(first)
+    history.commit(second, topic=1)
+    history.commit(third, topic=1, merge=True)
+    history.commit(fourth, topic=1, merge=True)
+    history.undo()
+    assert history.present == first
+    history.redo()
+    assert history.present == fourth
+
+
+@pytest.mark.parametrize("between", ["another topic", "undo and redo", "a plain repetition", "a step"])
+def test_a_merge_joins_only_an_unbroken_run(between):
+    first, second, third, fourth = states(4)
+    history = History(first)
+    history.commit(second, topic=1)
+    if between == "another topic":
+        history.commit(third, topic=2)
+    elif between == "undo and redo":
+        history.undo()
+        history.redo()
+    elif between == "a plain repetition":  # the start of a new drag, before the pointer moved
+        history.commit(second, topic=1)
+    else:
+        with history.step():
+            pass
+    before = history.present
+    history.commit(fourth, topic=1, merge=True)
+    history.undo()
+    assert history.present == before
+
+
+def test_a_step_is_undone_whole():
+    first, second, third = states(3)
+    history = History(first)
+    with history.step():
+        history.commit(second)
+        history.commit(third)
+    history.undo()
+    assert history.present == first
+    history.redo()
+    assert history.present == third
+
+
+def test_a_step_that_fails_never_happened():
+    first, second, third, fourth = states(4)
+    history = History(first)
+    history.commit(second)
+    history.commit(third)
+    history.undo()
+
+    def fail():
+        with history.step():
+            history.commit(fourth)
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        fail()
+    assert history.present == second
+    history.redo()
+    assert history.present == third
+
+
+def test_undo_inside_a_step_stays_inside_it():
+    first, second, third = states(3)
+    history = History(first)
+    history.commit(second)
+    with history.step():
+        assert not history.can_undo
+        history.commit(third)
+        assert history.undo()
+        assert not history.undo()
+        assert history.present == second
+    assert history.can_undo
+    assert history.undo()
+    assert history.present == first
+
+
+def test_steps_inside_steps_are_part_of_the_outer_one():
+    first, second, third = states(3)
+    history = History(first)
+    with history.step():
+        history.commit(second)
+        with history.step():
+            history.commit(third)
+    history.undo()
+    assert history.present == first

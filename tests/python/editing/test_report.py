@@ -1,0 +1,90 @@
+"""What a session says of itself."""
+
+import numpy as np
+import pytest
+
+import dfd
+
+
+def test_it_says_how_much_moved_how_far_and_whether_the_handle_arrived(deformer, mesh):
+    deformer.add(5, translation=(0, 0.48, 0), name="ear")
+    report = deformer.report()
+    distances = np.linalg.norm(deformer.vertices - mesh.vertices, axis=1)
+    assert report.farthest == distances.max() == pytest.approx(0.48)
+    assert report.moved == np.mean(distances > 1e-3 * mesh.diagonal)
+    (handle,) = report.handles
+    assert handle.arrived
+    assert handle.missing == pytest.approx(0, abs=1e-7)
+    np.testing.assert_allclose(handle.landed, mesh.vertices[5] + (0, 0.48, 0))
+    assert str(report) == f"moved {100 * report.moved:.0f} % of the vertices, up to 0.48; handle 1 (ear) arrived"
+    assert report.warning is None
+
+
+def test_it_says_how_far_a_handle_is_from_where_it_was_sent(deformer):
+    deformer.add(5, translation=(0, 0.4, 0))
+    deformer.fix(900)
+    deformer.arrive = False
+    (handle,) = deformer.report().handles
+    left = float(deformer.weights[5, 0])
+    assert not handle.arrived
+    assert handle.missing == pytest.approx(0.4 * (1 - left), rel=1e-5)
+    assert f"handle 1 is {handle.missing:.3g} from where it was sent" in str(deformer.report())
+    deformer.arrive = True
+    assert deformer.report().handles[0].arrived
+
+
+def test_several_handles_are_told_in_a_few_words_when_all_is_well(deformer):
+    deformer.add(5, translation=(0, 0.4, 0), reach=0.2)
+    deformer.add(900, translation=(0, 0.4, 0), reach=0.2)
+    deformer.overlap = "interpolate"
+    assert str(deformer.report()).endswith("; all 2 handles arrived")
+
+
+def test_mirrored_handles_are_named(deformer, mesh):
+    vertex = int(mesh.vertices[:, 0].argmax())
+    deformer.add(vertex, translation=(0, 0.1, 0))
+    deformer.symmetry = "x"
+    (handle,) = deformer.report().handles
+    np.testing.assert_allclose(handle.mirrored, mesh.vertices[vertex] * [-1, 1, 1], atol=1e-6)
+    assert ", mirrored at -0." in str(deformer.report())
+    deformer.change(1, at=int(np.abs(mesh.vertices[:, 0]).argmin()))
+    assert deformer.report().handles[0].mirrored is None
+
+
+def test_a_region_and_a_point_are_judged_by_a_vertex(deformer, mesh):
+    deformer.add("y>0.7", translation=(0, 0.2, 0))
+    (handle,) = deformer.report().handles
+    assert mesh.vertices[handle.vertex, 1] > 0.7
+    assert handle.arrived
+    deformer.change(1, at=mesh.vertices[70] + 1e-5)
+    assert deformer.report().handles[0].vertex == 70
+
+
+@pytest.mark.parametrize(
+    ("change", "warning"),
+    [
+        (lambda d: None, "nothing moved: nothing is held"),
+        (lambda d: d.add(5), "nothing moved: no handle is moved, turned or scaled"),
+        (lambda d: d.add(5, translation=(1, 0, 0), strength=0), "nothing moved: the strength of every handle is 0"),
+        (lambda d: d.add(5, translation=(1e-9, 0, 0)), "nothing moved: no weight is left, or the moves are too small"),
+    ],
+)
+def test_where_nothing_moves_it_says_why(deformer, change, warning):
+    change(deformer)
+    report = deformer.report()
+    assert report.moved == 0
+    assert report.warning.startswith(warning)
+    assert str(report) == report.warning
+
+
+def test_a_default_transform_alone_moves_too(deformer):
+    deformer.set_default(translation=(0, 0, 1))
+    assert str(deformer.report()) == "moved 100 % of the vertices, up to 1"
+
+
+def test_little_is_not_nothing(mesh, field):
+    features = np.zeros((len(mesh.vertices), 16), np.float32)
+    features[:, 0], features[5] = 1, np.eye(16)[1]
+    deformer = dfd.Deformer(mesh, field, features=features)
+    deformer.add(5, translation=(0, 1, 0))
+    assert str(deformer.report()).startswith("moved less than 1 % of the vertices, up to 1; handle 1 arrived")

@@ -1,0 +1,110 @@
+"""Steps of a session: undo, redo, and files to go on from."""
+
+import numpy as np
+import pytest
+
+import dfd
+from dfd.editing.edit import Edit
+from dfd.posing.transforms import Transform
+
+# --- steps
+
+
+def test_every_change_is_a_step(deformer):
+    shapes = [deformer.vertices]
+    handle = deformer.add(5, translation=(0, 1, 0))
+    shapes.append(deformer.vertices)
+    for change in (
+        lambda: deformer.move(handle, scale=2),
+        lambda: deformer.change(handle, at=7),
+        lambda: deformer.fix(100),
+        lambda: deformer.set_symmetry("x"),
+        lambda: deformer.set_default(translation=(1, 0, 0)),
+        lambda: deformer.release(100),
+        lambda: deformer.remove(handle),
+        lambda: deformer.apply(Edit()),
+    ):
+        change()
+        shapes.append(deformer.vertices)
+    for shape in shapes[-2::-1]:
+        assert deformer.undo()
+        np.testing.assert_array_equal(deformer.vertices, shape)
+    assert not deformer.can_undo
+    for shape in shapes[1:]:
+        assert deformer.redo()
+        np.testing.assert_array_equal(deformer.vertices, shape)
+    assert not deformer.can_redo
+
+
+def test_a_drag_is_one_step(deformer):
+    handle = deformer.add(5)
+    deformer.move(handle, translation=(0, 0.1, 0))
+    for height in (0.2, 0.3, 0.4):
+        deformer.move(handle, translation=(0, height, 0), merge=True)
+    deformer.undo()
+    assert deformer.handle(handle).transform == Transform()
+    assert len(deformer.handles) == 1
+    deformer.redo()
+    assert deformer.handle(handle).transform.translation == (0, 0.4, 0)
+
+
+def test_drags_of_two_handles_are_two_steps(deformer):
+    first, second = deformer.add(5), deformer.add(6)
+    deformer.move(first, scale=2)
+    deformer.move(second, scale=3, merge=True)
+    deformer.undo()
+    assert deformer.handle(first).transform.scale == (2, 2, 2)
+
+
+def test_several_changes_can_be_one_step_or_none(deformer):
+    with deformer.step():
+        deformer.add(5)
+        deformer.fix(6)
+    deformer.undo()
+    assert deformer.edit == Edit()
+    deformer.redo()
+
+    def fail():
+        with deformer.step():
+            deformer.add(7)
+            deformer.add(-1)
+
+    with pytest.raises(ValueError, match="`at` must lie in"):
+        fail()
+    assert [handle.place.vertex for handle in deformer.handles] == [5]
+
+
+# --- files
+
+
+def test_a_session_goes_on_from_its_file(deformer, mesh, field, features, geodesics, tmp_path):
+    deformer.add(5, translation=(0, 0.2, 0), locality=2.0, name="leg")
+    deformer.add((0.2, 0.3, 0.1), rotation=(0, 0, 30))
+    deformer.fix(900)
+    deformer.set_symmetry("x")
+    deformer.set_default(rotation=(0, 5, 0))
+    deformer.save(tmp_path / "edit.json")
+    again = dfd.Deformer.load(tmp_path / "edit.json", mesh, field, features=features)
+    again._weights._distances.__dict__["_geodesics"] = geodesics
+    assert again.edit == deformer.edit
+    assert not again.can_undo
+    np.testing.assert_array_equal(again.vertices, deformer.vertices)
+    assert again.add(7) not in [handle.id for handle in deformer.handles]
+
+
+def test_an_edit_holds_on_another_resolution(deformer, mesh, field, tmp_path):
+    deformer.add(5, translation=(0, 0.2, 0))
+    deformer.add(900, rotation=(0, 20, 0))
+    deformer.fix(1500)
+    deformer.save(tmp_path / "edit.json")
+    # Every face in three, the new vertices first.
+    centers = mesh.vertices[mesh.faces].mean(axis=1)
+    count = len(centers)
+    corners = mesh.faces + count
+    fans = [np.column_stack([corners[:, i], corners[:, i - 2], np.arange(count)]) for i in range(3)]
+    finer = dfd.Mesh(np.concatenate([centers, mesh.vertices]), np.concatenate(fans))
+    with pytest.warns(UserWarning, match="3 of its vertices or sets of them are taken by position"):
+        moved = dfd.Deformer.load(tmp_path / "edit.json", finer, field)
+    assert [handle.place.vertex for handle in moved.handles] == [None, None]
+    np.testing.assert_allclose(moved.vertices[count:], deformer.vertices, atol=1e-3 * mesh.diagonal)
+    assert np.abs(deformer.vertices - mesh.vertices).max() > 0.1

@@ -1,0 +1,122 @@
+"""Edits carried from one shape to another of its class."""
+
+import numpy as np
+import pytest
+
+import dfd
+from dfd.editing.regions import Ball, Box, HalfSpace, VertexSet
+from dfd.editing.transfer import transfer
+from dfd.field.field import Field
+
+
+class Known:
+    """A field that knows what it was distilled from: what a point was before its shape was stretched and moved."""
+
+    dimension = 16
+
+    def __init__(self, scale=1.0, shift=(0.0, 0.0, 0.0), mesh=None, signature=None):
+        self.factor, self.shift = scale, np.asarray(shift)
+        self.signature = signature or Field.seeded(
+            3, 16, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents)
+        )
+        bounds = scale * mesh.bounds + self.shift
+        import torch
+
+        self.center = torch.tensor(bounds.mean(axis=0))
+        self.scale = torch.tensor(2 / np.ptp(bounds, axis=0).max())
+
+    def __call__(self, points):
+        return self.signature((np.asarray(points) - self.shift) / self.factor)
+
+    def features(self, mesh):
+        return self(mesh.vertices)
+
+
+@pytest.fixture(scope="module")
+def moved(mesh):
+    """The chair, three times as large, elsewhere, and its vertices in another order."""
+    order = np.random.default_rng(0).permutation(len(mesh.vertices))
+    return dfd.Mesh(3.0 * mesh.vertices[order] + (5, 0, 0), order.argsort()[mesh.faces]), order.argsort()
+
+
+@pytest.fixture(scope="module")
+def fields(mesh):
+    one = Known(mesh=mesh)
+    return one, Known(3.0, (5, 0, 0), mesh, one.signature)
+
+
+def test_handles_go_to_what_looks_like_what_they_held(mesh, moved, fields):
+    other, number = moved
+    session = dfd.Deformer(mesh, fields[0], features=fields[0].features(mesh))
+    session.add(5, translation=(0, 0.2, 0), rotation=(0, 30, 0), pivot=(0.1, 0, 0), radius=0.3, name="foot")
+    session.add(mesh.vertices[900], scale=2, locality=3)
+    session.fix(600, strength=0.5)
+    session.symmetry = "x"
+    session.set_default(translation=(0.1, 0, 0))
+    session.overlap, session.blend = "normalize", "polar"
+    found = transfer(session.edit, fields[0], other, fields[1])
+    first, second = found.edit.handles
+    assert first.place.vertex == number[5]
+    assert second.place.vertex == number[900]
+    assert found.edit.fixed[0].vertex == number[600]
+    assert found.edit.fixed[0].strength == 0.5
+    np.testing.assert_allclose(first.transform.translation, (0, 0.6, 0))
+    assert first.transform.rotation == (0, 30, 0)
+    np.testing.assert_allclose(first.transform.pivot, (5.3, 0, 0), atol=1e-6)
+    assert first.controls.radius == pytest.approx(0.9)
+    assert second.transform.pivot is None
+    assert second.controls.locality == 3
+    np.testing.assert_allclose(found.edit.symmetry.offset, 5, atol=1e-6)
+    np.testing.assert_allclose(found.edit.default.translation, (0.3, 0, 0))
+    assert (found.edit.overlap, found.edit.blend) == ("normalize", "polar")
+    assert found.confidence == pytest.approx({1: 1.0, 2: 1.0}, abs=1e-3)
+    assert found.fixed_confidence == pytest.approx((1.0,), abs=1e-3)
+
+
+def test_the_carried_edit_deforms_the_other_shape_as_the_first_one(mesh, moved, fields):
+    other, number = moved
+    session = dfd.Deformer(mesh, fields[0], features=fields[0].features(mesh))
+    session.add(5, translation=(0, 0.2, 0), rotation=(0, 30, 0))
+    found = transfer(session.edit, fields[0], other, fields[1])
+    there = dfd.Deformer(other, fields[1], features=fields[1].features(other))
+    there.apply(found.edit)
+    np.testing.assert_allclose(there.vertices[number], 3 * session.vertices + (5, 0, 0), atol=1e-4)
+
+
+def test_a_stranger_gets_little_confidence(mesh, moved, fields):
+    stranger = Known(3.0, (5, 0, 0), mesh)
+    stranger.signature = Field.seeded(9, 16, width=32, layers=2, center=mesh.bounds.mean(0), scale=2)
+    session = dfd.Deformer(mesh, fields[0], features=fields[0].features(mesh))
+    session.add(5)
+    assert transfer(session.edit, fields[0], moved[0], stranger).confidence[1] < 0.5
+
+
+def test_regions_are_carried_from_box_to_box(mesh, moved, fields):
+    other, number = moved
+    session = dfd.Deformer(mesh, fields[0], features=fields[0].features(mesh))
+    held = np.flatnonzero(mesh.vertices[:, 1] > 0.9)
+    session.add(held, within=Box((-1, 0, -1), (1, 2, 1)))
+    session.fix(Ball((0.2, 0.1, 0.2), 0.2))
+    session.fix(HalfSpace((0, 0, -1), 0.2), strength=0.5)
+    found = transfer(session.edit, fields[0], other, fields[1])
+    assert isinstance(found.edit.handles[0].place.region, VertexSet)
+    np.testing.assert_array_equal(found.edit.handles[0].place.region.indices, np.sort(number[held]))
+    np.testing.assert_allclose(found.edit.handles[0].controls.within.low, (2, 0, -3), atol=1e-6)
+    ball = found.edit.fixed[0].place.region
+    np.testing.assert_allclose(ball.center, (5.6, 0.3, 0.6), atol=1e-6)
+    assert ball.radius == pytest.approx(0.6)
+    assert found.edit.fixed[1].place.region.offset == pytest.approx(0.6)
+
+
+def test_fields_of_two_encoders_are_refused(mesh, moved, fields):
+    session = dfd.Deformer(mesh, fields[0], features=fields[0].features(mesh))
+    with pytest.raises(ValueError, match=r"transfer: `field_to` must have features of width 16 .*, got 8"):
+        transfer(session.edit, fields[0], moved[0], Field.seeded(0, 8))
+
+
+def test_a_region_that_is_not_there_is_refused(mesh, moved, fields):
+    session = dfd.Deformer(mesh, fields[0], features=fields[0].features(mesh))
+    session.add("y>0.9")
+    flat = dfd.Mesh(moved[0].vertices * (1, 0.1, 1), moved[0].faces)
+    with pytest.raises(ValueError, match=r"transfer: `region` must hold a vertex, but the side"):
+        transfer(session.edit, fields[0], flat, fields[1])
