@@ -1,5 +1,6 @@
 /** What tests look at, on pages opened with `?test` alone. */
 
+import { ask } from "./actions/server";
 import { store } from "./store/state";
 import { posePoint } from "./viewer/twin";
 import { sceneOf } from "./viewer/scene";
@@ -11,6 +12,8 @@ export interface TestHook {
   positions(): Float32Array;
   /** The same of one row by the shader's twin. */
   twin(row: number): { position: readonly number[]; heat: number };
+  /** (V, 3) positions relative to the mesh's center, as the server's kernel has them. */
+  computed(): Promise<Float32Array>;
   /** (R) the vertex of each row. */
   vertices(): Uint32Array;
   /** The vertex under a pixel of the view. */
@@ -39,6 +42,11 @@ export function exposeForTests(viewer: Viewer): void {
     store,
     twin,
     positions: () => shape().picker.readBack(viewer.stage.camera),
+    computed: async () => {
+      const received = await ask({ type: "compute" });
+      if (!received?.payload) throw new Error("The server computed nothing.");
+      return received.payload.get("positions", "float32");
+    },
     vertices: () => shape().shape.vertexOf,
     pick: (x, y) => viewer.pick(x, y)?.vertex ?? null,
     project: (vertex) => {
@@ -50,8 +58,8 @@ export function exposeForTests(viewer: Viewer): void {
       new Promise((resolve) => {
         const begun = performance.now();
         let count = 0;
-        const frame = () => {
-          viewer.stage.draw();
+        const frame = (now: number) => {
+          viewer.stage.step(now);
           // Without reading a pixel, frames would only queue up.
           viewer.stage.renderer.getContext().finish();
           count++;

@@ -135,7 +135,7 @@ function told(transform: Transform) {
 export function wheelReach(handle: number, factor: number): void {
   const state = store.get();
   const known = state.edit?.handles.find((other) => other.handle === handle);
-  if (!known || known.kind === "weight") return;
+  if (!known || known.kind === "weight" || !state.edit?.controls.includes("reach")) return;
   const reach = Math.min(Math.max(present(state, known).reach * factor, 0.02), 2);
   if (drag) ahead(handle, { reach }, Infinity);
   else slide(handle, { reach });

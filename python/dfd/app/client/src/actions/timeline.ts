@@ -55,7 +55,7 @@ export function momentAt(poses: readonly KeyPose[], seconds: number): Map<number
   const [a, b] = [poses[from], poses[to]];
   const span = b.seconds - a.seconds;
   const part = span > 0 ? Math.min(Math.max((seconds - a.seconds) / span, 0), 1) : 0;
-  const handles = new Set([...a.transforms, ...b.transforms].map((own) => own.handle));
+  const handles = new Set(poses.flatMap((pose) => pose.transforms.map((own) => own.handle)));
   const of = (pose: KeyPose, handle: number): Transform => {
     const own = pose.transforms.find((transform) => transform.handle === handle);
     return own ? { ...own, pivot: own.pivot ?? null } : REST;

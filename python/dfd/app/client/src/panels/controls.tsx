@@ -91,10 +91,10 @@ export function NumberField({ label, value, step, onChange, axis }: NumberFieldP
   );
 }
 
-function readable(value: number): string {
-  if (value === 0) return "0";
-  const digits = Math.abs(value) >= 100 ? 1 : Math.abs(value) >= 1 ? 3 : 4;
-  return String(Number(value.toFixed(digits))) === "0" ? value.toPrecision(2) : String(Number(value.toFixed(digits)));
+/** Four digits, as many as a field shows. */
+export function readable(value: number): string {
+  if (Math.abs(value) < 5e-7) return "0";
+  return String(Number(value.toPrecision(Math.abs(value) < 0.1 ? 3 : 4)));
 }
 
 interface SliderProps {

@@ -29,7 +29,7 @@ export function SymmetryPanel({ known }: { readonly known: StateMessage }) {
             }
             onClick={() => setSymmetry(plane)}
           >
-            {plane.name ?? nameOf(plane)}
+            {nameOf(plane)}
           </button>
         ))}
         {others.map((axis) => (
@@ -46,11 +46,13 @@ export function SymmetryPanel({ known }: { readonly known: StateMessage }) {
         ))}
         {foreign && (
           <button type="button" class="chip" aria-pressed={true}>
-            {used.name ?? nameOf(used)}
+            {nameOf(used)}
           </button>
         )}
       </div>
-      <Toggle label="Show planes" checked={shown} onChange={(showPlanes) => store.set({ showPlanes })} />
+      {found.length > 0 && (
+        <Toggle label="Show what was found" checked={shown} onChange={(showPlanes) => store.set({ showPlanes })} />
+      )}
     </Panel>
   );
 }
@@ -61,7 +63,7 @@ function isAcross(plane: Plane, axis: "x" | "y" | "z"): boolean {
 
 function nameOf(plane: Plane): string {
   const axis = (["x", "y", "z"] as const).find((name) => isAcross(plane, name));
-  return axis ? axis.toUpperCase() : "Slanted";
+  return axis ? axis.toUpperCase() : (plane.name ?? "Slanted");
 }
 
 function same(a: Plane, b: Plane): boolean {

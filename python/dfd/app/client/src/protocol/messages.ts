@@ -473,7 +473,6 @@ export interface StateMessage {
   planes: Plane[];
   poses: KeyPose[];
   posing: "shader" | "server";
-  saved: boolean;
   symmetry: Plane | null;
   type: "state";
 }

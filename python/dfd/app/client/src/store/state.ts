@@ -130,7 +130,7 @@ export const INITIAL: State = {
   dragging: false,
   look: "texture",
   wireframe: false,
-  showPlanes: true,
+  showPlanes: false,
   showGhosts: true,
   theme: "system",
   comparing: false,

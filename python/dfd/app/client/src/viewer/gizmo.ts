@@ -24,7 +24,8 @@ const SNAP_SCALE = 0.1;
 
 export class Gizmo {
   readonly helper: Object3D;
-  private readonly proxy = new Object3D();
+  /** What the controls hold on to; it has to be in the scene. */
+  readonly proxy = new Object3D();
   private readonly controls: TransformControls;
   private held: Held | null = null;
   private pivoting = false;
@@ -32,6 +33,7 @@ export class Gizmo {
   constructor(camera: Camera, canvas: HTMLElement, events: GizmoEvents, redraw: () => void) {
     this.controls = new TransformControls(camera, canvas);
     this.controls.setSize(0.85);
+    this.controls.setColors(0xd64545, 0x3f9b4a, 0x3b6fd8, 0xf2b632);
     this.helper = this.controls.getHelper();
     this.controls.addEventListener("change", redraw);
     this.controls.addEventListener("dragging-changed", (event) => (event.value ? events.started() : events.ended()));

@@ -38,16 +38,16 @@ export class Planes {
       const fill = new MeshBasicMaterial({
         color,
         transparent: true,
-        opacity: used ? 0.12 : 0.04,
+        opacity: used ? 0.1 : 0.05,
         side: DoubleSide,
         depthWrite: false,
       });
-      const line = new LineBasicMaterial({ color, transparent: true, opacity: used ? 0.9 : 0.3 });
+      const line = new LineBasicMaterial({ color, transparent: true, opacity: used ? 0.8 : 0.4 });
       const plane = new Group().add(new Mesh(this.face, fill), new LineLoop(this.edge, line));
       const normal = new Vector3(...mirror.normal);
       plane.quaternion.copy(new Quaternion().setFromUnitVectors(new Vector3(0, 0, 1), normal));
       plane.position.copy(normal.multiplyScalar(mirror.offset));
-      plane.scale.setScalar(1.7 * radius);
+      plane.scale.setScalar(1.3 * radius);
       plane.renderOrder = 2;
       this.group.add(plane);
     }

@@ -7,6 +7,12 @@ import type { Vec3 } from "./affine";
 
 const FIELD_OF_VIEW = 38;
 
+/** Milliseconds: frames within this belong to one movement; above that they are too slow. */
+const MOVING = 400;
+const SLOW = 55;
+/** Steps by which a picture becomes coarser, each of half as many pixels. */
+const COARSEST = 2;
+
 export class Stage {
   readonly renderer: WebGLRenderer;
   readonly scene = new ThreeScene();
@@ -15,12 +21,18 @@ export class Stage {
   /** Called after every picture, for what lies over the canvas. */
   drawn: () => void = () => undefined;
   private frame = 0;
+  private timer = 0;
+  private last = 0;
+  private slowness = 0;
+  private coarseness = 0;
   private radius = 1;
   width = 1;
   height = 1;
 
   constructor(readonly canvas: HTMLCanvasElement) {
-    this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, powerPreference: "high-performance" });
+    // Where a processor draws, smooth edges cost more than all else together.
+    const antialias = !drawsInSoftware();
+    this.renderer = new WebGLRenderer({ canvas, antialias, alpha: true, powerPreference: "high-performance" });
     this.renderer.setClearColor(0, 0);
     this.orbit = new OrbitControls(this.camera, canvas);
     this.orbit.addEventListener("change", () => this.invalidate());
@@ -34,10 +46,16 @@ export class Stage {
   /** Draw at the screen's next frame. */
   invalidate(): void {
     if (this.frame !== 0) return;
-    this.frame = requestAnimationFrame(() => {
+    this.frame = requestAnimationFrame((now) => {
       this.frame = 0;
-      this.draw();
+      this.step(now);
     });
+  }
+
+  /** One frame of a movement, at the time that the browser gave it. */
+  step(now: number): void {
+    this.pace(now);
+    this.draw();
   }
 
   draw(): void {
@@ -77,15 +95,46 @@ export class Stage {
     return [((at.x + 1) / 2) * this.width, ((1 - at.y) / 2) * this.height];
   }
 
+  /** Draw coarser while frames come too slowly, and in full as soon as nothing moves. */
+  private pace(now: number): void {
+    const gone = now - this.last;
+    this.last = now;
+    // After a pause it is not the drawing that took so long.
+    if (gone < MOVING) this.slowness += 0.3 * (gone - this.slowness);
+    if (this.slowness > SLOW && this.coarseness < COARSEST) this.coarsen(this.coarseness + 1);
+    clearTimeout(this.timer);
+    if (this.coarseness > 0) this.timer = window.setTimeout(() => this.refine(), MOVING);
+  }
+
+  private refine(): void {
+    this.slowness = 0;
+    this.coarsen(0);
+    this.draw();
+  }
+
+  private coarsen(coarseness: number): void {
+    this.coarseness = coarseness;
+    this.slowness = 0;
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2) / 2 ** (coarseness / 2));
+  }
+
   private resize(): void {
     const box = (this.canvas.parentElement ?? this.canvas).getBoundingClientRect();
     this.width = Math.max(Math.round(box.width), 1);
     this.height = Math.max(Math.round(box.height), 1);
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.coarsen(0);
     this.renderer.setSize(this.width, this.height, false);
     this.camera.aspect = this.width / this.height;
     this.camera.updateProjectionMatrix();
     // At once: a resized canvas is empty until something is drawn.
     this.draw();
   }
+}
+
+function drawsInSoftware(): boolean {
+  const context = document.createElement("canvas").getContext("webgl2");
+  const names = context?.getExtension("WEBGL_debug_renderer_info");
+  const name = context && names ? String(context.getParameter(names.UNMASKED_RENDERER_WEBGL)) : "";
+  context?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|software|basic render/i.test(name);
 }

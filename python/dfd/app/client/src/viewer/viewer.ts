@@ -56,7 +56,7 @@ export class Viewer implements Arrivals {
     this.stage.drawn = () => this.markers.place();
     // The gizmo hears of a press before the orbit does, and stops it.
     this.gizmo = new Gizmo(this.stage.camera, canvas, this.gizmoEvents(), () => this.stage.invalidate());
-    this.stage.scene.add(this.planes.group, this.gizmo.helper);
+    this.stage.scene.add(this.planes.group, this.gizmo.proxy, this.gizmo.helper);
     this.brush = new Brush(() => this.shape);
     new Pointer(canvas, {
       busy: () => this.gizmo.dragging || this.gizmo.hovered,
@@ -219,12 +219,12 @@ export class Viewer implements Arrivals {
 
   private drawPlanes(state: State, color: Color): void {
     const { edit: known, mesh } = state;
-    if (!known || !mesh || !this.shape || !state.showPlanes) {
+    if (!known || !mesh || !this.shape) {
       this.planes.group.clear();
       return;
     }
     const used = known.symmetry;
-    const planes = used ? [used] : known.planes;
+    const planes = [...(used ? [used] : []), ...(state.showPlanes ? known.planes : [])];
     this.planes.show(
       planes.map((plane) => ({ mirror: mirrorOf(plane, mesh.center), used: plane === used })),
       this.shape.radius,
