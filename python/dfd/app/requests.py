@@ -19,8 +19,9 @@ from dfd.app.protocol.parts import Controls, Place, PointPlace, RegionPlace, Tra
 from dfd.app.script import as_command, as_python
 from dfd.app.shapes import sample_source
 from dfd.app.suggestions import suggestions
-from dfd.editing.edit import Edit, place_on
+from dfd.editing.edit import Edit
 from dfd.editing.edit_file import from_document
+from dfd.editing.place import place_on
 from dfd.symmetry.plane import SymmetryPlane
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = ["answer"]
 
-TRANSFORM_PARTS = ("translation", "rotation", "scale", "pivot")
+TRANSFORM_PARTS = ("translation", "rotation", "scale", "pivot", "axes")
 
 
 def answer(session: Session, message: requests.Request) -> None:
@@ -70,7 +71,7 @@ def _cancel(session: Session, message: requests.Cancel) -> None:
 
 def _probe(session: Session, message: requests.Probe) -> bytes:
     deformer = session.living()
-    place = place_on(deformer.mesh, "probe", "at", _at(session, message.at))
+    place = place_on(deformer.mesh, _at(session, message.at))
     return heat_message(deformer, place, request=message.id)
 
 
@@ -110,9 +111,16 @@ def _change(session: Session, message: requests.Change) -> None:
     options = _controls(deformer.change, message.controls)
     if message.at is not None:
         options["at"] = _at(session, message.at)
-    if message.merge and "merge" in signature(deformer.change).parameters:
-        options["merge"] = True
-    session.change(lambda deformer: deformer.change(message.handle, **options))
+    before = deformer.edit
+    if message.merge:
+        options = session.take_back_change(message.handle, options)
+    try:
+        session.change(lambda deformer: deformer.change(message.handle, **options))
+    except BaseException:
+        if deformer.edit is not before:
+            deformer.apply(before)
+        raise
+    session.note_change(message.handle, options)
 
 
 def _switch(session: Session, message: requests.Switch) -> None:
@@ -149,7 +157,7 @@ def _release(session: Session, message: requests.Release) -> None:
     fixed = session.living().fixed
     if message.index >= len(fixed):
         raise ValueError(f"There is no fixed place {message.index}: there are {len(fixed)}")
-    session.change(lambda deformer: deformer.release(fixed[message.index]))
+    session.change(lambda deformer: deformer.release(fixed[message.index].place))
 
 
 def _set_symmetry(session: Session, message: requests.SetSymmetry) -> None:
@@ -160,11 +168,11 @@ def _set_symmetry(session: Session, message: requests.SetSymmetry) -> None:
 
 
 def _set_overlap(session: Session, message: requests.SetOverlap) -> None:
-    _set(session, "overlap", message.mode, "add")
+    session.change(lambda deformer: setattr(deformer, "overlap", message.mode))
 
 
 def _set_blend(session: Session, message: requests.SetBlend) -> None:
-    _set(session, "blend", message.mode, "linear")
+    session.change(lambda deformer: setattr(deformer, "blend", message.mode))
 
 
 def _set_default(session: Session, message: requests.SetDefault) -> None:
@@ -254,15 +262,6 @@ def _known(method: Callable[..., object], given: dict[str, Any]) -> dict[str, An
         if name not in known or name in (*TRANSFORM_PARTS, "at", "merge"):
             raise ValueError(f"`{name}` is no control that this version has")
     return given
-
-
-def _set(session: Session, name: str, mode: str, only: str) -> None:
-    """Set a property of the editing session, one step of undo."""
-    if not hasattr(type(session.living()), name):
-        if mode != only:
-            raise ValueError(f"`{name}` can only be {only!r} in this version, got {mode!r}")
-        return
-    session.change(lambda deformer: setattr(deformer, name, mode))
 
 
 _DO: dict[type[requests.Request], Callable[[Session, Any], Answer | bytes | None]] = {

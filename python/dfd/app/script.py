@@ -15,7 +15,18 @@ __all__ = ["as_command", "as_python"]
 
 # Keys of the edit document that `Deformer.add` takes under other names or not at all.
 NOT_CONTROLS = ("id", "vertex", "position")
-AT_REST = {"translation": [0.0] * 3, "rotation": [0.0] * 3, "scale": [1.0] * 3, "pivot": None, "locality": 0.0}
+AT_REST = {
+    "translation": [0.0] * 3,
+    "rotation": [0.0] * 3,
+    "scale": [1.0] * 3,
+    "locality": 0.0,
+    "reach": 1.0,
+    "falloff": "linear",
+    "strength": 1.0,
+    "instances": "together",
+    "level": False,
+}
+WHOLE = {"overlap": "add", "blend": "linear", "arrive": True}
 
 
 def as_python(deformer: Deformer, name: str) -> str:
@@ -29,9 +40,15 @@ def as_python(deformer: Deformer, name: str) -> str:
         f'field = dfd.Field.load("{stem}.field.safetensors")',
         "session = dfd.Deformer(mesh, field)",
     ]
+    if any("region" in _said(entry) or "within" in _said(entry) for entry in _held(document)):
+        # Sets of vertices are too long for a script.
+        lines[-1] = f'session = dfd.Deformer.load("{stem}_edit.json", mesh, field)'
+        lines.append(f'mesh.save("{stem}_edited.glb", session.vertices)')
+        return "\n".join(lines) + "\n"
     for handle in document["handles"]:
         lines.append(f"session.add({_arguments(_place(handle), _said(handle))})")
-    lines += [f"session.fix({_place(fixed)})" for fixed in document["fixed"]]
+    lines += [f"session.fix({_arguments(_place(fixed), _said(fixed))})" for fixed in document["fixed"]]
+    lines += [f"session.{key} = {document[key]!r}" for key, usual in WHOLE.items() if document[key] != usual]
     plane = document["symmetry"]
     if plane is not None:
         shown = f"dfd.SymmetryPlane({_tuple(plane['normal'])}, {plane['offset']!r}, band={plane['band']!r})"
@@ -54,7 +71,8 @@ def as_command(deformer: Deformer, name: str) -> str:
 
 def _options(document: dict[str, Any]) -> list[str] | None:
     """The options of `dfd deform` that say the whole edit; None where they cannot."""
-    if len(document["handles"]) != 1 or document["symmetry"] is not None or document["default"] is not None:
+    usual = all(document[key] == value for key, value in WHOLE.items())
+    if len(document["handles"]) != 1 or not usual or document["symmetry"] or document["default"]:
         return None
     (handle,) = document["handles"]
     said = _said(handle)
@@ -68,9 +86,15 @@ def _options(document: dict[str, Any]) -> list[str] | None:
             words += ["--locality", repr(value)]
         else:
             return None
-    if any(not set(fixed) <= {"vertex", "position"} for fixed in document["fixed"]):
+    if any(_said(fixed) for fixed in document["fixed"]):
+        return None
+    if any(entry["vertex"] is None for entry in _held(document)):  # the command takes the nearest point of the surface
         return None
     return words + [f"--fix={_point(fixed)}" for fixed in document["fixed"]]
+
+
+def _held(document: dict[str, Any]) -> list[dict[str, Any]]:
+    return [*document["handles"], *document["fixed"]]
 
 
 def _said(entry: dict[str, Any]) -> dict[str, Any]:
@@ -91,7 +115,7 @@ def _point(entry: dict[str, Any]) -> str:
 
 
 def _arguments(first: str, keywords: dict[str, Any]) -> str:
-    shown = [f"{key}={_tuple(value) if isinstance(value, list) else repr(value)}" for key, value in keywords.items()]
+    shown = [f"{key}={value!r}" for key, value in keywords.items()]
     return ", ".join([first, *shown] if first else shown)
 
 

@@ -6,7 +6,7 @@ import logging
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from dfd.app import requests
 from dfd.app.autosave import Autosave, Saved
@@ -79,6 +79,7 @@ class Session:
         self._after = 0
         self._kept: Edit | None = None  # what is on disk
         self._shown: Edit | None = None  # what the page was told last
+        self._changed: tuple[int, dict[str, Any], Edit] | None = None
         self._wanted: OpenedFile | None = None  # the edit to open as soon as the field is there
         self.source: Source | None = None
         self.mesh: Mesh | None = None
@@ -312,6 +313,22 @@ class Session:
         self.tell_state()
         self.send(did)
         return result
+
+    def note_change(self, handle: int, options: dict[str, Any]) -> None:
+        """Know what the newest change of a handle was, for `take_back_change`."""
+        self._changed = (handle, options, self.living().edit)
+
+    def take_back_change(self, handle: int, options: dict[str, Any]) -> dict[str, Any]:
+        """`options` joined to those of the change of the same handle just before, which is taken back: one step."""
+        deformer = self.living()
+        if self._changed is not None and self._changed[0] == handle and self._changed[2] is deformer.edit:
+            joined = {**self._changed[1], **options}
+            for one, other in (("locality", "radius"), ("radius", "locality")):  # the newer ends the older
+                if one in options and other not in options:
+                    joined.pop(other, None)
+            deformer.undo()
+            return joined
+        return options
 
     def walk(self, step: Callable[[Deformer], bool]) -> None:
         """Undo or redo, and tell the page what came of it."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from dfd.app.columns import nearest
 from dfd.app.protocol.answers import Suggestion
-from dfd.editing.edit import place_on
+from dfd.editing.place import place_on
 
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
@@ -31,7 +31,7 @@ def suggestions(deformer: Deformer, count: int) -> tuple[Suggestion, ...]:
     distance = np.full(len(mesh.vertices), np.inf, np.float32)
     owner = np.zeros(len(mesh.vertices), np.int64)
     while len(chosen) < count and distance[vertex] > ALIKE:
-        from_it = nearest(deformer, (place_on(mesh, "suggest", "at", vertex),))
+        from_it = nearest(deformer, place_on(mesh, vertex))
         closer = from_it < distance
         owner[closer] = len(chosen)
         np.minimum(distance, from_it, out=distance)

@@ -325,6 +325,11 @@ class Deformer(WholeShape):
         return self._weights.of(self.edit)
 
     @property
+    def bound(self) -> HandleWeights:
+        """The weights with all that they are made of, for programs that show them."""
+        return self._weights
+
+    @property
     def transforms(self) -> NDArray[np.float64]:
         """(H, 3, 4) affine transforms of the handles, mesh units, in the order of `handles`."""
         return np.array([handle.matrix for handle in self.handles]).reshape(-1, 3, 4)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+import types
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,7 +15,7 @@ from dfd.app.columns import Columns, heat_message
 from dfd.app.framing import unpack
 from dfd.app.state import Looks, state_message
 from dfd.editing.deformer import Deformer
-from dfd.editing.edit import place_on
+from dfd.editing.place import place_on
 
 
 class Client:
@@ -32,24 +35,38 @@ class Client:
             for entry in header["columns"]:
                 values = arrays[entry["values"]] * (entry["scale"] / 65535)
                 geodesic = None if entry["geodesic"] is None else arrays[entry["geodesic"]] / 65535
+                for instance in entry["instances"]:
+                    instance["share"] = arrays[instance["share"]] / 255
                 self.entries[entry["column"]] = {**entry, "values": values, "geodesic": geodesic}
         return state_message(self.deformer, self.columns, Looks(), after=0).model_dump()
 
     def weights(self) -> NDArray[np.float64]:
+        """(V, H) by the protocol's formula."""
         state = self.listen()
+        held = self.entries[state["fixed_column"]]["values"] if state["fixed_column"] else 0.0
         columns = []
         for handle in state["handles"]:
             entry = self.entries[handle["column"]]
-            assert handle["kind"] == entry["kind"] == "distance"
-            weight = np.maximum(1 - entry["values"] / handle["reach"], 0)
-            if state["fixed_column"]:
-                fixed = self.entries[state["fixed_column"]]
-                held = np.maximum(1 - fixed["values"] / handle["reach"], 0)
-                weight = np.minimum(np.maximum(weight - held, 0) * handle["gain"], 1)
-            if entry["geodesic"] is not None:
-                weight = weight * (1 - entry["geodesic"]) ** handle["locality"]
+            assert handle["kind"] == entry["kind"]
+            weight = entry["values"]
+            if entry["kind"] == "distance":
+                weight = CURVES[handle["falloff"]](np.maximum(1 - weight / handle["reach"], 0))
+                weight = np.maximum(weight - held, 0)
+                if entry["geodesic"] is not None:
+                    weight = weight * (1 - entry["geodesic"]) ** handle["exponent"]
+                weight = handle["strength"] * np.minimum(handle["gain"] * weight, 1)
             columns.append(weight)
         return np.stack(columns, axis=1)
+
+
+CURVES: dict[str, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {
+    "linear": lambda x: x,
+    "smooth": lambda x: x * x * (3 - 2 * x),
+    "sharp": np.square,
+    "root": np.sqrt,
+    "sphere": lambda x: np.sqrt(x * (2 - x)),
+    "constant": lambda x: (x > 0) * 1.0,
+}
 
 
 @pytest.fixture
@@ -62,12 +79,78 @@ def test_the_formula_gives_the_bound_weights(client: Client) -> None:
     deformer.add(3)
     deformer.add([0.1, 0.4, 0.1])
     np.testing.assert_allclose(client.weights(), deformer.weights, atol=5e-5)
-    deformer.fix(900)
-    deformer.fix([0.0, 0.9, -0.2])
-    np.testing.assert_allclose(client.weights(), deformer.weights, atol=1e-4)
-    deformer.change(1, locality=3.0)
-    deformer.set_symmetry("x")
+    deformer.fix(900, strength=0.5)
+    deformer.fix([0.0, 0.9, -0.2], strength=0.3)
+    assert client.listen()["handles"][0]["gain"] > 1
     np.testing.assert_allclose(client.weights(), deformer.weights, atol=3e-4)
+    deformer.change(1, locality=3.0)
+    deformer.change(2, radius="40%")
+    deformer.set_symmetry("x")
+    np.testing.assert_allclose(client.weights(), deformer.weights, atol=1e-3)
+    deformer.arrive = False
+    np.testing.assert_allclose(client.weights(), deformer.weights, atol=5e-4)
+
+
+@pytest.mark.parametrize("falloff", ["linear", "smooth", "sharp", "sphere"])
+@pytest.mark.parametrize("reach", [0.5, 1.7, "auto"])
+def test_reach_and_falloff_are_the_pages_own(client: Client, falloff: Any, reach: float | str) -> None:
+    deformer = client.deformer
+    deformer.add(3)
+    client.listen()
+    deformer.change(1, reach=reach, falloff=falloff, strength=0.7)
+    # An end of the reach is a place where the square root of what is left has no slope to speak of.
+    atol = 2e-2 if falloff == "sphere" else 3e-4
+    np.testing.assert_allclose(client.weights(), deformer.weights, atol=atol)
+    assert client.received == 0
+
+
+def test_regions_and_limits_travel_as_weights(client: Client) -> None:
+    deformer = client.deformer
+    deformer.add(np.arange(40))
+    deformer.add(700, within=np.arange(600, 900))
+    deformer.fix(np.arange(100, 140), strength=0.8)
+    np.testing.assert_allclose(client.weights(), deformer.weights, atol=2e-5)
+    assert [handle["kind"] for handle in client.listen()["handles"]] == ["weight", "weight"]
+    assert client.listen()["handles"][0]["region"] == 40
+    deformer.change(2, reach=0.5)
+    np.testing.assert_allclose(client.weights(), deformer.weights, atol=2e-5)
+
+
+class TwoHalves:
+    """An instance at either side of x = 0, as `dfd.editing.instances` would find them."""
+
+    def __init__(self, deformer: Deformer, vertex: int, sign: float) -> None:
+        side = deformer.mesh.vertices[:, 0] * sign
+        self.vertex, self.frame = vertex, np.diag([1.0 if sign > 0 else -1.0, 1.0, 1.0])
+        self.pivot = deformer.mesh.vertices[vertex]
+        self.share = np.clip(0.5 + 10 * side, 0, 1).astype(np.float32)
+
+
+@pytest.mark.parametrize("level", [False, True])
+@pytest.mark.parametrize("pivot", [None, (0.3, 0.2, 0.1)])
+def test_instances_act_as_the_kernel_poses_them(
+    client: Client, monkeypatch: pytest.MonkeyPatch, level: bool, pivot: Any
+) -> None:
+    deformer = client.deformer
+    vertices = deformer.mesh.vertices
+    first = int(np.argmax(vertices[:, 0]))
+    second = int(np.argmin(np.linalg.norm(vertices - vertices[first] * [-1, 1, 1], axis=1)))
+    found = [TwoHalves(deformer, first, 1.0), TwoHalves(deformer, second, -1.0)]
+    module = types.SimpleNamespace(find_instances=lambda *_, **__: found)
+    monkeypatch.setitem(sys.modules, "dfd.editing.instances", module)
+    deformer.add(first, translation=(0.1, 0.2, 0), rotation=(0, 0, 30), pivot=pivot, instances="own", level=level)
+    (weights,) = client.weights().T
+    (handle,) = client.listen()["handles"]
+    transform = deformer.handles[0].transform
+    moved = vertices.copy()
+    for entry in client.entries[handle["column"]]["instances"]:
+        frame, center = np.array(entry["frame"]), np.array(entry["pivot"])
+        if handle["own_pivot"]:
+            center = np.array(entry["position"]) + frame @ np.subtract(handle["pivot"], handle["position"])
+        linear = frame @ transform.linear @ frame.T
+        goal = (vertices - center) @ linear.T + center + frame @ transform.translation
+        moved += np.minimum(entry["gain"] * entry["share"] * weights, 1)[:, None] * (goal - vertices)
+    np.testing.assert_allclose(moved, deformer.vertices, atol=4e-3)  # a share has 256 steps
 
 
 def test_a_column_travels_once(client: Client) -> None:
@@ -106,7 +189,7 @@ def test_what_came_back_by_undo_is_the_same_column(client: Client) -> None:
 
 def test_the_heat_of_a_probe_is_the_column_of_a_handle_there(client: Client) -> None:
     deformer = client.deformer
-    header, arrays = unpack(heat_message(deformer, place_on(deformer.mesh, "t", "at", 3), request=9))
+    header, arrays = unpack(heat_message(deformer, place_on(deformer.mesh, 3), request=9))
     assert (header["id"], header["vertex"]) == (9, 3)
     deformer.add(3)
     weights = np.maximum(1 - arrays["values"] * (header["scale"] / 65535), 0)

@@ -20,11 +20,11 @@ from dfd.editing.deformer import Deformer
 def one_handle(deformer: Deformer) -> None:
     deformer.add(5, translation=(0, -0.3, 0.1), rotation=(0, 20, 0), scale=(1, 2, 1), pivot=(0, 0.5, 0), locality=2.0)
     deformer.fix(900)
-    deformer.fix((-0.1, 0.5, 0.0))
 
 
 def several(deformer: Deformer) -> None:
     one_handle(deformer)
+    deformer.fix((-0.1, 0.5, 0.0))
     deformer.add((-0.2, 0.9, 0.1), scale=1.5, name='the "back"')
     deformer.set_symmetry("x")
     deformer.set_default(rotation=(0, 5, 0))
@@ -38,7 +38,18 @@ def negative(deformer: Deformer) -> None:
     deformer.add((-0.2, 0.9, 0.1), translation=(-0.1, -0.2, -1e-7))
 
 
-EDITS = [one_handle, several, nothing, negative]
+def controls(deformer: Deformer) -> None:
+    deformer.add(5, translation=(0, -0.3, 0), reach=0.6, falloff="smooth", strength=0.5, radius="50%")
+    deformer.fix(900, strength=0.25)
+    deformer.overlap = "normalize"
+
+
+def regions(deformer: Deformer) -> None:
+    deformer.add(np.arange(50), translation=(0, -0.3, 0))
+    deformer.fix(np.arange(300, 350))
+
+
+EDITS = [controls, regions, one_handle, several, nothing, negative]
 
 
 @pytest.fixture
@@ -53,6 +64,7 @@ def beside(shape: Shape, deformer: Deformer, tmp_path: Path, monkeypatch: pytest
 @pytest.mark.parametrize("edit", EDITS)
 def test_the_python_makes_the_same_shape(edit: Callable[[Deformer], None], deformer: Deformer, beside: Path) -> None:
     edit(deformer)
+    deformer.save(beside / "chair_edit.json")
     exec(as_python(deformer, "chair.glb"), {})
     made = dfd.load(beside / "chair_edited.glb")
     np.testing.assert_allclose(made.vertices, deformer.vertices, atol=2e-6)

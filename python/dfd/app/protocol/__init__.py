@@ -19,14 +19,18 @@ Distances travel, not weights. Of each handle the page has one column of numbers
 the edit what it makes of them (`state`), so that reach, falloff and locality act without a new bind:
 
     kind "distance"   W = f(max(1 − d / reach, 0)), with `falloff` f              Eq. 4 and 5
-                      W = min(gain · max(W − F, 0), 1)                          Eq. 6
-                          F = f(max(1 − d_F / reach, 0)), d_F in the column of fixed places
-                      W = W (1 − G)^locality, G in the column's `geodesic`      Eq. 7
+                      W = max(W − F, 0), F the number in the column of fixed places     Eq. 6
+                      W = W (1 − G)^exponent, G in the column's `geodesic`      Eq. 7
+                      W = strength · min(gain · W, 1)
     kind "weight"     W is the number itself
+    falloff of x      linear x, smooth x² (3 − 2 x), sharp x², root √x, sphere √(x (2 − x)), constant 1 where x > 0
 
     V' = V + Σ W_k (D_k V − V) + max(1 − Σ W_k, 0) (D₀ V − V)      Eq. 1 in its adding form, where `posing` is "shader"
 
-With instances, W_k D_k is the sum over a handle's instances of share · W_k times its own transform about its own pivot.
+A column with instances acts through them instead: W_k D_k is the sum of min(gain · share · W_k, 1) times the instance's
+own transform M, with the handle's linear part L, translation t and the instance's `frame` F and `pivot` p: M's linear
+part is F L Fᵀ, and M maps p to p + F t. Where the handle has a pivot of its own, p is `position` + F (pivot − where the
+handle rests) instead. An instance lies on the side of a plane of symmetry where its `position` does.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import JsonValue
 
-from dfd.app.protocol.parts import Identifier, KeyPose, Model, Number, Plane, PoseTransform, Vector
+from dfd.app.protocol.parts import Frame, Identifier, KeyPose, Model, Number, Plane, PoseTransform, Vector
 
 __all__ = ["Answer"]
 
@@ -58,9 +58,12 @@ class HandleState(Model):
     scale: Vector
     pivot: Vector  # what it turns and scales about
     own_pivot: bool  # whether that was set; otherwise it is `position`
-    reach: Number
+    axes: Frame | None  # along which it scales, one a row; null is the mesh's own
+    reach: Number  # what "auto" found, where `controls` says so
     falloff: str
     locality: Number
+    radius: Number | None  # mesh units, in place of the locality
+    exponent: Number  # λ of the formula: the locality, or what makes the radius's falloff
     strength: Number
     instances: str  # a name of `state.instances`
     region: int  # how many vertices it holds as one; 0 where it is no region

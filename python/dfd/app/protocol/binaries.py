@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from dfd.app.protocol.answers import Answer
-from dfd.app.protocol.parts import Model, Number, Vector
+from dfd.app.protocol.parts import Frame, Model, Number, Vector
 
 
 class Buffer(Model):
@@ -67,12 +67,14 @@ class MeshMessage(Binary):
 
 
 class InstanceEntry(Model):
-    """One of the places where a handle acts: `share` names the buffer that says how much of each vertex is its own."""
+    """One of the places where a handle acts: `share` names the buffer uint8 (V,) of how much of a vertex is its own."""
 
     instance: int
     on: bool
     pivot: Vector
-    frame: tuple[Vector, Vector, Vector]  # rows of the matrix that turns or mirrors the handle's motion into its own
+    frame: Frame  # rows of the matrix that turns or mirrors the handle's motion into its own
+    position: Vector  # of its counterpart of the handle
+    gain: Number
     share: str
 
 
@@ -88,7 +90,10 @@ class ColumnEntry(Model):
 
 
 class ColumnsMessage(Binary):
-    """Columns that `state` names and the page has not got; it may forget those that `state` no longer names."""
+    """Columns that `state` names and the page has not got; it may forget those that `state` no longer names.
+
+    That of the fixed places has the kind "weight": F of Eq. 6.
+    """
 
     type: Literal["columns"] = "columns"
     columns: tuple[ColumnEntry, ...]

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue
 __all__ = [
     "MOST_HANDLES",
     "Controls",
+    "Frame",
     "Identifier",
     "Index",
     "KeyPose",
@@ -32,6 +33,7 @@ LONGEST_TEXT = 1000
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Vector = tuple[Number, Number, Number]
 Quaternion = tuple[Number, Number, Number, Number]  # x, y, z, w
+Frame = tuple[Vector, Vector, Vector]
 Index = Annotated[int, Field(ge=0)]
 Identifier = Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]
 Text = Annotated[str, Field(min_length=1, max_length=LONGEST_TEXT)]
@@ -67,15 +69,18 @@ Place = VertexPlace | PointPlace | RegionPlace
 
 
 class Transform(Model):
-    """Scale, then rotation, then translation, about the pivot; null leaves a part as it is, or at rest where it is new.
+    """Scale along `axes`, then rotation, then translation, about the pivot.
 
-    `rotation` is a rotation vector in degrees or a quaternion; "auto" returns a pivot to the handle's own position.
+    Null leaves a part as it is, or at rest where it is new. `rotation` is a rotation vector in degrees or a quaternion;
+    `axes` are one a row. "auto" returns a pivot to the handle's own position and axes to the mesh's, and "normal" is a
+    frame whose third axis is the surface's normal at the handle.
     """
 
     translation: Vector | None = None
     rotation: Vector | Quaternion | None = None
     scale: Vector | None = None
     pivot: Vector | Literal["auto"] | None = None
+    axes: Frame | Literal["normal", "auto"] | None = None
 
 
 class Controls(Model):
@@ -85,9 +90,10 @@ class Controls(Model):
     reach: Annotated[Number, Field(gt=0)] | Literal["auto"] | None = None
     falloff: Falloff | None = None
     locality: Annotated[Number, Field(ge=0)] | None = None
-    radius: Annotated[Number, Field(gt=0)] | None = None
+    radius: Annotated[Number, Field(gt=0)] | Annotated[str, Field(pattern=r"^[0-9.]{1,20}%$")] | None = None
     instances: Mode | None = None
     strength: Annotated[Number, Field(ge=0, le=1)] | None = None
+    level: bool | None = None
     more: dict[str, JsonValue] | None = None  # further keywords of `Deformer.add` and `Deformer.change`, as they are
 
 
@@ -109,6 +115,7 @@ class PoseTransform(Model):
     rotation: Vector
     scale: Vector
     pivot: Vector | None = None
+    axes: Frame | None = None
 
 
 class KeyPose(Model):
