@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,8 @@ from numpy.typing import NDArray
 
 import dfd
 from dfd.common.progress import Stages
-from dfd.encoders.encode import Encoder, load_encoder
-from dfd.runs.recipe import summed
+from dfd.encoders.encode import Encoder, TokenStore, load_encoder
+from dfd.runs.recipe import hash_arrays
 
 DEFAULTS: dict[str, Any] = {
     name: parameter.default
@@ -61,14 +60,12 @@ class Lab:
     def blocks(self, encoder: str) -> tuple[int, int]:
         """The block that `encoder` uses by itself, and how many it has."""
         loaded = self._encoder(encoder, None)
-        return loaded.block, loaded._model.depth
+        return loaded.block, loaded.depth
 
     def _encoder(self, name: str, block: int | None, *, background: bool = False) -> Encoder:
         key = (name, block, background)
         if key not in self._encoders:
-            encoder = load_encoder(name, block=block, device=self.settings["device"])
-            if background:
-                encoder._model = replace(encoder._model, takes_patches=False)
+            encoder = load_encoder(name, block=block, device=self.settings["device"], background=background)
             self._encoders[key] = remembering(encoder)
         return self._encoders[key]
 
@@ -79,10 +76,12 @@ def remembering(encoder: Encoder) -> Encoder:
     look = encoder.encode
 
     # With what `dfd.distill` asks for and no more: whatever else tokens depend on would belong to the key.
-    def encode(images: NDArray[np.uint8], *, covered: NDArray[np.bool_], stages: Stages) -> NDArray[np.float32]:
-        key = summed(images, covered)
+    def encode(
+        images: NDArray[np.uint8], *, covered: NDArray[np.bool_], store: TokenStore | None, stages: Stages
+    ) -> NDArray[np.float32]:
+        key = hash_arrays(images, covered)
         if key not in kept:
-            kept[key] = look(images, covered=covered, stages=stages)
+            kept[key] = look(images, covered=covered, store=store, stages=stages)
             while len(kept) > TOKENS_KEPT:
                 del kept[next(iter(kept))]
         return kept[key]

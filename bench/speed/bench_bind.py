@@ -7,7 +7,7 @@ import numpy as np
 import dfd
 
 from .machine import reading
-from .scene import make_scene
+from .made_input import make_input
 
 VERTICES = 500_000
 
@@ -19,15 +19,15 @@ class Bind:
     param_names = ("handles",)
 
     def setup(self, handles: int) -> None:
-        """Make the scene and a place for the weights."""
-        self.scene = make_scene(VERTICES)
-        self.handles = self.scene.handles(handles)
+        """Make the input and a place for the weights."""
+        self.made = make_input(VERTICES)
+        self.handles = self.made.handles(handles)
         self.out = np.empty((VERTICES, handles), np.float32)
-        self.read = reading(self.scene.compact.blocks)
+        self.read = reading(self.made.compact.blocks)
 
     def time_bind(self, handles: int) -> None:
         """Weights into an array that is there already."""
-        dfd.bind(self.scene.compact, self.handles, out=self.out)
+        dfd.bind(self.made.compact, self.handles, out=self.out)
 
     def time_read_ceiling(self, handles: int) -> None:
         """Reading the same bytes."""
@@ -41,16 +41,16 @@ class Constrained:
     param_names = ("distances",)
 
     def setup(self, distances: str) -> None:
-        """Make the scene, distances and a place for the weights."""
-        self.scene = make_scene(VERTICES)
+        """Make the input, distances and a place for the weights."""
+        self.made = make_input(VERTICES)
         self.geodesic = np.random.default_rng(0).random((10, VERTICES), dtype=np.float32).astype(distances)
         self.out = np.empty((VERTICES, 10), np.float32)
 
     def time_bind(self, distances: str) -> None:
         """Everything in one pass."""
         dfd.bind(
-            self.scene.compact,
-            self.scene.handles(10),
+            self.made.compact,
+            self.made.handles(10),
             fixed=[1, 2, 3],
             geodesic=self.geodesic,
             locality=2.0,
@@ -66,8 +66,8 @@ class Full:
 
     def setup(self, handles: int) -> None:
         """Make a tenth of the vertices' features."""
-        scene = make_scene(VERTICES)
-        self.features = scene.features(VERTICES // 10)
+        made = make_input(VERTICES)
+        self.features = made.features(VERTICES // 10)
         self.handles = np.arange(handles)
         self.out = np.empty((len(self.features), handles), np.float32)
 

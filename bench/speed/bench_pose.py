@@ -7,7 +7,7 @@ import numpy as np
 import dfd
 
 from .machine import copying
-from .scene import make_scene
+from .made_input import make_input
 
 VERTICES = 500_000
 
@@ -20,13 +20,13 @@ class Pose:
 
     def setup(self, handles: int, dtype: str) -> None:
         """Bind, and make a place for the vertices."""
-        scene = make_scene(VERTICES)
-        self.weights = dfd.bind(scene.compact, scene.handles(handles)) / handles
-        self.transforms = scene.transforms[:handles]
-        self.vertices = scene.vertices.astype(dtype)
+        made = make_input(VERTICES)
+        self.weights = dfd.bind(made.compact, made.handles(handles)) / handles
+        self.transforms = made.transforms[:handles]
+        self.vertices = made.vertices.astype(dtype)
         self.out = np.empty_like(self.vertices)
         self.plane = dfd.SymmetryPlane((1.0, 0.0, 0.0), 0.0, band=0.01)
-        self.places = self.vertices[scene.handles(handles)]
+        self.places = self.vertices[made.handles(handles)]
         self.drag = dfd.Drag(self.vertices, self.weights, self.transforms, [0])
         self.copy = copying(28 * VERTICES)
 

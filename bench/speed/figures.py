@@ -18,9 +18,9 @@ from matplotlib.figure import Figure
 import dfd
 from dfd.common.files import atomic_write
 
+from .made_input import MadeInput, make_input, torus
 from .measure import measure
 from .peers import MESH_PEERS, torch_binding, torch_blending
-from .scene import Scene, make_scene, torus
 
 __all__ = ["draw"]
 
@@ -80,67 +80,67 @@ def _milliseconds(call: Callable[[], object], seconds: float = 0.3) -> float:
     return 1e3 * measure(call, seconds=seconds, least=3).best
 
 
-def _bind_call(scene: Scene, count: int) -> Callable[[], object]:
-    out = np.empty((len(scene.vertices), count), np.float32)
-    handles = scene.handles(count)
-    return lambda: dfd.bind(scene.compact, handles, out=out)
+def _bind_call(made: MadeInput, count: int) -> Callable[[], object]:
+    out = np.empty((len(made.vertices), count), np.float32)
+    handles = made.handles(count)
+    return lambda: dfd.bind(made.compact, handles, out=out)
 
 
-def _pose_calls(scene: Scene, count: int) -> tuple[Callable[[], object], Callable[[], object]]:
-    weights = dfd.bind(scene.compact, scene.handles(count))
+def _pose_calls(made: MadeInput, count: int) -> tuple[Callable[[], object], Callable[[], object]]:
+    weights = dfd.bind(made.compact, made.handles(count))
     weights /= count
-    out = np.empty_like(scene.vertices)
-    transforms = scene.transforms[:count]
-    drag = dfd.Drag(scene.vertices, weights, transforms, [0])
+    out = np.empty_like(made.vertices)
+    transforms = made.transforms[:count]
+    drag = dfd.Drag(made.vertices, weights, transforms, [0])
     return (
-        lambda: dfd.pose(scene.vertices, weights, transforms, out=out),
+        lambda: dfd.pose(made.vertices, weights, transforms, out=out),
         lambda: drag.pose(transforms[:1], out=out),
     )
 
 
 def _handles() -> Iterator[Row]:
-    scene = make_scene(500_000)
+    made = make_input(500_000)
     for count in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000):
-        yield "dfd bind", count, _milliseconds(_bind_call(scene, count))
-        pose, drag = _pose_calls(scene, count)
+        yield "dfd bind", count, _milliseconds(_bind_call(made, count))
+        pose, drag = _pose_calls(made, count)
         yield "dfd pose", count, _milliseconds(pose)
         yield "dfd drag frame", count, _milliseconds(drag)
 
 
 def _threads() -> Iterator[Row]:
-    scene = make_scene(500_000)
+    made = make_input(500_000)
     before = dfd.get_num_threads()
     try:
         for threads in range(1, before + 1):
             dfd.set_num_threads(threads)
             for count in (1, 10, 100):
-                yield f"dfd bind {count}", threads, _milliseconds(_bind_call(scene, count))
-                yield f"dfd pose {count}", threads, _milliseconds(_pose_calls(scene, count)[0])
+                yield f"dfd bind {count}", threads, _milliseconds(_bind_call(made, count))
+                yield f"dfd pose {count}", threads, _milliseconds(_pose_calls(made, count)[0])
     finally:
         dfd.set_num_threads(before)
 
 
 def _table3() -> Iterator[Row]:
-    scene = make_scene(500_000)
-    features = scene.features(100_000)
+    made = make_input(500_000)
+    features = made.features(100_000)
     for count, paper in PAPER_A40.items():
-        yield "dfd", count, _milliseconds(_bind_call(scene, count))
+        yield "dfd", count, _milliseconds(_bind_call(made, count))
         yield "paper, A40, dataset shapes", count, paper
         torch_seconds = measure(torch_binding(features, np.arange(count)), seconds=0.5, least=2).best
-        yield "torch, D = 384", count, 1e3 * torch_seconds * len(scene.vertices) / len(features)
+        yield "torch, D = 384", count, 1e3 * torch_seconds * len(made.vertices) / len(features)
 
 
 def _fig10(sizes: list[int], distill_faces: int) -> Iterator[Row]:
     alive = dict.fromkeys(MESH_PEERS, True)
     for faces in sizes:
-        scene = make_scene(faces // 2)
-        yield "dfd bind 1", faces, _milliseconds(_bind_call(scene, 1))
-        pose, _ = _pose_calls(scene, 1)
+        made = make_input(faces // 2)
+        yield "dfd bind 1", faces, _milliseconds(_bind_call(made, 1))
+        pose, _ = _pose_calls(made, 1)
         yield "dfd pose 1", faces, _milliseconds(pose)
         if faces // 2 <= TORCH_VERTICES:
-            yield "torch bind", faces, _milliseconds(torch_binding(scene.features(), np.arange(1)))
-            weights = dfd.bind(scene.compact, [0])
-            yield "torch pose", faces, _milliseconds(torch_blending(scene.vertices, weights, scene.transforms[:1]))
+            yield "torch bind", faces, _milliseconds(torch_binding(made.features(), np.arange(1)))
+            weights = dfd.bind(made.compact, [0])
+            yield "torch pose", faces, _milliseconds(torch_blending(made.vertices, weights, made.transforms[:1]))
         if faces <= distill_faces:
             mesh = dfd.Mesh(*torus(faces))
             start = time.perf_counter()

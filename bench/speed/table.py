@@ -12,8 +12,8 @@ import dfd
 
 from . import peers
 from .machine import copying, moving, product, reading
+from .made_input import MadeInput, make_input
 from .measure import Timing, measure, together
-from .scene import Scene, make_scene
 
 __all__ = ["Line", "lines"]
 
@@ -33,21 +33,21 @@ class Line:
 
 def lines(vertex_count: int = 500_000, torch_vertices: int = 200_000) -> Iterator[Line]:
     """Measure line after line; the arithmetic in torch runs on `torch_vertices`, for its memory, and is scaled up."""
-    scene = make_scene(vertex_count)
+    made = make_input(vertex_count)
     outs = {count: np.empty((vertex_count, count), np.float32) for count in (1, 10, 100)}
-    yield from _ceilings(scene)
-    yield from _binding(scene, outs)
-    yield from _against_torch(scene, outs, torch_vertices)
-    yield from _posing(scene, outs)
+    yield from _ceilings(made)
+    yield from _binding(made, outs)
+    yield from _against_torch(made, outs, torch_vertices)
+    yield from _posing(made, outs)
 
 
-def _bind(scene: Scene, out: np.ndarray) -> Callable[[], object]:
-    handles = scene.handles(out.shape[1])
-    return lambda: dfd.bind(scene.compact, handles, out=out)
+def _bind(made: MadeInput, out: np.ndarray) -> Callable[[], object]:
+    handles = made.handles(out.shape[1])
+    return lambda: dfd.bind(made.compact, handles, out=out)
 
 
-def _ceilings(scene: Scene) -> Iterator[Line]:
-    operations, count = product(len(scene.vertices), scene.compact.dimensions, 100)
+def _ceilings(made: MadeInput) -> Iterator[Line]:
+    operations, count = product(len(made.vertices), made.compact.dimensions, 100)
     large = 1 << 29
     memory = np.ones(large // 8, np.int64)
     timings = together({"read": reading(memory), "copy": copying(large), "product": operations})
@@ -57,13 +57,13 @@ def _ceilings(scene: Scene) -> Iterator[Line]:
     yield Line("sgemm of 100 handles, torch", timings["product"], "", None, f"{speed:.0f} GFLOP/s")
 
 
-def _binding(scene: Scene, outs: dict[int, np.ndarray]) -> Iterator[Line]:
-    compact, vertex_count = scene.compact, len(scene.vertices)
+def _binding(made: MadeInput, outs: dict[int, np.ndarray]) -> Iterator[Line]:
+    compact, vertex_count = made.compact, len(made.vertices)
     stored = f"{compact.precision}, {compact.dimensions} dimensions"
-    ten = scene.handles(10)
+    ten = made.handles(10)
     distances = {"float32": np.random.default_rng(0).random((10, vertex_count), dtype=np.float32)}
     distances["float16"] = distances["float32"].astype(np.float16)
-    calls = {"read": reading(compact.blocks), "1": _bind(scene, outs[1]), "10": _bind(scene, outs[10])}
+    calls = {"read": reading(compact.blocks), "1": _bind(made, outs[1]), "10": _bind(made, outs[10])}
     for kind, geodesic in distances.items():
         constrained = {"fixed": [1, 2, 3], "geodesic": geodesic, "locality": 2.0, "out": outs[10]}
         calls[kind] = partial(dfd.bind, compact, ten, **constrained)
@@ -81,22 +81,22 @@ def _binding(scene: Scene, outs: dict[int, np.ndarray]) -> Iterator[Line]:
         yield _ratio(f"moving its {megabytes:.0f} MB and no more", timings[f"moving {kind}"], "bind 1", timings["1"])
 
     operations, _ = product(vertex_count, compact.dimensions, 100)
-    timings = together({"100": _bind(scene, outs[100]), "product": operations}, least=5)
+    timings = together({"100": _bind(made, outs[100]), "product": operations}, least=5)
     yield _ratio("bind 100", timings["100"], "torch's product", timings["product"], 1.0)
 
 
-def _against_torch(scene: Scene, outs: dict[int, np.ndarray], torch_vertices: int) -> Iterator[Line]:
-    features = scene.features(torch_vertices)
+def _against_torch(made: MadeInput, outs: dict[int, np.ndarray], torch_vertices: int) -> Iterator[Line]:
+    features = made.features(torch_vertices)
     for count, wanted in ((1, 300), (100, 30)):
         peer = peers.torch_binding(features, np.arange(count))
-        other = _scaled(measure(peer, least=3), len(scene.vertices) / torch_vertices)
-        own = measure(_bind(scene, outs[count]))
+        other = _scaled(measure(peer, least=3), len(made.vertices) / torch_vertices)
+        own = measure(_bind(made, outs[count]))
         yield _speedup(f"bind {count}", own, f"torch, D = {features.shape[1]}", other, wanted)
 
 
-def _posing(scene: Scene, outs: dict[int, np.ndarray]) -> Iterator[Line]:
-    vertices, transforms = scene.vertices, scene.transforms
-    weights = {count: dfd.bind(scene.compact, scene.handles(count), out=outs[count]) for count in (1, 100)}
+def _posing(made: MadeInput, outs: dict[int, np.ndarray]) -> Iterator[Line]:
+    vertices, transforms = made.vertices, made.transforms
+    weights = {count: dfd.bind(made.compact, made.handles(count), out=outs[count]) for count in (1, 100)}
     weights[100] = weights[100] / 100
     out = np.empty_like(vertices)
     drags = {count: dfd.Drag(vertices, weights[count], transforms[:count], [0]) for count in (1, 100)}

@@ -5,6 +5,7 @@ Tests hold the kernels to these; nothing else calls them. Arguments are taken as
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -12,9 +13,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
+    from dfd.field.field import Field
     from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["bind", "feature_weights", "geodesic_falloff", "pose", "positive_share", "subtract_fixed"]
+__all__ = [
+    "bind",
+    "feature_weights",
+    "field",
+    "geodesic_falloff",
+    "pose",
+    "positive_share",
+    "subtract_fixed",
+    "surface_distances",
+]
 
 Array = NDArray[np.float64]
 
@@ -257,3 +268,72 @@ def _reflection(symmetry: SymmetryPlane) -> Array:
     reflection[:3, :3] -= 2.0 * np.outer(normal, normal)
     reflection[:3, 3] = 2.0 * symmetry.offset * normal
     return reflection
+
+
+def surface_distances(vertices: ArrayLike, faces: ArrayLike, links: ArrayLike, source: int) -> Array:
+    """(V,) distances along faces (F, 3) and links (L, 2) of vertices (V, 3) from one of them; infinite where cut off.
+
+    Source: Novotni and Klein, "Computing geodesic distances on triangular meshes", 2002.
+    """
+    points = np.asarray(vertices, np.float64)
+    triangles = np.asarray(faces, np.int64).reshape(-1, 3)
+    pairs = np.asarray(links, np.int64).reshape(-1, 2)
+    distance = np.full(len(points), np.inf)
+    passed = np.zeros(len(points), bool)
+    distance[source] = 0.0
+    front = [(0.0, source)]
+
+    def length(a: int, b: int) -> float:
+        return float(np.linalg.norm(points[a] - points[b]))
+
+    def offer(vertex: int, value: float) -> None:
+        if not passed[vertex] and value < distance[vertex]:
+            distance[vertex] = value
+            heapq.heappush(front, (value, vertex))
+
+    while front:
+        here, vertex = heapq.heappop(front)
+        if passed[vertex]:
+            continue
+        passed[vertex] = True
+        for corners in triangles[(triangles == vertex).any(axis=1)]:
+            turned = np.roll(corners, -int(np.argmax(corners == vertex)))
+            for x, y in (turned[1:], turned[:0:-1]):
+                offer(x, here + length(vertex, x))
+                if passed[y]:
+                    sides = length(vertex, y), length(vertex, x), length(y, x)
+                    offer(x, _across_triangle(here, distance[y], *sides))
+        for a, b in pairs[(pairs == vertex).any(axis=1)]:
+            offer(b if a == vertex else a, here + length(a, b))
+    return distance
+
+
+def _across_triangle(a: float, b: float, side: float, to_a: float, to_b: float) -> float:
+    """Distance of a triangle's third corner from a point in its plane, `a` and `b` away from the ends of `side`."""
+    if side == 0:
+        return np.inf
+    source = (a * a - b * b + side * side) / (2 * side)
+    corner = (to_a * to_a - to_b * to_b + side * side) / (2 * side)
+    below, above = a * a - source**2, max(to_a * to_a - corner**2, 0.0)
+    if below < 0 or below + above == 0:
+        return np.inf
+    height = below**0.5 + above**0.5
+    crossing = source + (corner - source) * below**0.5 / height
+    return float(np.hypot(corner - source, height)) if 0 <= crossing <= side else np.inf
+
+
+def field(network: Field, points: ArrayLike) -> Array:
+    """(N, D) unit features of points (N, 3) in mesh units: the multilayer perceptron of the paper's supplement L."""
+    # Rounded as the network's own input is: the shortest waves turn what is lost there into something to be seen.
+    x = ((np.asarray(points, np.float64) - network.center) * network.scale).astype(np.float32).astype(np.float64)
+    angles = [np.pi / 2 * 2**octave * x for octave in range(network.architecture.octaves)]
+    x = np.concatenate([x, *[wave for angle in angles for wave in (np.sin(angle), np.cos(angle))]], axis=1)
+    names = network.architecture.layer_names()
+    of = {name: np.asarray(values, np.float64) for name, values in network.parameters.items()}
+    for linear, norm in zip(names.linear, names.norms, strict=False):
+        x = np.maximum(x @ of[f"{linear}.weight"].T + of[f"{linear}.bias"], 0.0)
+        x = (x - x.mean(axis=1, keepdims=True)) / np.sqrt(x.var(axis=1, keepdims=True) + 1e-5)
+        x = x * of[f"{norm}.weight"] + of[f"{norm}.bias"]
+    x = x @ of[f"{names.linear[-1]}.weight"].T + of[f"{names.linear[-1]}.bias"]
+    features: Array = x / np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-12)
+    return features

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from dfd.mesh.mesh import Mesh
+
 # a unit cube: 8 corners, 12 outward triangles
 CORNERS = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
 CUBE = np.array(
@@ -106,3 +108,34 @@ def textured_quad(tmp_path: Path, **attributes: Any) -> Gltf:
     gltf.image(checkered(tmp_path / "paint.png"))
     gltf.node(name="square", mesh=0)
     return gltf
+
+
+def scene_of_three(tmp_path: Path) -> Path:
+    """A textured square, and a coloured cube placed twice, once turned and shrunk."""
+    gltf = textured_quad(tmp_path)
+    colors = np.tile(np.array([(255, 0, 0, 255), (0, 255, 0, 255)], np.uint8), (4, 1))
+    cube = gltf.mesh("cube", CORNERS, CUBE, attributes={"COLOR_0": gltf.accessor(colors, 5121, "VEC4")})
+    gltf.header["accessors"][gltf.header["meshes"][cube]["primitives"][0]["attributes"]["COLOR_0"]]["normalized"] = True
+    half = float(np.sqrt(0.5))
+    gltf.node(name="near", mesh=cube, translation=[3, 0, 0])
+    gltf.node(name="far", mesh=cube, translation=[0, 0, -9], rotation=[0, half, 0, half], scale=[0.5, 2, 1])
+    return write(tmp_path / "three.glb", gltf.glb())
+
+
+def same_shape(a: Mesh, b: Mesh, tolerance: float = 1e-6) -> bool:
+    """Whether two meshes have the same triangles in the same order, whatever their vertices are numbered."""
+    return a.faces.shape == b.faces.shape and np.allclose(
+        a.vertices[a.faces], b.vertices[b.faces], rtol=0, atol=tolerance
+    )
+
+
+def header_and_data(path: Path) -> tuple[dict, bytes]:
+    data = path.read_bytes()
+    length = struct.unpack("<I", data[12:16])[0]
+    return json.loads(data[20 : 20 + length]), data[28 + length :]
+
+
+def view_bytes(path: Path, view: int) -> bytes:
+    header, data = header_and_data(path)
+    found = header["bufferViews"][view]
+    return data[found["byteOffset"] : found["byteOffset"] + found["byteLength"]]

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -28,6 +29,15 @@ void require_finite(Matrix<const T> values, const char* operation, const char* n
     throw std::invalid_argument(std::string(operation) + ": `" + name + "` must be finite, got " +
                                 std::to_string(*found) + " at [" + std::to_string(index / values.columns) + ", " +
                                 std::to_string(index % values.columns) + "]");
+}
+
+/// Throws unless `rows` has as many `columns` and all its entries are indices below `count`.
+inline void require_indices(Matrix<const std::int32_t> rows, std::size_t columns, std::size_t count,
+                            const char* message)
+{
+    const auto inside = [count](std::int32_t index) { return index >= 0 && static_cast<std::size_t>(index) < count; };
+    require(rows.rows == 0 || rows.columns == columns, message);
+    require(std::all_of(rows.data, rows.data + rows.rows * rows.columns, inside), message);
 }
 
 }  // namespace dfd

@@ -135,6 +135,33 @@ using PoseRange = bool (*)(const PoseJob<T>& job, std::size_t begin, std::size_t
 
 constexpr std::size_t pose_scratch(std::size_t handle_count) { return block_size * (handle_count + group_size); }
 
+/// Points of a field that are evaluated together, and outputs of a layer whose weights lie side by side.
+constexpr std::size_t field_points = 48, field_group = 8;
+
+struct FieldLayer {
+    const float* weights = nullptr;  // (groups, inputs, 8), outputs of the last group filled up with zeros
+    const float* bias = nullptr;     // (8 groups)
+    const float* gain = nullptr;     // (8 groups) of the LayerNorm, or null for the last layer
+    const float* shift = nullptr;
+    std::size_t inputs = 0, outputs = 0;
+};
+
+struct FieldJob {
+    const double* points = nullptr;  // (N, 3)
+    double center[3] = {};
+    double scale = 1;
+    std::size_t octaves = 0;
+    const FieldLayer* layers = nullptr;
+    std::size_t layer_count = 0;
+    std::size_t widest = 0;          // most neurons of a layer, filled up to whole groups
+    float* features = nullptr;       // (N, D)
+};
+
+/// Evaluates a field at the points [begin, end); `scratch` is aligned to 64 bytes.
+using FieldRange = void (*)(const FieldJob& job, std::size_t begin, std::size_t end, float* scratch);
+
+constexpr std::size_t field_scratch(std::size_t widest) { return 2 * field_points * widest; }
+
 /// The kernels of one instruction set.
 struct Kernels {
     const char* name;
@@ -143,6 +170,7 @@ struct Kernels {
     BindRange bind_bytes;   // features (B, D / 4 + 1, 16, 4): D uint8 offset by 128, then the squared length as int32
     PoseRange<float> pose_float;
     PoseRange<double> pose_double;
+    FieldRange field;
 };
 
 }  // namespace dfd

@@ -9,6 +9,7 @@
     unsigned bind_bytes(const BindJob&, std::size_t, std::size_t, float*);                               \
     bool pose_float(const PoseJob<float>&, std::size_t, std::size_t, float*);                            \
     bool pose_double(const PoseJob<double>&, std::size_t, std::size_t, float*);                          \
+    void field(const FieldJob&, std::size_t, std::size_t, float*);                                       \
     }
 
 DFD_DECLARE_VARIANT(baseline)

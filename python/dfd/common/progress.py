@@ -22,16 +22,19 @@ class Advance(Protocol):
 class Stages:
     """Times every stage of a call and, when asked to, draws its bar on standard error.
 
-    `seconds` maps each stage's name to its wall time, in the order in which stages ended.
+    `seconds` maps each stage's name to its wall time, in the order in which stages ended; `latest` is the name of the
+    one that began last.
     """
 
     def __init__(self, show: bool = True) -> None:
         self.seconds: dict[str, float] = {}
+        self.latest: str | None = None
         self._show = show
 
     @contextmanager
     def stage(self, name: str, total: int | None = None) -> Iterator[Advance]:
         """Time the block under `name`; `total` items make the bar full."""
+        self.latest = name
         start = time.perf_counter()
         try:
             if self._show:

@@ -1,55 +1,63 @@
-"""From a mesh to its feature field: render, encode, fit (paper, sections 3.1 and 3.2)."""
+"""`dfd.distill`: what stands around a distillation, so that it is found again, goes on, and says what it lacks."""
 
 from __future__ import annotations
 
 import gc
-import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from inspect import signature
+from dataclasses import dataclass
+from functools import partial
+from inspect import Parameter, signature
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from dfd.common import check
+from dfd.common.interrupts import heed_interrupts
 from dfd.common.progress import Stages
+from dfd.distillation.settings import DistillOptions, DistillSettings
+from dfd.runs import field_cache
+from dfd.runs.checkpoint import Checkpoint
+from dfd.runs.lookup import find_field
+from dfd.runs.recipe import recipe
 
 # torch and transformers take seconds to import; they wait until something is distilled.
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+    from typing_extensions import Unpack
 
     from dfd.encoders.encode import Encoder
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
-    from dfd.runs.field_cache import CachedField
     from dfd.runs.recipe import Content
-    from dfd.runs.run import Run
 
-__all__ = ["distill", "find_distilled"]
+__all__ = ["DEFAULT_ENCODER", "distill", "distilling", "find_distilled"]
+
+DEFAULT_ENCODER = "dinov2-small"
+
+# What a stage needs memory for, and what lowers that.
+_PICTURES = "the pictures: lower `resolution` or `views`"
+_FIT = "the fit: lower `batch`, `resolution` or `views`"
+_ADVICE = {
+    "load": _PICTURES,
+    "simplify": _PICTURES,
+    "render": _PICTURES,
+    "encode": "the tokens: lower `resolution` or `views`, or take a smaller encoder",
+    "spread": _FIT,
+    "fit": _FIT,
+}
 
 
 def distill(
     mesh: Mesh,
-    encoder: str | PathLike[str] | Encoder = "dinov2-small",
+    encoder: str | PathLike[str] | Encoder = DEFAULT_ENCODER,
     *,
     features: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None,
-    views: int = 24,
-    resolution: int = 518,
-    framing: str = "shape",
-    simplify_to: int | None = None,
-    supervision: str = "barycentric",
-    mirrored: bool = True,
-    smoothing: float = 0.3,
-    octaves: int = 5,
-    steps: int = 1000,
-    batch: int = 192,
-    learning_rate: float = 2e-2,
-    seed: int = 0,
     device: str | None = None,
     progress: bool | Stages = True,
     cache: bool = True,
     checkpoint: str | PathLike[str] | None = None,
+    **settings: Unpack[DistillOptions],
 ) -> Field:
-    """Distil the features of an image encoder, or features that are given, into a field around `mesh`.
+    """Distill the features of an image encoder, or features that are given, into a field around `mesh`.
 
     Parameters
     ----------
@@ -81,7 +89,8 @@ def distill(
     steps, batch, learning_rate
         Length of the fit, surface points per step, peak of its one-cycle rate.
     seed
-        Equal seeds give equal fields on one machine.
+        Equal seeds give equal fields on one machine. The precision of a named encoder is decided once on it, by
+        `dfd.encoders.encode.load_encoder`, and is `field.settings["encoder_precision"]`.
     device
         Where torch computes, such as "cpu" or "cuda"; None takes a CUDA device when there is one.
     progress
@@ -92,7 +101,7 @@ def distill(
     checkpoint
         A folder that keeps what is done, every few seconds, for as long as the call lasts. A call that was stopped,
         by whatever, goes on from there when it is made again, to the same bits; one with another mesh or other settings
-        begins anew and says so.
+        begins anew and says so, and so does what is damaged.
 
     Returns
     -------
@@ -112,189 +121,181 @@ def distill(
     -----
     RuntimeWarning
         If the cache cannot be written, or what is done cannot be kept; the call goes on.
+    UserWarning
+        If what `checkpoint` keeps is of other settings or damaged, and begun anew.
 
     Source: paper, Eq. 2 and 3 and supplement L.
     """
-    settings = _checked(
-        views=views,
-        resolution=resolution,
-        framing=framing,
-        simplify_to=simplify_to,
-        supervision=supervision,
-        mirrored=mirrored,
-        smoothing=smoothing,
-        octaves=octaves,
-        steps=steps,
-        batch=batch,
-        learning_rate=learning_rate,
-        seed=seed,
-    )
-    of_fit = {name: settings[name] for name in ("octaves", "steps", "batch", "learning_rate", "seed")}
-    smoothing, octaves, steps, batch, learning_rate, seed = settings["smoothing"], *of_fit.values()
     stages = progress if isinstance(progress, Stages) else Stages(show=bool(progress))
+    unknown = settings.keys() - DistillOptions.__annotations__.keys()
+    if unknown:
+        raise TypeError(f"distill() got an unexpected keyword argument {min(unknown)!r}")
+    with distilling(
+        mesh,
+        encoder,
+        DistillSettings(**settings),
+        features=features,
+        device=device,
+        stages=stages,
+        cache=cache,
+        checkpoint=checkpoint,
+    ) as field:
+        return field
 
-    if features is not None:
-        from dfd.distillation.vertex_features import fit_features
 
-        return fit_features(mesh, features, of_fit, device=device, stages=stages, cache=cache, checkpoint=checkpoint)
-    with stages.stage("load"):
-        known = _run(mesh, encoder, settings, device, cache, checkpoint)
-        found = known.found() if known else None
+# What help() and editors show are the settings themselves.
+distill.__signature__ = signature(distill).replace(  # type: ignore[attr-defined]
+    parameters=[
+        *(each for each in signature(distill).parameters.values() if each.kind is not Parameter.VAR_KEYWORD),
+        *signature(DistillSettings).parameters.values(),
+    ]
+)
+
+
+@contextmanager
+def distilling(
+    mesh: Mesh,
+    encoder: str | PathLike[str] | Encoder,
+    settings: DistillSettings,
+    *,
+    features: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None,
+    device: str | None = None,
+    stages: Stages,
+    cache: bool = True,
+    checkpoint: str | PathLike[str] | None = None,
+) -> Iterator[Field]:
+    """Do what `distill` does for a block that writes the field: the checkpoint stays if the block fails."""
+    with stages.stage("load"), _loading():
+        known = find_recipe(mesh, encoder, settings, device) if features is None else None
+        found = find_field(known, checkpoint) if known and cache else None
+        if found is None:
+            if features is None:
+                work = _of_pictures(mesh, encoder, settings, device)
+            else:
+                work = _of_features(mesh, features, settings, device)
+            if cache and work.recipe != known:
+                found = find_field(work.recipe, checkpoint)
     if found is not None:
-        return found
-    with stages.stage("load"), _no_garbage_collection():  # most of which is importing these
-        import torch
-
-        from dfd.distillation.fit import descend
-        from dfd.distillation.main_directions import turned
-        from dfd.distillation.smoothing import diffuse
-        from dfd.distillation.targets import PixelTargets, PointTargets
-        from dfd.encoders.encode import Encoder, load_encoder
-        from dfd.field.field import Field
-        from dfd.runs.recipe import plain, recipe
-        from dfd.runs.run import Run
-        from dfd.views.render import render
-
-        model = encoder if isinstance(encoder, Encoder) else load_encoder(encoder, device=device)
-        run = Run(recipe(mesh, **settings, **_loaded(encoder, device, model)), cache, checkpoint)
-    with run.step("the pictures", "lower `resolution` or `views`"):
-        seen = render(
-            mesh,
-            views=views,
-            resolution=resolution,
-            framing=framing,
-            mirrored=mirrored,
-            simplify_to=simplify_to,
-            supervision=supervision,
-            stages=stages,
-        )
-    run.begin()
-    with run.step("the tokens", "lower `resolution` or `views`, or take a smaller encoder"):
-        tokens = run.encode(model, seen.images, seen.covered, stages=stages)
-    with run.step("the fit", "lower `batch`, `resolution` or `views`"):
-        pixels = PixelTargets(seen, tokens, model.device)
-        targets: PixelTargets | PointTargets = pixels
-        dimension, directions = tokens.shape[-1], None
-        if smoothing > 0:
-            with stages.stage("spread"):
-                points, main, directions = diffuse(seen, pixels, smoothing=smoothing, seed=seed)
-            targets, dimension = PointTargets(points, main, model.device), len(directions)
-        generator = torch.Generator().manual_seed(seed)
-        field = Field.seeded(seed, dimension, octaves=octaves, center=seen.center, scale=seen.scale)
-        field.to(model.device)
-        losses = descend(
-            field,
-            lambda: targets.draw(batch, generator),
-            steps=steps,
-            learning_rate=learning_rate,
-            generator=generator,
-            stages=stages,
-            state=run.fit_state(seen.points, seen.view, seen.row, seen.column, tokens),
-        )
-        if directions is not None:
-            field = turned(field, directions)
-    field.settings = {**model.settings(), **plain(settings), "losses": losses}
-    return run.finish(field)
+        yield found
+        return
+    kept = None if checkpoint is None else Checkpoint(checkpoint, work.recipe)
+    with _guarded(work, stages, kept):
+        field = work.run(stages=stages, kept=kept)
+    if cache:
+        field_cache.store(work.recipe, field)
+    yield field
+    if kept is not None:
+        kept.remove()
 
 
-def find_distilled(mesh: Content, encoder: str | PathLike[str] = "dinov2-small", **given: Any) -> CachedField | None:
+def find_distilled(
+    mesh: Content,
+    encoder: str | PathLike[str] | Encoder,
+    settings: DistillSettings,
+    *,
+    device: str | None = None,
+    checkpoint: str | PathLike[str] | None = None,
+) -> Field | None:
     """Return what `distill` would take from the user's cache for the same arguments, or None where it would work.
 
     No torch is imported for it, which takes longer than all the rest.
+    """
+    known = find_recipe(mesh, encoder, settings, device)
+    return find_field(known, checkpoint) if known else None
+
+
+def find_recipe(
+    mesh: Content, encoder: str | PathLike[str] | Encoder, settings: DistillSettings, device: str | None
+) -> dict[str, Any] | None:
+    """Return all that the field depends on, without loading the encoder; None where that is not known before.
 
     Raises
     ------
     ValueError
-        If an argument is out of its range.
+        If `encoder` is none.
     """
-    call = signature(distill).bind(mesh, encoder, **given)
-    call.apply_defaults()
-    options = call.arguments
-    if not options["cache"] or options["features"] is not None:
-        return None
-    settings = _checked(**{name: options[name] for name in signature(_checked).parameters})
-    run = _run(mesh, encoder, settings, options["device"], True, options["checkpoint"])
-    return run.found_file() if run else None
+    from dfd.encoders.identity import find_identity
+
+    if not isinstance(encoder, str | PathLike) and not hasattr(encoder, "identity"):
+        raise ValueError(f"distill: `encoder` must be a name, a folder or a loaded Encoder, got {encoder!r}")
+    identity = find_identity(encoder, device)
+    return recipe(mesh, **settings.as_dict(), **identity) if identity else None
+
+
+@dataclass(frozen=True)
+class _Work:
+    """A distillation that is ready to begin: by what its result is known, and what is to be done."""
+
+    recipe: Mapping[str, Any]
+    run: Callable[..., Field]  # stages and kept
+    advice: Mapping[str, str]  # when memory runs out in a stage
+
+
+def _of_pictures(
+    mesh: Mesh, encoder: str | PathLike[str] | Encoder, settings: DistillSettings, device: str | None
+) -> _Work:
+    with heed_interrupts(wait=True):
+        from dfd.distillation.algorithm import distill_pictures
+        from dfd.encoders.encode import Encoder, load_encoder
+        from dfd.encoders.identity import loaded_identity
+
+    model = encoder if isinstance(encoder, Encoder) else load_encoder(encoder, device=device)
+    made_of = recipe(mesh, **settings.as_dict(), **loaded_identity(encoder, device, model))
+    return _Work(made_of, partial(distill_pictures, mesh, model, settings), _ADVICE)
+
+
+def _of_features(
+    mesh: Mesh, features: ArrayLike | tuple[ArrayLike, ArrayLike], settings: DistillSettings, device: str | None
+) -> _Work:
+    with heed_interrupts(wait=True):
+        from dfd.common.devices import choose_device
+        from dfd.distillation.vertex_features import GivenFeatures, distill_features
+
+    target = choose_device("distill", device)
+    given = GivenFeatures(mesh, features)
+    made_of = recipe(mesh, **settings.of_fit(), features=given.kind, given=given.sha256(), device=str(target))
+    advice = {"fit": "the fit: lower `batch`, or give features with fewer columns"}
+    return _Work(made_of, partial(distill_features, given, settings, device=target), advice)
 
 
 @contextmanager
-def _no_garbage_collection() -> Iterator[None]:
-    """Importing makes a million objects that stay: searching them for garbage, over and over, takes a tenth of it."""
-    enabled = gc.isenabled()
-    gc.disable()
+def _loading() -> Iterator[None]:
+    """Importing makes a million objects that stay: searching them for garbage, over and over, takes a tenth of it.
+
+    The one search that comes at the end belongs to it, for an interruption that meets a finalizer there would be lost.
+    """
+    with heed_interrupts():
+        enabled = gc.isenabled()
+        gc.disable()
+        try:
+            yield
+        finally:
+            if enabled:
+                gc.enable()
+                gc.collect(0)
+
+
+@contextmanager
+def _guarded(work: _Work, stages: Stages, kept: Checkpoint | None) -> Iterator[None]:
+    """Watch over the work itself.
+
+    Raises
+    ------
+    MemoryError
+        With advice, when memory runs out in whatever way.
+    ValueError
+        What the work itself raises: a checkpoint goes then, for it would only lead here again.
+    """
     try:
         yield
-    finally:
-        if enabled:
-            gc.enable()
+    except ValueError:
+        if kept is not None:
+            kept.remove()
+        raise
+    except (MemoryError, RuntimeError) as error:
+        from dfd.common.devices import out_of_memory
 
-
-def _checked(
-    *,
-    views: int,
-    resolution: int,
-    framing: str,
-    simplify_to: int | None,
-    supervision: str,
-    mirrored: bool,
-    smoothing: float,
-    octaves: int,
-    steps: int,
-    batch: int,
-    learning_rate: float,
-    seed: int,
-) -> dict[str, Any]:
-    """What a field depends on besides its mesh and encoder; what concerns the pictures is checked by `render`."""
-    if supervision not in ("barycentric", "vertex"):
-        raise ValueError(f"distill: `supervision` must be 'barycentric' or 'vertex', got {supervision!r}")
-    smoothing = check.number("distill", "smoothing", smoothing, minimum=0.0, maximum=2.0)
-    return {
-        "views": views,
-        "resolution": resolution,
-        "framing": framing,
-        "simplify_to": simplify_to,
-        "supervision": supervision,
-        "mirrored": bool(mirrored),
-        "smoothing": 0.0 if supervision == "vertex" else smoothing,  # the ablation is of the paper's own loss
-        "octaves": check.whole("distill", "octaves", octaves, minimum=0, maximum=16),
-        "steps": check.whole("distill", "steps", steps, minimum=1),
-        "batch": check.whole("distill", "batch", batch, minimum=1),
-        "learning_rate": check.number("distill", "learning_rate", learning_rate, minimum=0.0, exclusive=True),
-        "seed": check.whole("distill", "seed", seed, minimum=0, maximum=2**63 - 1),
-    }
-
-
-def _run(
-    mesh: Content,
-    encoder: str | PathLike[str] | Encoder,
-    settings: Mapping[str, Any],
-    device: str | None,
-    cache: bool,
-    checkpoint: str | PathLike[str] | None,
-) -> Run | None:
-    """The run that an encoder's weights would have as they are at hand; None where they are not."""
-    from dfd.runs.recipe import recipe
-    from dfd.runs.run import Run
-
-    source = _source(encoder, device)
-    return Run(recipe(mesh, **settings, **source), cache, checkpoint) if source else None
-
-
-def _source(encoder: str | PathLike[str] | Encoder, device: str | None) -> dict[str, Any] | None:
-    """What tells the encoder from any other, without loading it; None where its weights are not at hand."""
-    from dfd.encoders.sources import find_fingerprint
-
-    if not isinstance(encoder, str | PathLike):
-        if not hasattr(encoder, "identity"):
-            raise ValueError(f"distill: `encoder` must be a name, a folder or a loaded Encoder, got {encoder!r}")
-        return encoder.identity()
-    weights = find_fingerprint(encoder)
-    place = None if device is None else str(device)
-    return {"encoder": os.fspath(encoder), "encoder_weights": weights, "device": place} if weights else None
-
-
-def _loaded(encoder: str | PathLike[str] | Encoder, device: str | None, model: Encoder) -> dict[str, Any]:
-    """As `_source`, once the encoder is loaded: the hub may have given other weights than those that were at hand."""
-    source = _source(encoder, device)
-    weights = model.settings()["encoder_weights"]
-    return source if source and str(source["encoder_weights"]).startswith(str(weights)) else model.identity()
+        if not out_of_memory(error) or str(error).startswith("encode: "):
+            raise
+        advice = work.advice.get(stages.latest or "", next(iter(work.advice.values())))
+        raise MemoryError(f"distill: too little memory for {advice}") from error

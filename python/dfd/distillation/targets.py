@@ -14,9 +14,20 @@ __all__ = ["PixelTargets", "PointTargets"]
 
 
 class PointTargets:
-    """Targets at points: (N, 3) normalised, and (N, D) unit rows."""
+    """Targets at points: (N, 3) normalized, and (N, d) unit rows.
 
-    def __init__(self, points: NDArray[np.float32], targets: NDArray[np.float32], device: torch.device) -> None:
+    `directions` (d, D), orthonormal rows, lead from targets to features as the encoder gives them.
+    """
+
+    def __init__(
+        self,
+        points: NDArray[np.float32],
+        targets: NDArray[np.float32],
+        directions: NDArray[np.float32],
+        device: torch.device,
+    ) -> None:
+        self.points, self.targets, self.directions = points, targets, directions
+        self.dimension = targets.shape[1]
         self._points = torch.from_numpy(points).to(device)
         self._targets = torch.from_numpy(targets).to(device)
 
@@ -29,8 +40,8 @@ class PointTargets:
 class PixelTargets:
     """Targets at the surface points of all views: Ω of Eq. 3.
 
-    Tokens are read between their places, bilinearly: a patch's token stands at the centre of the patch. Only the tokens
-    are kept, never features of pixels.
+    Tokens are read between their positions, bilinearly: a patch's token stands at the center of the patch. Only the
+    tokens are kept, never features of pixels.
 
     Parameters
     ----------
@@ -38,9 +49,12 @@ class PixelTargets:
         (views, h, w, D), the grids that the encoder gave for the square images of `views`.
     """
 
+    directions = None  # these targets are features as the encoder gives them
+
     def __init__(self, views: Views, tokens: NDArray[np.float32], device: torch.device) -> None:
-        count, self._height, self._width, dimension = tokens.shape
-        self._table = torch.from_numpy(tokens.reshape(count * self._height * self._width, dimension)).to(device)
+        count, self._height, self._width, self.dimension = tokens.shape
+        self.device = device
+        self._table = torch.from_numpy(tokens.reshape(count * self._height * self._width, self.dimension)).to(device)
         self._points = torch.from_numpy(views.points).to(device)
         self._view = torch.from_numpy(views.view.astype(np.int64)).to(device)
         self._row = torch.from_numpy(views.row).to(device)
@@ -84,6 +98,6 @@ class PixelTargets:
         return indices, shares
 
     def _between(self, pixel: torch.Tensor, count: int) -> tuple[torch.Tensor, torch.Tensor]:
-        place = ((pixel + 0.5) * (count / self._resolution) - 0.5).clamp_(0, count - 1)
-        before = place.floor()
-        return before.long(), place - before
+        position = ((pixel + 0.5) * (count / self._resolution) - 0.5).clamp_(0, count - 1)
+        before = position.floor()
+        return before.long(), position - before

@@ -39,7 +39,7 @@ def check_compatible(field: Field, mesh: Mesh) -> None:
     UserWarning
         If the mesh reaches out of that cube by more than half of its half side: there the field only guesses.
     """
-    center, scale = field.center.cpu().numpy(), float(field.scale)
+    center, scale = field.center, field.scale
     low, high = (np.asarray(mesh.bounds) - center) * scale  # in the field's own cube, [-1, 1]³
     ratio = float((high - low).max()) / 2.0
     reach = float(max(-low.min(), high.max()))

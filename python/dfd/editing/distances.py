@@ -28,7 +28,7 @@ class Distances:
 
     def __init__(self, mesh: Mesh) -> None:
         self._mesh = mesh
-        self._rows: dict[tuple[int, bool], Float32] = {}  # (V,) each, by its source and whether it is in mesh units
+        self._rows: dict[int, Float32] = {}  # (V,) each, by its source
         self._found: dict[Vector, int] = {}  # nearest vertices: every frame of a drag asks for the same ones
 
     def sources(self, own: Indices, place: Place, symmetry: SymmetryPlane | None) -> tuple[int, ...]:
@@ -53,21 +53,21 @@ class Distances:
         if not sources:
             return None, 0.0
         if controls.radius is None:
-            return self._nearest_of(sources, False)[None], controls.locality
-        reached = np.minimum(self._nearest_of(sources, True) / np.float32(controls.radius), np.float32(1.0))
+            return self._nearest_of(sources)[None], controls.locality
+        in_radii = np.float32(self._geodesics.extent / controls.radius)
+        reached = np.minimum(self._nearest_of(sources) * in_radii, np.float32(1.0))
         return np.square(reached)[None], 2.0
 
     def keep(self, sources: set[int]) -> None:
         """Forget the distances of handles that are gone: they are not worth their memory."""
-        self._rows = {key: row for key, row in self._rows.items() if key[0] in sources}
+        self._rows = {key: row for key, row in self._rows.items() if key in sources}
 
-    def _nearest_of(self, sources: tuple[int, ...], in_units: bool) -> Float32:
-        """(V,) distances from the nearest of `sources`, in [0, 1] or in mesh units."""
+    def _nearest_of(self, sources: tuple[int, ...]) -> Float32:
+        """(V,) distances in [0, 1] from the nearest of `sources`."""
         for source in sources:
-            if (source, in_units) not in self._rows:
-                ask = self._geodesics.lengths if in_units else self._geodesics.distances
-                self._rows[source, in_units] = ask([source])[0]
-        nearest, *others = (self._rows[source, in_units] for source in sources)
+            if source not in self._rows:
+                self._rows[source] = self._geodesics.distances([source])[0]
+        nearest, *others = (self._rows[source] for source in sources)
         for other in others:
             nearest = np.minimum(nearest, other)
         return nearest

@@ -8,29 +8,44 @@ import logging
 import os
 import warnings
 from collections.abc import Callable
-from typing import Any
+from dataclasses import replace
+from typing import Any, Literal, Protocol
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from dfd.common import check
 from dfd.common.devices import choose_device, out_of_memory
 from dfd.common.progress import Stages
 from dfd.common.torch_threads import share
-from dfd.encoders.attention import choose_precision, use_blocked_attention
+from dfd.encoders.attention import use_blocked_attention
 from dfd.encoders.families import VisionModel, build
 from dfd.encoders.foreground import foreground_patches
+from dfd.encoders.precision import Precision, choose_precision, note_device
 from dfd.encoders.presets import PRESETS
 from dfd.encoders.sources import Weights, find_weights
 
-__all__ = ["Encoder", "load_encoder"]
+__all__ = ["Encoder", "TokenStore", "load_encoder"]
 
 _log = logging.getLogger(__name__)
 
 _PIXELS_AT_ONCE = 24 * 518 * 518  # that go through the network together on a device: enough to keep it busy
 
-PRECISIONS = ("auto", "float32", "bfloat16")
+PrecisionOption = Literal["auto", "float32", "bfloat16"]
+
+
+class TokenStore(Protocol):
+    """Where one encoder's tokens of pictures are kept, to be found again instead of made again."""
+
+    def read_tokens(self, image: NDArray[np.uint8], covered: NDArray[np.bool_] | None) -> NDArray[np.float32] | None:
+        """The tokens (h, w, D) of an image (R, R, 3) with its covered pixels (R, R); None where they are not kept."""
+
+    def write_tokens(
+        self, image: NDArray[np.uint8], covered: NDArray[np.bool_] | None, tokens: NDArray[np.float32]
+    ) -> None:
+        """Keep `tokens`; called from any thread."""
 
 
 class Encoder:
@@ -44,14 +59,22 @@ class Encoder:
         D, the length of a token.
     patch
         Side of a token's square in the picture, in pixels.
-    block
-        The block whose tokens are used, counted from 1.
+    block, depth
+        The block whose tokens are used, counted from 1, and how many the network has.
+    device, precision
+        Where it computes, and with which numbers: "float32" or "bfloat16".
+    foreground_only
+        Whether it leaves out patches that show nothing of the shape, where it is told which.
     """
 
-    def __init__(self, name: str, weights: Weights, model: VisionModel, device: torch.device, precision: str) -> None:
+    def __init__(
+        self, name: str, weights: Weights, model: VisionModel, device: torch.device, precision: Precision
+    ) -> None:
         self.name = name
         self.patch = model.patch
         self.block = model.block
+        self.depth = model.depth
+        self.foreground_only = model.takes_patches
         self.device = device
         self.precision = precision
         self._weights = weights
@@ -77,7 +100,7 @@ class Encoder:
             "encoder_patch": self.patch,
             "encoder_dimension": self.dimension,
             "encoder_precision": self.precision,
-            "encoder_foreground_only": self._model.takes_patches,
+            "encoder_foreground_only": self.foreground_only,
         }
 
     def nearest_resolution(self, resolution: int) -> int:
@@ -85,16 +108,18 @@ class Encoder:
         if self._model.fixed_size is not None:
             return self._model.fixed_size
         step = self._model.step
-        return max(1, (int(resolution) + step // 2) // step) * step
+        resolution = check.whole("nearest_resolution", "resolution", resolution, minimum=1)
+        return max(1, (resolution + step // 2) // step) * step
 
     def identity(self) -> dict[str, Any]:
         """`settings`, and what else tells this encoder from another one: what a cache may key on."""
-        normalisation = self._model.normalisation
+        channels = self._model.channels
         config = json.dumps(self._weights.config, sort_keys=True, default=str)
         return {
             **self.settings(),
             "encoder_config": hashlib.sha256(config.encode()).hexdigest(),
-            "encoder_normalisation": [list(normalisation.mean), list(normalisation.std)],
+            "encoder_channels": [list(channels.mean), list(channels.std)],
+            "device": str(self.device),
         }
 
     def encode(
@@ -102,8 +127,7 @@ class Encoder:
         images: NDArray[np.uint8],
         *,
         covered: NDArray[np.bool_] | None = None,
-        mirror: bool = False,
-        done: Callable[[int, NDArray[np.float32]], None] | None = None,
+        store: TokenStore | None = None,
         stages: Stages | None = None,
     ) -> NDArray[np.float32]:
         """Return the tokens of `images`.
@@ -117,11 +141,8 @@ class Encoder:
             Shape (number of images, R, R): the pixels that show the shape. Patches without any, and beside none that
             has some, are then left out by networks that can do without, and their tokens are 0. None: every patch is
             looked at.
-        mirror
-            Average each image's tokens with those of its mirror image, mirrored back: the encoder's sense of left and
-            right goes, at twice the time.
-        done
-            Called with the number of an image and its tokens as soon as they are made: in any order, from any thread.
+        store
+            Looked into for the tokens of each image, and given those that are made, as soon as they are.
         stages
             Gets a stage "encode" of one item an image.
 
@@ -149,21 +170,33 @@ class Encoder:
         self._say_rounded(pictures.shape[1], resolution)
         side = resolution // self.patch
         tokens = np.empty((len(pictures), side, side, self.dimension), np.float32)
+
+        def shown_in(images: Any) -> Any:
+            return None if shown is None else shown[images]
+
         with (stages or Stages(show=False)).stage("encode", total=len(pictures)) as advance:
+            remaining = []
+            for image, picture in enumerate(pictures):
+                kept = store.read_tokens(picture, shown_in(image)) if store is not None else None
+                if kept is not None and kept.shape == tokens.shape[1:]:
+                    tokens[image] = kept
+                    advance()
+                else:
+                    remaining.append(image)
 
             def fill(begin: int, end: int) -> None:
-                some = None if shown is None else shown[begin:end]
-                tokens[begin:end] = self._forward(pictures[begin:end], some, mirror=mirror)
-                if done is not None:
-                    for image in range(begin, end):
-                        done(image, tokens[image])
+                some = remaining[begin:end]
+                tokens[some] = self._forward(pictures[some], shown_in(some))
+                if store is not None:
+                    for image in some:
+                        store.write_tokens(pictures[image], shown_in(image), tokens[image])
                 advance(end - begin)
 
             try:
                 if self.device.type == "cpu":
-                    share(len(pictures), 1, fill)
+                    share(len(remaining), 1, fill)
                 else:
-                    self._fill_on_device(len(pictures), max(1, _PIXELS_AT_ONCE // resolution**2), fill)
+                    self._fill_on_device(len(remaining), max(1, _PIXELS_AT_ONCE // resolution**2), fill)
             except RuntimeError as error:
                 if not out_of_memory(error):
                     raise
@@ -188,9 +221,7 @@ class Encoder:
                 continue
             begin = end
 
-    def _forward(
-        self, images: NDArray[np.uint8], covered: NDArray[np.bool_] | None, *, mirror: bool
-    ) -> NDArray[np.float32]:
+    def _forward(self, images: NDArray[np.uint8], covered: NDArray[np.bool_] | None) -> NDArray[np.float32]:
         resolution = self.nearest_resolution(images.shape[1])
         with torch.inference_mode():
             pixels = torch.from_numpy(np.array(images, order="C")).to(self.device).permute(0, 3, 1, 2) / 255.0
@@ -198,18 +229,14 @@ class Encoder:
                 pixels = torch.nn.functional.interpolate(
                     pixels, (resolution, resolution), mode="bicubic", antialias=True, align_corners=False
                 ).clamp(0.0, 1.0)
-            normalisation = self._model.normalisation
-            pixels = (pixels - _channels(normalisation.mean, self.device)) / _channels(normalisation.std, self.device)
+            channels = self._model.channels
+            pixels = (pixels - _of_channels(channels.mean, self.device)) / _of_channels(channels.std, self.device)
             side = resolution // self.patch
             patches: list[Tensor] | None = None
-            if covered is not None and self._model.takes_patches:
+            if covered is not None and self.foreground_only:
                 shapes = torch.from_numpy(np.array(covered, order="C")).to(self.device)
                 patches = [foreground_patches(shown, side) for shown in shapes]
-            tokens = self._run(pixels, patches)
-            if mirror:
-                flipped = [shown.flip(1) for shown in patches] if patches else None
-                tokens = (tokens + self._run(pixels.flip(3), flipped).flip(2)) / 2
-            result: NDArray[np.float32] = tokens.cpu().numpy()
+            result: NDArray[np.float32] = self._run(pixels, patches).cpu().numpy()
         if result.shape != (len(images), side, side, self.dimension):
             raise ValueError(
                 f"encode: `encoder` {self.name!r} gave an output of shape {result.shape}, "
@@ -254,7 +281,8 @@ def load_encoder(
     *,
     block: int | None = None,
     device: str | torch.device | None = None,
-    precision: str = "auto",
+    precision: PrecisionOption = "auto",
+    background: bool = False,
 ) -> Encoder:
     """Load a vision network by name or from a folder.
 
@@ -271,7 +299,10 @@ def load_encoder(
         Where torch computes, such as "cpu" or "cuda"; None takes a CUDA device when there is one.
     precision
         "float32"; "bfloat16", two to three times as fast on processors and CUDA devices that have it (weights then move
-        by 0.0006 on average, 0.01 at most); "auto" takes "bfloat16" where it is faster and "float32" elsewhere.
+        by 0.0006 on average, 0.01 at most); "auto" takes "bfloat16" where it is faster and "float32" elsewhere. What it
+        takes is decided once per machine and kept in the user's cache, so that equal calls give equal tokens.
+    background
+        Look at what is around the shape as well, with networks too that can do without.
 
     Raises
     ------
@@ -280,8 +311,7 @@ def load_encoder(
     OSError
         If no weights are found or they cannot be read.
     """
-    if precision not in PRECISIONS:
-        raise ValueError(f"load_encoder: `precision` must be one of {', '.join(PRECISIONS)}, got {precision!r}")
+    check.choice("load_encoder", "precision", precision, PrecisionOption)
     target = choose_device("load_encoder", device)
     name = os.fspath(encoder)
     weights = find_weights(encoder)
@@ -290,14 +320,17 @@ def load_encoder(
         block = weights.block
     if block is None and preset is not None:
         block = preset.block
-    model = build(weights, block, preset.normalisation if preset else None)
+    model = build(weights, block, preset.channels if preset else None)
+    if background:
+        model = replace(model, takes_patches=False)
     _log.info("encoder %s: weights from %s, block %d of %d", name, weights.source, model.block, model.depth)
-    if precision == "auto":
-        precision = choose_precision(target)
-    if precision == "bfloat16" and target.type == "cpu" and model.pluggable_attention:
+    chosen = choose_precision(target) if precision == "auto" else precision
+    if device is None:
+        note_device(target)
+    if chosen == "bfloat16" and target.type == "cpu" and model.pluggable_attention:
         use_blocked_attention(model.network)
-    return Encoder(name, weights, model, target, precision)
+    return Encoder(name, weights, model, target, chosen)
 
 
-def _channels(values: tuple[float, float, float], device: torch.device) -> Any:
+def _of_channels(values: tuple[float, float, float], device: torch.device) -> Any:
     return torch.tensor(values, device=device).view(1, 3, 1, 1)

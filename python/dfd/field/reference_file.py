@@ -15,25 +15,28 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
-from dfd.field.field import Field
+from dfd.field.architecture import Architecture
+from dfd.field.field_file import Content
 from dfd.mesh.normalization import normalization
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["load_reference"]
+__all__ = ["read_reference"]
 
 
-def load_reference(path: str | os.PathLike[str], mesh: Mesh) -> Field:
+def read_reference(path: str | os.PathLike[str], mesh: Mesh) -> Content:
     """Return the field in `path`, a `final_encoder.pth` with its `.json` beside it.
 
     Parameters
     ----------
     mesh
-        The mesh it was distilled from: the file does not hold the normalisation, which brings the middle of the
+        The mesh it was distilled from: the file does not hold the normalization, which brings the middle of the
         mesh's box to the origin and its longest side to [−1, 1].
 
     Raises
@@ -65,22 +68,13 @@ def load_reference(path: str | os.PathLike[str], mesh: Mesh) -> Field:
         "encoder": str(config.get("model", "unknown")),
         **{f"reference_{name}": value for name, value in config.items() if isinstance(value, str | int | float)},
     }
-    field = Field.seeded(
-        0,
-        linear[-1][0].shape[0],
-        width=linear[0][0].shape[0],
-        layers=len(norms),
-        center=center,
-        scale=scale,
-        settings=settings,
-    )
-    state = field.state_dict()
-    for layer, (weight, bias) in enumerate(linear):
-        state[f"network.{3 * layer}.weight"], state[f"network.{3 * layer}.bias"] = weight.float(), bias.float()
-    for layer, (weight, bias) in enumerate(norms):
-        state[f"network.{3 * layer + 2}.weight"], state[f"network.{3 * layer + 2}.bias"] = weight.float(), bias.float()
-    field.load_state_dict(state)
-    return field.eval().requires_grad_(False)
+    architecture = Architecture(linear[-1][0].shape[0], linear[0][0].shape[0], len(norms))
+    parameters: dict[str, NDArray[np.float32]] = {}
+    for layers, stride in ((linear, 0), (norms, 2)):
+        for layer, (weight, bias) in enumerate(layers):
+            name = f"network.{3 * layer + stride}"
+            parameters |= {f"{name}.weight": weight.float().numpy(), f"{name}.bias": bias.float().numpy()}
+    return Content(architecture, parameters, center, scale, settings)
 
 
 Pair = tuple[Tensor, Tensor]  # weight and bias

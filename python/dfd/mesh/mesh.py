@@ -1,35 +1,53 @@
-"""The mesh: distinct positions, triangles between them, and what is needed to look at it and to save it again."""
+"""The mesh: positions, triangles between them, and what is needed to look at it and to save it again."""
 
 from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 
 from dfd.common import check
 from dfd.mesh.appearance import Appearance
-from dfd.mesh.file.parts import Part
-from dfd.mesh.file.read import SceneFile
+from dfd.mesh.file.read import of_trimesh, read
+from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.file.write import write
 from dfd.mesh.normals import smooth_normals
 
-__all__ = ["Mesh", "load"]
+__all__ = ["Mesh", "MeshLike", "MeshPart", "as_mesh", "load"]
+
+
+@dataclass(frozen=True)
+class MeshPart:
+    """A part of the scene that a mesh came from: an object of a glTF or OBJ file, whatever materials it has."""
+
+    name: str  # no other part of the mesh has it
+    faces: slice  # its faces, which follow each other, among those of the mesh
+    vertices: NDArray[np.int64]  # (N,) the vertices that its faces use, ascending; parts that touch share some
 
 
 class Mesh:
     """A triangle mesh that never changes: its arrays are read-only, and a moved mesh is another array of positions.
 
-    A mesh that comes from a file (see `load`) holds each position once, whatever seams its texture or normals have.
+    Vertex i of a mesh from an OBJ, PLY or OFF file is the file's own vertex i, counted from 0, whether a face uses it
+    or not (an OBJ file's faces count it as i + 1). GLB, glTF and STL files have no one list of vertices: there the
+    distinct positions that faces use are numbered in the order in which the file has them.
+
+    Faces name one vertex for each position, the first, whatever seams the texture or the normals of the file have
+    there; `representative` tells which one that is for the others.
     """
 
     vertices: NDArray[np.float64]  # (V, 3) positions in the file's units
     faces: NDArray[np.int32]  # (F, 3) corners as indices into `vertices`
-    appearance: Appearance | None  # what colours the surface; None where nothing is known
+    representative: NDArray[np.int32]  # (V,) the vertex whose index faces have for each vertex's position
+    appearance: Appearance | None  # what colors the surface; None where nothing is known
     source: Path | None  # the file it was read from
 
     def __init__(
@@ -49,7 +67,7 @@ class Mesh:
         faces
             (F, 3) vertex indices, at least one face; faces without area and repeated faces are kept.
         appearance
-            Colours and textures of the faces.
+            Colors and textures of the faces.
         scene
             The file's own scene, which `save` writes again.
 
@@ -62,23 +80,46 @@ class Mesh:
         if len(self.vertices) < 3:
             raise ValueError(f"Mesh: `vertices` must hold at least 3 vertices, got {len(self.vertices)}")
         self.faces = _frozen(_checked_faces(faces, len(self.vertices)))
+        self.representative = _frozen(
+            np.arange(len(self.vertices), dtype=np.int32) if scene is None else scene.representative
+        )
         self.appearance = appearance
         self.source = scene.path if scene else None
         self._scene = scene
 
     def __repr__(self) -> str:
         name = f"{self.source.name}: " if self.source else ""
-        return f"Mesh({name}{len(self.vertices)} vertices, {len(self.faces)} faces)"
+        parts = f", {self.part_count} parts" if self.part_count > 1 else ""
+        return f"Mesh({name}{len(self.vertices)} vertices, {len(self.faces)} faces{parts})"
 
     @cached_property
     def bounds(self) -> NDArray[np.float64]:
-        """(2, 3) smallest and largest coordinates."""
-        return _frozen(np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)]))
+        """(2, 3) smallest and largest coordinates of the vertices that faces use."""
+        used = np.zeros(len(self.vertices), bool)
+        used[self.faces] = True
+        places = self.vertices if used.all() else self.vertices[used]
+        return _frozen(np.stack([places.min(axis=0), places.max(axis=0)]))
 
     @cached_property
     def extents(self) -> NDArray[np.float64]:
         """(3,) lengths of the sides of the box around the mesh."""
         return _frozen(self.bounds[1] - self.bounds[0])
+
+    @cached_property
+    def parts(self) -> tuple[MeshPart, ...]:
+        """The parts of the scene, in the order of their faces; one that holds everything for a mesh of arrays."""
+        if self._scene is None:
+            return (MeshPart("mesh", slice(0, len(self.faces)), np.unique(self.faces).astype(np.int64)),)
+        found: list[tuple[str, int, int]] = []
+        for each in self._scene.primitives:
+            if found and found[-1][0] == each.part:
+                found[-1] = (each.part, found[-1][1], each.faces.stop)
+            else:
+                found.append((each.part, each.faces.start, each.faces.stop))
+        return tuple(
+            MeshPart(name, slice(start, stop), _frozen(np.unique(self.faces[start:stop]).astype(np.int64)))
+            for name, start, stop in found
+        )
 
     @property
     def scene(self) -> SceneFile | None:
@@ -88,31 +129,46 @@ class Mesh:
     @property
     def part_count(self) -> int:
         """How many parts the scene of its file has; 1 for a mesh made from arrays."""
-        return len(self._scene.parts) if self._scene else 1
+        return len(self.part_names)
 
-    @property
+    @cached_property
     def part_names(self) -> tuple[str, ...]:
-        """The names of the parts of its file's scene, in their order, once each; none for a mesh made from arrays."""
-        return tuple(dict.fromkeys(name for part in self._parts for name in (part.node, part.name)))
+        """The names of `parts`, in their order."""
+        if self._scene is None:
+            return ("mesh",)
+        return tuple(dict.fromkeys(each.part for each in self._scene.primitives))
 
     def part_vertices(self, name: str) -> NDArray[np.int64]:
-        """(N,) ascending, the vertices of the parts of that name: a node of the scene, or a geometry wherever it is.
+        """(N,) ascending, the vertices that the faces of the part of that name use.
+
+        A glTF file's geometries and materials may be named too, wherever they are.
 
         Raises
         ------
         ValueError
             If the scene has no part of that name; the message lists those it has.
         """
-        named = [part for part in self._parts if name in (part.node, part.name)]
-        if not named or self._scene is None:
-            known = ", ".join(self.part_names[:20]) or "none"
-            raise ValueError(f"Mesh.part_vertices: `name` must be a part of the scene ({known}), got {name!r}")
-        rows = np.concatenate([self._scene.vertex[part.rows] for part in named])
-        return np.unique(rows[rows >= 0]).astype(np.int64)
+        for part in self.parts:
+            if part.name == name:
+                return part.vertices
+        for others in self._other_names:
+            if name in others:
+                faces = [self.faces[each].ravel() for each in others[name]]
+                return np.unique(np.concatenate(faces)).astype(np.int64)
+        known = ", ".join(self.part_names[:20]) + (", …" if self.part_count > 20 else "")
+        raise ValueError(f"Mesh.part_vertices: `name` must be a part of the scene ({known}), got {name!r}")
 
-    @property
-    def _parts(self) -> tuple[Part, ...]:
-        return self._scene.parts if self._scene else ()
+    @cached_property
+    def _other_names(self) -> tuple[dict[str, list[slice]], dict[str, list[slice]]]:
+        """The faces of each geometry and of each material, by their names."""
+        geometries: dict[str, list[slice]] = {}
+        materials: dict[str, list[slice]] = {}
+        for each in self._scene.primitives if self._scene else ():
+            geometries.setdefault(each.name, []).append(each.faces)
+            material = getattr(getattr(each.geometry.visual, "material", None), "name", None)
+            if material:
+                materials.setdefault(str(material), []).append(each.faces)
+        return geometries, materials
 
     @property
     def diagonal(self) -> float:
@@ -121,8 +177,8 @@ class Mesh:
 
     @cached_property
     def normals(self) -> NDArray[np.float32]:
-        """(V, 3) smooth unit normals, faces weighted by area; zero where a vertex has no face with an area."""
-        return _frozen(smooth_normals(self.vertices, self.faces))
+        """(V, 3) smooth unit normals, faces weighted by area; zero where no face with an area is."""
+        return _frozen(smooth_normals(self.vertices, self.faces)[self.representative])
 
     @cached_property
     def content_hash(self) -> str:
@@ -138,8 +194,10 @@ class Mesh:
     def save(self, path: str | os.PathLike[str], vertices: Any | None = None) -> None:
         """Write the mesh, with its vertices moved to `vertices` (V, 3) when given, in the format of the ending.
 
-        A mesh that came from a file keeps that file's parts, names, materials, UVs, textures, colours and units as far
-        as the format has room for them; normals follow the moved surface. The file is whole or absent.
+        A mesh that came from a file keeps that file's parts, names, materials, UVs, textures, colors and units as far
+        as the format has room for them; normals follow the moved surface. An OBJ file saved as OBJ, and a glTF file
+        saved as glTF or GLB, keep everything else that they hold: only what moved is written anew. The file is whole
+        or absent.
 
         Raises
         ------
@@ -154,29 +212,88 @@ class Mesh:
             moved = check.array("Mesh.save", "vertices", vertices, self.vertices.shape, dtype=np.float64)
         write(path, moved, self.faces, appearance=self.appearance, scene=self._scene)
 
+    def to_trimesh(self, vertices: Any | None = None) -> trimesh.Trimesh:
+        """Return the mesh as a `trimesh.Trimesh` with the same vertices and faces in the same order.
 
-def load(path: str | os.PathLike[str]) -> Mesh:
-    """Read a mesh from an OBJ, PLY, STL, OFF, GLB or glTF file.
+        Its vertices are moved to `vertices` (V, 3) when given. Textures become colors of the vertices; those on a
+        seam take that of one of its sides.
 
-    All parts of a scene are taken, in their places; vertices that share a position become one, in the order in which
-    the file has them, and vertices no face uses are left out. Nothing else is changed: units, orientation, faces
-    without area and repeated faces stay.
+        Raises
+        ------
+        ValueError
+            If `vertices` has another shape or is not finite.
+        """
+        moved = self.vertices
+        if vertices is not None:
+            moved = check.array("Mesh.to_trimesh", "vertices", vertices, self.vertices.shape, dtype=np.float64)
+        result = trimesh.Trimesh(moved.copy(), self.faces.astype(np.int64), process=False)
+        if self.appearance is not None:
+            result.visual.vertex_colors = np.rint(self.vertex_colors() * 255).astype(np.uint8)
+        return result
+
+    def vertex_colors(self) -> NDArray[np.float32]:
+        """Return the display-referred RGBA (V, 4) in [0, 1] of the surface at each vertex.
+
+        A vertex on a seam takes that of one of its sides; white where no face is or nothing is known.
+        """
+        colors = np.ones((len(self.vertices), 4), np.float32)
+        if self.appearance is None:
+            return colors
+        used, corner = np.unique(self.faces, return_index=True)
+        colors[used] = self.appearance.albedo(corner // 3, np.eye(3, dtype=np.float32)[corner % 3])
+        return colors[self.representative]
+
+
+MeshLike: TypeAlias = (
+    Mesh | str | os.PathLike[str] | trimesh.Trimesh | trimesh.Scene | Sequence[Any]  # the last a pair of arrays
+)
+
+
+def load(source: str | os.PathLike[str] | trimesh.Trimesh | trimesh.Scene | Sequence[Any]) -> Mesh:
+    """Read a mesh from an OBJ, PLY, STL, OFF, GLB or glTF file, or take one that is in memory.
+
+    All parts of a scene are taken, in their places. Nothing is changed: units, orientation, the file's own numbers of
+    vertices (see `Mesh`), faces without area and repeated faces stay; polygons become fans of triangles.
+
+    Parameters
+    ----------
+    source
+        Path of a file; or a `trimesh.Trimesh` or `trimesh.Scene`; or a pair of vertices (V, 3) and faces (F, 3).
+        Arrays are copied.
 
     Raises
     ------
     OSError
-        If the file cannot be opened.
+        If the file cannot be opened, or is a pipe or a device.
     ValueError
-        If the file is empty, malformed, in an unknown format, or holds no faces, a face index out of range or a
-        coordinate that is not finite.
+        If the file is empty, malformed, cut off, in an unknown format or compressed in a way that cannot be read, or
+        it holds no faces, a face index out of range or a coordinate that is not finite.
+    TypeError
+        If `source` is none of these.
 
     Warns
     -----
     UserWarning
-        If a texture or materials file cannot be read; what it would colour is shown grey.
+        If a texture or materials file cannot be read: what it would color is shown grey. If an OBJ file has faces of
+        fewer than three corners: they are left out.
     """
-    scene = SceneFile(path)
-    return Mesh(scene.vertices, scene.vertex[scene.corner_faces], appearance=scene.appearance, scene=scene)
+    if isinstance(source, str | os.PathLike):
+        scene = read(source)
+    elif isinstance(source, trimesh.Trimesh | trimesh.Scene):
+        scene = of_trimesh(source)
+    elif isinstance(source, tuple | list) and len(source) == 2:
+        return Mesh(*source)
+    else:
+        raise TypeError(
+            "load: `source` must be a path, a trimesh.Trimesh, a trimesh.Scene or a pair (vertices, faces), "
+            f"got {type(source).__name__}"
+        )
+    return Mesh(scene.vertices, scene.faces, appearance=scene.appearance, scene=scene)
+
+
+def as_mesh(source: MeshLike) -> Mesh:
+    """Return a mesh as it is, and `load` anything else."""
+    return source if isinstance(source, Mesh) else load(source)
 
 
 def _checked_faces(faces: Any, vertex_count: int) -> NDArray[np.int32]:

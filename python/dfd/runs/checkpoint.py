@@ -1,7 +1,7 @@
 """What a distillation has done so far, kept in a folder, so that one that was stopped can go on bit for bit.
 
-The folder holds the recipe, the tokens of each picture, and the state of the fit. Every file appears whole
-or not at all and is named by what it was made from, so that a piece which does not belong here is never taken up.
+The folder holds the recipe, the tokens of each picture, and the state of the fit. A piece is named by what it was made
+from and carries a hash: one that does not belong here, or is damaged, is never taken up.
 """
 
 from __future__ import annotations
@@ -10,46 +10,29 @@ import contextlib
 import io
 import json
 import os
-import threading
-import time
-import warnings
 from collections.abc import Mapping
+from fnmatch import fnmatch
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.files import atomic_write
-from dfd.runs.recipe import difference, digest, summed
+from dfd.common.warn import warn
+from dfd.runs.fit_state import FitState
+from dfd.runs.pieces import PieceFolder
+from dfd.runs.recipe import difference, hash_arrays, hash_recipe
 
-# torch is not needed to look at a folder, only for the state of a fit.
-if TYPE_CHECKING:
-    import torch
+__all__ = ["Checkpoint"]
 
-    from dfd.common.progress import Stages
-    from dfd.encoders.encode import Encoder
-
-__all__ = ["Checkpoint", "FitState"]
-
-SECONDS = 2.0  # between two saved states of a fit: what a killed process loses at most
 _RECIPE = "recipe.json"
 # With what an abrupt end left unfinished. The recipe goes last: it is what makes the folder ours.
-_PIECES = ("tokens-*.npy", ".tokens-*.npy", "fit-*.pt", ".fit-*.pt", ".recipe.*.json", _RECIPE)
-
-
-class Stateful(Protocol):
-    """A network, an optimizer or a schedule."""
-
-    def state_dict(self) -> dict[str, Any]:
-        """Everything that its next step depends on."""
-
-    def load_state_dict(self, state_dict: dict[str, Any]) -> Any:
-        """Be what `state_dict` was taken from."""
+_PIECES = ("tokens-*", ".tokens-*", "fit-*", ".fit-*", ".recipe.*.json", _RECIPE)
 
 
 class Checkpoint:
-    """The folder of one run.
+    """The folder of one run; it is also the store of its encoder's tokens.
 
     Parameters
     ----------
@@ -68,150 +51,89 @@ class Checkpoint:
 
     def __init__(self, folder: str | os.PathLike[str], recipe: Mapping[str, Any]) -> None:
         self.folder = Path(folder)
-        self._recipe = digest(recipe)
-        self._told = False
-        self._telling = threading.Lock()  # pictures are written by the threads that encode them
+        self._pieces = PieceFolder(folder)
+        self._recipe = hash_recipe(recipe)
         if self.folder.exists() and not self.folder.is_dir():
             raise NotADirectoryError(f"distill: `checkpoint` must be a folder, but {self.folder} is a file")
         if not self.folder.parent.is_dir():
             raise FileNotFoundError(f"distill: `checkpoint`: the folder {self.folder.parent} does not exist")
-        before = _read_recipe(self.folder / _RECIPE)
-        if before is None and any(not path.name.startswith(".") for path in _listed(self.folder)):
+        before = _read_recipe(self.folder)
+        if before is None and not self._is_ours():
             raise ValueError(f"distill: `checkpoint` must be a new folder or one of an earlier run, got {self.folder}")
-        if before is not None and before != dict(recipe):
-            warnings.warn(
+        if before == dict(recipe):
+            return
+        if before is not None:
+            warn(
                 f"distill: {self.folder} was begun with other settings ({difference(before, recipe)}): "
                 "it is begun anew",
                 UserWarning,
-                stacklevel=3,
             )
-            self._empty()
-            before = None
-        if before is None:
-            try:
-                self.folder.mkdir(exist_ok=True)
-            except OSError as error:
-                raise OSError(
-                    error.errno, f"distill: `checkpoint`: {self.folder} cannot be made: {error.strerror}"
-                ) from error
-            with atomic_write(self.folder / _RECIPE, "checkpoint") as temporary:
-                temporary.write_text(json.dumps(dict(recipe), indent=2, sort_keys=True), "utf-8")
+        elif (self.folder / _RECIPE).exists():
+            warn(f"distill: {self.folder / _RECIPE} is damaged: the run is begun anew", UserWarning)
+        self._pieces.remove(*_PIECES)
+        try:
+            self.folder.mkdir(exist_ok=True)
+        except OSError as error:
+            raise OSError(
+                error.errno, f"distill: `checkpoint`: {self.folder} cannot be made: {error.strerror}"
+            ) from error
+        with atomic_write(self.folder / _RECIPE, "checkpoint") as temporary:
+            temporary.write_text(json.dumps(dict(recipe), indent=2, sort_keys=True), "utf-8")
 
     @staticmethod
     def discard(folder: str | os.PathLike[str], recipe: Mapping[str, Any]) -> None:
         """Take away what an earlier run of `recipe` left in `folder`; anything else stays."""
-        if _read_recipe(Path(folder) / _RECIPE) == dict(recipe):
+        if _read_recipe(Path(folder)) == dict(recipe):
             Checkpoint(folder, recipe).remove()
 
-    def encode(
-        self, model: Encoder, images: NDArray[np.uint8], covered: NDArray[np.bool_], *, stages: Stages
-    ) -> NDArray[np.float32]:
-        """Do what `model.encode` does; pictures that were encoded before are read."""
-        names = [
-            f"tokens-{self._digest(np.array(number), image, shown)}.npy"
-            for number, (image, shown) in enumerate(zip(images, covered, strict=True))
-        ]
-        known = {number: tokens for number, name in enumerate(names) if (tokens := self._read_tokens(name)) is not None}
-        left = [number for number in range(len(images)) if number not in known]
+    def read_tokens(self, image: NDArray[np.uint8], covered: NDArray[np.bool_] | None) -> NDArray[np.float32] | None:
+        """See `dfd.encoders.encode.TokenStore`."""
+        name = self._tokens_name(image, covered)
+        content = self._pieces.read(name)
+        if content is None:
+            return None
+        with contextlib.suppress(ValueError, EOFError):
+            tokens = np.load(io.BytesIO(content), allow_pickle=False)
+            if tokens.dtype == np.float32 and np.isfinite(tokens).all():
+                return np.asarray(tokens)
+        self._pieces.reject(name)
+        return None
 
-        def keep(which: int, tokens: NDArray[np.float32]) -> None:
-            stream = io.BytesIO()
-            np.save(stream, tokens, allow_pickle=False)
-            self._write(names[left[which]], stream.getbuffer())
-
-        if left:
-            made = model.encode(images[left], covered=covered[left], done=keep, stages=stages)
-            known |= dict(zip(left, made, strict=True))
-        return np.stack([known[number] for number in range(len(images))])
+    def write_tokens(
+        self, image: NDArray[np.uint8], covered: NDArray[np.bool_] | None, tokens: NDArray[np.float32]
+    ) -> None:
+        """See `dfd.encoders.encode.TokenStore`."""
+        stream = io.BytesIO()
+        np.save(stream, tokens, allow_pickle=False)
+        self._pieces.write(self._tokens_name(image, covered), stream.getbuffer())
 
     def fit_state(self, *made_from: NDArray[Any]) -> FitState:
-        """Return the place for the state of a fit to the arrays `made_from`."""
-        return FitState(self, f"fit-{self._digest(*made_from)}.pt")
+        """Return where the state of a fit to the arrays `made_from` is kept."""
+        return FitState(self._pieces, f"fit-{self._hash(*made_from)}")
 
     def remove(self) -> None:
         """Take the folder away; what else somebody put into it stays."""
-        self._empty()
+        self._pieces.remove(*_PIECES)
         with contextlib.suppress(OSError):
             self.folder.rmdir()
 
-    def _empty(self) -> None:
-        for pattern in _PIECES:
-            for path in self.folder.glob(pattern):
-                with contextlib.suppress(OSError):
-                    path.unlink()
+    def _is_ours(self) -> bool:
+        """Whether a folder without a readable recipe holds nothing but what a run may have left."""
+        names = {path.name for path in self.folder.iterdir()} if self.folder.is_dir() else set()
+        pieces = {name for name in names for pattern in _PIECES if fnmatch(name, pattern)} - {_RECIPE}
+        others = {name for name in names if not name.startswith(".")} - pieces
+        return others <= ({_RECIPE} if pieces else set())
 
-    def _digest(self, *arrays: NDArray[Any]) -> str:
-        return digest({"recipe": self._recipe, "made from": summed(*arrays)})[:32]
+    def _tokens_name(self, image: NDArray[np.uint8], covered: NDArray[np.bool_] | None) -> str:
+        return f"tokens-{self._hash(image, *([] if covered is None else [covered]))}"
 
-    def _read_tokens(self, name: str) -> NDArray[np.float32] | None:
-        try:
-            tokens = np.load(self.folder / name, allow_pickle=False)
-        except (OSError, ValueError, EOFError):
-            return None
-        sound = tokens.dtype == np.float32 and tokens.ndim == 3 and np.isfinite(tokens).all()
-        return tokens if sound else None
-
-    def _write(self, name: str, content: memoryview | bytes) -> None:
-        try:
-            with atomic_write(self.folder / name, "checkpoint") as temporary:
-                temporary.write_bytes(content)
-        except OSError as error:  # the work itself can go on
-            with self._telling:
-                told, self._told = self._told, True
-            if not told:
-                warnings.warn(
-                    f"distill: {error.strerror or error}; the run goes on, but could not be taken up again from here",
-                    RuntimeWarning,
-                    stacklevel=4,
-                )
+    def _hash(self, *arrays: NDArray[Any]) -> str:
+        return hash_recipe({"recipe": self._recipe, "made from": hash_arrays(*arrays)})[:32]
 
 
-class FitState:
-    """The state of a fit: read once before its first step, written every few seconds."""
-
-    def __init__(self, checkpoint: Checkpoint, name: str) -> None:
-        self._checkpoint, self._name = checkpoint, name
-        self._saved = time.monotonic()
-
-    def restore(self, parts: Mapping[str, Stateful], generator: torch.Generator) -> list[torch.Tensor]:
-        """Bring `parts` and `generator` to where an earlier run left them; return the losses of its steps.
-
-        Without an earlier run nothing changes and there are none.
-        """
-        import torch
-
-        try:
-            content = (self._checkpoint.folder / self._name).read_bytes()
-            state = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
-            losses, kept, drawn = state["losses"], state["parts"], state["generator"]
-        except Exception:  # absent or damaged, in whatever way a pickle can be: the steps are done again
-            return []
-        for name, part in parts.items():
-            part.load_state_dict(kept[name])
-        generator.set_state(drawn)
-        return list(losses)
-
-    def keep(self, losses: list[torch.Tensor], parts: Mapping[str, Stateful], generator: torch.Generator) -> None:
-        """Write the state after a step, if the last time is a while ago."""
-        if time.monotonic() - self._saved < SECONDS:
-            return
-        import torch
-
-        stream = io.BytesIO()
-        state = {name: part.state_dict() for name, part in parts.items()}
-        so_far = torch.stack([loss.cpu() for loss in losses])  # some were read, and lie there already
-        torch.save({"losses": so_far, "parts": state, "generator": generator.get_state()}, stream)
-        self._checkpoint._write(self._name, stream.getbuffer())
-        self._saved = time.monotonic()
-
-
-def _read_recipe(path: Path) -> dict[str, Any] | None:
+def _read_recipe(folder: Path) -> dict[str, Any] | None:
     try:
-        content = json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError):
+        content = json.loads((folder / _RECIPE).read_text("utf-8"))
+    except (OSError, ValueError, RecursionError):
         return None
-    return content if isinstance(content, dict) else None
-
-
-def _listed(folder: Path) -> list[Path]:
-    return list(folder.iterdir()) if folder.is_dir() else []
+    return content if isinstance(content, dict) and content.keys() >= {"format", "code"} else None

@@ -1,88 +1,38 @@
-"""Fields that were distilled before, under the digest of their recipe, so that a second call need not work.
+"""Fields that were distilled before, under the hash of their recipe, so that a second call need not work.
 
-An entry is one file, `<digest of the recipe>-<checksum>.safetensors`. It appears whole or not at all, so that several
-processes may look, write and tidy up at once; a file whose content is not what its name says is none.
+An entry is one file, `<hash of the recipe>-<hash of the file>.safetensors`. It appears whole or not at all, so that
+several processes may look, write and tidy up at once; a file whose content is not what its name says is none.
 """
 
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import hashlib
-import json
 import os
 import secrets
 import time
-import warnings
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any
 
 from dfd.common.cache import cache_directory
-from dfd.common.files import atomic_write
-from dfd.runs.recipe import digest
+from dfd.common.warn import warn
+from dfd.field.field import Field
+from dfd.runs.recipe import hash_recipe
 
-if TYPE_CHECKING:
-    from dfd.field.field import Field
-
-__all__ = ["CachedField", "find", "find_file", "store"]
-
-Found = TypeVar("Found")
+__all__ = ["find", "store"]
 
 LIMIT = 2 << 30  # bytes of all entries together; the ones longest unused go first
 _ABANDONED = 3600.0  # seconds after which a file that nobody finished is litter
 
 
-@dataclass(frozen=True)
-class CachedField:
-    """A field as its file has it, for those who want a copy of that: looking at it takes no torch."""
-
-    content: bytes = dataclasses.field(repr=False)
-    dimension: int
-    settings: dict[str, Any]
-
-    @classmethod
-    def of(cls, content: bytes) -> CachedField:
-        """Read the header of what `Field.save` wrote.
-
-        Raises
-        ------
-        ValueError
-            If it was another's.
-        """
-        length = int.from_bytes(content[:8], "little")
-        try:
-            header = json.loads(content[8 : 8 + length])["__metadata__"]
-            return cls(content, int(json.loads(header["network"])["dimension"]), json.loads(header["settings"]))
-        except (KeyError, TypeError) as error:
-            raise ValueError(f"no field: {error}") from None
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the field to `path`, whole or not at all; raises what `Field.save` raises."""
-        with atomic_write(path) as temporary:
-            temporary.write_bytes(self.content)
-
-
 def find(recipe: Mapping[str, Any]) -> Field | None:
-    """Return the field that `recipe` made, or None where no sound entry has it."""
-    from dfd.field.field import Field
-
-    return _first_sound(recipe, lambda path, _: Field.load(path))
-
-
-def find_file(recipe: Mapping[str, Any]) -> CachedField | None:
-    """As `find`, without making it a network."""
-    return _first_sound(recipe, lambda _, content: CachedField.of(content))
-
-
-def _first_sound(recipe: Mapping[str, Any], read: Callable[[Path, bytes], Found]) -> Found | None:
-    for path in _entries(f"{digest(recipe)}-"):
+    """Return the field that `recipe` made, or None where no entry has it whole."""
+    for path in _entries(f"{hash_recipe(recipe)}-"):
         with contextlib.suppress(OSError, ValueError):  # tidied up by another process, or of no use
-            content = path.read_bytes()
-            if not _is_of(path, content):
+            if not _is_of(path, path.read_bytes()):
                 continue
-            found = read(path, content)
+            found = Field.load(path)
             with contextlib.suppress(OSError):  # a cache that can only be read
                 os.utime(path)
             return found
@@ -90,25 +40,21 @@ def _first_sound(recipe: Mapping[str, Any], read: Callable[[Path, bytes], Found]
 
 
 def store(recipe: Mapping[str, Any], field: Field) -> None:
-    """Keep `field` under `recipe`; where the cache cannot be written, say so once and go on.
-
-    Two processes that make the same field at once may each leave an entry: one of them is never used, and goes in time.
-    """
+    """Keep `field` under `recipe`; where the cache cannot be written, say so once and go on."""
     folder = _folder()
     temporary = folder / f".{secrets.token_hex(8)}.safetensors"
     try:
         folder.mkdir(parents=True, exist_ok=True)
         field.save(temporary)
-        entry = folder / f"{digest(recipe)}-{_checksum(temporary.read_bytes())}.safetensors"
+        entry = folder / f"{hash_recipe(recipe)}-{_hash(temporary.read_bytes())}.safetensors"
         temporary.replace(entry)
     except OSError as error:
         with contextlib.suppress(OSError):
             temporary.unlink()
-        warnings.warn(
+        warn(
             f"distill: the cache folder {folder} cannot be written ({error.strerror or error}): the field is not kept "
             "for another call; DFD_CACHE names another folder",
             RuntimeWarning,
-            stacklevel=4,
         )
         return
     _tidy(entry)
@@ -154,8 +100,8 @@ def _remove(path: Path) -> None:
 
 
 def _is_of(path: Path, content: bytes) -> bool:
-    return _checksum(content) == path.stem.rpartition("-")[2]
+    return _hash(content) == path.stem.rpartition("-")[2]
 
 
-def _checksum(content: bytes) -> str:
+def _hash(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()[:32]

@@ -12,27 +12,28 @@ from typing import TYPE_CHECKING
 
 from dfd.common.cache import cache_directory
 from dfd.common.files import atomic_write
-from dfd.runs.recipe import digest, origin
+from dfd.runs.recipe import hash_recipe, origin
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["KnownMesh", "file_digest", "note", "recall"]
+__all__ = ["KnownMesh", "hash_file", "note", "recall"]
 
 LIMIT = 500  # meshes; those noted first are forgotten first
+MESH_ROOMS = ("common", "mesh", "runs")  # whose code makes a mesh of a file
 # With these words a mesh file names another one, whose content would count too: OBJ, PLY and glTF, in this order.
 _REFERENCES = (b"mtllib", b"texturefile", b'"uri"')
 
 
 @dataclass(frozen=True)
 class KnownMesh:
-    """A mesh of which no more is known than what its content sums to, see `Mesh.content_hash`."""
+    """A mesh of which no more is known than the hash of its content, see `Mesh.content_hash`."""
 
     content_hash: str
 
 
-def file_digest(path: str | os.PathLike[str]) -> str | None:
-    """Sum up all that `dfd.load(path)` depends on; None where that is more than this one file, or it cannot be read."""
+def hash_file(path: str | os.PathLike[str]) -> str | None:
+    """Hash all that `dfd.load(path)` depends on; None where that is more than this one file, or it cannot be read."""
     try:
         data = Path(path).read_bytes()
     except OSError:
@@ -41,17 +42,19 @@ def file_digest(path: str | os.PathLike[str]) -> str | None:
     if any(word in folded for word in _REFERENCES):
         return None
     content = hashlib.sha256(data).hexdigest()
-    return digest({**origin("trimesh", "numpy", "pillow"), "ending": Path(path).suffix.lower(), "content": content})
+    return hash_recipe(
+        {**origin(MESH_ROOMS, "trimesh", "numpy", "pillow"), "ending": Path(path).suffix.lower(), "content": content}
+    )
 
 
 def recall(file: str | None) -> KnownMesh | None:
-    """Return the mesh that was noted for a `file_digest`, or None."""
+    """Return the mesh that was noted for a `hash_file`, or None."""
     content = _notes().get(file) if file else None
     return KnownMesh(content) if isinstance(content, str) else None
 
 
 def note(file: str | None, mesh: Mesh) -> None:
-    """Note that a file of this `file_digest` holds `mesh`; what cannot be noted will be read again.
+    """Note that a file of this `hash_file` holds `mesh`; what cannot be noted will be read again.
 
     Of two processes that note something at once one may be forgotten.
     """
@@ -68,7 +71,7 @@ def note(file: str | None, mesh: Mesh) -> None:
 def _notes() -> dict[str, object]:
     try:
         notes = json.loads(_path().read_text("utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return {}
     return notes if isinstance(notes, dict) else {}
 

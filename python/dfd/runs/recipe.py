@@ -13,10 +13,13 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Content", "difference", "digest", "origin", "plain", "recipe", "summed"]
+__all__ = ["Content", "difference", "hash_arrays", "hash_code", "hash_recipe", "origin", "plain", "recipe"]
 
 # Goes up when the same ingredients are to be written down, or their results kept, in another way.
-FORMAT = 1
+FORMAT = 2
+
+# The rooms whose code makes a field of a mesh, and keeps what is done of it.
+FIELD_ROOMS = ("common", "mesh", "geometry", "views", "encoders", "field", "runs", "distillation")
 
 
 class Content(Protocol):
@@ -29,15 +32,15 @@ class Content(Protocol):
 
 def recipe(mesh: Content, **settings: Any) -> dict[str, Any]:
     """Return everything that the bits of a field depend on, as values that JSON keeps apart."""
-    return plain({**origin("torch"), "mesh": mesh.content_hash, **settings})
+    return plain({**origin(FIELD_ROOMS, "torch"), "mesh": mesh.content_hash, **settings})
 
 
-def origin(*packages: str) -> dict[str, Any]:
-    """By what something was made: the versions of `packages` and the code itself.
+def origin(rooms: tuple[str, ...], *packages: str) -> dict[str, Any]:
+    """By what something was made: the versions of `packages` and the code of our own `rooms`.
 
     An entry of last week's code must not pass for the result of today's.
     """
-    return {"format": FORMAT, "code": _code(), **{package: _version(package) for package in packages}}
+    return {"format": FORMAT, "code": hash_code(rooms), **{package: _version(package) for package in packages}}
 
 
 def plain(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -45,18 +48,28 @@ def plain(values: Mapping[str, Any]) -> dict[str, Any]:
     return dict(json.loads(json.dumps(dict(values), default=_plain)))
 
 
-def digest(ingredients: Mapping[str, Any]) -> str:
+def hash_recipe(ingredients: Mapping[str, Any]) -> str:
     """SHA-256 of a recipe, 64 hexadecimal digits."""
     return hashlib.sha256(json.dumps(ingredients, sort_keys=True).encode()).hexdigest()
 
 
-def summed(*arrays: NDArray[Any]) -> str:
+def hash_arrays(*arrays: NDArray[Any]) -> str:
     """SHA-256 of arrays with their types and shapes."""
-    total = hashlib.sha256()
+    sha256 = hashlib.sha256()
     for array in arrays:
-        total.update(f"{array.dtype} {array.shape}".encode())
-        total.update(np.ascontiguousarray(array).data)
-    return total.hexdigest()
+        sha256.update(f"{array.dtype} {array.shape}".encode())
+        sha256.update(np.ascontiguousarray(array).data)
+    return sha256.hexdigest()
+
+
+@cache
+def hash_code(rooms: tuple[str, ...], package: Path = Path(__file__).parents[1]) -> str:
+    """SHA-256 of the modules in some `rooms` of the package, and of its version, which alone counts in an archive."""
+    sha256 = hashlib.sha256(_version("dfd").encode())
+    for room in rooms:
+        for path in sorted((package / room).rglob("*.py")):
+            sha256.update(path.relative_to(package).as_posix().encode() + path.read_bytes())
+    return sha256.hexdigest()
 
 
 def difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
@@ -72,16 +85,6 @@ def difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
 
 def _short(before: Mapping[str, Any], now: Mapping[str, Any], name: str) -> bool:
     return len(str(before.get(name))) + len(str(now.get(name))) < 60
-
-
-@cache
-def _code() -> str:
-    """SHA-256 of the package's own modules; of its version where they cannot be read, as in an archive."""
-    summed = hashlib.sha256(_version("dfd").encode())
-    package = Path(__file__).parents[1]
-    for path in sorted(package.rglob("*.py")):
-        summed.update(path.relative_to(package).as_posix().encode() + path.read_bytes())
-    return summed.hexdigest()
 
 
 def _version(package: str) -> str:

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dfd.common import check
 
-__all__ = ["Camera", "camera_towards", "fibonacci_directions", "place_cameras"]
+__all__ = ["Camera", "Framing", "camera_towards", "fibonacci_directions", "place_cameras"]
+
+Framing = Literal["shape", "paper"]
 
 FIELD_OF_VIEW = 60.0  # degrees, the paper's and the public reference's
 PAPER_DISTANCE = 2.8  # from the origin of normalised coordinates, likewise
 MARGIN = 1.06  # a framed shape leaves this much room, so that no patch at its rim is cut
 CLEARANCE = 0.2  # of half the shape's size, between it and the eye: a needle seen from its tip does not poke it
-FRAMINGS = ("shape", "paper")
 _MIRROR_IMAGES = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [-1.0, 1.0, -1.0]])
 _CHUNK = 1 << 12  # points that are measured together: their products stay in the cache
 
@@ -90,7 +91,7 @@ def camera_towards(
     direction: ArrayLike,
     points: NDArray[np.floating[Any]],
     *,
-    framing: str = "shape",
+    framing: Framing = "shape",
     field_of_view: float = FIELD_OF_VIEW,
     flipped: bool = False,
 ) -> Camera:
@@ -103,7 +104,7 @@ def camera_towards(
 
 
 def place_cameras(
-    count: int, points: NDArray[np.floating[Any]], *, framing: str = "shape", mirrored: bool = False
+    count: int, points: NDArray[np.floating[Any]], *, framing: Framing = "shape", mirrored: bool = False
 ) -> list[Camera]:
     """Place `count` cameras around a shape.
 
@@ -132,12 +133,11 @@ def place_cameras(
 def _place(
     directions: NDArray[np.float64],
     points: NDArray[np.floating[Any]],
-    framing: str,
+    framing: Framing,
     field_of_view: float,
     flipped: NDArray[np.bool_],
 ) -> list[Camera]:
-    if framing not in FRAMINGS:
-        raise ValueError(f"place_cameras: `framing` must be one of {', '.join(FRAMINGS)}, got {framing!r}")
+    check.choice("place_cameras", "framing", framing, Framing)
     field_of_view = check.number("place_cameras", "field_of_view", field_of_view, minimum=1.0, maximum=170.0)
     bases = [_basis(direction, turn) for direction, turn in zip(directions, flipped, strict=True)]
     if framing == "paper":

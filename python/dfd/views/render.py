@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +13,16 @@ from dfd.common import check
 from dfd.common.progress import Stages
 from dfd.common.threads import get_num_threads
 from dfd.mesh.normalization import normalization
-from dfd.views.cameras import FRAMINGS, Camera, place_cameras
+from dfd.views.cameras import Camera, Framing, place_cameras
 from dfd.views.raycast import Hits, Scene
 from dfd.views.shading import Shading, blend
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Views", "render", "surface_points", "used_vertices"]
+__all__ = ["Supervision", "Views", "render", "surface_points", "used_vertices"]
+
+Supervision = Literal["barycentric", "vertex"]
 
 LARGEST_RESOLUTION = 4096
 LARGEST_VIEWS = 32767  # what numbers them has 16 bits
@@ -71,10 +73,10 @@ def render(
     *,
     views: int = 24,
     resolution: int = 518,
-    framing: str = "shape",
+    framing: Framing = "shape",
     mirrored: bool = False,
     simplify_to: int | None = None,
-    supervision: str = "barycentric",
+    supervision: Supervision = "barycentric",
     stages: Stages | None = None,
 ) -> Views:
     """Take pictures of `mesh` from all around.
@@ -104,10 +106,8 @@ def render(
     resolution = check.whole("render", "resolution", resolution, minimum=1, maximum=LARGEST_RESOLUTION)
     if simplify_to is not None:
         simplify_to = check.whole("render", "simplify_to", simplify_to, minimum=4)
-    if framing not in FRAMINGS:
-        raise ValueError(f"render: `framing` must be one of {', '.join(FRAMINGS)}, got {framing!r}")
-    if supervision not in ("barycentric", "vertex"):
-        raise ValueError(f"render: `supervision` must be 'barycentric' or 'vertex', got {supervision!r}")
+    check.choice("render", "framing", framing, Framing)
+    check.choice("render", "supervision", supervision, Supervision)
     stages = stages or Stages(show=False)
     center, scale = normalization(mesh)
     if simplify_to is not None:

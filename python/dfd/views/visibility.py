@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dfd.common import check
 from dfd.common.threads import get_num_threads
+from dfd.geometry.spread import spread_in_triangle
 from dfd.geometry.topology import face_areas, face_components, first_at_place
 from dfd.mesh.normalization import box_normalization
 from dfd.views.cameras import place_cameras
@@ -95,7 +96,7 @@ def _seen(
     def look(start: int) -> None:
         number = np.arange(start, min(start + _AT_ONCE, len(seen)))
         face = np.searchsorted(ends, number, side="right")
-        points = blend(vertices, faces[face], _spread(number - ends[face] + counts[face]))
+        points = blend(vertices, faces[face], spread_in_triangle(number - ends[face] + counts[face]))
         for eye in eyes:
             hidden = scene.hides(eye, points, _TOLERANCE)
             seen[number[~hidden]] = True
@@ -107,14 +108,3 @@ def _seen(
         for _ in threads.map(look, range(0, len(seen), _AT_ONCE)):
             pass
     return seen
-
-
-def _spread(index: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Barycentric coordinates (N, 3) that fill a triangle evenly as `index` (N,) counts up from its centre, 0.
-
-    Source: the additive sequence of Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018.
-    """
-    step = np.array([0.7548776662466927, 0.5698402909980532])  # 1/g and 1/g², g³ = g + 1
-    across = (1 / 3 + index[:, None] * step) % 1
-    across = np.where(across.sum(axis=1, keepdims=True) > 1, 1 - across, across)
-    return np.column_stack([1 - across.sum(axis=1), across]).astype(np.float32)

@@ -120,6 +120,7 @@ class CompactFeatures:
         return stored, np.maximum(missed - self.radius**2, 0.0).astype(np.float32)
 
 
+@one_blas_thread()
 def compact(
     features: Any, points: Any = None, *, tolerance: float = 0.01, progress: Callable[[int], object] | None = None
 ) -> CompactFeatures:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,8 @@ Float32 = NDArray[np.float32]
 Source = Float32 | CompactFeatures
 
 
-class Targets(NamedTuple):
+@dataclass(frozen=True)
+class Targets:
     """What a kernel measures distances to.
 
     Attributes
@@ -114,7 +116,7 @@ def _as_rows(region: Targets, source: Source) -> Targets:
         return region
     vertices = region.points.astype(np.int64)
     rows = source.stored(vertices) if isinstance(source, CompactFeatures) else source[vertices]
-    return region._replace(points=rows)
+    return replace(region, points=rows)
 
 
 def _thinned(region: Targets, source: Source) -> Targets:
@@ -127,7 +129,7 @@ def _thinned(region: Targets, source: Source) -> Targets:
     considered = np.arange(count)
     if count > MOST_CONSIDERED:
         considered = np.linspace(0, count - 1, MOST_CONSIDERED).astype(np.int64)
-    rows = _as_rows(region._replace(points=region.points[considered]), source).points.astype(np.float64)
+    rows = _as_rows(replace(region, points=region.points[considered]), source).points.astype(np.float64)
     rows *= source.step if isinstance(source, CompactFeatures) else 1.0
     chosen = [0]
     distances = np.linalg.norm(rows - rows[0], axis=1)
@@ -135,4 +137,4 @@ def _thinned(region: Targets, source: Source) -> Targets:
         chosen.append(int(distances.argmax()))
         np.minimum(distances, np.linalg.norm(rows - rows[chosen[-1]], axis=1), out=distances)
     kept = considered[chosen]
-    return region._replace(points=region.points[kept], missed=None if region.missed is None else region.missed[kept])
+    return replace(region, points=region.points[kept], missed=None if region.missed is None else region.missed[kept])

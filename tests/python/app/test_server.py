@@ -49,7 +49,7 @@ def test_the_page_and_its_files(app: RunningApp) -> None:
 
 
 def test_the_printed_address_opens_the_page(app: RunningApp) -> None:
-    import httpx
+    import httpx2 as httpx
 
     with httpx.Client(follow_redirects=True, trust_env=False) as http:
         response = http.get(app.url)

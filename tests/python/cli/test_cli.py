@@ -1,11 +1,14 @@
 """The command line: what each command writes, and how it fails."""
 
+import errno
 import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
+from inspect import signature
 from pathlib import Path
 from unittest import mock
 
@@ -20,8 +23,11 @@ from typer.testing import CliRunner
 import dfd
 from dfd import Mesh
 from dfd.cli import app
+from dfd.distillation.settings import DistillSettings
 from dfd.editing.edit_file import read_edit
 from dfd.field.field import Field
+
+DISTILL = sys.modules["dfd.cli.distill"]  # by its own name there is the command
 
 
 @pytest.fixture(scope="module")
@@ -412,46 +418,43 @@ def test_distill_hands_everything_on(run, folder):
     more += ("--octaves", 3, "--batch", 99, "--learning-rate", 0.004)
     np.save("rows.npy", np.eye(3))
     more += ("--features", "rows.npy", "--no-cache", "--not-mirrored", "--smoothing", 0.1)
-    with mock.patch("dfd.distill", return_value=field) as distill:
+    with mock.patch.object(DISTILL, "distilling", return_value=nullcontext(field)) as distill:
         result = run("distill", "MESH", "-o", "out.safetensors", *options, *more)
     assert worked(result)
-    (mesh, encoder), given = distill.call_args
+    (mesh, encoder, settings), given = distill.call_args
     assert len(mesh.vertices) == 2004
     assert encoder == "clip"
-    del given["progress"]
+    del given["stages"]
     np.testing.assert_array_equal(given.pop("features"), np.eye(3))
-    assert given == {
-        "views": 6,
-        "resolution": 224,
-        "framing": "paper",
-        "simplify_to": 500,
-        "supervision": "vertex",
-        "mirrored": False,
-        "smoothing": 0.1,
-        "octaves": 3,
-        "batch": 99,
-        "learning_rate": 0.004,
-        "steps": 7,
-        "seed": 11,
-        "device": "cpu",
-        "cache": False,
-        "checkpoint": Path("out.safetensors.partial"),
-    }
+    assert given == {"device": "cpu", "cache": False, "checkpoint": Path("out.safetensors.partial")}
+    assert settings == DistillSettings(
+        views=6,
+        resolution=224,
+        framing="paper",
+        simplify_to=500,
+        supervision="vertex",
+        mirrored=False,
+        smoothing=0.1,
+        octaves=3,
+        batch=99,
+        learning_rate=0.004,
+        steps=7,
+        seed=11,
+    )
     assert Field.load("out.safetensors").settings == field.settings
     assert drawn("loss.png").std() > 5
     assert "out.safetensors: a field of 16 dimensions" in result.stderr
 
 
 def test_distill_leaves_defaults_to_the_function(run, folder):
-    from inspect import signature
-
     field = Field.load(folder / "chair.field.safetensors")
-    defaults = {name: parameter.default for name, parameter in signature(dfd.distill).parameters.items()}
-    with mock.patch("dfd.distill", return_value=field) as distill:
+    with mock.patch.object(DISTILL, "distilling", return_value=nullcontext(field)) as distill:
         assert worked(run("distill", "MESH", "-o", "out.safetensors"))
-    (_, encoder), given = distill.call_args
-    assert encoder == defaults["encoder"]
-    assert all(value == defaults[name] for name, value in given.items() if name not in ("progress", "checkpoint"))
+    (_, encoder, settings), given = distill.call_args
+    parameters = signature(dfd.distill).parameters
+    assert encoder == parameters["encoder"].default
+    assert settings == DistillSettings()
+    assert all(given[name] == parameters[name].default for name in ("features", "device", "cache"))
 
 
 def worked_from_cache(result):
@@ -464,7 +467,10 @@ def test_distill_copies_what_the_cache_has(run, tmp_path):
     command = ("distill", "MESH", "--encoder", "./tiny", "--views", 2, "--resolution", 32, "--steps", 3)
     assert not worked_from_cache(run(*command, "-o", "first.safetensors"))
     made_before = AssertionError("it was made before")
-    with mock.patch("dfd.distill", side_effect=made_before), mock.patch("dfd.load", side_effect=made_before):
+    with (
+        mock.patch.object(DISTILL, "distilling", side_effect=made_before),
+        mock.patch("dfd.load", side_effect=made_before),
+    ):
         again = run(*command, "-o", "again.safetensors", "--loss-curve", "loss.png")
     assert worked(again)
     assert "again.safetensors: a field of 16 dimensions, from the cache (" in again.stderr
@@ -478,7 +484,7 @@ def test_distill_copies_what_the_cache_has(run, tmp_path):
     assert worked_from_cache(run(*command, "-o", "again.safetensors"))
     (entry,) = (tmp_path / "cache" / "fields").iterdir()
     entry.write_bytes(entry.read_bytes()[:-1])
-    with mock.patch("dfd.distill", return_value=one) as distill:
+    with mock.patch.object(DISTILL, "distilling", return_value=nullcontext(one)) as distill:
         third = run(*command, "-o", "third.safetensors")
     assert not worked_from_cache(third)
     assert distill.called
@@ -490,10 +496,23 @@ def test_distill_interrupted_says_how_to_go_on(run):
         checkpoint.mkdir()
         raise KeyboardInterrupt
 
-    with mock.patch("dfd.distill", interrupted):
+    with mock.patch.object(DISTILL, "distilling", interrupted):
         result = run("distill", "MESH", "-o", "out.safetensors")
     message = "interrupted: the same command goes on from here; what is done is in out.safetensors.partial"
     assert failed(result, message, code=130)
+
+
+def test_distill_that_cannot_write_its_field_keeps_what_is_done(run, tmp_path):
+    save_tiny_encoder(tmp_path / "tiny")
+    command = ("distill", "MESH", "--encoder", "./tiny", "--views", 2, "--resolution", 32, "--steps", 3, "--no-cache")
+    full = OSError(errno.ENOSPC, "No space left on device")
+    with mock.patch.object(Field, "save", side_effect=full):
+        assert failed(run(*command, "-o", "out.safetensors"), "No space left on device")
+    assert any(Path("out.safetensors.partial").glob("tokens-*"))
+    with mock.patch("dfd.encoders.encode.Encoder._forward", side_effect=AssertionError("it was encoded before")):
+        assert worked(run(*command, "-o", "out.safetensors"))
+    assert not Path("out.safetensors.partial").exists()
+    Field.load("out.safetensors")
 
 
 def test_features_that_are_no_array_are_refused(run):
@@ -509,7 +528,7 @@ def test_features_that_are_no_array_are_refused(run):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("-o", "out.safetensors", "--supervision", "all"), "`supervision` must be 'barycentric' or 'vertex'"),
+        (("-o", "out.safetensors", "--supervision", "all"), "`supervision` must be one of barycentric, vertex"),
         (("-o", "out.safetensors", "--steps", 0), "`steps` must be a whole number of at least 1, got 0"),
         (("-o", "out.safetensors", "--views", "many"), "--views"),
         (("-o", "out.field"), "`--output` must end in .safetensors, got out.field"),

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
 import gc
+import inspect
+import signal
+import typing
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,6 +15,7 @@ import numpy as np
 import pytest
 
 import dfd
+from dfd.distillation.settings import DistillOptions, DistillSettings
 from dfd.encoders.offline import find_wheel
 from dfd.samples import Sample
 
@@ -99,23 +105,35 @@ def test_equal_seeds_give_equal_fields(tmp_path: Path) -> None:
     assert np.abs(first.features(mesh) - other.features(mesh)).max() > 1e-3
 
 
+def test_an_unknown_encoder_is_named() -> None:
+    with pytest.raises(ValueError, match="`encoder` must be a folder, a hub name such as"):
+        dfd.distill(dfd.samples.chair(4000).mesh, "dino-of-my-own", **SMALL)
+
+
 @pytest.mark.parametrize(
-    ("setting", "message"),
-    [
-        ({"supervision": "pixel"}, "`supervision` must be 'barycentric' or 'vertex', got 'pixel'"),
-        ({"steps": 0}, "`steps` must be a whole number of at least 1, got 0"),
-        ({"smoothing": -0.1}, "`smoothing` must be at least 0, got -0.1"),
-        ({"smoothing": float("nan")}, "`smoothing` must be finite, got nan"),
-        ({"views": 0}, "`views` must be a whole number from 1"),
-        ({"framing": "close"}, "`framing` must be one of"),
-        ({"seed": -1}, "`seed` must be a whole number from 0"),
-        ({"learning_rate": 0.0}, "`learning_rate` must be above 0"),
-        ({"encoder": "dino-of-my-own"}, "`encoder`"),
-    ],
+    "setting",
+    [{"views": 0}, {"resolution": 5000}, {"framing": "close"}, {"simplify_to": 3}, {"supervision": "pixel"}],
 )
-def test_a_bad_setting_is_named(setting: dict, message: str) -> None:
-    with pytest.raises((ValueError, OSError), match=message):
+def test_a_bad_setting_is_refused_before_anything_is_loaded(
+    monkeypatch: pytest.MonkeyPatch, setting: dict[str, object]
+) -> None:
+    def loaded(*_: object, **__: object) -> None:
+        raise AssertionError("too late")
+
+    monkeypatch.setattr("dfd.encoders.encode.load_encoder", loaded)
+    with pytest.raises(ValueError, match=f"distill: `{next(iter(setting))}` must be"):
         dfd.distill(dfd.samples.chair(4000).mesh, **{**SMALL, **setting})
+
+
+def test_its_signature_shows_all_settings_and_no_others_are_taken() -> None:
+    parameters = inspect.signature(dfd.distill).parameters
+    defaults = {each.name: each.default for each in dataclasses.fields(DistillSettings)}
+    assert {name: parameters[name].default for name in defaults} == defaults
+    assert typing.get_type_hints(DistillOptions).keys() == defaults.keys()
+    assert DistillOptions.__annotations__.keys() == defaults.keys()
+    assert all(name in (dfd.distill.__doc__ or "") for name in parameters)
+    with pytest.raises(TypeError, match=r"distill\(\) got an unexpected keyword argument 'view'"):
+        dfd.distill(dfd.samples.chair(4000).mesh, view=3)  # type: ignore[call-arg]
 
 
 def test_garbage_is_collected_again_when_loading_fails(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -127,3 +145,18 @@ def test_garbage_is_collected_again_when_loading_fails(monkeypatch: pytest.Monke
     with pytest.raises(OSError, match="no weights"):
         dfd.distill(dfd.samples.chair(4000).mesh, cache=False, progress=False)
     assert gc.isenabled()
+
+
+def test_an_interruption_amid_loading_is_never_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    def swallows(*_: object, **__: object) -> None:
+        with contextlib.suppress(BaseException):  # as an extension's own import may
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr("dfd.encoders.encode.load_encoder", swallows)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            dfd.distill(dfd.samples.chair(4000).mesh, cache=False, progress=False)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)

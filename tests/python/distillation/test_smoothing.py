@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from dfd import Mesh
+from dfd.common.progress import Stages
 from dfd.distillation import smoothing
-from dfd.distillation.smoothing import diffuse
 from dfd.distillation.targets import PixelTargets
 from dfd.views.render import Views, render
 
@@ -23,7 +23,7 @@ def views_of(mesh: Mesh) -> Views:
 
 
 def colored(views: Views, color: NDArray[np.floating]) -> PixelTargets:
-    """Targets that are a colour of each surface point, (P, D), as if every pixel were a patch."""
+    """Targets that are a color of each surface point, (P, D), as if every pixel were a patch."""
     count, size = views.images.shape[:2]
     tokens = np.ones((count, size, size, color.shape[1]), np.float32)
     tokens[views.view, views.row.astype(int), views.column.astype(int)] = color
@@ -32,8 +32,8 @@ def colored(views: Views, color: NDArray[np.floating]) -> PixelTargets:
 
 def spread(views: Views, pixels: PixelTargets, **how: Any) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Points, and their targets as features (N, D)."""
-    points, targets, directions = diffuse(views, pixels, **how)
-    return points, targets @ directions
+    targets = smoothing.spread(views, pixels, stages=Stages(show=False), **how)
+    return targets.points, targets.targets @ targets.directions
 
 
 def two_sheets(gap: float) -> Mesh:
@@ -143,3 +143,10 @@ def test_two_sides_that_views_show_differently_come_to_agree() -> None:
     sides = np.linalg.norm(targets[left].mean(axis=0) - targets[points[:, 0] > 0.5].mean(axis=0))
     levels = np.linalg.norm(targets[points[:, 1] > 0].mean(axis=0) - targets[points[:, 1] < 0].mean(axis=0))
     assert sides < 0.5 * levels
+
+
+def test_rows_that_do_not_count_have_no_say_in_the_directions() -> None:
+    rows = np.eye(3, 200, dtype=np.float32) * np.float32([[1], [2], [9]])
+    directions = smoothing._main_directions(rows, np.array([1.0, 1.0, 0.0]))
+    assert directions.shape == (smoothing.DIRECTIONS, 200)
+    np.testing.assert_allclose(np.abs(directions[:2, :3]), [[0, 1, 0], [1, 0, 0]], atol=1e-6)

@@ -63,5 +63,5 @@ def test_draws_keep_points_and_targets_together(views: Views, tokens: np.ndarray
     assert set(chosen.tolist()) == {0, 1, 2, 3}
     torch.testing.assert_close(targets, pixels.at(chosen))
     rows = np.eye(4, dtype=np.float32)
-    points, targets = PointTargets(views.points, rows, CPU).draw(64, torch.Generator().manual_seed(0))
+    points, targets = PointTargets(views.points, rows, rows, CPU).draw(64, torch.Generator().manual_seed(0))
     torch.testing.assert_close(targets.argmax(dim=1), (points[:, 0] / 3).long())

@@ -68,9 +68,10 @@ def test_seeds_decide_and_tensors_are_taken(mesh: Mesh) -> None:
 
 
 def drawn(mesh: Mesh, rows: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    given = GivenFeatures(mesh, rows, center=np.zeros(3), scale=1.0)
+    """Points in mesh units, and their targets."""
+    given = GivenFeatures(mesh, rows)
     points, targets = given.draw(count, torch.Generator().manual_seed(0))
-    return points.numpy(), targets.numpy()
+    return points.numpy() / given.scale + given.center, targets.numpy()
 
 
 def test_points_are_drawn_evenly_by_area_and_blended() -> None:

@@ -2,27 +2,33 @@
 
 from __future__ import annotations
 
+import copy
 import errno
 import json
+import os
+import pickle
 import resource
+import subprocess
+import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from made_field import made_field
 from safetensors import safe_open
-from safetensors.torch import save_file
+from safetensors.numpy import save_file
 
-from dfd import Field
+from dfd import Field, _core, reference
 
 NETWORK = {"dimension": 12, "width": 16, "layers": 2, "octaves": 2}
 
 
 @pytest.fixture
 def field() -> Field:
-    torch.manual_seed(1)
     place = {"center": (1.0, 2.0, 3.0), "scale": 0.5}
-    return Field(**NETWORK, **place, settings={"encoder": "test", "views": 3})
+    return made_field(**NETWORK, **place, settings={"encoder": "test", "views": 3})
 
 
 def points(count: int = 100) -> np.ndarray:
@@ -46,32 +52,92 @@ def test_array_and_tensor_agree_and_only_tensors_carry_gradients(field: Field) -
 
 
 def test_center_and_scale_undo_the_units_of_the_mesh(field: Field) -> None:
-    far = Field(**NETWORK, center=(1e7, 2e7, -1e7), scale=1e-3)
-    far.network.load_state_dict(field.network.state_dict())
+    far = Field(field.parameters, octaves=2, center=(1e7, 2e7, -1e7), scale=1e-3)
     normalized = points()
     np.testing.assert_allclose(
         far(normalized * 1e3 + np.array([1e7, 2e7, -1e7])), field(normalized * 2 + np.array([1, 2, 3])), atol=1e-5
     )
 
 
-def test_sines_are_of_the_normalised_coordinates() -> None:
-    plain, waved = Field(3, width=4, layers=1), Field(3, width=4, layers=1, octaves=2, center=(1, 0, 0), scale=2.0)
-    with torch.no_grad():  # the first layer passes on one sine: of x, at half of the longest wavelength
-        for network in (plain.network, waved.network):
-            network[0].weight.zero_()
-            network[0].bias.fill_(1.0)
-            network[3].weight.copy_(torch.eye(3, 4))
-            network[3].bias.zero_()
-        waved.network[0].weight[0, 3 + 6] = 1.0
-        plain.network[0].weight[0, 0] = 1.0
+def test_sines_are_of_the_normalized_coordinates() -> None:
+    def passing_on(entry: int, octaves: int) -> dict[str, np.ndarray]:
+        """The first layer gives one of its inputs, plus one; the last one that and nothing else."""
+        first = np.zeros((4, 3 + 6 * octaves), np.float32)
+        first[0, entry] = 1.0
+        norm = {"network.2.weight": np.ones(4, np.float32), "network.2.bias": np.zeros(4, np.float32)}
+        last = {"network.3.weight": np.eye(3, 4, dtype=np.float32), "network.3.bias": np.zeros(3, np.float32)}
+        return {"network.0.weight": first, "network.0.bias": np.ones(4, np.float32), **norm, **last}
+
+    # Of x at half of the longest wavelength, which is the second octave.
+    plain, waved = Field(passing_on(0, 0)), Field(passing_on(3 + 6, 2), octaves=2, center=(1, 0, 0), scale=2.0)
     x = np.linspace(0.55, 0.95, 9)
     normalized = (x - 1) * 2
     at = np.column_stack([x, x * 0, x * 0])
     np.testing.assert_allclose(waved(at), plain(np.column_stack([np.sin(np.pi * normalized), at[:, 1:]])), atol=1e-6)
 
 
+@pytest.mark.parametrize("octaves", [0, 1, 5, 16])
+@pytest.mark.parametrize(("dimension", "width", "layers"), [(1, 1, 1), (3, 7, 2), (384, 256, 4), (33, 50, 3)])
+def test_features_are_those_of_the_slow_twin(octaves: int, dimension: int, width: int, layers: int) -> None:
+    field = made_field(dimension, width=width, layers=layers, octaves=octaves, center=(0.1, 0.2, -0.3), scale=0.7)
+    some = points(101) / 3
+    np.testing.assert_allclose(field(some), reference.field(field, some), atol=2e-5)
+
+
+def test_every_instruction_set_and_number_of_threads_agrees(field: Field) -> None:
+    code = (
+        "import sys, numpy as np, dfd; dfd.set_num_threads(int(sys.argv[1])); "
+        "np.save(sys.argv[3], dfd.Field.load(sys.argv[2])(np.random.default_rng(0).normal(size=(5001, 3))))"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        field.save(f"{folder}/a.safetensors")
+        by_set = {}
+        for name in _core.instruction_sets():
+            for threads in ("1", "3"):
+                out = f"{folder}/{name}{threads}.npy"
+                arguments = [sys.executable, "-c", code, threads, f"{folder}/a.safetensors", out]
+                subprocess.run(arguments, env={**os.environ, "DFD_ISA": name}, check=True)
+                by_set[name, threads] = np.load(out)
+        for name in _core.instruction_sets():
+            np.testing.assert_array_equal(by_set[name, "1"], by_set[name, "3"])
+            np.testing.assert_allclose(by_set[name, "1"], by_set["baseline", "1"], atol=1e-5)
+
+
+def test_a_field_is_used_without_torch(field: Field, tmp_path: Path) -> None:
+    field.save(tmp_path / "a.safetensors")
+    code = (
+        "import sys, numpy as np, dfd\n"
+        f"field = dfd.Field.load({str(tmp_path / 'a.safetensors')!r})\n"
+        "vertices = np.random.default_rng(0).normal(size=(100, 3))\n"
+        "mesh = dfd.Mesh(vertices, [[0, 1, 2]])\n"
+        "session = dfd.Deformer(mesh, field, features=dfd.compact(field, vertices))\n"
+        "session.add(3, translation=(0, 1, 0))\n"
+        "assert (session.vertices != vertices).any()\n"
+        "print(sorted({'torch', 'transformers'} & sys.modules.keys()))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
+def test_a_forked_child_evaluates_too(field: Field) -> None:
+    before = field(points(20_000))
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if np.array_equal(field(points(20_000)), before) else 1)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+
+def test_copies_and_pickles_are_the_same_field(field: Field) -> None:
+    for other in (copy.deepcopy(field), pickle.loads(pickle.dumps(field))):
+        np.testing.assert_array_equal(other(points()), field(points()))
+
+
+def test_a_field_says_what_it_is_in_one_line(field: Field) -> None:
+    assert repr(field) == "Field(12 dimensions of test)"
+
+
 def test_a_field_from_before_the_sines_is_read(field: Field, tmp_path: Path) -> None:
-    plain = Field(12, width=16, layers=2)
+    plain = made_field(12, width=16, layers=2)
     plain.save(tmp_path / "a.safetensors")
     network = {"dimension": 12, "width": 16, "layers": 2}
     rewrite(plain, tmp_path / "a.safetensors", {"network": json.dumps(network)}, {})
@@ -94,6 +160,8 @@ def test_no_points_give_no_rows(field: Field) -> None:
         (np.full((2, 3), np.nan), r"Field: `points` must be finite, got nan at \[0, 0\]"),
         ("somewhere", "Field: `points` must be a numeric array, got str"),
         (torch.zeros(3), r"Field: `points` must have shape \(N, 3\), got \(3,\)"),
+        (np.full((2, 3), 1e36), "`points` must lie near the shape, got one 5e.35 times as far as its box"),
+        (np.full((2, 3), 1e308), "`points` must lie near the shape"),
     ],
 )
 def test_bad_points_are_named(field: Field, bad: object, message: str) -> None:
@@ -106,24 +174,36 @@ def test_bad_points_are_named(field: Field, bad: object, message: str) -> None:
     [
         ({"dimension": 0}, "`dimension` must be a whole number of at least 1, got 0"),
         ({"dimension": 3, "width": 2.5}, "`width` must be a whole number, got 2.5"),
+        ({"dimension": 3, "octaves": 17}, "`octaves` must be a whole number from 0 to 16, got 17"),
         ({"dimension": 3, "scale": 0.0}, "`scale` must be above 0, got 0"),
         ({"dimension": 3, "center": (0, 0)}, r"`center` must have shape \(3,\), got \(2,\)"),
     ],
 )
 def test_bad_construction_is_named(arguments: dict, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        Field(**arguments)
+        made_field(**arguments)
+
+
+def test_wrong_parameters_are_named(field: Field) -> None:
+    with pytest.raises(ValueError, match="`parameters` must be those of a network, got none"):
+        Field({})
+    with pytest.raises(ValueError, match=r"must hold network.0.weight \(16, 3\), got network.0.weight \(16, 15\)"):
+        Field(field.parameters)
+    with pytest.raises(ValueError, match=r"`network.0.bias` must be finite"):
+        Field({**field.parameters, "network.0.bias": np.full(16, np.nan)}, octaves=2)
 
 
 def test_file_gives_the_field_back(field: Field, tmp_path: Path) -> None:
     path = tmp_path / "a.safetensors"
     field.save(path)
-    state = torch.random.get_rng_state()
     loaded = Field.load(path)
-    assert torch.equal(torch.random.get_rng_state(), state)
     assert loaded.settings == {"encoder": "test", "views": 3}
     np.testing.assert_array_equal(loaded(points()), field(points()))
     assert list(tmp_path.iterdir()) == [path]
+    content = path.read_bytes()
+    for _ in range(5):  # equal fields are equal files
+        loaded.save(path)
+        assert path.read_bytes() == content
 
 
 def test_cut_file_is_refused(field: Field, tmp_path: Path) -> None:
@@ -138,9 +218,10 @@ def test_cut_file_is_refused(field: Field, tmp_path: Path) -> None:
 
 def rewrite(field: Field, path: Path, metadata: dict | None = None, tensors: dict | None = None) -> None:
     field.save(path)
-    with safe_open(path, framework="pt") as file:
+    with safe_open(path, framework="np") as file:
         old = {**file.metadata(), **(metadata or {})}
-    save_file({**field.state_dict(), **(tensors or {})}, path, old)
+        arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118  # no mapping
+    save_file({**arrays, **(tensors or {})}, path, old)
 
 
 @pytest.mark.parametrize(
@@ -149,14 +230,21 @@ def rewrite(field: Field, path: Path, metadata: dict | None = None, tensors: dic
         ({"format": "other"}, {}, "is a safetensors file but no field"),
         ({"version": "99"}, {}, "has version 99, this dfd reads 1"),
         ({"network": "{"}, {}, "has an unreadable header"),
-        ({}, {"network.0.weight": torch.zeros(16, 4)}, r"must hold network.0.weight \(16, 15\), found .*\(16, 4\)"),
-        ({}, {"network.0.bias": torch.full((16,), torch.nan)}, "not finite in network.0.bias"),
-        ({}, {"extra": torch.zeros(1)}, "unknown tensor extra"),
-        ({}, {"scale": torch.tensor(-1.0, dtype=torch.float64)}, "has scale -1.0, not above 0"),
-        ({"network": json.dumps({**NETWORK, "layers": 3})}, {}, "must hold network.6.weight"),
+        (
+            {},
+            {"network.0.weight": np.zeros((16, 4), np.float32)},
+            r"must hold network.0.weight \(16, 15\), found .*\(16, 4\)",
+        ),
+        ({}, {"network.0.bias": np.full(16, np.nan, np.float32)}, "not finite in network.0.bias"),
+        ({}, {"extra": np.zeros(1)}, "unknown tensor extra"),
+        ({}, {"scale": np.array(-1.0)}, "has scale -1.0, not above 0"),
+        ({"network": json.dumps({**NETWORK, "layers": 3})}, {}, "must hold 16 tensors for 3 layers, found 12"),
+        ({"network": json.dumps({**NETWORK, "layers": 10**9})}, {}, "must hold 4000000004 tensors"),
+        ({"settings": "[" * 10**5}, {}, "has an unreadable header"),
+        ({}, {"network.0.weight": np.full((16, 15), 3e38, np.float32)}, "its features are not finite"),
         ({"network": json.dumps({**NETWORK, "octaves": 99})}, {}, "`octaves` must be .* 16, got 99"),
         ({"network": json.dumps({**NETWORK, "depth": 3})}, {}, "has an unreadable header: .*depth"),
-        ({"network": json.dumps({**NETWORK, "width": 10**9})}, {}, "must hold network.0.weight"),
+        ({"network": json.dumps({**NETWORK, "width": 2**62})}, {}, "must hold network.*4611686018427387904"),
         ({"network": "[3]"}, {}, "has an unreadable header"),
     ],
 )
@@ -191,3 +279,26 @@ def test_a_save_that_fails_leaves_the_old_file(field: Field, tmp_path: Path) -> 
     with pytest.raises(OSError, match="the folder .* does not exist") as error:
         field.save(tmp_path / "nowhere" / "a.safetensors")
     assert error.value.errno in (None, errno.ENOENT)
+
+
+def test_equal_fields_are_equal_files(tmp_path: Path) -> None:
+    settings = {"views": 24, "encoder": "dinov2-small", "losses": [0.5, 0.25]}
+    contents = set()
+    for number in range(20):
+        Field.seeded(1, 4, width=8, layers=1, settings=settings).save(tmp_path / f"{number}.safetensors")
+        contents.add((tmp_path / f"{number}.safetensors").read_bytes())
+    assert len(contents) == 1
+    with safe_open(tmp_path / "0.safetensors", framework="np") as file:  # as other programs read it
+        assert file.metadata()["format"] == "dfd-field"
+        assert file.get_tensor("center").shape == (3,)
+
+
+def test_a_file_with_its_metadata_in_another_order_is_read(tmp_path: Path) -> None:
+    field = Field.seeded(1, 4, width=8, layers=1, settings={"seed": 1})
+    field.save(tmp_path / "now.safetensors")
+    with safe_open(tmp_path / "now.safetensors", framework="pt") as file:
+        metadata, tensors = file.metadata(), {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    save_file(tensors, tmp_path / "before.safetensors", dict(reversed(metadata.items())))
+    before = Field.load(tmp_path / "before.safetensors")
+    assert before.settings == field.settings
+    assert all(torch.equal(value, field.state_dict()[name]) for name, value in before.state_dict().items())

@@ -14,6 +14,7 @@ import torch
 from torch import nn
 
 from dfd import Field, Mesh
+from dfd.field.architecture import Architecture
 
 WIDTH, OUT = 16, 10
 VERTICES = np.array([[1.0, 2, 3], [5, 2, 3], [1, 4, 3], [2, 3, 4]])
@@ -56,7 +57,7 @@ def test_features_are_those_of_the_network(mesh: Mesh, tmp_path: Path, plain_sta
     network = twin(2, plain_start)
     path = write(tmp_path, state_of(network), model="dino2", savedir="/x", description=[])
     field = Field.load(path, mesh=mesh)
-    assert (field.dimension, field.width, field.layers) == (OUT, WIDTH, layers)
+    assert field.architecture == Architecture(OUT, WIDTH, layers)
     points = np.random.default_rng(0).uniform(-3, 6, (200, 3))
     # The middle of the box to the origin, its longest side, 4 units here, to [-1, 1].
     normalized = torch.from_numpy((points - [3, 3, 3.5]) / 2).float()

@@ -1,102 +1,177 @@
-"""Distances along the surface: against exact ones, on broken meshes, and through the coarse stand-in."""
+"""Distances along the surface: against exact ones, against the twin, across gaps, and on broken meshes."""
 
 from __future__ import annotations
 
 import os
+import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from mesh_files import CORNERS, CUBE
 
-from dfd.geometry.coarse import closest_on_triangles, coarsen
+from dfd import _core, reference
+from dfd.common.threads import get_num_threads, set_num_threads
 from dfd.geometry.geodesics import Geodesics
+from dfd.geometry.refine import split_long_edges
 from dfd.mesh.mesh import Mesh, load
+
+NO_LINKS = np.zeros((0, 2), np.int32)
+
+
+def sphere_of(subdivisions: int) -> Mesh:
+    made = trimesh.creation.icosphere(subdivisions)
+    return Mesh(made.vertices, made.faces)
 
 
 @pytest.fixture(scope="module")
 def sphere() -> Mesh:
-    made = trimesh.creation.icosphere(4)
-    return Mesh(made.vertices, made.faces)
+    return sphere_of(4)
 
 
 def on_sphere(mesh: Mesh, handle: int) -> np.ndarray:
     """The exact distance on a unit sphere, largest 1."""
-    angle = np.arccos(np.clip(mesh.vertices @ mesh.vertices[handle], -1, 1))
-    return angle / angle.max()
+    return np.arccos(np.clip(mesh.vertices @ mesh.vertices[handle], -1, 1)) / np.pi
 
 
-def test_distances_on_a_sphere_are_angles(sphere: Mesh) -> None:
-    found = Geodesics(sphere).distances([0, 7, 100])
-    assert found.shape == (3, len(sphere.vertices))
+@pytest.mark.parametrize("subdivisions", [4, 6])
+def test_distances_on_a_sphere_are_angles(subdivisions: int) -> None:
+    """Once over all vertices, and once over samples of 40,962."""
+    mesh = sphere_of(subdivisions)
+    geodesics = Geodesics(mesh)
+    assert geodesics.extent == pytest.approx(np.pi, rel=0.01)
+    found = geodesics.distances([5, 1000, 2500])
     assert found.dtype == np.float32
-    for row, handle in zip(found, (0, 7, 100), strict=True):
-        assert row[handle] == 0
-        assert row.max() == 1
-        assert np.abs(row - on_sphere(sphere, handle)).mean() < 0.01
-
-
-@pytest.mark.parametrize("dtype", [np.float16, "float16"])
-def test_half_the_memory_loses_next_to_nothing(sphere: Mesh, dtype: object) -> None:
-    geodesics = Geodesics(sphere)
-    full, halves = geodesics.distances([0, 7]), geodesics.distances([0, 7], dtype=dtype)
-    assert halves.dtype == np.float16
-    assert halves.nbytes == full.nbytes / 2
-    assert np.abs(halves - full).max() <= 2.5e-4
-    assert halves[0, 0] == 0
-    assert np.array_equal(halves.max(axis=1), [1, 1])
-
-
-@pytest.mark.parametrize("dtype", [np.float64, np.int8, "half a float", None])
-def test_other_types_of_distances_are_refused(sphere: Mesh, dtype: object) -> None:
-    with pytest.raises(ValueError, match="Geodesics.distances: `dtype` must be float32 or float16, got"):
-        Geodesics(sphere).distances([0], dtype=dtype)
-
-
-@pytest.mark.parametrize(("coarse_faces", "allowed"), [(1000, 0.025), (2500, 0.016), (8000, 0.01)])
-def test_a_coarse_stand_in_loses_little(coarse_faces: int, allowed: float) -> None:
-    made = trimesh.creation.icosphere(5)
-    mesh = Mesh(made.vertices, made.faces)
-    handles = [5, 3000, 9999]
-    found = Geodesics(mesh, coarse_faces=coarse_faces).distances(handles)
-    assert np.all(found >= 0)
-    for row, handle in zip(found, handles, strict=True):
+    for row, handle in zip(found, (5, 1000, 2500), strict=True):
         error = np.abs(row - on_sphere(mesh, handle))
-        assert error.mean() < allowed
+        assert error.mean() < 0.005
+        assert error.max() < 0.015
         near = np.argsort(on_sphere(mesh, handle))[:50]
-        assert error[near].max() < 0.01
+        assert error[near].max() < 0.001
         assert row[handle] == 0
         assert np.argmin(row) == handle
 
 
-def test_simplification_of_flat_ground_puts_no_point_astray() -> None:
-    """A box cut into many coplanar faces: there, quadrics leave the place of a point nearly free."""
-    vertices, faces = CORNERS, CUBE
-    for _ in range(6):
-        vertices, faces = trimesh.remesh.subdivide(vertices, faces)
-    coarse = coarsen(vertices, faces.astype(np.int32), 2000)
-    assert len(coarse.faces) <= 2000
-    assert coarse.vertices.min() > -0.05
-    assert coarse.vertices.max() < 1.05
-    carried = np.stack([coarse.carry(axis) for axis in coarse.vertices.T], axis=1)
-    assert np.linalg.norm(carried - vertices, axis=1).max() < 0.05
+def test_distances_are_smooth() -> None:
+    """No facet of the samples shows: the gradient on a large mesh turns as little as on the sphere itself."""
+    mesh = sphere_of(6)
+    edges = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).edges_unique
+    found, exact = Geodesics(mesh).distances([5])[0].astype(np.float64), on_sphere(mesh, 5)
+    step = np.abs((found - exact)[edges[:, 0]] - (found - exact)[edges[:, 1]])
+    length = np.linalg.norm(mesh.vertices[edges[:, 0]] - mesh.vertices[edges[:, 1]], axis=1) / np.pi
+    away = (exact[edges] > 0.02).all(axis=1) & (exact[edges] < 0.95).all(axis=1)
+    assert np.mean((step / length)[away]) < 0.06
+    assert np.quantile((step / length)[away], 0.999) < 0.35
 
 
-def test_other_pieces_are_farthest() -> None:
-    mesh = Mesh(np.vstack([CORNERS, CORNERS + 5]), np.vstack([CUBE, CUBE + 8]))
-    found = Geodesics(mesh).distances([0])[0]
-    assert np.all(found[8:] == 1)
-    assert found[:8].max() == 1
-    assert found[0] == 0
-    assert np.argmax(found[:8]) == 7
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(3, 40), st.integers(0, 60), st.integers(0, 5))
+def test_the_kernel_agrees_with_its_twin(seed: int, count: int, face_count: int, link_count: int) -> None:
+    """On any faces at all: non-manifold, repeated and without area."""
+    random = np.random.default_rng(seed)
+    vertices = random.uniform(-1, 1, (count, 3))
+    faces = random.integers(0, count, (face_count, 3)).astype(np.int32)
+    links = random.integers(0, count, (link_count, 2)).astype(np.int32)
+    solver = _core.Geodesics(vertices, faces, links, count, 1)
+    out = np.empty((1, count), np.float32)
+    solver.distances(np.array([0]), 0.25, out, 1)
+    wanted = reference.surface_distances(vertices, faces, links, 0)
+    joined = np.isfinite(wanted)
+    assert np.all(out[0, ~joined] == 0.25)
+    assert solver.extent >= wanted[joined].max() - 1e-5
+    assert np.allclose(out[0, joined] * solver.extent, wanted[joined], atol=1e-5)
+
+
+def test_one_thread_equals_many(sphere: Mesh) -> None:
+    before = get_num_threads()
+    try:
+        found = []
+        for threads in (1, 4):
+            set_num_threads(threads)
+            geodesics = Geodesics(sphere_of(6))
+            found.append(np.vstack([geodesics.distances([7]), geodesics.distances([7, 9, 11])]))
+    finally:
+        set_num_threads(before)
+    assert np.array_equal(found[0], found[1])
+    assert np.array_equal(found[0][0], found[0][1])
+
+
+def test_components_that_touch_are_near_and_others_farthest() -> None:
+    seat = trimesh.creation.box((1, 0.1, 1))
+    leg = trimesh.creation.box((0.1, 1, 0.1)).apply_translation((0.4, -0.54, 0.4))  # into the seat
+    far = trimesh.creation.box((0.1, 0.1, 0.1)).apply_translation((3, 0, 0))
+    parts = trimesh.util.concatenate([seat, leg, far])
+    mesh = Mesh(parts.vertices, parts.faces)
+    geodesics = Geodesics(mesh)
+    foot = 8 + int(np.argmin(leg.vertices[:, 1]))
+    row = geodesics.distances([foot])[0] * geodesics.extent
+    nearest = np.linalg.norm(seat.vertices - mesh.vertices[foot], axis=1)
+    assert np.all(row[:8] >= nearest - 0.05)
+    assert row[:8].min() < 1.4
+    assert np.all(geodesics.distances([foot])[0, 16:] == 1)
+    assert np.all(geodesics.distances([foot], separate=0.5)[0, 16:] == 0.5)
+    assert np.all(geodesics.distances([16])[0, :16] == 1)
+
+
+def test_teeth_follow_their_jaw() -> None:
+    """Many small components just above a large one, none of them touching."""
+    jaw = trimesh.creation.box((4, 0.3, 1)).subdivide().subdivide()
+    teeth = [trimesh.creation.cone(0.05, 0.2).apply_translation((x, 0, 0)) for x in np.linspace(-1.8, 1.8, 40)]
+    for tooth in teeth:
+        tooth.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0)))
+        tooth.apply_translation((0, 0.18, 0))
+    parts = trimesh.util.concatenate([jaw, *teeth])
+    mesh = Mesh(parts.vertices, parts.faces)
+    geodesics = Geodesics(mesh)
+    end = int(np.argmin(mesh.vertices[:, 0]))
+    row = geodesics.distances([end])[0] * geodesics.extent
+    start = len(jaw.vertices)
+    along = mesh.vertices[start:, 0] - mesh.vertices[end, 0]
+    assert np.all(row[start:] > along * 0.98)
+    assert np.all(row[start:] < along + 1.2)
+
+
+def test_one_scale_serves_every_handle(sphere: Mesh) -> None:
+    stick = trimesh.creation.box((10, 1, 1)).subdivide().subdivide()
+    geodesics = Geodesics(Mesh(stick.vertices, stick.faces))
+    middle, end = (int(np.argmin(np.abs(stick.vertices[:, 0] - x))) for x in (0, 5))
+    rows = geodesics.distances([middle, end])
+    assert rows[1].max() > 0.95
+    assert rows[0].max() == pytest.approx(rows[1].max() / 2, rel=0.1)
+    assert geodesics.extent == pytest.approx(11, rel=0.06)
+
+
+def test_distances_over_few_large_faces() -> None:
+    mesh = Mesh(CORNERS, CUBE)
+    found = Geodesics(mesh).distances([0])[0] * Geodesics(mesh).extent
+    exact = np.linalg.norm(CORNERS - CORNERS[0], axis=1)
+    exact[exact > 1.7] = np.sqrt(5)  # to the far corner, over two faces unfolded
+    assert np.allclose(found, exact, atol=0.03)
+
+
+def test_long_edges_are_halved_and_shared() -> None:
+    vertices, faces = split_long_edges(CORNERS, CUBE.astype(np.int32), 0.3, most=10_000)
+    fine = trimesh.Trimesh(vertices, faces, process=False)
+    assert np.array_equal(vertices[:8], CORNERS)
+    assert fine.edges_unique_length.max() <= 0.3
+    assert fine.is_watertight
+    assert fine.area == pytest.approx(6)
+    assert fine.volume == pytest.approx(1)
+    few, _ = split_long_edges(CORNERS, CUBE.astype(np.int32), 1e-6, most=1000)
+    assert 8 < len(few) < 4000
+    same, kept = split_long_edges(CORNERS, CUBE.astype(np.int32), 2.0, most=1000)
+    assert np.array_equal(same, CORNERS)
+    assert np.array_equal(kept, CUBE)
 
 
 def test_unwelded_and_repeated_faces_are_one_surface() -> None:
     soup = Mesh(CORNERS[CUBE].reshape(-1, 3), np.vstack([np.arange(36).reshape(-1, 3), [(0, 1, 2), (3, 3, 4)]]))
     welded = Geodesics(Mesh(CORNERS, CUBE)).distances([0])[0]
-    found = Geodesics(soup).distances([0])[0]
-    assert np.allclose(found, welded[CUBE.ravel()], atol=1e-6)
+    found = Geodesics(soup).distances([int(np.flatnonzero(CUBE.ravel() == 0)[0])])[0]
+    assert np.allclose(found, welded[CUBE.ravel()], atol=0.02)
 
 
 def test_edges_of_many_faces_are_no_obstacle() -> None:
@@ -109,39 +184,28 @@ def test_edges_of_many_faces_are_no_obstacle() -> None:
     assert found[0, 0] < found[0, 4]
 
 
-def test_a_handle_that_no_sound_face_uses() -> None:
+def test_vertices_that_no_face_uses() -> None:
     vertices = np.vstack([CORNERS, [(9, 9, 9), (9, 9, 9.5)]])
     found = Geodesics(Mesh(vertices, np.vstack([CUBE, [(8, 8, 9)]]))).distances([8, 0])
-    assert found[0].tolist() == [1] * 8 + [0, 1]
+    assert found[0, :8].tolist() == [1] * 8
+    assert found[0, 8] == 0
+    assert 0 < found[0, 9] < 1
     assert found[1, 8:].tolist() == [1, 1]
 
 
-def test_a_mesh_without_any_sound_face() -> None:
+def test_a_mesh_of_one_point_and_one_without_area() -> None:
+    assert Geodesics(Mesh(np.ones((3, 3)), [(0, 1, 2)])).distances([1]).tolist() == [[0, 0, 0]]
     found = Geodesics(Mesh(CORNERS, [(0, 0, 1), (2, 2, 2)])).distances([3])
-    assert found.tolist() == [[1, 1, 1, 0, 1, 1, 1, 1]]
+    assert found[0, 3] == 0
+    assert np.isfinite(found).all()
 
 
-def test_the_solver_failing_leaves_the_way_along_edges(sphere: Mesh, monkeypatch: pytest.MonkeyPatch) -> None:
-    class Broken:
-        def compute_distance(self, corner: int) -> np.ndarray:
-            return np.full(len(sphere.vertices), np.nan)
-
-    monkeypatch.setattr("potpourri3d.MeshHeatMethodDistanceSolver", lambda *_, **__: Broken())
-    found = Geodesics(sphere).distances([0])[0]
-    assert np.abs(found - on_sphere(sphere, 0)).mean() < 0.05
-
-    def refuses(*_: object, **__: object) -> None:
-        raise RuntimeError("factorization failed")
-
-    monkeypatch.setattr("potpourri3d.MeshHeatMethodDistanceSolver", refuses)
-    assert np.array_equal(Geodesics(sphere).distances([0])[0], found)
-
-
-def test_size_and_place_do_not_matter(sphere: Mesh) -> None:
-    plain = Geodesics(sphere).distances([3])
-    for scale, offset in ((1e-6, 0), (1e6, 0), (1, 1000)):
-        moved = Mesh(sphere.vertices * scale + offset, sphere.faces)
-        assert np.allclose(Geodesics(moved).distances([3]), plain, atol=2e-3)
+@pytest.mark.parametrize(("scale", "offset"), [(1e-6, 0), (1e6, 0), (1, 1000), (1e155, 0), (1e-200, 0)])
+def test_size_and_place_do_not_matter(sphere: Mesh, scale: float, offset: float) -> None:
+    plain = Geodesics(sphere)
+    moved = Geodesics(Mesh(sphere.vertices * scale + offset, sphere.faces))
+    assert np.allclose(moved.distances([3]), plain.distances([3]), atol=1e-5)
+    assert moved.extent / scale == pytest.approx(plain.extent, rel=1e-5)
 
 
 def test_points_stand_for_their_nearest_vertices(sphere: Mesh) -> None:
@@ -167,27 +231,25 @@ def test_bad_handles_are_refused(handles: object, message: str, sphere: Mesh) ->
         Geodesics(sphere).distances(handles)
 
 
-def test_nothing_is_computed_before_the_first_question(sphere: Mesh, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dfd.geometry.geodesics.coarsen", lambda *_: pytest.fail("too early"))
-    Geodesics(sphere)
-    with pytest.raises(ValueError, match="Geodesics: `coarse_faces` must be at least 100, got 10"):
-        Geodesics(sphere, coarse_faces=10)
+@pytest.mark.parametrize("separate", [-0.1, 1.5, float("nan"), "far"])
+def test_a_bad_distance_of_what_is_separate_is_refused(separate: object, sphere: Mesh) -> None:
+    with pytest.raises(ValueError, match="Geodesics.distances: `separate` must be"):
+        Geodesics(sphere).distances([0], separate=separate)  # type: ignore[arg-type]
 
 
-def test_closest_points_on_triangles_against_dense_sampling() -> None:
-    random = np.random.default_rng(0)
-    triangles, points = random.normal(size=(200, 3, 3)), random.normal(size=(200, 3)) * 2
-    triangles[:20, 2] = triangles[:20, 1]  # slivers and points are triangles too
-    triangles[:5, 1:] = triangles[:5, :1]
-    weights, squared = closest_on_triangles(points, triangles)
-    assert weights.min() >= 0
-    assert np.allclose(weights.sum(axis=1), 1)
-    share = np.stack(np.meshgrid(*[np.linspace(0, 1, 40)] * 2), axis=-1).reshape(-1, 2)
-    share = share[share.sum(axis=1) <= 1 + 1e-9]
-    sampled = np.einsum("sk,tkd->tsd", np.column_stack([1 - share.sum(axis=1), share]), triangles)
-    best = ((sampled - points[:, None]) ** 2).sum(axis=2).min(axis=1)
-    assert np.all(squared <= best + 1e-9)
-    assert np.allclose(squared, best, atol=0.05)
+def test_it_is_prepared_once_and_not_before_the_first_question(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = []
+    made = _core.Geodesics
+    monkeypatch.setattr("dfd._core.Geodesics", lambda *rest: calls.append(1) or made(*rest))
+    geodesics = Geodesics(sphere_of(5))
+    assert not calls
+    others = [threading.Thread(target=geodesics.distances, args=([number],)) for number in range(4)]
+    for other in others:
+        other.start()
+    for other in others:
+        other.join(timeout=60)
+    geodesics.prepare()
+    assert len(calls) == 1
 
 
 @pytest.mark.skipif("DFD_MESHES" not in os.environ, reason="DFD_MESHES names no folder of meshes")
@@ -195,8 +257,10 @@ def test_closest_points_on_triangles_against_dense_sampling() -> None:
 @pytest.mark.parametrize("name", ["chair_nonmanifold.obj", "truck_defects.obj", "knight.glb", "human_neutral.obj"])
 def test_real_broken_meshes(name: str) -> None:
     mesh = load(Path(os.environ["DFD_MESHES"]) / name)
+    before = mesh.vertices.copy()
     handles = np.random.default_rng(0).integers(0, len(mesh.vertices), 5)
     found = Geodesics(mesh).distances(handles)
     assert np.isfinite(found).all()
     assert np.array_equal(found[np.arange(5), handles], np.zeros(5))
-    assert np.all(found.max(axis=1) == 1)
+    assert np.all(found.max(axis=1) > 0.4)
+    assert np.array_equal(mesh.vertices, before)

@@ -188,7 +188,7 @@ def test_a_damaged_picture_inside_a_glb_is_grey_and_one_warning(damage: str, tmp
         gltf.data = gltf.data[:start] + b"no picture" + gltf.data[start + 10 :]
     else:
         gltf.data = gltf.data[: start + 45] + bytes(length - 45) + gltf.data[start + length :]
-    with pytest.warns(UserWarning, match="could not be read; what it would colour is grey") as caught:
+    with pytest.warns(UserWarning, match="could not be read; what it would color is grey") as caught:
         mesh = load(write(tmp_path / "quad.glb", gltf.glb()))
     assert len(caught) == 1
     if mesh.appearance is not None:

@@ -2,91 +2,34 @@
 
 from __future__ import annotations
 
-import io
+import errno
 import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 import warnings
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from tiny_encoder import save_tiny_encoder
+from stopped_runs import FEW_NODES, RECIPE, SMALL, count_work, interrupted, same, stop_at
 
 import dfd
+import dfd.distillation.algorithm
 import dfd.encoders.encode
-import dfd.views.render
 from dfd import Field, Mesh
+from dfd.common.progress import Stages
+from dfd.distillation.distill import distilling
+from dfd.distillation.settings import DistillSettings
 from dfd.encoders.encode import Encoder
-from dfd.runs import checkpoint
-from dfd.runs.checkpoint import Checkpoint, FitState
+from dfd.runs import fit_state
+from dfd.runs.checkpoint import Checkpoint
+from dfd.runs.fit_state import FitState
 
-SMALL: dict[str, Any] = {
-    "views": 6,
-    "resolution": 32,
-    "steps": 40,
-    "batch": 64,
-    "progress": False,
-    "device": "cpu",
-    "cache": False,
-}
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _small_steps(one_thread: None) -> Iterator[None]:
-    """Every step of the fit is kept."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HF_HUB_OFFLINE", "1")
-        patch.setattr(checkpoint, "SECONDS", 0.0)
-        yield
-
-
-@pytest.fixture(scope="module")
-def encoder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return save_tiny_encoder(tmp_path_factory.mktemp("encoder") / "tiny")
-
-
-@pytest.fixture(scope="module")
-def mesh() -> Mesh:
-    return dfd.samples.chair(4000).mesh
-
-
-@pytest.fixture(scope="module")
-def whole(encoder: Path, mesh: Mesh) -> Field:
-    """What an uninterrupted run gives."""
-    return dfd.distill(mesh, encoder, **SMALL)
-
-
-def same(first: Field, second: Field) -> bool:
-    one, two = first.state_dict(), second.state_dict()
-    return all(torch.equal(one[name], two[name]) for name in one) and first.settings == second.settings
-
-
-def stop_at(monkeypatch: pytest.MonkeyPatch, step: int, error: BaseException) -> None:
-    """Let the fit end with `error` after a step."""
-    keep = FitState.keep
-
-    def stopping(self: FitState, losses: list[torch.Tensor], *rest: Any) -> None:
-        keep(self, losses, *rest)
-        if len(losses) == step:
-            raise error
-
-    monkeypatch.setattr(FitState, "keep", stopping)
-
-
-def count_work(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Gets the number of pictures of every call of an encoder."""
-    encode, done = Encoder.encode, list[int]()
-    monkeypatch.setattr(
-        Encoder, "encode", lambda self, images, **how: done.append(len(images)) or encode(self, images, **how)
-    )
-    return done
+pytestmark = pytest.mark.usefixtures("every_step_is_kept")
 
 
 @pytest.mark.parametrize("step", [1, 17, 39, 40])
@@ -111,21 +54,21 @@ def test_an_interrupted_fit_goes_on_to_the_same_bits(
 def test_pictures_that_were_encoded_are_not_encoded_again(
     encoder: Path, mesh: Mesh, whole: Field, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    write, written = Checkpoint._write, list[str]()
+    write, written = Checkpoint.write_tokens, list[int]()
 
-    def third_stops(self: Checkpoint, name: str, content: Any) -> None:
+    def third_stops(self: Checkpoint, *given: Any) -> None:
         if len(written) == 2:
             raise KeyboardInterrupt
-        written.append(name)
-        write(self, name, content)
+        written.append(len(given))
+        write(self, *given)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Checkpoint, "_write", third_stops)
+        patch.setattr(Checkpoint, "write_tokens", third_stops)
         with pytest.raises(KeyboardInterrupt):
             dfd.distill(mesh, encoder, checkpoint=tmp_path / "run", **SMALL)
     encoded = count_work(monkeypatch)
     assert same(dfd.distill(mesh, encoder, checkpoint=tmp_path / "run", **SMALL), whole)
-    assert encoded == [4]
+    assert sum(encoded) == 4
 
 
 def test_a_run_with_a_checkpoint_gives_what_one_without_gives(
@@ -150,25 +93,26 @@ def test_given_features_go_on_too(mesh: Mesh, tmp_path: Path, monkeypatch: pytes
 def start(mesh: Path, encoder: Path, output: Path) -> subprocess.Popen[str]:
     """The command line with the settings of `SMALL` and 100 steps, each slowed down by 15 ms."""
     code = (
-        "import sys, time; import torch; torch.set_num_threads(1)\n"
-        "import dfd.encoders.encode; dfd.encoders.encode.get_num_threads = lambda: 2\n"
-        "from dfd.runs import checkpoint; checkpoint.SECONDS = 0.05\n"
-        "keep = checkpoint.FitState.keep\n"
+        "import signal, sys, time; signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # nohup ignores it
+        "import torch; torch.set_num_threads(1)\n"
+        f"from dfd.distillation import smoothing; smoothing.NODES = {FEW_NODES}\n"
+        "from dfd.runs import fit_state; fit_state.SECONDS = 0.05\n"
+        "keep = fit_state.FitState.keep\n"
         "def slow(*given): time.sleep(0.015); keep(*given)\n"
-        "checkpoint.FitState.keep = slow\n"
-        "import dfd; dfd.distill.__kwdefaults__['batch'] = 64\n"
+        "fit_state.FitState.keep = slow\n"
         "from dfd.cli import main; main(sys.argv[1:])"
     )
-    options = ("--views", "6", "--resolution", "32", "--steps", "100", "--device", "cpu", "--no-cache")
+    options = ("--views", 6, "--resolution", 32, "--steps", 100, "--batch", 64, "--device", "cpu", "--no-cache")
     arguments = ("distill", mesh, "-o", output, "--encoder", encoder, *options)
     return subprocess.Popen([sys.executable, "-c", code, *map(str, arguments)], stderr=subprocess.PIPE, text=True)
 
 
 def wait_for_state(process: subprocess.Popen[str], partial: Path) -> None:
     """Until the process has kept a state of the fit."""
-    begun = time.time_ns()
-    while not any(path.stat().st_mtime_ns > begun for path in partial.glob("fit-*.pt")):
+    begun, limit = time.time_ns(), time.monotonic() + 120
+    while not any(path.stat().st_mtime_ns > begun for path in partial.glob("fit-*")):
         assert process.poll() is None, process.stderr and process.stderr.read()
+        assert time.monotonic() < limit
         time.sleep(0.005)
 
 
@@ -201,13 +145,6 @@ def test_a_killed_command_goes_on_to_the_same_bits(encoder: Path, mesh: Mesh, tm
     assert list(tmp_path.iterdir()) == [shape]
 
 
-def interrupted(mesh: Mesh, encoder: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with monkeypatch.context() as patch:
-        stop_at(patch, 9, KeyboardInterrupt())
-        with pytest.raises(KeyboardInterrupt):
-            dfd.distill(mesh, encoder, checkpoint=folder, **SMALL)
-
-
 def test_other_settings_begin_anew_and_say_so(
     encoder: Path, mesh: Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -233,65 +170,6 @@ def test_a_field_from_the_cache_leaves_no_checkpoint(
     for folder in ("run", "other"):
         assert same(dfd.distill(mesh, encoder, checkpoint=tmp_path / folder, **settings), whole)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["cache", "other"]
-
-
-def test_damaged_pieces_are_made_again(
-    encoder: Path, mesh: Mesh, whole: Field, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    interrupted(mesh, encoder, tmp_path / "run", monkeypatch)
-    first, second, third, *_ = sorted((tmp_path / "run").glob("tokens-*"))
-    first.write_bytes(first.read_bytes()[:200])
-    stream = io.BytesIO()
-    np.save(stream, np.array([{}], dtype=object))
-    second.write_bytes(stream.getvalue())
-    np.save(third, np.full_like(np.load(third), np.nan))
-    (state,) = (tmp_path / "run").glob("fit-*")
-    state.write_bytes(state.read_bytes()[:1000])
-    (tmp_path / "run" / ".fit-0.1234.pt").write_bytes(b"half")  # what a kill amid a write leaves
-    assert same(dfd.distill(mesh, encoder, checkpoint=tmp_path / "run", **SMALL), whole)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_other_folders_are_left_alone(encoder: Path, mesh: Mesh, tmp_path: Path) -> None:
-    (tmp_path / "photos").mkdir()
-    (tmp_path / "photos" / "a.png").write_bytes(b"dear")
-    (tmp_path / "file").write_bytes(b"dear")
-    for name, kind, message in (
-        ("photos", ValueError, "`checkpoint` must be a new folder or one of an earlier run, got .*photos"),
-        ("file", OSError, "`checkpoint` must be a folder, but .*file is a file"),
-        ("none/run", OSError, "`checkpoint`: the folder .*none does not exist"),
-    ):
-        with pytest.raises(kind, match=message):
-            dfd.distill(mesh, encoder, checkpoint=tmp_path / name, **SMALL)
-    assert (tmp_path / "photos" / "a.png").read_bytes() == b"dear"
-    (tmp_path / "run").mkdir()
-    run = Checkpoint(tmp_path / "run", {"name": "a"})  # an empty folder is fine
-    (tmp_path / "run" / "note.txt").write_bytes(b"dear")
-    run.remove()
-    assert [path.name for path in (tmp_path / "run").iterdir()] == ["note.txt"]
-
-
-def test_a_full_disk_is_one_warning(
-    encoder: Path, mesh: Mesh, whole: Field, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    resource = pytest.importorskip("resource")
-    write, alone = Checkpoint._write, threading.Lock()
-
-    def on_a_full_disk(self: Checkpoint, *given: Any) -> None:
-        with alone:  # the limit is the whole process's
-            soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-            resource.setrlimit(resource.RLIMIT_FSIZE, (100, hard))
-            try:
-                write(self, *given)
-            finally:
-                resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-
-    monkeypatch.setattr(Checkpoint, "_write", on_a_full_disk)
-    with pytest.warns(RuntimeWarning, match="could not be written: .*; the run goes on, but") as told:
-        field = dfd.distill(mesh, encoder, checkpoint=tmp_path / "run", **SMALL)
-    assert len(told) == 1
-    assert same(field, whole)
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_fit_that_cannot_succeed_keeps_nothing(encoder: Path, mesh: Mesh, tmp_path: Path) -> None:
@@ -329,9 +207,9 @@ def test_out_of_memory_says_what_to_lower(
         if where == "fit":
             stop_at(patch, 5, error)
         elif where == "encode":
-            patch.setattr(Encoder, "encode", fail)
+            patch.setattr(Encoder, "_forward", fail)
         else:
-            patch.setattr(dfd.views.render, "render", fail)
+            patch.setattr(dfd.distillation.algorithm, "render", fail)
         with pytest.raises(MemoryError, match=f"distill: too little memory for {message}"):
             dfd.distill(mesh, encoder, checkpoint=tmp_path / "run", **SMALL)
     assert same(dfd.distill(mesh, encoder, checkpoint=tmp_path / "run", **SMALL), whole)
@@ -341,14 +219,14 @@ def test_other_errors_stay_what_they_are(encoder: Path, mesh: Mesh, monkeypatch:
     def fail(*_: Any, **__: Any) -> None:
         raise RuntimeError("a bug")
 
-    monkeypatch.setattr(dfd.views.render, "render", fail)
+    monkeypatch.setattr(dfd.distillation.algorithm, "render", fail)
     with pytest.raises(RuntimeError, match="a bug"):
         dfd.distill(mesh, encoder, **SMALL)
 
 
 def test_states_are_kept_every_few_seconds_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(checkpoint, "SECONDS", 60.0)
-    kept = Checkpoint(tmp_path / "run", {"name": "a"})
+    monkeypatch.setattr(fit_state, "SECONDS", 60.0)
+    kept = Checkpoint(tmp_path / "run", RECIPE)
     state = kept.fit_state()
     state.keep([torch.zeros(())], {}, torch.Generator())
     assert list((tmp_path / "run").glob("fit-*")) == []
@@ -357,6 +235,25 @@ def test_states_are_kept_every_few_seconds_only(tmp_path: Path, monkeypatch: pyt
     assert len(list((tmp_path / "run").glob("fit-*"))) == 1
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert len(kept.fit_state().restore({}, torch.Generator())) == 1
-        assert kept.fit_state(np.zeros(3)).restore({}, torch.Generator()) == []  # made from something else
+        assert len(kept.fit_state().restore({}, torch.Generator(), 1)) == 1
+        assert kept.fit_state(np.zeros(3)).restore({}, torch.Generator(), 1) == []  # made from something else
     assert os.listdir(tmp_path) == ["run"]  # noqa: PTH208
+
+
+def test_a_field_that_cannot_be_saved_in_the_end_leaves_the_checkpoint(
+    encoder: Path, mesh: Mesh, whole: Field, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = DistillSettings(**{name: SMALL[name] for name in ("views", "resolution", "steps", "batch")})
+    how = {"device": "cpu", "stages": Stages(show=False), "cache": False, "checkpoint": tmp_path / "run"}
+    with (
+        pytest.raises(OSError, match="No space left"),
+        distilling(mesh, encoder, settings, **how),
+    ):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert len(list((tmp_path / "run").glob("tokens-*"))) == 6
+    encoded = count_work(monkeypatch)
+    with distilling(mesh, encoder, settings, **how) as field:
+        assert (tmp_path / "run").exists()
+    assert encoded == []
+    assert same(field, whole)
+    assert list(tmp_path.iterdir()) == []

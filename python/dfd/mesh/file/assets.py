@@ -1,45 +1,75 @@
-"""The folder of a mesh file, where trimesh looks for materials, textures and buffers that the file names."""
+"""The folder of a mesh file, where materials, pictures and data that the file names are looked for."""
 
 from __future__ import annotations
 
-import io
+import errno
+import os
+import stat
 from pathlib import Path
+from urllib.parse import unquote
 
-from PIL import Image
-from trimesh.resolvers import FilePathResolver
-
-__all__ = ["AssetFolder"]
-
-_IMAGES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tga", ".tif", ".tiff", ".gif")
+__all__ = ["AssetFolder", "brief", "read_regular"]
 
 
-class AssetFolder(FilePathResolver):  # type: ignore[misc]  # trimesh is untyped to us
-    """Reads files beside the mesh, never above its folder, and remembers which could not be read.
+class AssetFolder:
+    """Reads files beside the mesh: never above its folder, never hidden ones, and nothing but files.
 
-    trimesh goes on without a texture or materials file that it cannot read and tells nobody; `unreadable` does.
+    A mesh goes on without a picture or materials file that cannot be read; `unreadable` names them for a warning.
     """
 
     def __init__(self, mesh: Path) -> None:
-        super().__init__(str(mesh))
+        self.folder = mesh.parent
         self.unreadable: set[str] = set()
 
-    def get(self, name: str) -> bytes:
-        """Return the bytes of file `name` of the folder.
+    def read(self, name: str) -> bytes:
+        """Return the bytes of the file that a mesh file calls `name`: a relative path or URI.
 
         Raises
         ------
         ValueError, OSError
-            If the name leads out of the folder or the file cannot be read.
+            If the name leads out of the folder or to a hidden file, or the file cannot be read.
         """
-        try:
-            data: bytes = super().get(name)
-            if name.lower().strip().endswith(_IMAGES):
-                with Image.open(io.BytesIO(data)) as image:
-                    image.verify()  # cheap; what only decoding shows is told later
-        except Exception:
-            self.unreadable.add(name)
-            raise
-        return data
+        folder = self.folder.resolve()
+        for spelled in dict.fromkeys((name, unquote(name), unquote(name).replace("\\", "/"))):
+            path = (folder / spelled.strip()).resolve()
+            if not path.is_relative_to(folder):
+                raise ValueError(f"{brief(name)} lies outside the folder of the file")
+            if any(step.startswith(".") for step in path.relative_to(folder).parts):
+                raise ValueError(f"{brief(name)} is a hidden file")
+            if path.exists():
+                return read_regular(path)
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), brief(name))
 
-    def __getitem__(self, name: str) -> bytes:
-        return self.get(name)
+    def has(self, name: str) -> bool:
+        """Whether `read` would find a file of that name."""
+        try:
+            self.read(name)
+        except (ValueError, OSError):
+            return False
+        return True
+
+
+def read_regular(path: Path) -> bytes:
+    """Return the bytes of a file; what is none, such as a pipe or a device, is refused and never waited for.
+
+    Raises
+    ------
+    OSError
+        If `path` is not a file, or cannot be read.
+    """
+    if path.exists() and not stat.S_ISREG(path.stat().st_mode):
+        raise OSError(errno.EINVAL, "it is not a file")
+    # opened without waiting for the other end of a pipe, should one have come since
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    with os.fdopen(os.open(path, flags), "rb") as stream:
+        if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+            raise OSError(errno.EINVAL, "it is not a file")
+        return stream.read()
+
+
+def brief(value: object) -> str:
+    """Return a value of a file as a message quotes it: however long it is, in a few words."""
+    text = repr(value)
+    if isinstance(value, str) and value.startswith("data:"):
+        return f"a data URI of {len(value)} characters"
+    return text if len(text) <= 60 else f"{text[:50]}… ({len(text)} characters)"

@@ -5,31 +5,44 @@ The format: Khronos Group, "glTF 2.0 Specification", 2021.
 
 from __future__ import annotations
 
+import importlib.util
 import json
-import struct
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, cast
 
-__all__ = ["MODES_READ", "base_color_texture", "primitives", "read", "wrap"]
+from dfd.mesh.file.assets import brief
 
-Wrap = Literal["repeat", "mirror", "clamp"]
+__all__ = [
+    *("COMPONENTS", "COMPONENT_TYPES", "DRACO", "MESHOPT", "Header"),
+    *("extension", "is_index", "item", "objects", "primitives", "read", "whole"),
+]
+
 Header = dict[str, Any]
 
-_MAGIC = b"glTF"
-_JSON_CHUNK = 0x4E4F534A
-_COMPONENT_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
-_COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-_WRAPS: dict[int, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
-_UNREADABLE = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
-MODES_READ = (0, 1, 4, 5)  # the primitives that trimesh makes something of: points, lines, triangles, strips
+COMPONENT_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+MODES_READ = (4, 5, 6)  # primitives with faces: triangles, strips, fans
+DRACO = "KHR_draco_mesh_compression"
+MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
+_LIBRARIES = {DRACO: "DracoPy", MESHOPT[0]: "meshopt"}  # in the extra `gltf`
+# what a file may require: it changes how a surface looks, lies beside it, or is read
+_HARMLESS = (
+    *("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "MSFT_packing_", "KHR_lights_", "EXT_lights_"),
+    *("KHR_animation_", "KHR_node_", "KHR_xmp", "KHR_mesh_quantization", "KHR_accessor_", "KHR_audio", "VRM"),
+)
+_COLLECTIONS = (
+    *("accessors", "animations", "bufferViews", "buffers", "cameras", "images", "materials", "meshes", "nodes"),
+    *("samplers", "scenes", "skins", "textures"),
+)
 _DEEPEST = 1000  # nodes below nodes
+_DEEPEST_JSON = 200  # values inside values
 _MOST_OVERLAP = 8  # times the length of its buffers that a file's views may add up to
 _SMALL = 2**24  # bytes that nobody misses, whatever a small file's views add up to
 
 
-def read(path: Path, data: bytes) -> Header:
-    """Return the header of the GLB or glTF file whose bytes are `data`.
+def read(path: Path, text: bytes, *, glb: bool) -> Header:
+    """Return the header of a glTF file, or GLB file, from its JSON text.
 
     Raises
     ------
@@ -37,78 +50,109 @@ def read(path: Path, data: bytes) -> Header:
         If it cannot be read, uses a compression that cannot be read, or its views, accessors or nodes cannot be right.
     """
     try:
-        text = _json_chunk(data) if data[:4] == _MAGIC else data
         header = json.loads(text.decode())
         if not isinstance(header, dict):
             raise ValueError(f"its JSON is a {type(header).__name__}, not an object")
+        _check_depth(header)
+        for name in _COLLECTIONS:
+            objects(header, name)
+        _check_version(header)
         _check_extensions(header)
-        _check_buffers(header, glb=data[:4] == _MAGIC)
+        _check_buffers(header, glb)
         _check_views(header)
         _check_accessors(header)
         _check_primitives(header)
         _check_nodes(header)
     except (ValueError, RecursionError) as error:
-        raise ValueError(f"load: `path` {path} is not a well-formed {path.suffix[1:].upper()} file: {error}") from error
+        kind = path.suffix[1:].upper()
+        raise ValueError(f"load: `path` {path} is not a well-formed {kind} file: {error}") from error
     return cast(Header, header)
 
 
-def primitives(header: Header) -> Iterator[Header]:
-    """Yield the primitives from which trimesh makes geometries, in its order."""
-    for mesh in _objects(header, "meshes"):
-        yield from (each for each in _objects(mesh, "primitives") if each.get("mode", 4) in MODES_READ)
+def objects(owner: Header, name: str) -> list[Header]:
+    """Return a list of objects of the header, empty where it has none of that name."""
+    values = owner.get(name, [])
+    if not isinstance(values, list) or not all(isinstance(value, dict) for value in values):
+        raise ValueError(f"its {name!r} must be a list of objects")
+    return values
 
 
-def base_color_texture(header: Header, primitive: Header) -> Header | None:
-    """Return the texture that colours a primitive, or None."""
-    material = _item(header, "materials", primitive.get("material"))
-    metallic = material.get("pbrMetallicRoughness") if material else None
-    reference = metallic.get("baseColorTexture") if isinstance(metallic, dict) else None
-    return _item(header, "textures", reference.get("index")) if isinstance(reference, dict) else None
+def item(header: Header, name: str, index: object) -> Header | None:
+    """Return the object of the list `name` that `index` names, None where it names none."""
+    values: list[Header] = header.get(name, [])
+    return values[cast(int, index)] if is_index(index, len(values)) else None
 
 
-def wrap(header: Header, texture: Header) -> tuple[Wrap, Wrap]:
-    """Return what lies beyond a texture along u and v."""
-    sampler = _item(header, "samplers", texture.get("sampler")) or {}
-    across, down = sampler.get("wrapS"), sampler.get("wrapT")
-    return (
-        _WRAPS.get(across, "repeat") if isinstance(across, int) else "repeat",
-        _WRAPS.get(down, "repeat") if isinstance(down, int) else "repeat",
-    )
+def extension(owner: Header, name: str) -> Header | None:
+    """Return an extension of an object of the header, None where it has none of that name."""
+    found = owner.get("extensions")
+    value = found.get(name) if isinstance(found, dict) else None
+    return value if isinstance(value, dict) else None
 
 
-def _json_chunk(data: bytes) -> bytes:
-    if len(data) < 20:
-        raise ValueError(f"it is cut off after {len(data)} bytes")
-    length, kind = struct.unpack("<II", data[12:20])
-    if kind != _JSON_CHUNK:
-        raise ValueError("its first chunk is not JSON")
-    if 20 + length > len(data):
-        raise ValueError(f"its header should have {length} bytes, but {len(data) - 20} are there")
-    return data[20 : 20 + length]
+def primitives(header: Header) -> Iterator[tuple[int, int, Header]]:
+    """Yield mesh, number and content of every primitive that has faces."""
+    for mesh, content in enumerate(objects(header, "meshes")):
+        for number, primitive in enumerate(objects(content, "primitives")):
+            if primitive.get("mode", 4) in MODES_READ:
+                yield mesh, number, primitive
+
+
+def _check_depth(header: Header) -> None:
+    """Refuse what could not be written again: Python's own limit is met by what stands on the stack already."""
+    layer: list[Any] = [header]
+    for _ in range(_DEEPEST_JSON):
+        layer = [
+            inner
+            for value in layer
+            for inner in (value.values() if isinstance(value, dict) else value)
+            if isinstance(inner, dict | list)
+        ]
+        if not layer:
+            return
+    raise ValueError(f"its values are nested more than {_DEEPEST_JSON} deep")
+
+
+def _check_version(header: Header) -> None:
+    asset = header.get("asset", {})
+    version = str(asset.get("version", "2.0") if isinstance(asset, dict) else "2.0")
+    if not version.startswith("2."):
+        raise ValueError(f"it has version {brief(version)} of the format, and only 2 can be read")
 
 
 def _check_extensions(header: Header) -> None:
-    required = header.get("extensionsRequired", [])
-    for name in required if isinstance(required, list) else []:
-        if name in _UNREADABLE:
-            raise ValueError(f"it is compressed with {name}, which cannot be read; save it without compression")
+    for list_name in ("extensionsRequired", "extensionsUsed"):
+        names = header.get(list_name, [])
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            raise ValueError(f"its {list_name!r} must be a list of names")
+    for name in header.get("extensionsRequired", []):
+        library = _LIBRARIES.get(name)
+        if library is not None:
+            if importlib.util.find_spec(library) is None:
+                raise ValueError(f"it is compressed with {name}, which needs `pip install dfd[gltf]` to be read")
+        elif not name.startswith(_HARMLESS):
+            raise ValueError(f"it requires the extension {brief(name)}, which cannot be read")
 
 
 def _check_buffers(header: Header, glb: bool) -> None:
-    for i, buffer in enumerate(_objects(header, "buffers")):
-        if not isinstance(buffer.get("uri"), str) and not (glb and i == 0):
+    for i, buffer in enumerate(objects(header, "buffers")):
+        fallback = any((extension(buffer, name) or {}).get("fallback") for name in MESHOPT)
+        if not isinstance(buffer.get("uri"), str) and not (glb and i == 0) and not fallback:
             raise ValueError(f"buffer {i} does not say where its data is")
 
 
 def _check_views(header: Header) -> None:
-    lengths = [_count(buffer, "byteLength", "buffer", i) for i, buffer in enumerate(_objects(header, "buffers"))]
+    lengths = [whole(buffer, "byteLength", f"buffer {i}") for i, buffer in enumerate(objects(header, "buffers"))]
     total = 0
-    for i, view in enumerate(_objects(header, "bufferViews")):
-        buffer = _count(view, "buffer", "bufferView", i)
+    for i, view in enumerate(objects(header, "bufferViews")):
+        buffer = whole(view, "buffer", f"bufferView {i}")
         if buffer >= len(lengths):
             raise ValueError(f"bufferView {i} names buffer {buffer}, but there are {len(lengths)}")
-        length = _count(view, "byteLength", "bufferView", i)
-        end = _count(view, "byteOffset", "bufferView", i, default=0) + length
+        length = whole(view, "byteLength", f"bufferView {i}")
+        for packed in (extension(view, name) for name in MESHOPT):
+            if packed is not None and whole(packed, "buffer", f"bufferView {i}") >= len(lengths):
+                raise ValueError(f"bufferView {i} names buffer {packed['buffer']}, but there are {len(lengths)}")
+        end = whole(view, "byteOffset", f"bufferView {i}", default=0) + length
         if end > lengths[buffer]:
             raise ValueError(f"bufferView {i} ends at byte {end} of a buffer of {lengths[buffer]}")
         total += length
@@ -117,61 +161,75 @@ def _check_views(header: Header) -> None:
 
 
 def _check_accessors(header: Header) -> None:
-    views = _objects(header, "bufferViews")
+    views = objects(header, "bufferViews")
     if views and "accessors" not in header:
         raise ValueError("it has data, but no accessors and so no faces")
     total, longest, unfilled = 0, 0, []
-    for i, accessor in enumerate(_objects(header, "accessors")):
-        count = _count(accessor, "count", "accessor", i)
+    for i, accessor in enumerate(objects(header, "accessors")):
+        count = whole(accessor, "count", f"accessor {i}")
         component, kind = accessor.get("componentType"), accessor.get("type")
-        if not isinstance(component, int) or component not in _COMPONENT_BYTES:
-            raise ValueError(f"accessor {i} has the unknown componentType {component!r}")
-        if not isinstance(kind, str) or kind not in _COMPONENTS:
-            raise ValueError(f"accessor {i} has the unknown type {kind!r}")
-        size = _COMPONENT_BYTES[component] * _COMPONENTS[kind]
+        if not isinstance(component, int) or component not in COMPONENT_TYPES:
+            raise ValueError(f"accessor {i} has the unknown componentType {brief(component)}")
+        if not isinstance(kind, str) or kind not in COMPONENTS:
+            raise ValueError(f"accessor {i} has the unknown type {brief(kind)}")
+        size = int(COMPONENT_TYPES[component][-1]) * COMPONENTS[kind]
         if "bufferView" not in accessor:
             unfilled.append((i, count))
             continue
-        place = _count(accessor, "bufferView", "accessor", i)
+        place = whole(accessor, "bufferView", f"accessor {i}")
         if place >= len(views):
             raise ValueError(f"accessor {i} names bufferView {place}, but there are {len(views)}")
-        stride = _count(views[place], "byteStride", "bufferView", place, default=size)
-        end = _count(accessor, "byteOffset", "accessor", i, default=0) + max(count - 1, 0) * stride + size * (count > 0)
+        stride = whole(views[place], "byteStride", f"bufferView {place}", default=size)
+        end = (
+            whole(accessor, "byteOffset", f"accessor {i}", default=0) + max(count - 1, 0) * stride + size * (count > 0)
+        )
         if end > views[place]["byteLength"]:
             raise ValueError(f"accessor {i} has {count} items up to byte {end} of {views[place]['byteLength']}")
         total, longest = total + count * size, max(longest, count)
     stored = sum(view["byteLength"] for view in views)
     if total > max(_MOST_OVERLAP * stored, _SMALL):
         raise ValueError(f"its accessors add up to {total} bytes of {stored}")
+    filled_otherwise = _draco_accessors(header)
     for i, count in unfilled:
-        if count > max(longest, 1000):
+        if count > max(longest, 1000) and i not in filled_otherwise:
             raise ValueError(f"accessor {i} has {count} items but no data")
 
 
-def _check_primitives(header: Header) -> None:
-    accessors = _objects(header, "accessors")
-    for primitive in primitives(header):
+def _draco_accessors(header: Header) -> set[object]:
+    """Return the accessors whose data lies in a primitive's own compressed stream."""
+    found: set[object] = set()
+    for _, _, primitive in primitives(header):
         attributes = primitive.get("attributes")
-        position = attributes.get("POSITION") if isinstance(attributes, dict) else None
-        for name, index in (("positions", position), ("indices", primitive.get("indices"))):
+        if extension(primitive, DRACO) is not None and isinstance(attributes, dict):
+            found.update(each for each in (*attributes.values(), primitive.get("indices")) if isinstance(each, int))
+    return found
+
+
+def _check_primitives(header: Header) -> None:
+    accessors = objects(header, "accessors")
+    for _, _, primitive in primitives(header):
+        attributes = primitive.get("attributes")
+        if not isinstance(attributes, dict):
+            raise ValueError("a primitive has no attributes")
+        named = [("positions", attributes.get("POSITION")), ("indices", primitive.get("indices"))]
+        for name, index in named:
             if index is None and name == "indices":
                 continue
-            if not _is_index(index, len(accessors)):
-                raise ValueError(f"a primitive names accessor {index!r} for its {name}, but there are {len(accessors)}")
+            if not is_index(index, len(accessors)):
+                raise ValueError(
+                    f"a primitive names accessor {brief(index)} for its {name}, but there are {len(accessors)}"
+                )
             accessor = accessors[cast(int, index)]
-            if "sparse" in accessor or "bufferView" not in accessor:
-                what = "is sparse, which cannot be read" if "sparse" in accessor else "has no data"
-                raise ValueError(f"accessor {index}, of {name}, {what}")
-            if accessor.get("normalized") and name == "positions":
-                raise ValueError(f"accessor {index}, of positions, is normalized (quantized), which cannot be read")
+            if "bufferView" not in accessor and "sparse" not in accessor and extension(primitive, DRACO) is None:
+                raise ValueError(f"accessor {index}, of {name}, has no data")
 
 
 def _check_nodes(header: Header) -> None:
-    nodes = _objects(header, "nodes")
+    nodes = objects(header, "nodes")
     children: list[list[int]] = []
     for i, node in enumerate(nodes):
         below = node.get("children", [])
-        if not isinstance(below, list) or not all(_is_index(child, len(nodes)) for child in below):
+        if not isinstance(below, list) or not all(is_index(child, len(nodes)) for child in below):
             raise ValueError(f"node {i} has children that are not there")
         children.append(below)
     parents = [0] * len(nodes)
@@ -189,26 +247,16 @@ def _check_nodes(header: Header) -> None:
         raise ValueError("its nodes are their own ancestors")
 
 
-def _objects(owner: Header, name: str) -> list[Header]:
-    values = owner.get(name, [])
-    if not isinstance(values, list) or not all(isinstance(value, dict) for value in values):
-        raise ValueError(f"its {name!r} must be a list of objects")
-    return values
-
-
-def _item(header: Header, name: str, index: object) -> Header | None:
-    values = _objects(header, name)
-    return values[cast(int, index)] if _is_index(index, len(values)) else None
-
-
-def _is_index(value: object, count: int) -> bool:
+def is_index(value: object, count: int) -> bool:
+    """Whether a value of the header names one of `count` things."""
     return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < count
 
 
-def _count(owner: Header, name: str, kind: str, index: int, default: int | None = None) -> int:
+def whole(owner: Header, name: str, what: str, default: int | None = None) -> int:
+    """Return a whole number of the header that is not negative; `what` says in an error whose it is."""
     value = owner.get(name, default)
     if isinstance(value, float) and value.is_integer():  # some writers put 12.0
         value = int(value)
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise ValueError(f"{kind} {index} has {name} {value!r}")
+        raise ValueError(f"{what} has {name} {brief(value)}")
     return value

@@ -7,60 +7,48 @@ targets, animations, extras and extensions stay as they are, bit for bit; so do 
 from __future__ import annotations
 
 import base64
-import copy
 import json
-import struct
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
-from dfd.mesh.file import gltf_header
-from dfd.mesh.file.parts import MovedPart
+from dfd.mesh.file import glb
+from dfd.mesh.file.gltf_data import GltfData
+from dfd.mesh.file.gltf_header import COMPONENT_TYPES, DRACO, MESHOPT, Header, extension, is_index, objects
+from dfd.mesh.file.pictures import Pictures
+from dfd.mesh.file.primitives import MovedPrimitive
 
-__all__ = ["GltfSource", "encode", "places"]
+__all__ = ["GltfSource", "encode"]
 
-_FLOAT = 5126
+_FLOAT, _UNSIGNED = 5126, 5125
 
 
 @dataclass(frozen=True)
 class GltfSource:
-    """A glTF file's header and data, and where in it each part stands."""
+    """A glTF file's header, as text and as it was understood, and its data."""
 
-    header: dict[str, Any]
-    buffers: tuple[bytes, ...]
-    images: dict[int, bytes]  # pictures that lie in files of their own
-    places: tuple[tuple[int, int, int], ...]  # of each part: node, mesh, primitive
-
-    @classmethod
-    def of(
-        cls, header: dict[str, Any], data: bytes, assets: Any, places: Sequence[tuple[int, int, int]]
-    ) -> GltfSource | None:
-        """Return the source of a file that trimesh has read, None where data or a picture of it cannot be read."""
-        images = {}
-        try:
-            for index, image in enumerate(header.get("images", [])):
-                uri = image.get("uri")
-                if isinstance(uri, str) and not uri.startswith("data:"):
-                    images[index] = assets.get(uri)
-            buffers = tuple(_buffer(buffer, data, assets) for buffer in header.get("buffers", []))
-        except Exception:  # a picture may fail in any of Pillow's ways; it has been warned of
-            return None
-        return cls(header, buffers, images, tuple(places))
+    text: bytes
+    header: Header
+    data: GltfData
 
 
-def encode(source: GltfSource, moved: Sequence[MovedPart], *, binary: bool) -> bytes:
-    """Return the file with its parts moved, as GLB or as glTF with its data inside."""
+def encode(source: GltfSource, moved: Sequence[MovedPrimitive], *, binary: bool) -> bytes:
+    """Return the file with its primitives moved, as GLB or as glTF with its data inside.
+
+    Data and pictures in files of their own are taken in where a mesh, a skin, an animation or a material that is
+    shown needs them; whatever else the file names it goes on naming.
+    """
     patch = _Patch(source)
-    users = Counter(node.get("mesh") for node in patch.header.get("nodes", []))
+    users = Counter(node["mesh"] for node in objects(patch.header, "nodes") if _is_int(node.get("mesh")))
     meshes: dict[int, int] = {}  # from a node whose parts moved to the mesh that is now its own
-    for each, (node, mesh, primitive) in zip(moved, source.places, strict=True):
+    for each in moved:
         if not each.moved:
             continue
+        node, mesh, primitive = each.primitive.source
         if node not in meshes:
             meshes[node] = patch.own_mesh(node, mesh, shared=users[mesh] > 1)
             users[mesh] -= 1
@@ -73,36 +61,97 @@ class _Patch:
     """A copy of the header, all data in one buffer, and what is still to be appended."""
 
     def __init__(self, source: GltfSource) -> None:
-        self.header = copy.deepcopy(source.header)
+        self.header: Header = json.loads(source.text.decode())
+        self._source = source
         self._data = bytearray()
-        starts = [self._append(data) for data in source.buffers]
-        for view in self.header.get("bufferViews", []):
-            view["byteOffset"] = int(view.get("byteOffset", 0)) + starts[int(view["buffer"])]
-            view["buffer"] = 0
-        for index, data in source.images.items():
-            image = self.header["images"][index]
-            image["bufferView"] = self._view(data)
-            suffix = image.pop("uri").rsplit(".", 1)[-1].lower()
-            image.setdefault("mimeType", f"image/{'jpeg' if suffix == 'jpg' else suffix}")
+        self._left: list[Header] = []  # buffers that stay where they are, after the first
+        self._take_buffers()
+        self._take_pictures()
         # primitives may share an accessor: rows that one of them moves are moved for all of the node's
         self._rows: dict[tuple[int, str, int], NDArray[np.float64]] = {}
         self._uses: dict[tuple[int, str, int], list[dict[str, Any]]] = {}
+
+    def _take_buffers(self) -> None:
+        """Put the buffers into one, as far as they lie in the file or something that is shown needs them."""
+        needed = _needed_buffers(self.header)
+        moved_to: dict[int, tuple[int, int]] = {}  # from a buffer to its new number and where it starts there
+        for index, buffer in enumerate(self.header.get("buffers", [])):
+            uri = buffer.get("uri")
+            inside = uri is None or uri.startswith("data:")
+            try:
+                data = self._source.data.buffer(index) if inside or index in needed else None
+            except (ValueError, OSError):  # a placeholder of a compressed view, or a file that has gone since
+                data = None
+            if data is None:
+                self._left.append(buffer)
+                moved_to[index] = (len(self._left), 0)
+            else:
+                moved_to[index] = (0, self._append(data))
+        for view in self.header.get("bufferViews", []):
+            for place in (view, *(found for name in MESHOPT if (found := extension(view, name)) is not None)):
+                place["buffer"], start = moved_to[int(place["buffer"])]
+                if start or "byteOffset" in place:
+                    place["byteOffset"] = int(place.get("byteOffset", 0)) + start
+
+    def _take_pictures(self) -> None:
+        pictures = Pictures()
+        for index in sorted(_needed_images(self.header)):
+            image = self.header["images"][index]
+            uri = image.get("uri")
+            if not isinstance(uri, str) or uri.startswith("data:"):
+                continue
+            try:
+                data = self._source.data.picture(image)
+                kind = pictures.open(data).format
+            except (ValueError, OSError):  # it goes on being named
+                continue
+            image["bufferView"] = self._view(data)
+            del image["uri"]
+            image.setdefault("mimeType", f"image/{(kind or 'ktx2').lower()}")
 
     def own_mesh(self, node: int, mesh: int, shared: bool) -> int:
         """Return the mesh of a node, a copy of its own where other nodes show the same one."""
         if not shared:
             return mesh
-        self.header["meshes"].append(copy.deepcopy(self.header["meshes"][mesh]))
+        self.header["meshes"].append(json.loads(json.dumps(self._source.header["meshes"][mesh])))
         self.header["nodes"][node]["mesh"] = len(self.header["meshes"]) - 1
         return len(self.header["meshes"]) - 1
 
-    def move(self, node: int, primitive: dict[str, Any], each: MovedPart) -> None:
+    def move(self, node: int, primitive: dict[str, Any], each: MovedPrimitive) -> None:
+        """Give a primitive of a node other positions and normals."""
+        self._unpack(primitive)
         attributes = primitive["attributes"]
         attributes.pop("TANGENT", None)  # of the old surface; viewers make new ones
-        primitive.get("extensions", {}).pop("KHR_draco_mesh_compression", None)
-        self._collect(node, "POSITION", attributes, each.part.geometry.vertices.view(np.ndarray), each.vertices)
+        old = each.primitive.geometry.vertices.view(np.ndarray)
+        self._collect(node, "POSITION", attributes, old, each.vertices)
         if each.normals is not None and each.file_normals is not None and "NORMAL" in attributes:
             self._collect(node, "NORMAL", attributes, each.file_normals, each.normals)
+
+    def _unpack(self, primitive: dict[str, Any]) -> None:
+        """Store what a primitive keeps in a compressed stream as plain data: the stream holds the old positions."""
+        packed = self._source.data.draco(primitive)
+        if packed is None:
+            return
+        stored = extension(primitive, DRACO) or {}
+        primitive["extensions"].pop(DRACO)
+        for name in stored.get("attributes", {}):
+            if name in packed and name not in ("POSITION", "NORMAL"):
+                self._fill(primitive["attributes"][name], packed[name])
+        if not is_index(primitive.get("indices"), len(self.header["accessors"])):
+            self.header["accessors"].append({"type": "SCALAR"})
+            primitive["indices"] = len(self.header["accessors"]) - 1
+        primitive["mode"] = 4
+        self._fill(primitive["indices"], packed["indices"], _UNSIGNED)
+
+    def _fill(self, index: int, values: NDArray[Any], component: int | None = None) -> None:
+        """Give an accessor without data its data."""
+        accessor = self.header["accessors"][index]
+        component = component or int(accessor["componentType"])
+        dtype = np.dtype(COMPONENT_TYPES[component])
+        if accessor.get("normalized") and dtype.kind in "iu":
+            values = np.rint(values * np.iinfo(dtype).max)
+        accessor |= {"componentType": component, "count": len(values)}
+        accessor["bufferView"] = self._view(np.ascontiguousarray(values, dtype).tobytes())
 
     def store(self) -> None:
         """Append what was collected to the data and name it in the header."""
@@ -119,16 +168,23 @@ class _Patch:
             self.header["accessors"].append(accessor)
             for attributes in self._uses[key]:
                 attributes[key[1]] = len(self.header["accessors"]) - 1
-        self.header["buffers"] = [{"byteLength": len(self._data)}]
+        self.header["buffers"] = [{"byteLength": len(self._data)}, *self._left]
+        for mesh in objects(self.header, "meshes"):
+            if any(extension(each, DRACO) is not None for each in objects(mesh, "primitives")):
+                return
+        for name in ("extensionsUsed", "extensionsRequired"):
+            left = [each for each in self.header.get(name, []) if each != DRACO]
+            if left != self.header.get(name, left):
+                self.header[name] = left
+                if not left:  # the format allows no empty lists
+                    del self.header[name]
 
     def glb(self) -> bytes:
-        text = json.dumps(self.header, separators=(",", ":")).encode()
-        text += b" " * (-len(text) % 4)
-        chunks = [struct.pack("<II", len(text), 0x4E4F534A), text]
-        chunks += [struct.pack("<II", len(self._data), 0x004E4942), bytes(self._data)]
-        return b"".join([struct.pack("<4sII", b"glTF", 2, 12 + sum(map(len, chunks))), *chunks])
+        """Return the file as GLB."""
+        return glb.join(json.dumps(self.header, separators=(",", ":")).encode(), bytes(self._data))
 
     def gltf(self) -> bytes:
+        """Return the file as glTF, its data inside."""
         data = base64.b64encode(bytes(self._data)).decode()
         self.header["buffers"][0]["uri"] = f"data:application/octet-stream;base64,{data}"
         return json.dumps(self.header, separators=(",", ":")).encode()
@@ -153,40 +209,75 @@ class _Patch:
         return start
 
 
-def _buffer(buffer: dict[str, Any], data: bytes, assets: Any) -> bytes:
-    uri = buffer.get("uri")
-    if uri is None:  # the second chunk of a GLB file
-        start = 20 + struct.unpack("<I", data[12:16])[0]
-        length = struct.unpack("<I", data[start : start + 4])[0]
-        return data[start + 8 : start + 8 + length]
-    if uri.startswith("data:"):
-        return base64.b64decode(uri.split("base64,", 1)[1])
-    return bytes(assets.get(uri))
+def _needed_buffers(header: Header) -> set[int]:
+    """Return the buffers that meshes of the scene's nodes, skins, animations and shown pictures take data from."""
+    accessors: set[object] = set()
+    views: set[object] = set()
+    for primitive in _shown_primitives(header):
+        accessors.update(_values(primitive.get("attributes")), [primitive.get("indices")])
+        for target in primitive.get("targets") or []:
+            accessors.update(_values(target))
+        views.add((extension(primitive, DRACO) or {}).get("bufferView"))
+    accessors.update(skin.get("inverseBindMatrices") for skin in objects(header, "skins"))
+    for animation in objects(header, "animations"):
+        for sampler in objects(animation, "samplers"):
+            accessors.update((sampler.get("input"), sampler.get("output")))
+    for index, accessor in enumerate(objects(header, "accessors")):
+        if index in accessors:
+            sparse = accessor.get("sparse")
+            parts = [sparse.get(name) for name in ("indices", "values")] if isinstance(sparse, dict) else []
+            views.update(each.get("bufferView") for each in (accessor, *parts) if isinstance(each, dict))
+    views.update(header["images"][index].get("bufferView") for index in _needed_images(header))
+    buffers: set[int] = set()
+    for index, view in enumerate(objects(header, "bufferViews")):
+        if index in views:
+            packed = [found for name in MESHOPT if (found := extension(view, name)) is not None]
+            buffers.update(int(each["buffer"]) for each in (view, *packed))
+    return buffers
 
 
-def places(header: dict[str, Any], scene: trimesh.Scene) -> dict[str, tuple[int, int, int]] | None:
-    """Return node, mesh and primitive behind each of trimesh's nodes, None where its names do not lead to them."""
-    found = [
-        (mesh, primitive)
-        for mesh, each in enumerate(header.get("meshes", []))
-        for primitive, content in enumerate(each["primitives"])
-        if content.get("mode", 4) in gltf_header.MODES_READ
-    ]
-    if len(found) != len(scene.geometry):
-        return None
-    primitive_of = dict(zip(scene.geometry, found, strict=True))
-    node_of: dict[str, int] = {}
-    counts: dict[str, int] = {}
-    for index, node in enumerate(header.get("nodes", [])):  # as trimesh makes them unique
-        node_of[trimesh.util.unique_name(node.get("name", str(index)), node_of, counts=counts)] = index
-    result = {}
-    graph = scene.graph.transforms
-    for name in scene.graph.nodes_geometry:
-        mesh, primitive = primitive_of[graph.node_data[name]["geometry"]]
-        # the primitives of one mesh are children, with names made up, of the node that shows it
-        nodes = [node_of[each] for each in (name, graph.parents.get(name)) if each in node_of]
-        shows = next((each for each in nodes if header["nodes"][each].get("mesh") == mesh), None)
-        if shows is None:
-            return None
-        result[name] = (shows, mesh, primitive)
-    return result if len(set(result.values())) == len(result) else None
+def _needed_images(header: Header) -> set[int]:
+    """Return the pictures of the textures of the materials of the primitives that are shown."""
+    textures: set[int] = set()
+    materials = objects(header, "materials")
+    for index in {
+        primitive.get("material") for primitive in _shown_primitives(header) if _is_int(primitive.get("material"))
+    }:
+        if is_index(index, len(materials)):
+            textures.update(_texture_indices(materials[cast(int, index)]))
+    found: set[object] = set()
+    for index, texture in enumerate(objects(header, "textures")):
+        if index in textures:
+            others = _values(texture.get("extensions"))
+            found.update(each.get("source") for each in (texture, *others) if isinstance(each, dict))
+    return {cast(int, each) for each in found if is_index(each, len(header.get("images", [])))}
+
+
+def _texture_indices(material: Header) -> set[int]:
+    """Return the textures that a material names, whatever for, in the format itself or in an extension."""
+    found: set[int] = set()
+    layer: list[Any] = [material]
+    while layer:
+        value = layer.pop()
+        for name, inner in value.items() if isinstance(value, dict) else [("", each) for each in value]:
+            if isinstance(inner, dict | list) and name != "extras":
+                layer.append(inner)
+                if name.lower().endswith("texture") and isinstance(inner, dict) and _is_int(inner.get("index")):
+                    found.add(inner["index"])
+    return found
+
+
+def _shown_primitives(header: Header) -> list[Header]:
+    meshes = objects(header, "meshes")
+    shown: set[int] = {node["mesh"] for node in objects(header, "nodes") if is_index(node.get("mesh"), len(meshes))}
+    return [each for index in sorted(shown) for each in objects(meshes[index], "primitives")]
+
+
+def _values(value: object) -> list[Any]:
+    return (
+        [each for each in value.values() if _is_int(each) or isinstance(each, dict)] if isinstance(value, dict) else []
+    )
+
+
+def _is_int(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)

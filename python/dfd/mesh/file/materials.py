@@ -1,59 +1,62 @@
-"""The appearance of a mesh, from the materials, textures and colours that trimesh read."""
+"""The appearance of a mesh, from the materials, textures and colors of its file."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, cast
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
-from PIL import Image
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
-from dfd.mesh.appearance import Appearance, Material, Wrap, srgb
-from dfd.mesh.file import gltf_header
-from dfd.mesh.file.parts import Part
+from dfd.mesh.appearance import Appearance, Material, srgb
+from dfd.mesh.file.pictures import MOST_TEXELS
+from dfd.mesh.file.primitives import Primitive
 from dfd.mesh.file.visuals import is_stand_in
 
 __all__ = ["read_appearance", "vertex_colors"]
 
+_WHITE = (1.0, 1.0, 1.0, 1.0)
+
 
 def read_appearance(
-    scene: trimesh.Scene,
-    header: dict[str, Any] | None,
-    parts: Sequence[Part],
+    primitives: Sequence[Primitive],
     vertex: NDArray[np.int32],  # (R,) the vertex each row is at
-    unreadable: set[str],
+    looks: Mapping[int, Material],
+    *,
+    linear: bool,
 ) -> Appearance | None:
-    """Return what colours the parts, None where nothing is known; add the textures that fail to `unreadable`."""
-    reader = _MaterialReader(scene, header, unreadable)
+    """Return what colors the primitives, None where nothing is known.
+
+    `looks` are known already, by the ids of the geometries' materials; glTF keeps vertex colors `linear`.
+    """
     corners: list[NDArray[np.int32]] = []
     corner_faces: list[NDArray[np.int32]] = []
     uvs: list[NDArray[np.float32] | None] = []
     colors: list[NDArray[np.float32] | None] = []
-    materials: dict[int, int] = {}  # from the id of a trimesh material to our number
+    numbers: dict[tuple[int, bool], int] = {}  # from a material, and whether colors come with it, to our number
     known: list[Material] = []
     face_material: list[NDArray[np.int32]] = []
+    surfaces: dict[int, _Surface] = {}
     start = 0
-    for part in parts:
-        visual, faces = part.geometry.visual, part.geometry.faces.view(np.ndarray).astype(np.int32)
-        rows = vertex[part.rows]
-        uv, color = _texture_coordinates(part), vertex_colors(part, linear=header is not None)
-        if visual.kind == "face":  # a color for each face: its corners are rows of their own
-            color = np.repeat(visual.face_colors.astype(np.float32) / 255, 3, axis=0)
-            rows, faces = rows[faces.ravel()], np.arange(faces.size, dtype=np.int32).reshape(-1, 3)
-        source = getattr(visual, "material", None)
-        if id(source) not in materials or source is None:
-            materials[id(source)] = len(known)
-            known.append(reader.material(part.name, source, has_colors=color is not None))
-        face_material.append(np.full(len(faces), materials[id(source)], np.int32))
+    for each in primitives:
+        surface = surfaces.get(id(each.geometry))
+        if surface is None:
+            surface = surfaces[id(each.geometry)] = _Surface(each, linear)
+        rows, faces = vertex[each.rows], surface.faces
+        if surface.row_of is not None:
+            rows = rows[surface.row_of]
+        key = (id(surface.material), surface.colors is not None)
+        if key not in numbers:
+            numbers[key] = len(known)
+            known.append(_look(surface.material, looks, has_colors=key[1]))
+        face_material.append(np.full(len(faces), numbers[key], np.int32))
         corners.append(rows)
         corner_faces.append(faces + np.int32(start))
-        uvs.append(uv)
-        colors.append(color)
+        uvs.append(surface.uv)
+        colors.append(surface.colors)
         start += len(rows)
-    if all(each == Material() for each in known) and all(color is None for color in colors):
+    if all(each.texture is None and each == Material() for each in known) and all(color is None for color in colors):
         return None
     textured = any(each.texture is not None for each in known)
     return Appearance(
@@ -66,80 +69,62 @@ def read_appearance(
     )
 
 
-class _MaterialReader:
-    """Turns trimesh's materials into ours."""
+class _Surface:
+    """What one geometry says about its colors, whatever places show it."""
 
-    def __init__(self, scene: trimesh.Scene, header: dict[str, Any] | None, unreadable: set[str]) -> None:
-        self._unreadable = unreadable
-        self._images: dict[int, NDArray[np.uint8] | None] = {}
-        self._header = header
-        # what trimesh leaves out of its materials stands in the header, primitive by primitive in the same order
-        self._primitives: dict[str, dict[str, Any]] = {}
-        if header is not None:
-            found = list(gltf_header.primitives(header))
-            if len(found) == len(scene.geometry):
-                self._primitives = dict(zip(scene.geometry, found, strict=True))
+    def __init__(self, primitive: Primitive, linear: bool) -> None:
+        visual = primitive.geometry.visual
+        self.faces = primitive.geometry.faces.view(np.ndarray).astype(np.int32)
+        self.material = getattr(visual, "material", None)
+        self.uv = _texture_coordinates(primitive)
+        self.row_of: NDArray[np.int32] | None = None
+        if visual.kind == "face":  # a color for each face: its corners are rows of their own
+            self.colors: NDArray[np.float32] | None = np.repeat(visual.face_colors.astype(np.float32) / 255, 3, axis=0)
+            self.row_of = self.faces.ravel()
+            self.faces = np.arange(self.faces.size, dtype=np.int32).reshape(-1, 3)
+            self.uv = None
+        else:
+            self.colors = vertex_colors(primitive, linear=linear)
 
-    def material(self, name: str, source: Any, has_colors: bool) -> Material:
-        if isinstance(source, PBRMaterial):
-            return self._physical(name, source)
-        if isinstance(source, SimpleMaterial):
-            return self._simple(source, has_colors)
-        return Material(color=(1.0, 1.0, 1.0, 1.0)) if has_colors else Material()
 
-    def _physical(self, name: str, source: PBRMaterial) -> Material:
-        wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
-        image = source.baseColorTexture
-        texture = self._texels(image) if image is not None else None
-        unknown = image is not None and texture is None
-        if self._header is not None and name in self._primitives:
-            reference = gltf_header.base_color_texture(self._header, self._primitives[name])
-            if reference is not None:
-                wrap = gltf_header.wrap(self._header, reference)
-                if image is None:
-                    unknown = True
-                    self._unreadable.add(f"the texture of material {source.name!r}")
+def _look(source: Any, looks: Mapping[int, Material], has_colors: bool) -> Material:
+    """Return a material of trimesh as ours."""
+    if id(source) in looks:
+        return looks[id(source)]
+    if isinstance(source, PBRMaterial):
         factor = np.ones(4) if source.baseColorFactor is None else np.asarray(source.baseColorFactor) / 255
         color = (*(float(each) for each in srgb(factor[:3])), float(factor[3]))
         mode = cast(Literal["OPAQUE", "MASK", "BLEND"], source.alphaMode or "OPAQUE")
         cutoff = 0.5 if source.alphaCutoff is None else float(source.alphaCutoff)
-        return Material(Material().color if unknown else cast(Any, color), texture, wrap, mode, cutoff)
-
-    def _simple(self, source: SimpleMaterial, has_colors: bool) -> Material:
-        """An MTL material: its texture alone, or else its diffuse colour; programs disagree about their product."""
-        image = source.image
-        if image is not None and not is_stand_in(source):
-            texture = self._texels(image)
-            if texture is not None:
-                return Material((1.0, 1.0, 1.0, 1.0), texture)
-        elif image is None and "kd" in source.kwargs:
+        return Material(cast(Any, color), _texels(source.baseColorTexture), ("repeat", "repeat"), mode, cutoff)
+    if isinstance(source, SimpleMaterial) and not is_stand_in(source):
+        texture = _texels(source.image)
+        if texture is not None:
+            return Material(_WHITE, texture)
+        if "kd" in source.kwargs:
             red, green, blue = (float(each) / 255 for each in source.diffuse[:3])
             return Material((red, green, blue, 1.0))
-        return Material(color=(1.0, 1.0, 1.0, 1.0)) if has_colors else Material()
-
-    def _texels(self, image: Image.Image) -> NDArray[np.uint8] | None:
-        """Return the image as RGBA (rows, columns, 4), None if it cannot be decoded."""
-        if id(image) not in self._images:
-            try:
-                texels = np.asarray(image.convert("RGBA"), np.uint8)
-            except Exception:  # Pillow raises OSError, SyntaxError, ValueError and more on damaged images
-                self._unreadable.add(str(image.info.get("file_path", "a damaged texture")))
-                texels = None
-            self._images[id(image)] = texels
-        return self._images[id(image)]
+    return Material(color=_WHITE) if has_colors else Material()
 
 
-def _texture_coordinates(part: Part) -> NDArray[np.float32] | None:
-    uv = getattr(part.geometry.visual, "uv", None)
-    if uv is None or np.shape(uv) != (len(part.geometry.vertices), 2):
+def _texels(image: Any) -> NDArray[np.uint8] | None:
+    """Return a picture that trimesh opened as RGBA (rows, columns, 4), None for one that is too large."""
+    if image is None or image.size[0] * image.size[1] > MOST_TEXELS:
+        return None
+    return np.asarray(image.convert("RGBA"), np.uint8)
+
+
+def _texture_coordinates(primitive: Primitive) -> NDArray[np.float32] | None:
+    uv = getattr(primitive.geometry.visual, "uv", None)
+    if uv is None or np.shape(uv) != (len(primitive.geometry.vertices), 2):
         return None
     coordinates = np.asarray(uv)
     return np.where(np.isfinite(coordinates), coordinates, 0).clip(-1e6, 1e6).astype(np.float32)
 
 
-def vertex_colors(part: Part, linear: bool) -> NDArray[np.float32] | None:
-    """Return RGBA (rows, 4) in [0, 1], display-referred; glTF keeps linear ones."""
-    visual, geometry = part.geometry.visual, part.geometry
+def vertex_colors(primitive: Primitive, linear: bool) -> NDArray[np.float32] | None:
+    """Return RGBA (rows, 4) in [0, 1], display-referred; glTF keeps `linear` ones."""
+    visual, geometry = primitive.geometry.visual, primitive.geometry
     if visual.kind == "vertex":
         values = visual.vertex_colors
     else:  # beside a texture
@@ -159,7 +144,7 @@ def vertex_colors(part: Part, linear: bool) -> NDArray[np.float32] | None:
 def _stack(
     values: Sequence[NDArray[np.float32] | None], corners: Sequence[NDArray[np.int32]], missing: float, width: int
 ) -> NDArray[np.float32] | None:
-    """Return the parts' values one after the other, `missing` where a part has none; None where all have none."""
+    """Return the primitives' values one after the other, `missing` where one has none; None where all have none."""
     if all(each is None for each in values):
         return None
     return np.concatenate(

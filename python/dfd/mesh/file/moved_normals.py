@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.mesh.file.parts import Part
-from dfd.mesh.file.read import SceneFile
+from dfd.mesh.file.primitives import Primitive
+from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.weld import weld
 
 __all__ = ["follow"]
@@ -18,19 +18,19 @@ def follow(
     changed: NDArray[np.bool_],  # (V,)
     scene: SceneFile,
 ) -> list[NDArray[np.float64] | None]:
-    """Return each part's normals in its own coordinates, None for a part whose file had none.
+    """Return each primitive's normals in its own coordinates, None for one whose file had none.
 
-    Rows that share position and normal are one smooth piece of surface, whatever seams the texture has there: they
+    Rows that share position and normal are one smooth surface, whatever seams the texture has there: they
     get one new normal, the sum of the normals of their faces weighted by area. Rows of another normal lie beyond a
     sharp edge. Where no face has moved the file's normals stay, bit for bit.
     """
-    own = [part.normals for part in scene.parts]
-    if not changed.any() or all(each is None for each in own):
+    own = [each.normals for each in scene.primitives]
+    if not changed.any() or all(normals is None for normals in own):
         return own
     placed = np.concatenate(
         [
-            np.zeros((part.rows.stop - part.rows.start, 3)) if normals is None else _to_scene(part, normals)
-            for part, normals in zip(scene.parts, own, strict=True)
+            np.zeros((each.rows.stop - each.rows.start, 3)) if normals is None else _to_scene(each, normals)
+            for each, normals in zip(scene.primitives, own, strict=True)
         ]
     )
     _, normal = weld(placed)
@@ -46,19 +46,19 @@ def follow(
     new[inward] *= -1
     stale &= np.linalg.norm(new, axis=1) > 0
     result: list[NDArray[np.float64] | None] = []
-    for part, normals in zip(scene.parts, own, strict=True):
+    for each, normals in zip(scene.primitives, own, strict=True):
         if normals is not None:
-            here = group[part.rows]
+            here = group[each.rows]
             followed = normals.copy()
-            followed[stale[here]] = _unit(new[here[stale[here]]] @ part.transform[:3, :3])
+            followed[stale[here]] = _unit(new[here[stale[here]]] @ each.transform[:3, :3])
             normals = followed
         result.append(normals)
     return result
 
 
-def _to_scene(part: Part, normals: NDArray[np.float64]) -> NDArray[np.float64]:
+def _to_scene(primitive: Primitive, normals: NDArray[np.float64]) -> NDArray[np.float64]:
     """Turn normals (N, 3) by the inverse transpose of the part's transform."""
-    return _unit(normals @ np.linalg.pinv(part.transform[:3, :3]))
+    return _unit(normals @ np.linalg.pinv(primitive.transform[:3, :3]))
 
 
 def _sums(vertices: NDArray[np.float64], scene: SceneFile, faces: NDArray[np.int64], count: int) -> NDArray[np.float64]:

@@ -17,9 +17,10 @@ from trimesh.exchange.stl import export_stl
 
 from dfd.common.files import atomic_write
 from dfd.mesh.appearance import Appearance
-from dfd.mesh.file import gltf_patch, moved_normals, obj_write, visuals
-from dfd.mesh.file.parts import MovedPart
-from dfd.mesh.file.read import ENDINGS, SceneFile
+from dfd.mesh.file import gltf_patch, moved_normals, obj_patch, obj_write, visuals
+from dfd.mesh.file.primitives import MovedPrimitive, UniqueNames
+from dfd.mesh.file.read import ENDINGS
+from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.normals import smooth_normals
 
 __all__ = ["write"]
@@ -45,6 +46,8 @@ def write(
         raise ValueError(
             f"Mesh.save: `vertices` must fit in 32-bit floats for a {ending} file; .obj and .off have more"
         )
+    if scene is not None:  # the file's vertices at one position are one, wherever they were sent
+        vertices = vertices[scene.representative]
     files: dict[str, bytes]
     if ending == ".off":
         files = {target.name: export_off(_bare(vertices, faces), digits=17).encode()}
@@ -96,6 +99,8 @@ def _encode_scene(
 ) -> dict[str, bytes]:
     moved = _move(vertices, scene.vertices, scene)
     ending = target.suffix.lower()
+    if ending == ".obj" and scene.obj is not None:
+        return obj_patch.encode(target, scene.obj, vertices, [each.normals for each in moved])
     if ending == ".obj":
         return obj_write.encode_scene(target.name, vertices, scene, [each.normals for each in moved])
     if ending == ".ply":
@@ -116,13 +121,13 @@ def _encode_ply(
     vertices: NDArray[np.float64],
     faces: NDArray[np.int32],
     appearance: Appearance | None,
-    moved: Sequence[MovedPart],
+    moved: Sequence[MovedPrimitive],
 ) -> bytes:
     """One part stays as it is; several, and textures, which PLY has no room for, become coloured vertices."""
     first = moved[0]
-    if len(moved) == 1 and not visuals.has_image(first.part.geometry):
-        geometry = visuals.rebuilt(first.part.geometry, first.vertices, first.normals)
-        geometry.apply_transform(first.part.transform)
+    if len(moved) == 1 and not visuals.has_image(first.primitive.geometry):
+        geometry = visuals.rebuilt(first.primitive.geometry, first.vertices, first.normals)
+        geometry.apply_transform(first.primitive.transform)
         return bytes(export_ply(geometry, vertex_normal=first.normals is not None))
     if appearance is None:
         return bytes(export_ply(_bare(vertices, faces), vertex_normal=False))
@@ -132,33 +137,36 @@ def _encode_ply(
     return bytes(export_ply(geometry, vertex_normal=False))
 
 
-def _move(vertices: NDArray[np.float64], before: NDArray[np.float64], scene: SceneFile) -> list[MovedPart]:
-    """Bring moved positions and normals back into each part's own coordinates; what has not moved keeps its bits."""
+def _move(vertices: NDArray[np.float64], before: NDArray[np.float64], scene: SceneFile) -> list[MovedPrimitive]:
+    """Bring moved positions and normals back into each primitive's coordinates; what has not moved keeps its bits."""
     changed = (vertices != before).any(axis=1)
     normals = moved_normals.follow(vertices, before, changed, scene)
     result = []
-    for part, part_normals in zip(scene.parts, normals, strict=True):
-        rows = scene.vertex[part.rows]
+    for each, own_normals in zip(scene.primitives, normals, strict=True):
+        rows = scene.vertex[each.rows]
         here = (rows >= 0) & changed[rows]
-        local = part.geometry.vertices.view(np.ndarray).copy()
+        local = each.geometry.vertices.view(np.ndarray).copy()
         if here.any():
-            # a transform that flattens its part has no inverse; the pseudo-inverse moves within what is left
-            back = np.linalg.pinv(part.transform[:3, :3])
-            local[here] = (vertices[rows[here]] - part.transform[:3, 3]) @ back.T
-        result.append(MovedPart(part, local, part_normals, part.normals, bool(here.any())))
+            # a transform that flattens its primitive has no inverse; the pseudo-inverse moves within what is left
+            back = np.linalg.pinv(each.transform[:3, :3])
+            local[here] = (vertices[rows[here]] - each.transform[:3, 3]) @ back.T
+        result.append(MovedPrimitive(each, local, own_normals, each.normals, bool(here.any())))
     return result
 
 
-def _rebuild(moved: Sequence[MovedPart]) -> trimesh.Scene:
-    """Return a scene of the moved parts; a geometry that is placed twice is split where its places moved."""
+def _rebuild(moved: Sequence[MovedPrimitive]) -> trimesh.Scene:
+    """Return a scene of the moved primitives; a geometry that is placed twice is split where its places moved."""
     result = trimesh.Scene()
-    taken: dict[str, MovedPart] = {}
+    names, nodes = UniqueNames(), UniqueNames()
+    first: dict[int, tuple[MovedPrimitive, str]] = {}
     for each in moved:
-        name = each.part.name
-        first = taken.setdefault(name, each)
-        if first is not each and (first.moved or each.moved):
-            name = trimesh.util.unique_name(name, result.geometry)
-        if first is each or name != each.part.name:
-            result.geometry[name] = visuals.rebuilt(each.part.geometry, each.vertices, each.normals)
-        result.graph.update(frame_to=each.part.node, matrix=each.part.transform, geometry=name)
+        geometry = each.primitive.geometry
+        found = first.get(id(geometry))
+        if found is None or each.moved or found[0].moved:
+            name = names.unique(each.primitive.name)
+            result.geometry[name] = visuals.rebuilt(geometry, each.vertices, each.normals)
+            first.setdefault(id(geometry), (each, name))
+        else:
+            name = found[1]
+        result.graph.update(frame_to=nodes.unique(each.primitive.part), matrix=each.primitive.transform, geometry=name)
     return result

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 import dfd
 
-__all__ = ["Scene", "make_scene", "torus"]
+__all__ = ["MadeInput", "make_input", "torus"]
 
 WIDTH = 384  # of the features of a small vision transformer
 
 
 @dataclass(frozen=True)
-class Scene:
+class MadeInput:
     """A shape without faces: what binding and posing see of one."""
 
     vertices: NDArray[np.float32]  # (V, 3)
@@ -47,12 +47,12 @@ def field(points: NDArray[np.floating]) -> NDArray[np.float32]:
 
 
 @lru_cache(maxsize=1)
-def make_scene(vertex_count: int) -> Scene:
-    """The scene with so many vertices."""
+def make_input(vertex_count: int) -> MadeInput:
+    """The input with so many vertices."""
     random = np.random.default_rng(1)
     vertices = random.standard_normal((vertex_count, 3), dtype=np.float32)
     transforms = np.eye(3, 4) + 0.05 * random.standard_normal((1000, 3, 4))
-    return Scene(vertices, dfd.compact(field, vertices), transforms)
+    return MadeInput(vertices, dfd.compact(field, vertices), transforms)
 
 
 def torus(face_count: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:

@@ -1,0 +1,62 @@
+#include "dfd/field.hpp"
+
+#include "arrays.hpp"
+#include "dfd/kernels/dispatch.hpp"
+#include "module.hpp"
+
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/vector.h>
+
+#include <array>
+#include <vector>
+
+using namespace nb::literals;
+
+namespace {
+
+using Vectors = std::vector<InputVector<float>>;
+
+std::span<const float> span(const InputVector<float>& array) { return {array.data(), array.size()}; }
+
+void make_field(dfd::Field* self, const std::vector<InputMatrix<float>>& weights, const Vectors& biases,
+                const Vectors& gains, const Vectors& shifts, std::size_t octaves, std::array<double, 3> center,
+                double scale)
+{
+    const std::size_t count = weights.size();
+    if (count == 0 || biases.size() != count || gains.size() + 1 != count || shifts.size() + 1 != count)
+        throw std::invalid_argument("Field: there must be a bias for each layer, and a LayerNorm for each but the last");
+    std::vector<dfd::Layer> layers(count);
+    for (std::size_t i = 0; i < count; ++i) {
+        layers[i].weight = matrix(weights[i]);
+        layers[i].bias = span(biases[i]);
+        if (i + 1 == count) continue;
+        layers[i].gain = span(gains[i]);
+        layers[i].shift = span(shifts[i]);
+    }
+    new (self) dfd::Field(layers, octaves, center, scale);
+}
+
+}  // namespace
+
+void init_field(nb::module_& m)
+{
+    nb::class_<dfd::Field>(m, "Field", "A feature field's network, its weights rearranged for the kernels.")
+        .def("__init__", &make_field, "weights"_a, "biases"_a, "gains"_a, "shifts"_a, "octaves"_a, "center"_a, "scale"_a,
+             nb::sig("def __init__(self, weights: collections.abc.Sequence[numpy.typing.NDArray[numpy.float32]], "
+                     "biases: collections.abc.Sequence[numpy.typing.NDArray[numpy.float32]], "
+                     "gains: collections.abc.Sequence[numpy.typing.NDArray[numpy.float32]], "
+                     "shifts: collections.abc.Sequence[numpy.typing.NDArray[numpy.float32]], octaves: int, "
+                     "center: collections.abc.Sequence[float], scale: float) -> None"))
+        .def(
+            "evaluate",
+            [](const dfd::Field& self, InputMatrix<double> points, OutputMatrix<float> features, int threads) {
+                const auto in = matrix(points);
+                const auto out = matrix(features);
+                nb::gil_scoped_release release;
+                self.evaluate(in, out, threads, dfd::kernels());
+            },
+            "points"_a.noconvert(), "features"_a.noconvert(), "threads"_a,
+            nb::sig("def evaluate(self, points: numpy.typing.NDArray[numpy.float64], "
+                    "features: numpy.typing.NDArray[numpy.float32], threads: int) -> None"),
+            "Unit features (N, D) of points (N, 3), to `features`.");
+}

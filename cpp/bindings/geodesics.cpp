@@ -1,0 +1,61 @@
+#include "dfd/geodesics.hpp"
+
+#include "arrays.hpp"
+#include "dfd/components.hpp"
+#include "module.hpp"
+
+#include <algorithm>
+
+using namespace nb::literals;
+
+namespace {
+
+using Indices = InputMatrix<std::int32_t>;
+
+nb::ndarray<nb::numpy, std::int32_t, nb::ndim<1>> components(std::size_t vertex_count, const Indices& faces,
+                                                              const Indices& links)
+{
+    std::vector<std::int32_t> found;
+    {
+        nb::gil_scoped_release release;
+        found = dfd::components(vertex_count, matrix(faces), matrix(links));
+    }
+    auto* numbers = new std::vector<std::int32_t>(std::move(found));
+    nb::capsule owner(numbers, [](void* p) noexcept { delete static_cast<std::vector<std::int32_t>*>(p); });
+    return {numbers->data(), {numbers->size()}, owner};
+}
+
+}  // namespace
+
+void init_geodesics(nb::module_& m)
+{
+    m.def("components", &components, "vertex_count"_a, "faces"_a.noconvert(), "links"_a.noconvert(),
+          nb::sig("def components(vertex_count: int, faces: numpy.typing.NDArray[numpy.int32], "
+                  "links: numpy.typing.NDArray[numpy.int32]) -> numpy.typing.NDArray[numpy.int32]"),
+          "Connected component (V) of each vertex, by faces (F, 3) and links (L, 2).");
+    nb::class_<dfd::Geodesics>(m, "Geodesics", "Distances along a surface of vertices (V, 3), faces and links.")
+        .def(
+            "__init__",
+            [](dfd::Geodesics* self, InputMatrix<double> vertices, Indices faces, Indices links,
+               std::size_t sample_count, int threads) {
+                nb::gil_scoped_release release;
+                new (self) dfd::Geodesics(matrix(vertices), matrix(faces), matrix(links), sample_count, threads);
+            },
+            "vertices"_a.noconvert(), "faces"_a.noconvert(), "links"_a.noconvert(), "sample_count"_a, "threads"_a,
+            nb::sig("def __init__(self, vertices: numpy.typing.NDArray[numpy.float64], "
+                    "faces: numpy.typing.NDArray[numpy.int32], links: numpy.typing.NDArray[numpy.int32], "
+                    "sample_count: int, threads: int) -> None"))
+        .def_prop_ro("extent", &dfd::Geodesics::extent, "About the largest distance between joined vertices.")
+        .def_prop_ro("sample_count", &dfd::Geodesics::sample_count, "How many vertices the wave runs over.")
+        .def(
+            "distances",
+            [](const dfd::Geodesics& self, InputVector<std::int64_t> sources, float separate, OutputMatrix<float> out,
+               int threads) {
+                nb::gil_scoped_release release;
+                self.distances({sources.data(), sources.size()}, separate, matrix(out), threads);
+            },
+            "sources"_a.noconvert(), "separate"_a, "out"_a.noconvert(), "threads"_a,
+            nb::sig("def distances(self, sources: numpy.typing.NDArray[numpy.int64], separate: float, "
+                    "out: numpy.typing.NDArray[numpy.float32], threads: int) -> None"),
+            "Distances over `extent` from each source (H) to the first vertices, to `out` (H, V).");
+}

@@ -1,0 +1,22 @@
+"""Principal directions: the few along which rows of features lie."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["principal_directions"]
+
+Real = TypeVar("Real", np.float32, np.float64)
+
+
+def principal_directions(rows: NDArray[Real], count: int | None = None) -> NDArray[Real]:
+    """Return the directions of the largest moments of `rows` (N, D) about the origin, the largest first.
+
+    They are orthonormal rows (min(`count`, D), D), all of them where `count` is None. Rows from which their mean was
+    taken give the principal components.
+    """
+    axes: NDArray[Real] = np.linalg.eigh(rows.T @ rows)[1].T[::-1]
+    return np.ascontiguousarray(axes[:count])

@@ -1,0 +1,42 @@
+"""Distillation itself: render, encode, spread, fit (paper, sections 3.1 and 3.2).
+
+The cache, checkpoints and all else that a long run needs stand around it, in `dfd.distillation.distill`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dfd.common.progress import Stages
+from dfd.distillation.fit import fit, widen
+from dfd.distillation.settings import DistillSettings
+from dfd.distillation.smoothing import spread
+from dfd.distillation.targets import PixelTargets, PointTargets
+from dfd.encoders.encode import Encoder
+from dfd.field.field import Field
+from dfd.views.render import render
+
+if TYPE_CHECKING:
+    from dfd.mesh.mesh import Mesh
+    from dfd.runs.checkpoint import Checkpoint
+
+__all__ = ["distill_pictures"]
+
+
+def distill_pictures(
+    mesh: Mesh, encoder: Encoder, settings: DistillSettings, *, stages: Stages, kept: Checkpoint | None = None
+) -> Field:
+    """Return the field around `mesh` of what `encoder` sees in its pictures; `kept` is where a stopped run goes on."""
+    views = render(mesh, **settings.of_pictures(), stages=stages)
+    tokens = encoder.encode(views.images, covered=views.covered, store=kept, stages=stages)
+    pixels = PixelTargets(views, tokens, encoder.device)
+    targets: PixelTargets | PointTargets = pixels  # as the paper has it, without smoothing
+    if settings.smoothing > 0:
+        targets = spread(views, pixels, smoothing=settings.smoothing, seed=settings.seed, stages=stages)
+    state = kept.fit_state(views.points, views.view, views.row, views.column, tokens) if kept else None
+    field = fit(
+        targets, settings, center=views.center, scale=views.scale, device=encoder.device, stages=stages, state=state
+    )
+    if targets.directions is not None:
+        field = widen(field, targets.directions)
+    return field.with_settings({**encoder.settings(), **settings.as_dict(), **field.settings})

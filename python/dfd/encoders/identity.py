@@ -1,0 +1,55 @@
+"""What tells an encoder from any other, as far as that is known before it is loaded."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+from dfd.encoders.precision import noted_device, noted_precision
+from dfd.encoders.sources import find_fingerprint
+
+# torch takes seconds to import, and is not needed to look.
+if TYPE_CHECKING:
+    import torch
+
+    from dfd.encoders.encode import Encoder
+
+__all__ = ["find_identity", "loaded_identity"]
+
+
+def find_identity(
+    encoder: str | os.PathLike[str] | Encoder, device: str | torch.device | None = None
+) -> dict[str, Any] | None:
+    """Return all that the tokens of `encoder` on `device` depend on, besides the pictures, without loading it.
+
+    None where its weights are not at hand, or were never loaded on this machine: then where it computes, and with
+    which precision, is not decided yet.
+    """
+    if not isinstance(encoder, str | os.PathLike):
+        return encoder.identity()
+    target = noted_device() if device is None else str(device)
+    precision = noted_precision(target) if target else None
+    weights = find_fingerprint(encoder) if precision else None
+    if not weights:
+        return None
+    return {
+        "encoder": os.fspath(encoder),
+        "encoder_weights": weights,
+        "encoder_precision": precision,
+        "device": target,
+    }
+
+
+def loaded_identity(
+    encoder: str | os.PathLike[str] | Encoder, device: str | torch.device | None, model: Encoder
+) -> dict[str, Any]:
+    """Return the same once `encoder` is loaded as `model`.
+
+    What was known before may not be what was loaded: the hub may have given other weights than those at hand.
+    """
+    identity = model.identity()
+    known = find_identity(encoder, device)
+    if known is None or not str(known["encoder_weights"]).startswith(str(identity["encoder_weights"])):
+        return identity
+    same = all(known[name] == identity[name] for name in ("encoder_precision", "device"))
+    return known if same else identity

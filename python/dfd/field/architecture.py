@@ -1,0 +1,93 @@
+"""The shape of a field's network, and the names of its parameters.
+
+They are those of a torch `Sequential` of linear maps, ReLUs and LayerNorms: layer k has its linear map at
+`network.{3 k}` and, where it is hidden, its LayerNorm at `network.{3 k + 2}`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dfd.common import check
+
+__all__ = ["MOST_OCTAVES", "Architecture", "LayerNames"]
+
+MOST_OCTAVES = 16  # beyond, float32 no longer tells the angles apart
+
+
+class LayerNames(NamedTuple):
+    """The modules that have parameters, in their order."""
+
+    linear: tuple[str, ...]
+    norms: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Architecture:
+    """How many numbers come in, go through and come out."""
+
+    dimension: int  # D of a feature
+    width: int = 256  # neurons of a hidden layer
+    layers: int = 4  # hidden ones
+    octaves: int = 0  # of sines and cosines beside the coordinates
+
+    def __post_init__(self) -> None:
+        """Refuse what is no network."""
+        for name in ("dimension", "width", "layers"):
+            check.whole("Field", name, getattr(self, name), minimum=1)
+        check.whole("Field", "octaves", self.octaves, minimum=0, maximum=MOST_OCTAVES)
+
+    @classmethod
+    def of(cls, parameters: Mapping[str, ArrayLike], octaves: int) -> Architecture:
+        """The architecture whose parameters these are.
+
+        Raises
+        ------
+        ValueError
+            If a parameter is missing, unknown or of another shape.
+        """
+        found = {name: np.shape(values) for name, values in parameters.items()}
+        layers = (len(found) - 2) // 4
+        last, first = found.get(f"network.{3 * layers}.weight", ()), found.get("network.0.weight", ())
+        if layers < 1 or len(found) != 4 * layers + 2 or len(last) != 2 or len(first) != 2:
+            raise ValueError(f"Field: `parameters` must be those of a network, got {_listed(found) or 'none'}")
+        architecture = cls(int(last[0]), int(first[0]), layers, octaves)
+        wanted = architecture.shapes()
+        odd = [name for name in wanted if found.get(name) != wanted[name]]
+        if odd:
+            have = {name: found[name] for name in odd if name in found}
+            needed = _listed({name: wanted[name] for name in odd})
+            raise ValueError(f"Field: `parameters` must hold {needed}, got {_listed(have) or 'nothing'}")
+        return architecture
+
+    @property
+    def inputs(self) -> int:
+        """Numbers that the first layer takes."""
+        return 3 + 6 * self.octaves
+
+    def layer_names(self) -> LayerNames:
+        """The names that go before `.weight` and `.bias`."""
+        linear = tuple(f"network.{3 * layer}" for layer in range(self.layers + 1))
+        return LayerNames(linear, tuple(f"network.{3 * layer + 2}" for layer in range(self.layers)))
+
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """The shape of every parameter, by name."""
+        names = self.layer_names()
+        shapes: dict[str, tuple[int, ...]] = {}
+        for layer, name in enumerate(names.linear):
+            entering = self.width if layer else self.inputs
+            leaving = self.width if layer < self.layers else self.dimension
+            shapes |= {f"{name}.weight": (leaving, entering), f"{name}.bias": (leaving,)}
+            if layer < self.layers:
+                shapes |= {f"{names.norms[layer]}.{part}": (self.width,) for part in ("weight", "bias")}
+        return shapes
+
+
+def _listed(shapes: Mapping[str, tuple[int, ...]]) -> str:
+    some = [f"{name} {shape}" for name, shape in list(shapes.items())[:4]]
+    return ", ".join(some) + (", …" if len(shapes) > 4 else "")

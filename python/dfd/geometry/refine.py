@@ -1,0 +1,89 @@
+"""Finer triangles where a mesh has large ones, for what is measured from vertex to vertex."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["split_long_edges"]
+
+_ROUNDS = 16  # each halves the longest edges
+
+
+def split_long_edges(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], longest: float, *, most: int
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Halve edges until none is longer than `longest`; faces that share an edge share its middle.
+
+    Parameters
+    ----------
+    vertices
+        (V, 3) positions.
+    faces
+        (F, 3) corners.
+    longest
+        Units of `vertices`, above 0.
+    most
+        About how many vertices may be added; where more would be needed, longer edges stay.
+
+    Returns
+    -------
+    The vertices, new ones after the old, and the faces.
+    """
+    corners = vertices[faces]
+    lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+    long = lengths[lengths > longest]
+    while len(long) and _needed(long, longest) > most:
+        longest *= 1.5
+        long = long[long > longest]
+    for _ in range(_ROUNDS if len(long) else 0):
+        split = _halved(vertices, faces, longest)
+        if split is None:
+            break
+        vertices, faces = split
+    return vertices, faces
+
+
+def _needed(lengths: NDArray[np.float64], longest: float) -> float:
+    """Return roughly how many vertices it takes to halve sides of such `lengths`, each of two faces, often enough."""
+    pieces = lengths / longest
+    return float((pieces / 2 + pieces**2 / 6).sum())
+
+
+def _halved(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], longest: float
+) -> tuple[NDArray[np.float64], NDArray[np.int32]] | None:
+    """Return the mesh with every edge longer than `longest` halved; None if there is none."""
+    ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    long = np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1) > longest
+    if not long.any():
+        return None
+    low, high = np.sort(ends[long], axis=1).astype(np.int64).T
+    keys, number = np.unique(low * len(vertices) + high, return_inverse=True)
+    a, b = np.divmod(keys, len(vertices))
+    middle = np.full((len(faces), 3), -1, np.int64)  # of the sides from corner 0 to 1, 1 to 2, 2 to 0
+    middle[long.reshape(-1, 3)] = len(vertices) + number.reshape(-1)
+    points = np.concatenate([vertices, (vertices[a] + vertices[b]) / 2])
+    return points, _cut(points, faces.astype(np.int64), middle).astype(np.int32)
+
+
+def _cut(points: NDArray[np.float64], faces: NDArray[np.int64], middle: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return faces (G, 3) that fill `faces` (F, 3) with corners at the sides' middles (F, 3), -1 where uncut."""
+    count = (middle >= 0).sum(axis=1)
+    result = [faces[count == 0]]
+    # turned so that the first side is cut where one is, and the last is whole where two are cut
+    for cuts, pattern in ((1, middle >= 0), (2, np.roll(middle < 0, 1, axis=1)), (3, middle >= 0)):
+        chosen = count == cuts
+        turn = (pattern[chosen].argmax(axis=1)[:, None] + np.arange(3)) % 3
+        a, b, c = np.take_along_axis(faces[chosen], turn, axis=1).T
+        ab, bc, ca = np.take_along_axis(middle[chosen], turn, axis=1).T
+        if cuts == 1:
+            pieces = [(a, ab, c), (ab, b, c)]
+        elif cuts == 2:
+            # the rest is a quadrangle a, ab, bc, c: cut along its shorter diagonal
+            first = np.linalg.norm(points[a] - points[bc], axis=1) < np.linalg.norm(points[ab] - points[c], axis=1)
+            pieces = [(ab, b, bc), (a, ab, np.where(first, bc, c)), (np.where(first, a, ab), bc, c)]
+        else:
+            pieces = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+        result.extend(np.stack(piece, axis=1) for piece in pieces)
+    return np.concatenate(result)

@@ -1,0 +1,199 @@
+"""A mesh as one graph of vertices: its edges, and bridges where components touch or nearly touch."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from dfd.geometry.spread import points_on_faces
+from dfd.geometry.topology import face_areas
+from dfd.mesh.mesh import Mesh
+from dfd.mesh.weld import weld
+
+__all__ = ["GAPS", "bridges", "edge_graph", "surface_graph"]
+
+# What counts as the same place, as touching, and as nearly touching, as shares of the box's diagonal. Components that
+# the smaller gap has joined are not bridged across the larger one: legs that meet at the hips stay apart at the knees.
+SAME_PLACE, GAPS = 1e-6, (0.005, 0.02)
+_MOST_POINTS = 400_000  # on edges and on faces that are larger than a gap, each
+_LABELS_IN_CELL = 4  # components of which a cell keeps a point for pairs with other cells, so that confetti makes few
+
+
+def surface_graph(mesh: Mesh) -> csr_matrix:
+    """Join the vertices of `mesh` along its edges, where they share a position, and across small gaps.
+
+    Components that touch, cross or nearly touch (within 2 % of the diagonal of the box around all faces) are joined by
+    edges between vertices on both sides all along the gap; components farther apart stay apart. Vertices of no face
+    are joined to the nearest vertex of a face across such a gap.
+
+    Returns
+    -------
+    (V, V) symmetric, float64: lengths of edges in mesh units, all above 0 (for shared positions the smallest normal
+    number, since graph algorithms take 0 for no edge).
+
+    Raises
+    ------
+    ValueError
+        If the mesh is so large that lengths overflow.
+    """
+    size = float(np.max(mesh.extents))
+    if not np.isfinite(2 * size):
+        raise ValueError(f"surface_graph: `mesh` must be smaller than 1e308, got {size:g}")
+    scaled = mesh.vertices / size if size > 0 else mesh.vertices  # no square over- or underflows
+    graph = edge_graph(scaled, _given_edges(mesh))
+    component = connected_components(graph, directed=False)[1]
+    gaps = bridges(scaled, mesh.faces, component)
+    if len(gaps):
+        graph = graph + edge_graph(scaled, gaps)  # disjoint: bridges join components
+    graph.data = np.maximum(graph.data * size, np.finfo(np.float64).tiny)
+    return graph
+
+
+def edge_graph(vertices: NDArray[np.float64], ends: NDArray[np.integer]) -> csr_matrix:
+    """Return the lengths, (V, V) symmetric and above 0, of edges between `ends` (E, 2), repeated ones counted once."""
+    there, back = ends[ends[:, 0] != ends[:, 1]].T
+    pattern = coo_array((np.ones(len(there), bool), (there, back)), shape=(len(vertices), len(vertices))).tocsr()
+    graph = csr_matrix(pattern + pattern.T, dtype=np.float64)  # boolean: repeated edges are one
+    row = np.repeat(np.arange(len(vertices), dtype=graph.indices.dtype), np.diff(graph.indptr))
+    lengths = np.sqrt(sum((axis[row] - axis[graph.indices]) ** 2 for axis in np.ascontiguousarray(vertices.T)))
+    graph.data = np.maximum(lengths, np.finfo(np.float64).tiny)
+    return graph
+
+
+def _given_edges(mesh: Mesh) -> NDArray[np.int64]:
+    """Return the ends (E, 2) of edges of faces, and of links between vertices at one position."""
+    first, vertex = weld(mesh.vertices)
+    stands_for = first[vertex]
+    moved = np.flatnonzero(stands_for != np.arange(len(vertex)))
+    sides = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    return np.concatenate([sides, np.column_stack([moved, stands_for[moved]])])
+
+
+def bridges(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], component: NDArray[np.integer]
+) -> NDArray[np.int64]:
+    """Return pairs (B, 2) of vertices on the two sides of each small gap between components.
+
+    Parameters
+    ----------
+    vertices
+        (V, 3) positions.
+    faces
+        (F, 3) corners.
+    component
+        (V,) the number of the component of each vertex.
+    """
+    used = np.zeros(len(vertices), bool)
+    used[faces] = True
+    found = [np.zeros((0, 2), np.int64)]
+    if used.any():
+        size = float(np.linalg.norm(np.ptp(vertices[used], axis=0)))
+        label = _renumbered(component, used)
+        for gap in (SAME_PLACE, *GAPS):
+            if size == 0 or label.max() == 0:
+                break
+            own = np.flatnonzero(used)
+            points, vertex = vertices[own], own
+            if gap > SAME_PLACE:
+                points, vertex = _samples(vertices, faces, own, 0.7 * gap * size)
+            pairs = _across(points, vertex, label, gap * size)
+            found.append(pairs)
+            label = _joined(label, pairs)
+        found.append(_to_strays(vertices, used, GAPS[-1] * size))
+    return np.concatenate(found)
+
+
+def _renumbered(component: NDArray[np.integer], used: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return component numbers counted from 0 over used vertices; -1 at the others."""
+    label = np.full(len(component), -1, np.int64)
+    label[used] = np.unique(component[used], return_inverse=True)[1]
+    return label
+
+
+def _across(
+    points: NDArray[np.float64], vertex: NDArray[np.int64], label: NDArray[np.int64], gap: float
+) -> NDArray[np.int64]:
+    """Return pairs (B, 2) of vertices of different labels where their `points` (N, 3) come within `gap`."""
+    kept, crowded = _thinned(points, label[vertex], gap / 2)
+    pairs = kept[cKDTree(points[kept]).query_pairs(gap, output_type="ndarray")]
+    ends = vertex[np.concatenate([pairs, crowded])]
+    ends = np.sort(ends[label[ends[:, 0]] != label[ends[:, 1]]], axis=1)
+    keys = np.unique(ends[:, 0] * len(label) + ends[:, 1])
+    return np.stack(np.divmod(keys, len(label)), axis=1)
+
+
+def _samples(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], own: NDArray[np.int64], spacing: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return points (N, 3) about `spacing` apart all over the surface, and the vertex (N,) that each stands for.
+
+    Those are the vertices themselves, and points on edges and faces that are longer than `spacing`.
+    """
+    points, vertex = [vertices[own]], [own]
+    corners = vertices[faces]
+    lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+    large = lengths.max(axis=1) > spacing
+    sides = faces[large][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    per_side = _capped(lengths[large].ravel() / spacing)
+    side = np.repeat(np.arange(len(sides)), per_side)
+    place = np.arange(len(side)) - (np.cumsum(per_side) - per_side)[side]
+    share = ((place + 0.5) / per_side[side])[:, None]
+    points.append((1 - share) * vertices[sides[side, 0]] + share * vertices[sides[side, 1]])
+    vertex.append(sides[side, (share[:, 0] > 0.5).astype(int)])
+    face, weights = points_on_faces(_capped(face_areas(vertices, faces[large]) / spacing**2))
+    points.append(np.einsum("nk,nkd->nd", weights, corners[large][face]))
+    vertex.append(faces[large][face, weights.argmax(axis=1)])
+    return np.concatenate(points), np.concatenate(vertex).astype(np.int64)
+
+
+def _capped(wanted: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return whole numbers of points, at least one each, in all not many more than `_MOST_POINTS`."""
+    return np.ceil(wanted * min(1.0, _MOST_POINTS / max(float(wanted.sum()), 1.0))).astype(np.int64)
+
+
+def _thinned(
+    points: NDArray[np.float64], label: NDArray[np.int64], cell: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Choose one of `points` (N, 3) for each label in every cell of a grid, of few labels where it holds many.
+
+    Returns
+    -------
+    kept
+        (K,) which.
+    crowded
+        (C, 2) for each of the other labels of a cell, a point of that label and one that is kept there.
+    """
+    place = np.floor((points - points.min(axis=0)) / cell).astype(np.int64)
+    span = place.max(axis=0) + 1
+    if np.prod(span.astype(float)) < 2**31:
+        number = (place[:, 0] * span[1] + place[:, 1]) * span[2] + place[:, 2]
+    else:  # so fine a grid has more cells than can be counted together with labels
+        number = weld(place.astype(np.float64))[1].astype(np.int64)
+    key, first = np.unique(number * (label.max() + 1) + label, return_index=True)
+    cells = key // (label.max() + 1)
+    begins = np.flatnonzero(np.concatenate([[True], cells[1:] != cells[:-1]]))
+    head = np.repeat(begins, np.diff(begins, append=len(first)))
+    few = np.arange(len(first)) - head < _LABELS_IN_CELL
+    return first[few], np.column_stack([first[head[~few]], first[~few]])
+
+
+def _joined(label: NDArray[np.int64], pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the labels after `pairs` of vertices have been joined."""
+    count = int(label.max()) + 1
+    ends = label[pairs]
+    links = coo_array((np.ones(len(ends), bool), (ends[:, 0], ends[:, 1])), shape=(count, count))
+    merged = connected_components(links, directed=False)[1].astype(np.int64)
+    return np.where(label >= 0, merged[label], -1)
+
+
+def _to_strays(vertices: NDArray[np.float64], used: NDArray[np.bool_], gap: float) -> NDArray[np.int64]:
+    """Return pairs (B, 2) of vertices that no face uses and the vertex of a face nearest to each, if within `gap`."""
+    stray, own = np.flatnonzero(~used), np.flatnonzero(used)
+    if len(stray) == 0:
+        return np.zeros((0, 2), np.int64)
+    distance, nearest = cKDTree(vertices[own]).query(vertices[stray])
+    near = distance <= gap
+    return np.column_stack([stray[near], own[nearest[near]]])

@@ -1,0 +1,140 @@
+"""What a scene shows: geometries of one material each, in their places, as parts with names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+__all__ = ["MovedPrimitive", "Placing", "Primitive", "UniqueNames", "place"]
+
+# Rows and faces that a scene may place: a file of a few kilobytes can name any number of them.
+_MOST_ROWS = 10**8
+
+
+@dataclass(frozen=True)
+class Placing:
+    """One geometry of one material, and where the scene shows it; one that is shown twice is placed twice."""
+
+    part: str  # the scene's part that it belongs to; equal names that follow each other are one part
+    name: str  # the geometry's own name
+    geometry: trimesh.Trimesh
+    transform: NDArray[np.float64] | None = None  # (4, 4) from the geometry's coordinates to the scene's
+    source: tuple[int, int, int] = (0, 0, 0)  # node, mesh and primitive of a glTF file
+
+
+@dataclass(frozen=True)
+class Primitive:
+    """A placing with its share of the rows and faces of the file."""
+
+    part: str
+    name: str
+    geometry: trimesh.Trimesh
+    transform: NDArray[np.float64]  # (4, 4) from the geometry's own coordinates to the scene's
+    source: tuple[int, int, int]
+    rows: slice  # its vertices among all rows of the file
+    faces: slice  # its faces among all faces
+
+    @property
+    def normals(self) -> NDArray[np.float64] | None:
+        """(rows, 3) the file's normals, in the geometry's own coordinates; None where it has none."""
+        # trimesh would make normals up when asked for `vertex_normals`; only those it was given are in its cache
+        normals = self.geometry._cache.cache.get("vertex_normals")
+        return None if normals is None else np.asarray(normals)
+
+
+@dataclass(frozen=True)
+class MovedPrimitive:
+    """A primitive with its new shape, in its geometry's own coordinates."""
+
+    primitive: Primitive
+    vertices: NDArray[np.float64]  # (rows of the primitive, 3)
+    normals: NDArray[np.float64] | None  # (rows of the primitive, 3), None where the file had none
+    file_normals: NDArray[np.float64] | None  # those it had
+    moved: bool  # whether any row differs from the file's
+
+
+def place(path: Path, placings: Sequence[Placing]) -> tuple[tuple[Primitive, ...], NDArray[np.float64]]:
+    """Return the primitives that have faces and the positions (R, 3) of their rows in the scene.
+
+    Raises
+    ------
+    ValueError
+        If there are no faces, or coordinates are not finite, or a face names a vertex that is not there.
+    """
+    primitives: list[Primitive] = []
+    positions: list[NDArray[np.float64]] = []
+    row_count = face_count = 0
+    checked: set[int] = set()
+    for each in placings:
+        geometry = each.geometry
+        vertices = geometry.vertices.view(np.ndarray)
+        size = len(geometry.faces)
+        if size == 0:
+            continue
+        if id(geometry) not in checked:
+            _check(path, each.name, geometry)
+            checked.add(id(geometry))
+        if each.transform is not None and not np.isfinite(each.transform).all():
+            raise ValueError(
+                f"load: `path` {path} must place its parts by finite transforms, got {each.part!r} without"
+            )
+        rows = slice(row_count, row_count + len(vertices))
+        faces = slice(face_count, face_count + size)
+        row_count, face_count = rows.stop, faces.stop
+        if max(row_count, face_count) > _MOST_ROWS:
+            raise ValueError(f"load: `path` {path} places more than {_MOST_ROWS} vertices or faces")
+        transform = np.eye(4) if each.transform is None else each.transform
+        primitives.append(Primitive(each.part, each.name, geometry, transform, each.source, rows, faces))
+        positions.append(vertices if each.transform is None else _transformed(vertices, transform))
+    if not primitives:
+        raise ValueError(f"load: `path` {path} holds no faces")
+    stacked = np.concatenate(positions)
+    if not np.isfinite(stacked).all():
+        raise ValueError(f"load: `path` {path} places vertices so far away that their coordinates are not finite")
+    return tuple(primitives), stacked
+
+
+def _check(path: Path, name: str, geometry: trimesh.Trimesh) -> None:
+    """Refuse coordinates that are not finite and faces of vertices that are not there."""
+    vertices, faces = geometry.vertices.view(np.ndarray), geometry.faces.view(np.ndarray)
+    finite = np.isfinite(vertices)
+    if not finite.all():
+        row, axis = np.argwhere(~finite)[0]
+        raise ValueError(
+            f"load: `path` {path} must hold finite coordinates, got {vertices[row, axis]} at vertex {row} of {name!r}"
+        )
+    low, high = int(faces.min()), int(faces.max())
+    if low < 0 or high >= len(vertices):
+        raise ValueError(
+            f"load: `path` {path} must have faces between vertices 0 … {len(vertices) - 1} of {name!r}, "
+            f"got {low if low < 0 else high}"
+        )
+
+
+def _transformed(points: NDArray[np.float64], transform: NDArray[np.float64]) -> NDArray[np.float64]:
+    if np.array_equal(transform, np.eye(4)):
+        return points
+    with np.errstate(over="ignore", invalid="ignore"):  # judged afterwards, for the whole scene at once
+        return points @ transform[:3, :3].T + transform[:3, 3]
+
+
+class UniqueNames:
+    """Makes names unique in constant time, however many are alike."""
+
+    def __init__(self) -> None:
+        self._taken: set[str] = set()
+        self._next: dict[str, int] = {}
+
+    def unique(self, name: str) -> str:
+        """Return `name`, with a number where it has been given out."""
+        found = name
+        while found in self._taken:
+            self._next[name] = self._next.get(name, 0) + 1
+            found = f"{name}_{self._next[name]}"
+        self._taken.add(found)
+        return found

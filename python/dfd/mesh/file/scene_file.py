@@ -1,0 +1,116 @@
+"""What a mesh file holds: its parts, where their own vertices lie in the whole, and what it takes to write it again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.mesh.appearance import Appearance, Material
+from dfd.mesh.file.gltf_patch import GltfSource
+from dfd.mesh.file.materials import read_appearance
+from dfd.mesh.file.obj_read import ObjSource
+from dfd.mesh.file.primitives import Placing, Primitive, place
+from dfd.mesh.weld import weld
+
+__all__ = ["SceneFile"]
+
+
+@dataclass(frozen=True)
+class SceneFile:
+    """A file's scene, kept as it was read so that it can be colored and written again.
+
+    `rows` are the vertices of the primitives, one after the other: the file's own vertices, split where a seam of
+    texture or normals splits them. A vertex of the mesh stands for all rows at its position.
+    """
+
+    path: Path | None
+    primitives: tuple[Primitive, ...]
+    corner_faces: NDArray[np.int32]  # (F, 3) corners as row numbers
+    vertices: NDArray[np.float64]  # (V, 3) positions in the scene
+    representative: NDArray[np.int32]  # (V,) the first vertex at each one's position
+    vertex: NDArray[np.int32]  # (R,) the vertex that stands for each row, -1 where the mesh has none
+    appearance: Appearance | None  # what colors the faces; None where nothing is known
+    gltf: GltfSource | None = None  # the glTF file that it was
+    obj: ObjSource | None = None  # the OBJ file that it was
+
+    @property
+    def faces(self) -> NDArray[np.int32]:
+        """(F, 3) corners as vertices of the mesh."""
+        return self.vertex[self.corner_faces]
+
+    @classmethod
+    def of(
+        cls,
+        path: Path | None,
+        placings: Sequence[Placing],
+        looks: Mapping[int, Material],
+        *,
+        linear: bool = False,
+        own_vertices: NDArray[np.float64] | None = None,
+        own_numbers: NDArray[np.int64] | None = None,
+        gltf: GltfSource | None = None,
+        obj: ObjSource | None = None,
+    ) -> SceneFile:
+        """Number the vertices of what a file places.
+
+        Parameters
+        ----------
+        path
+            The file, for errors.
+        placings, looks
+            What it shows, and the looks of materials by their ids.
+        linear
+            Whether its vertex colors are.
+        own_vertices, own_numbers
+            The file's own list of vertices (V, 3) and the one (R,) that each row is, where it has one list; distinct
+            positions that faces use are numbered in the order of the rows where it has none.
+        gltf, obj
+            What it takes to write the file again.
+
+        Raises
+        ------
+        ValueError
+            If there are no faces or fewer than three distinct vertices, or something is not finite.
+        """
+        primitives, positions = place(path or Path("mesh"), placings)
+        corner_faces = np.concatenate(
+            [each.geometry.faces.astype(np.int32) + np.int32(each.rows.start) for each in primitives]
+        )
+        if own_vertices is not None and own_numbers is not None:
+            _require_finite(path, own_vertices)
+            first, distinct = weld(own_vertices)
+            representative = first.astype(np.int32)[distinct]
+            vertices, vertex = own_vertices, representative[own_numbers]
+        else:
+            vertices, vertex = _weld_used(positions, corner_faces)
+            representative = np.arange(len(vertices), dtype=np.int32)
+        used = np.zeros(len(vertices), bool)
+        used[vertex[corner_faces]] = True
+        if used.sum() < 3:
+            raise ValueError(f"load: `path` {path} must hold at least 3 distinct vertices, got {used.sum()}")
+        look = read_appearance(primitives, vertex, looks, linear=linear)
+        return cls(path, primitives, corner_faces, vertices, representative, vertex, look, gltf, obj)
+
+
+def _require_finite(path: Path | None, vertices: NDArray[np.float64]) -> None:
+    finite = np.isfinite(vertices)
+    if not finite.all():
+        row, axis = np.argwhere(~finite)[0]
+        raise ValueError(f"load: `path` {path} must hold finite coordinates, got {vertices[row, axis]} at vertex {row}")
+
+
+def _weld_used(
+    positions: NDArray[np.float64], corner_faces: NDArray[np.int32]
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Return the distinct positions (V, 3) that faces use and the vertex (R,) of each row, -1 where none uses it."""
+    first, vertex = weld(positions)
+    used = np.zeros(len(first), bool)
+    used[vertex[corner_faces]] = True
+    if used.all():
+        return positions[first], vertex
+    number = np.where(used, np.cumsum(used, dtype=np.int32) - np.int32(1), np.int32(-1))
+    return positions[first[used]], number[vertex]

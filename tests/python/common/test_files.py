@@ -1,0 +1,139 @@
+"""Files that are whole or absent, wherever they are written and whatever is in the way."""
+
+from __future__ import annotations
+
+import os
+import signal
+import stat
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from dfd.common.files import atomic_write
+
+
+def put(path: Path, content: str = "new") -> None:
+    with atomic_write(path) as temporary:
+        temporary.write_text(content)
+
+
+def test_a_file_is_replaced_and_keeps_its_mode(tmp_path: Path) -> None:
+    path = tmp_path / "notes.txt"
+    path.write_text("old")
+    path.chmod(0o640)
+    put(path)
+    assert path.read_text() == "new"
+    assert stat.S_IMODE(path.stat().st_mode) == 0o640
+    assert [each.name for each in tmp_path.iterdir()] == ["notes.txt"]
+
+
+def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "notes.txt"
+    path.write_text("old")
+
+    def fail() -> None:
+        with atomic_write(path) as temporary:
+            temporary.write_text("half")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+    assert path.read_text() == "old"
+    assert [each.name for each in tmp_path.iterdir()] == ["notes.txt"]
+
+
+def test_a_symbolic_link_stays_one(tmp_path: Path) -> None:
+    real = tmp_path / "elsewhere" / "real.txt"
+    real.parent.mkdir()
+    real.write_text("old")
+    link, dangling = tmp_path / "link.txt", tmp_path / "dangling.txt"
+    link.symlink_to(real)
+    dangling.symlink_to("elsewhere/later.txt")
+    put(link)
+    put(dangling, "made")
+    assert (link.is_symlink(), real.read_text()) == (True, "new")
+    assert (dangling.is_symlink(), (tmp_path / "elsewhere" / "later.txt").read_text()) == (True, "made")
+    around = tmp_path / "around"
+    around.symlink_to(around)
+    with pytest.raises(OSError, match="around could not be written: Too many levels"):
+        put(around)
+
+
+def test_what_is_no_file_is_refused_and_stays(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    link = tmp_path / "null"
+    link.symlink_to("/dev/null")
+    for path in (pipe, link, Path("/dev/null")):
+        with pytest.raises(OSError, match="is not a file, and nothing is written to it"):
+            put(path)
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+    assert stat.S_ISCHR(Path("/dev/null").stat().st_mode)
+    with pytest.raises(IsADirectoryError, match="is a folder, not a file"):
+        put(tmp_path)
+    with pytest.raises(FileNotFoundError, match="the folder .*absent does not exist"):
+        put(tmp_path / "absent" / "notes.txt")
+
+
+@pytest.mark.parametrize("name", ["a" * 251 + ".obj", "a" * 255, "a." + "b" * 253, "ü" * 127, "." + "x" * 250])
+def test_every_name_that_the_file_system_allows(name: str, tmp_path: Path) -> None:
+    put(tmp_path / name)
+    assert (tmp_path / name).read_text() == "new"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_name_that_is_too_long_is_one_error(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="could not be written: File name too long"):
+        put(tmp_path / ("a" * 256))
+
+
+def test_the_temporary_file_keeps_the_ending(tmp_path: Path) -> None:
+    with atomic_write(tmp_path / "picture.png") as temporary:
+        assert temporary.suffix == ".png"
+        temporary.touch()
+
+
+def test_what_a_killed_process_left_is_swept_by_the_next_write(tmp_path: Path) -> None:
+    path = tmp_path / "notes.txt"
+    program = """
+import os, signal, sys
+from dfd.common.files import atomic_write
+with atomic_write(sys.argv[1]) as temporary:
+    temporary.write_text("half")
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+    for _ in range(3):
+        done = subprocess.run([sys.executable, "-c", program, str(path)], timeout=60)
+        assert done.returncode == -signal.SIGKILL
+    assert len(list(tmp_path.iterdir())) == 1  # each swept what the one before had left
+    put(path)
+    assert [each.name for each in tmp_path.iterdir()] == ["notes.txt"]
+
+
+def test_writers_of_one_file_at_once_do_not_take_each_others(tmp_path: Path) -> None:
+    path = tmp_path / "notes.txt"
+    with atomic_write(path) as first:
+        first.write_text("first")
+        put(path, "second")
+        assert first.read_text() == "first"
+    assert path.read_text() == "first"
+    failed: list[BaseException] = []
+
+    def write_often(content: str) -> None:
+        try:
+            for _ in range(30):
+                put(path, content)
+        except BaseException as error:
+            failed.append(error)
+
+    threads = [threading.Thread(target=write_often, args=(chr(97 + n) * 1000,)) for n in range(20)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not failed
+    assert len(set(path.read_text())) == 1
+    assert [each.name for each in tmp_path.iterdir()] == ["notes.txt"]

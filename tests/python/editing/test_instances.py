@@ -1,0 +1,158 @@
+"""Instances: what looks like the handle moves about its own counterpart of the pivot."""
+
+from __future__ import annotations
+
+from unittest import mock
+
+import numpy as np
+import pytest
+
+from dfd import Mesh, SymmetryPlane
+from dfd.editing import instances
+from dfd.editing.instances import InstanceFinder
+from dfd.posing.transforms import affine
+
+SIDE = 41  # vertices along a side of the sheet
+
+
+def sheet(copies: int = 1) -> Mesh:
+    """Flat sheets of side 2 around the origin, the second one 100 beside it."""
+    line = np.linspace(-1, 1, SIDE)
+    x, z = np.meshgrid(line, line, indexing="ij")
+    one = np.column_stack([x.ravel(), np.zeros(SIDE * SIDE), z.ravel()])
+    corner = (np.arange(SIDE - 1)[:, None] * SIDE + np.arange(SIDE - 1)).ravel()
+    faces = np.concatenate(
+        [np.stack([corner, corner + 1, corner + SIDE], 1), np.stack([corner + 1, corner + SIDE + 1, corner + SIDE], 1)]
+    )
+    vertices = np.concatenate([one + (100.0 * copy, 0, 0) for copy in range(copies)])
+    return Mesh(vertices, np.concatenate([faces + copy * len(one) for copy in range(copies)]))
+
+
+def hill(mesh: Mesh, x: float, z: float, height: float, width: float = 0.25) -> np.ndarray:
+    squared = np.square(mesh.vertices - (x, 0, z)).sum(axis=1)
+    return (height * np.exp(-squared / width**2)).astype(np.float32)
+
+
+def vertex_at(mesh: Mesh, x: float, z: float) -> int:
+    return int(np.linalg.norm(mesh.vertices - (x, 0, z), axis=1).argmin())
+
+
+def find(mesh: Mesh, weights: np.ndarray, vertex: int, **planes: object) -> tuple[instances.Instance, ...]:
+    return InstanceFinder(mesh).find(weights, vertex, mesh.vertices[vertex], **planes)  # type: ignore[arg-type]
+
+
+def test_a_single_hill_is_one_instance_that_has_everything():
+    mesh = sheet()
+    (only,) = find(mesh, hill(mesh, -0.5, 0, 1), vertex_at(mesh, -0.5, 0))
+    assert only.share is None
+    assert only.weight == 1
+    np.testing.assert_array_equal(only.frame, np.eye(3))
+
+
+def test_every_hill_is_an_instance_with_its_own_counterpart():
+    mesh = sheet()
+    weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, 0.5, -0.5, 0.9) + hill(mesh, 0.5, 0.5, 0.6)
+    own, second, third = find(mesh, weights, vertex_at(mesh, -0.5, -0.5))
+    np.testing.assert_allclose(own.position, (-0.5, 0, -0.5), atol=1e-12)
+    np.testing.assert_allclose(second.position, (0.5, 0, -0.5), atol=1e-12)
+    np.testing.assert_allclose(third.position, (0.5, 0, 0.5), atol=1e-12)
+    assert (own.weight, second.weight, third.weight) == pytest.approx((1, 0.9, 0.6), abs=1e-3)
+
+
+def test_shares_add_up_to_one_and_each_has_its_counterpart_to_itself():
+    mesh = sheet()
+    found = find(mesh, hill(mesh, -0.5, 0, 1) + hill(mesh, 0.5, 0, 0.9), vertex_at(mesh, -0.5, 0))
+    shares = np.stack([each.share for each in found])
+    np.testing.assert_allclose(shares.sum(axis=0), 1, atol=1e-6)
+    assert shares.min() >= 0
+    for number, each in enumerate(found):
+        assert shares[number, each.vertex] == 1
+
+
+def test_shares_pass_smoothly_from_one_instance_to_the_next():
+    mesh = sheet()
+    own, _ = find(mesh, hill(mesh, -0.5, 0, 1) + hill(mesh, 0.5, 0, 0.9), vertex_at(mesh, -0.5, 0))
+    along = own.share.reshape(SIDE, SIDE)
+    assert np.abs(np.diff(along, axis=0)).max() < 0.2
+    assert np.abs(np.diff(along, axis=1)).max() < 0.2
+
+
+def test_ripples_on_a_hill_are_no_instances():
+    mesh = sheet()
+    ripples = 0.01 * np.sin(60 * mesh.vertices[:, 0]).astype(np.float32)
+    assert len(find(mesh, hill(mesh, 0, 0, 1) + ripples, vertex_at(mesh, 0, 0))) == 1
+
+
+def test_what_is_hardly_alike_goes_with_the_nearest_instance():
+    mesh = sheet()
+    assert len(find(mesh, hill(mesh, -0.5, 0, 1) + hill(mesh, 0.5, 0, 0.1), vertex_at(mesh, -0.5, 0))) == 1
+
+
+def test_across_a_plane_of_symmetry_the_frame_is_mirrored():
+    mesh = sheet()
+    plane = SymmetryPlane((1.0, 0.0, 0.0), 0.0)
+    # The second hill's top is a little off the mirror image, as a field's own roughness would have it.
+    weights = np.maximum(hill(mesh, -0.5, 0.2, 1), hill(mesh, 0.55, 0.2, 0.95))
+    own, other = find(mesh, weights, vertex_at(mesh, -0.5, 0.2), planes=[plane])
+    np.testing.assert_array_equal(other.frame, np.diag([-1.0, 1.0, 1.0]))
+    np.testing.assert_allclose(other.position, plane.reflect([own.position])[0], atol=1e-12)
+    moved = other.transform(affine(translation=(0.1, 0.2, 0.3)), own.position)
+    np.testing.assert_allclose(moved, affine(translation=(-0.1, 0.2, 0.3)), atol=1e-12)
+
+
+def test_an_instance_turns_about_its_counterpart_of_the_pivot():
+    mesh = sheet()
+    own, other = find(mesh, hill(mesh, -0.5, 0, 1) + hill(mesh, 0.5, 0, 0.9), vertex_at(mesh, -0.5, 0))
+    pivot = np.asarray(own.position) + (0, 0.3, 0.1)
+    matrix = affine(rotation=(0, 40, 0), scale=1.5, pivot=pivot)
+    there = np.asarray(other.position) + (0, 0.3, 0.1)
+    np.testing.assert_allclose(
+        other.transform(matrix, own.position), affine(rotation=(0, 40, 0), scale=1.5, pivot=there), atol=1e-12
+    )
+    np.testing.assert_allclose(own.transform(matrix, own.position), matrix, atol=1e-12)
+
+
+def test_a_handle_at_rest_leaves_every_instance_at_rest():
+    mesh = sheet()
+    for each in find(mesh, hill(mesh, -0.5, 0, 1) + hill(mesh, 0.5, 0, 0.9), vertex_at(mesh, -0.5, 0)):
+        np.testing.assert_allclose(each.transform(np.eye(3, 4), (-0.5, 0.0, 0.0)), np.eye(3, 4), atol=1e-15)
+
+
+def test_components_far_apart_are_instances_too():
+    mesh = sheet(copies=2)
+    weights = hill(mesh, 0, 0, 1) + hill(mesh, 100, 0, 1)
+    own, other = find(mesh, weights, vertex_at(mesh, 0, 0))
+    assert np.isfinite(own.share).all()
+    on_the_first = mesh.vertices[:, 0] < 50
+    np.testing.assert_array_equal(own.share[on_the_first], 1)
+    np.testing.assert_array_equal(other.share[~on_the_first], 1)
+
+
+def test_a_fine_mesh_is_gathered_into_nodes_and_has_the_same_instances():
+    mesh = sheet()
+    weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, 0.5, -0.5, 0.9) + hill(mesh, 0.5, 0.5, 0.6)
+    vertex = vertex_at(mesh, -0.5, -0.5)
+    exact = find(mesh, weights, vertex)
+    with mock.patch.object(instances, "MOST_NODES", 1000), mock.patch.object(instances, "CELLS", 12):
+        finder = InstanceFinder(mesh)
+        gathered = finder.find(weights, vertex, mesh.vertices[vertex])
+        assert finder._nodes.graph.shape[0] < 200
+    assert [each.vertex for each in gathered] == [each.vertex for each in exact]
+    np.testing.assert_allclose(sum(each.share for each in gathered), 1, atol=1e-5)
+    for one, other in zip(gathered, exact, strict=True):
+        assert np.abs(one.share - other.share).mean() < 0.03
+
+
+def test_a_handle_that_holds_nothing_has_only_itself():
+    mesh = sheet()
+    (only,) = find(mesh, np.zeros(len(mesh.vertices), np.float32), 7)
+    assert (only.vertex, only.weight, only.share) == (7, 0.0, None)
+
+
+def test_there_are_no_more_instances_than_columns_are_worth():
+    mesh = sheet()
+    weights = np.sum([hill(mesh, x, z, 1, 0.1) for x in (-0.8, 0, 0.8) for z in (-0.8, 0, 0.8)], axis=0)
+    with mock.patch.object(instances, "MOST_INSTANCES", 4):
+        found = find(mesh, weights, vertex_at(mesh, 0, 0))
+    assert len(found) == 4
+    np.testing.assert_allclose(sum(each.share for each in found), 1, atol=1e-6)

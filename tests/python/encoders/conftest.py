@@ -1,0 +1,59 @@
+"""What the tests of encoders set up alike."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import torch
+import transformers
+from huggingface_hub import constants
+from tiny_families import CASES, SIZES, Saved
+
+from dfd.encoders import sources as encoder_weights
+
+
+@pytest.fixture(autouse=True)
+def _nothing_of_the_user(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """No network, and no caches but the test's own."""
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    monkeypatch.setenv("DFD_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path / "hub"))
+    monkeypatch.setattr(constants, "HF_HUB_OFFLINE", False)  # read once at import: the variable above decides
+    monkeypatch.setattr(encoder_weights, "_asked_in_vain", {})
+    transformers.utils.logging.disable_progress_bar()
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A tiny DINOv2 with random weights, as transformers saves it."""
+    torch.manual_seed(3)
+    transformers.Dinov2Model(transformers.Dinov2Config(**SIZES)).save_pretrained(tmp_path / "tiny")
+    return tmp_path / "tiny"
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Saved]:
+    """A tiny model of each family, random weights, saved as transformers saves it."""
+    made: dict[str, Saved] = {}
+
+    def get(name: str) -> Saved:
+        if name not in made:
+            torch.manual_seed(7)
+            model = CASES[name].make().eval()
+            with torch.no_grad():  # biases, norms and position tables start at 0 or 1, where mistakes would not show
+                for parameter in model.parameters():
+                    parameter.add_(torch.randn_like(parameter) * 0.05)
+            folder = tmp_path_factory.mktemp(name)
+            transformers.utils.logging.disable_progress_bar()
+            model.save_pretrained(folder)
+            made[name] = Saved(CASES[name], model, folder)
+        return made[name]
+
+    return get
+
+
+@pytest.fixture
+def dinov2(saved: Callable[[str], Saved]) -> Saved:
+    return saved("dinov2")

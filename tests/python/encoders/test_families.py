@@ -1,0 +1,100 @@
+"""Encoders of every family, through the real loading code, on tiny networks with random weights."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from tiny_families import CASES, Saved, normalized, pictures
+
+from dfd.encoders.encode import load_encoder
+from dfd.encoders.presets import PRESETS
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_tokens_are_the_hidden_states_of_the_whole_model(name: str, saved: Callable[[str], Saved]) -> None:
+    one = saved(name)
+    images = pictures(2, one.case.size)
+    for block, patch in ((None, one.case.patch), (one.case.early, one.case.early_patch)):
+        encoder = load_encoder(one.folder, block=block, device="cpu", precision="float32")
+        assert encoder.block == (block or one.case.block)
+        assert encoder.patch == patch
+        tokens = encoder.encode(images)
+        side = one.case.size // patch
+        assert tokens.shape == (2, side, side, encoder.dimension)
+        assert tokens.dtype == np.float32
+        with torch.no_grad():
+            expected = one.case.twin(one.model, normalized(encoder, images), encoder.block).numpy()
+        np.testing.assert_allclose(tokens.reshape(expected.shape), expected, atol=1e-4 * np.abs(expected).max())
+    assert load_encoder(one.folder, device="cpu").dimension == one.case.dimension
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_token_of_a_changed_corner_changes_most(name: str, saved: Callable[[str], Saved]) -> None:
+    one = saved(name)
+    encoder = load_encoder(one.folder, block=1 if name != "dinov3-convnext" else None, device="cpu")
+    images = np.full((2, one.case.size, one.case.size, 3), 128, np.uint8)
+    images[1, : encoder.patch, -encoder.patch :] = pictures(1, encoder.patch)[0]  # upper right
+    tokens = encoder.encode(images)
+    change = np.linalg.norm(tokens[1] - tokens[0], axis=-1)
+    row, column = np.unravel_index(change.argmax(), change.shape)
+    # SAM's networks blur their tokens with their neighbours, so the quarter of the picture is what is certain.
+    assert row < change.shape[0] / 2
+    assert column >= change.shape[1] / 2
+
+
+def test_every_preset_says_what_it_needs() -> None:
+    for name, preset in PRESETS.items():
+        assert preset.name == name
+        assert preset.resolution % 16 == 0 or preset.resolution % 14 == 0
+        assert preset.hub.count("/") == 1
+    assert PRESETS["dinov2-small"].block is None
+
+
+def test_networks_of_one_size_get_it(saved: Callable[[str], Saved]) -> None:
+    encoder = load_encoder(saved("sam").folder, device="cpu")
+    assert encoder.nearest_resolution(518) == 64
+    assert encoder.encode(pictures(1, 40)).shape == (1, 4, 4, 8)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_bfloat16_stays_close_to_float32(name: str, saved: Callable[[str], Saved]) -> None:
+    one = saved(name)
+    images = pictures(2, one.case.size)
+    full = load_encoder(one.folder, device="cpu", precision="float32").encode(images)
+    half = load_encoder(one.folder, device="cpu", precision="bfloat16").encode(images)
+    assert half.dtype == np.float32
+    full /= np.linalg.norm(full, axis=-1, keepdims=True)
+    half /= np.linalg.norm(half, axis=-1, keepdims=True)
+    assert 0 < np.linalg.norm(full - half, axis=-1).mean() < 0.03
+
+
+def test_settings_tell_encoders_apart(dinov2: Saved, saved: Callable[[str], Saved]) -> None:
+    first = load_encoder(dinov2.folder, device="cpu", precision="float32").settings()
+    assert first["encoder_block"] == 3
+    assert first["encoder_dimension"] == 16
+    assert first["encoder_weights"].startswith("sha256:")
+    assert json.loads(json.dumps(first)) == first
+    assert load_encoder(dinov2.folder, block=2, device="cpu", precision="float32").settings() != first
+    assert load_encoder(dinov2.folder, device="cpu", precision="bfloat16").settings() != first
+    other = load_encoder(saved("dinov2-registers").folder, device="cpu", precision="float32").settings()
+    assert other["encoder_weights"] != first["encoder_weights"]
+
+
+def test_blocks_after_the_one_used_are_gone(dinov2: Saved) -> None:
+    encoder = load_encoder(dinov2.folder, block=np.int64(1), device="cpu")
+    assert json.dumps(encoder.settings())
+    assert len(encoder._model.network.encoder.layer) == 1
+    assert (encoder.block, encoder.depth) == (1, 3)
+
+
+@pytest.mark.parametrize("block", [0, -1, 4, 2.0, True, "2"])
+def test_blocks_that_are_not_there_are_refused(dinov2: Saved, block: Any) -> None:
+    with pytest.raises(ValueError, match=r"load_encoder: `block` must lie in 1 … 3, got"):
+        load_encoder(dinov2.folder, block=block, device="cpu")

@@ -1,0 +1,98 @@
+"""The background takes no part, where a network can do without."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import torch
+import transformers
+from tiny_families import Saved, normalized, pictures
+
+from dfd.encoders import families
+from dfd.encoders.encode import load_encoder
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+
+def square(count: int, size: int) -> np.ndarray:
+    """The pixels of a shape that covers 3 × 2 patches of 8 pixels in the middle of the left, one pixel over."""
+    covered = np.zeros((count, size, size), bool)
+    covered[:, 16:41, 0:16] = True
+    return covered
+
+
+@pytest.mark.parametrize("name", ["dinov2", "dinov2-registers"])
+def test_the_background_takes_no_part(name: str, saved: Callable[[str], Saved]) -> None:
+    encoder = load_encoder(saved(name).folder, device="cpu", precision="float32")
+    images = pictures(2, 64)
+    tokens = encoder.encode(images, covered=square(2, 64))
+    kept = np.zeros((8, 8), bool)
+    kept[1:7, 0:3] = True  # with the patches beside it, and beside the one that a single row of pixels reaches
+    assert (tokens[:, ~kept] == 0).all()
+    # The network's own modules, on the sequence without those patches.
+    network = encoder._model.network
+    with torch.no_grad():
+        sequence = network.embeddings(normalized(encoder, images))
+        prefix = sequence.shape[1] - 64
+        chosen = torch.from_numpy(np.concatenate([np.arange(prefix), prefix + np.flatnonzero(kept)]))
+        expected = network.layernorm(network.encoder(sequence[:, chosen]).last_hidden_state)[:, prefix:].numpy()
+    np.testing.assert_allclose(tokens[:, kept], expected, atol=1e-4 * np.abs(expected).max())
+    changed = np.where(np.kron(kept, np.ones((8, 8)))[None, :, :, None] > 0, images, 255 - images).astype(np.uint8)
+    np.testing.assert_array_equal(encoder.encode(changed, covered=square(2, 64)), tokens)
+    assert not np.array_equal(encoder.encode(changed), encoder.encode(images))
+
+
+def test_every_picture_has_its_own_foreground(dinov2: Saved) -> None:
+    encoder = load_encoder(dinov2.folder, device="cpu", precision="float32")
+    images, covered = pictures(3, 64), square(3, 64)
+    covered[1] = covered[1].T
+    covered[2] = False
+    tokens = encoder.encode(images, covered=covered)
+    assert not np.array_equal(tokens[0] == 0, tokens[1] == 0)
+    for one in range(2):
+        alone = encoder.encode(images[one : one + 1], covered=covered[one : one + 1])
+        np.testing.assert_allclose(tokens[one], alone[0], atol=1e-5)
+    assert (tokens[2] == 0).all()  # nothing to see
+
+
+def test_a_whole_foreground_is_the_whole_picture(dinov2: Saved) -> None:
+    encoder = load_encoder(dinov2.folder, device="cpu", precision="float32")
+    images = pictures(2, 48)
+    np.testing.assert_array_equal(encoder.encode(images, covered=np.ones((2, 48, 48), bool)), encoder.encode(images))
+
+
+@pytest.mark.parametrize("name", ["dinov3", "dinov3-convnext", "clip", "sam", "mae"])
+def test_networks_that_cannot_do_without_see_the_background(name: str, saved: Callable[[str], Saved]) -> None:
+    one = saved(name)
+    encoder = load_encoder(one.folder, device="cpu", precision="float32")
+    images = pictures(1, one.case.size)
+    covered = np.zeros(images.shape[:3], bool)
+    covered[0, 0, 0] = True
+    np.testing.assert_array_equal(encoder.encode(images, covered=covered), encoder.encode(images))
+    assert encoder.settings()["encoder_foreground_only"] is False
+
+
+def test_large_networks_without_registers_see_the_background() -> None:
+    takes = {name: families._FAMILIES[name].takes_patches for name in ("dinov2", "dinov2_with_registers")}
+    for width, alone in ((384, True), (768, True), (1024, False), (1536, False)):
+        assert takes["dinov2"](transformers.Dinov2Config(hidden_size=width)) is alone
+        assert takes["dinov2_with_registers"](transformers.Dinov2WithRegistersConfig(hidden_size=width)) is True
+
+
+@pytest.mark.parametrize(
+    "covered", [np.ones((2, 48, 48), np.uint8), np.ones((2, 48, 47), bool), np.ones((1, 48, 48), bool)]
+)
+def test_a_foreground_of_another_form_is_refused(dinov2: Saved, covered: np.ndarray) -> None:
+    with pytest.raises(ValueError, match=r"encode: `covered` must be bool of shape \(2, 48, 48\), got"):
+        load_encoder(dinov2.folder, device="cpu").encode(pictures(2, 48), covered=covered)
+
+
+def test_the_background_is_looked_at_where_it_is_wanted(dinov2: Saved) -> None:
+    images = pictures(2, 64)
+    plain = load_encoder(dinov2.folder, device="cpu", precision="float32")
+    wide = load_encoder(dinov2.folder, device="cpu", precision="float32", background=True)
+    assert (plain.foreground_only, wide.foreground_only) == (True, False)
+    assert plain.settings()["encoder_foreground_only"] != wide.settings()["encoder_foreground_only"]
+    np.testing.assert_allclose(wide.encode(images, covered=square(2, 64)), plain.encode(images), atol=1e-5)

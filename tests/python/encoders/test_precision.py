@@ -1,0 +1,147 @@
+"""The precision of an encoder: decided once per machine, by whoever is first, and known without torch."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+from tiny_families import Saved
+
+from dfd.encoders import precision
+from dfd.encoders.encode import load_encoder
+from dfd.encoders.identity import find_identity, loaded_identity
+from dfd.encoders.precision import choose_precision, note_device, noted_device, noted_precision
+
+CPU = torch.device("cpu")
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+
+@pytest.fixture
+def notes(tmp_path: Path) -> Path:
+    """The folder of notes, the test's own."""
+    return tmp_path / "cache" / "precision"
+
+
+def measure(monkeypatch: pytest.MonkeyPatch, *answers: bool) -> list[bool]:
+    """Let the stopwatch give these answers, one after the other; what is left of them."""
+    left = list(answers)
+    monkeypatch.setattr(precision, "cpu_has", lambda feature: True)
+    monkeypatch.setattr(precision, "_bfloat16_pays", lambda: left.pop(0))
+    return left
+
+
+@pytest.mark.parametrize(
+    ("has", "pays", "expected"),
+    [(True, True, "bfloat16"), (True, False, "float32"), (False, True, "float32")],
+)
+def test_it_is_chosen_by_the_processor(
+    dinov2: Saved, monkeypatch: pytest.MonkeyPatch, has: bool, pays: bool, expected: str
+) -> None:
+    monkeypatch.setattr(precision, "cpu_has", lambda feature: has)
+    monkeypatch.setattr(precision, "_bfloat16_pays", lambda: pays)
+    encoder = load_encoder(dinov2.folder, device="cpu")
+    assert encoder.precision == encoder.settings()["encoder_precision"] == expected
+
+
+def test_the_first_decision_stands(monkeypatch: pytest.MonkeyPatch, notes: Path) -> None:
+    left = measure(monkeypatch, True, False)
+    assert noted_precision("cpu") is None
+    assert [choose_precision(CPU) for _ in range(3)] == ["bfloat16"] * 3
+    assert left == [False]
+    assert noted_precision("cpu") == "bfloat16"
+    assert len(list(notes.iterdir())) == 1
+
+
+def test_of_two_processes_the_first_one_decides(monkeypatch: pytest.MonkeyPatch, notes: Path) -> None:
+    def late() -> bool:
+        precision._note_first("cpu", "float32")  # another process, meanwhile
+        return True
+
+    monkeypatch.setattr(precision, "cpu_has", lambda feature: True)
+    monkeypatch.setattr(precision, "_bfloat16_pays", late)
+    assert choose_precision(CPU) == "float32"
+    assert [path.read_text() for path in notes.iterdir()] == ["float32"]
+
+
+def test_a_file_system_without_links_will_do(monkeypatch: pytest.MonkeyPatch, notes: Path) -> None:
+    def no_links(*_: object) -> None:
+        raise PermissionError("not here")
+
+    measure(monkeypatch, True)
+    monkeypatch.setattr("os.link", no_links)
+    assert choose_precision(CPU) == choose_precision(CPU) == "bfloat16"
+    assert len(list(notes.iterdir())) == 1
+
+
+@pytest.mark.parametrize("damage", [b"", b"float16", b"\xff\xfe"])
+def test_a_damaged_note_is_written_anew(monkeypatch: pytest.MonkeyPatch, notes: Path, damage: bytes) -> None:
+    measure(monkeypatch, True, False)
+    choose_precision(CPU)
+    (note,) = notes.iterdir()
+    note.write_bytes(damage)
+    assert noted_precision("cpu") is None
+    assert [choose_precision(CPU) for _ in range(2)] == ["float32"] * 2
+    assert note.read_text() == "float32"
+
+
+def test_another_machine_and_another_torch_decide_for_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
+    left = measure(monkeypatch, True, False)
+    assert choose_precision(CPU) == "bfloat16"
+    monkeypatch.setattr(precision, "_machine", lambda: "another")
+    assert choose_precision(CPU) == "float32"
+    assert left == []
+    monkeypatch.undo()
+    for change in ("metadata.version", "platform.machine"):
+        with monkeypatch.context() as patch:
+            here = precision._machine.__wrapped__()
+            patch.setattr(f"dfd.encoders.precision.{change}", lambda *_: "0")
+            assert precision._machine.__wrapped__() != here
+
+
+def test_a_cache_that_cannot_be_written_is_no_matter(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "cache").write_text("a file where a folder should be")
+    measure(monkeypatch, True, True)
+    assert [choose_precision(CPU) for _ in range(2)] == ["bfloat16"] * 2
+    note_device(CPU)
+    assert noted_device() is None
+
+
+def test_an_explicit_precision_is_neither_measured_nor_noted(
+    dinov2: Saved, monkeypatch: pytest.MonkeyPatch, notes: Path
+) -> None:
+    measure(monkeypatch)
+    assert load_encoder(dinov2.folder, device="cpu", precision="bfloat16").precision == "bfloat16"
+    assert not notes.exists()
+
+
+def test_what_an_encoder_will_be_is_known_once_one_was_loaded(dinov2: Saved, monkeypatch: pytest.MonkeyPatch) -> None:
+    measure(monkeypatch, True)
+    assert find_identity(dinov2.folder, "cpu") is None
+    encoder = load_encoder(dinov2.folder, device="cpu")
+    known = find_identity(dinov2.folder, "cpu")
+    assert known is not None
+    assert (known["encoder_precision"], known["device"]) == ("bfloat16", "cpu")
+    assert loaded_identity(dinov2.folder, "cpu", encoder) == known
+    assert find_identity(encoder) == encoder.identity()
+    assert find_identity(dinov2.folder) is None  # where torch computes by itself was not asked yet
+    monkeypatch.setattr("dfd.encoders.encode.choose_device", lambda function, device: CPU)
+    load_encoder(dinov2.folder)
+    assert noted_device() == "cpu"
+    assert find_identity(dinov2.folder) == known
+    # An encoder with other numbers than were noted is told by itself.
+    exact = load_encoder(dinov2.folder, device="cpu", precision="float32")
+    assert loaded_identity(dinov2.folder, "cpu", exact) == exact.identity() != known
+
+
+def test_looking_takes_no_torch(dinov2: Saved) -> None:
+    load_encoder(dinov2.folder, device="cpu")
+    code = (
+        "import sys\nfrom dfd.encoders.identity import find_identity\n"
+        f"print(find_identity({str(dinov2.folder)!r}, 'cpu') is not None, 'torch' in sys.modules)"
+    )
+    asked = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert asked.stdout.split() == ["True", "False"]

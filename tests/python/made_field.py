@@ -1,0 +1,25 @@
+"""Fields with random weights: nothing that anybody distilled, but networks all the same."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dfd import Field
+from dfd.field.architecture import Architecture
+
+
+def made_field(
+    dimension: int, *, width: int = 256, layers: int = 4, octaves: int = 0, seed: int = 0, **how: Any
+) -> Field:
+    """Return a field of this architecture with weights drawn as torch would; `how` is what `Field` takes besides."""
+    generator = np.random.default_rng(seed)
+    parameters = {}
+    fan_in = 1
+    for name, shape in Architecture(dimension, width, layers, octaves).shapes().items():
+        fan_in = shape[1] if len(shape) == 2 else fan_in
+        norm = int(name.split(".")[1]) % 3 == 2
+        drawn = generator.uniform(-1, 1, shape) / np.sqrt(fan_in)
+        parameters[name] = (np.full(shape, float(name.endswith("weight"))) if norm else drawn).astype(np.float32)
+    return Field(parameters, octaves=octaves, **how)

@@ -1,0 +1,101 @@
+"""glTF files are patched, not written anew."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+from mesh_files import (
+    CORNERS,
+    CUBE,
+    Gltf,
+    checkered,
+    header_and_data,
+    same_shape,
+    textured_quad,
+    view_bytes,
+    write,
+)
+
+from dfd.mesh.mesh import Mesh, load
+
+FORMATS = ("obj", "ply", "stl", "off", "glb", "gltf")
+
+
+def test_everything_but_positions_survives_in_a_glb(tmp_path: Path) -> None:
+    gltf = textured_quad(tmp_path)
+    inverse = gltf.accessor([np.eye(4).ravel()], 5126, "MAT4")
+    times, turns = gltf.accessor([[0.0], [1.0]], 5126, "SCALAR"), gltf.accessor([(0, 0, 0, 1)] * 2, 5126, "VEC4")
+    bone = gltf.node(name="bone")
+    kept = {
+        "skins": [{"joints": [bone], "inverseBindMatrices": inverse}],
+        "animations": [
+            {
+                "channels": [{"sampler": 0, "target": {"node": bone, "path": "rotation"}}],
+                "samplers": [{"input": times, "output": turns}],
+            }
+        ],
+        "samplers": [{"wrapS": 33071}],
+        "extras": {"author": "somebody"},
+    }
+    gltf.header |= kept
+    gltf.header["nodes"][0]["skin"] = 0
+    gltf.header["materials"][0] |= {"doubleSided": True, "extensions": {"KHR_materials_unlit": {}}}
+    path = write(tmp_path / "skinned.glb", gltf.glb())
+    mesh = load(path)
+    mesh.save(tmp_path / "out.glb", mesh.vertices * 2)
+    before, _ = header_and_data(path)
+    after, _ = header_and_data(tmp_path / "out.glb")
+    for name in (*kept, "materials", "textures", "images", "nodes", "scenes"):
+        assert after[name] == before[name]
+    picture = before["images"][0]["bufferView"]
+    assert view_bytes(tmp_path / "out.glb", picture) == (tmp_path / "paint.png").read_bytes()
+    assert np.array_equal(load(tmp_path / "out.glb").vertices, mesh.vertices * 2)
+
+
+def test_primitives_that_share_positions_move_together(tmp_path: Path) -> None:
+    gltf = Gltf()
+    mesh_index = gltf.mesh("cube", CORNERS, CUBE[:6])
+    primitives = gltf.header["meshes"][mesh_index]["primitives"]
+    rest = gltf.accessor(CUBE[6:].ravel(), 5125, "SCALAR")
+    primitives.append({"attributes": dict(primitives[0]["attributes"]), "indices": rest})
+    gltf.node(name="cube", mesh=mesh_index, translation=[1, 2, 3])
+    mesh = load(write(tmp_path / "shared.glb", gltf.glb()))
+    assert (len(mesh.vertices), mesh.part_names) == (8, ("cube",))
+    mesh.save(tmp_path / "out.glb", mesh.vertices[::-1])
+    again = load(tmp_path / "out.glb")
+    assert same_shape(again, Mesh(mesh.vertices[::-1], mesh.faces))
+    primitives = header_and_data(tmp_path / "out.glb")[0]["meshes"][0]["primitives"]
+    assert primitives[0]["attributes"] == primitives[1]["attributes"]
+
+
+def test_data_and_pictures_in_files_of_their_own_are_taken_along(tmp_path: Path) -> None:
+    source = tmp_path / "source"
+    source.mkdir()
+    gltf = textured_quad(tmp_path)
+    gltf.header["images"] = [{"uri": "paint.png"}]
+    checkered(source / "paint.png")
+    write(source / "data.bin", gltf.data)
+    gltf.header["buffers"] = [{"uri": "data.bin", "byteLength": len(gltf.data)}]
+    path = write(source / "quad.gltf", json.dumps(gltf.header))
+    mesh = load(path)
+    assert mesh.appearance is not None
+    for ending in ("glb", "gltf"):
+        mesh.save(tmp_path / f"out.{ending}", mesh.vertices + 1)
+        look = load(tmp_path / f"out.{ending}").appearance
+        assert look is not None
+        assert np.array_equal(look.materials[0].texture, mesh.appearance.materials[0].texture)
+
+
+def test_nodes_of_the_same_name_are_told_apart(tmp_path: Path) -> None:
+    gltf = Gltf()
+    for offset in (0, 4, 8):
+        gltf.node(name="cube", mesh=gltf.mesh("cube", CORNERS, CUBE), translation=[offset, 0, 0])
+    mesh = load(write(tmp_path / "three.glb", gltf.glb()))
+    vertices = mesh.vertices + np.where(mesh.vertices[:, :1] > 7, 1.0, 0.0)
+    mesh.save(tmp_path / "out.glb", vertices)
+    assert same_shape(load(tmp_path / "out.glb"), Mesh(vertices, mesh.faces))
+    before, after = header_and_data(tmp_path / "three.glb")[0], header_and_data(tmp_path / "out.glb")[0]
+    assert after["meshes"][:2] == before["meshes"][:2]
+    assert after["nodes"] == before["nodes"]

@@ -1,0 +1,38 @@
+"""Positions that are one: which rows of a list are distinct, and which is which."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from dfd.mesh.weld import weld
+
+FORMATS = ("obj", "ply", "stl", "off", "glb", "gltf")
+
+
+@given(arrays(np.int8, st.tuples(st.integers(0, 40), st.just(3)), elements=st.integers(-1, 1)))
+@settings(max_examples=50, deadline=None)
+def test_weld_numbers_distinct_rows_in_order_of_appearance(values: np.ndarray) -> None:
+    positions = values * 0.1
+    first, vertex = weld(positions)
+    assert np.array_equal(positions[first][vertex], positions)
+    assert len({tuple(row) for row in (positions + 0.0).tolist()}) == len(first)
+    assert np.all(np.diff(first) > 0)
+
+
+def test_weld_takes_minus_zero_for_zero_and_nothing_else_for_equal() -> None:
+    tiny = np.nextafter(0, 1)
+    first, vertex = weld(np.array([(0.0, 0, 0), (-0.0, 0, 0), (tiny, 0, 0)]))
+    assert first.tolist() == [0, 2]
+    assert vertex.tolist() == [0, 0, 1]
+
+
+def test_weld_survives_a_hash_that_cannot_tell_rows_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = np.array([(1.0, 0, 0), (2.0, 0, 0), (1.0, 0, 0), (2.0, 0, 0), (3.0, 0, 0)])
+    monkeypatch.setattr("dfd.mesh.weld._hash", lambda values: np.zeros(len(values), np.uint64))
+    first, vertex = weld(rows)
+    assert first.tolist() == [0, 1, 4]
+    assert vertex.tolist() == [0, 1, 0, 1, 2]

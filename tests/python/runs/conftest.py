@@ -1,0 +1,43 @@
+"""What the tests of runs set up alike."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from stopped_runs import FEW_NODES, SMALL
+from tiny_encoder import save_tiny_encoder
+
+import dfd
+from dfd import Field, Mesh
+from dfd.distillation import smoothing
+from dfd.runs import fit_state
+
+
+@pytest.fixture(scope="module")
+def every_step_is_kept(one_thread: None) -> Iterator[None]:
+    """Every step of the fit is kept; and features spread over fewer points, which is quicker."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HF_HUB_OFFLINE", "1")
+        patch.setattr(fit_state, "SECONDS", 0.0)
+        patch.setattr(smoothing, "NODES", FEW_NODES)
+        yield
+
+
+@pytest.fixture(scope="module")
+def encoder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return save_tiny_encoder(tmp_path_factory.mktemp("encoder") / "tiny")
+
+
+@pytest.fixture(scope="module")
+def mesh() -> Mesh:
+    """A shape that is not its own mirror image, so that no two pictures are the same."""
+    chair = dfd.samples.chair(4000).mesh
+    return Mesh(chair.vertices @ [[1.0, 0.0, 0.2], [0.1, 1.0, 0.1], [0.0, 0.0, 1.0]], chair.faces)
+
+
+@pytest.fixture(scope="module")
+def whole(encoder: Path, mesh: Mesh, every_step_is_kept: None) -> Field:
+    """What an uninterrupted run gives."""
+    return dfd.distill(mesh, encoder, **SMALL)

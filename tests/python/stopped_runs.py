@@ -1,0 +1,61 @@
+"""Runs of the tiny encoder that are stopped."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+import dfd
+from dfd import Field, Mesh
+from dfd.encoders.encode import Encoder
+from dfd.runs.fit_state import FitState
+
+FEW_NODES = 1500
+RECIPE = {"format": 0, "code": "of a test"}
+
+SMALL: dict[str, Any] = {
+    "views": 6,
+    "resolution": 32,
+    "steps": 40,
+    "batch": 64,
+    "progress": False,
+    "device": "cpu",
+    "cache": False,
+}
+
+
+def same(first: Field, second: Field) -> bool:
+    one, two = first.state_dict(), second.state_dict()
+    return all(torch.equal(one[name], two[name]) for name in one) and first.settings == second.settings
+
+
+def stop_at(monkeypatch: pytest.MonkeyPatch, step: int, error: BaseException) -> None:
+    """Let the fit end with `error` after a step."""
+    keep = FitState.keep
+
+    def stopping(self: FitState, losses: list[torch.Tensor], *rest: Any) -> None:
+        keep(self, losses, *rest)
+        if len(losses) == step:
+            raise error
+
+    monkeypatch.setattr(FitState, "keep", stopping)
+
+
+def interrupted(mesh: Mesh, encoder: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave a run in `folder` that has all tokens and nine steps of its fit."""
+    with monkeypatch.context() as patch:
+        stop_at(patch, 9, KeyboardInterrupt())
+        with pytest.raises(KeyboardInterrupt):
+            dfd.distill(mesh, encoder, checkpoint=folder, **SMALL)
+
+
+def count_work(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Gets the number of pictures of every call of an encoder's network."""
+    forward, done = Encoder._forward, list[int]()
+    monkeypatch.setattr(
+        Encoder, "_forward", lambda self, images, *rest: done.append(len(images)) or forward(self, images, *rest)
+    )
+    return done
