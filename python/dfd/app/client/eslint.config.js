@@ -17,6 +17,13 @@ export default tseslint.config(
   },
   {
     files: ["**/*.mjs", "**/*.js"],
-    languageOptions: { globals: { process: "readonly", console: "readonly", URL: "readonly" } },
+    languageOptions: {
+      globals: Object.fromEntries(
+        ["process", "console", "URL", "window", "document", "requestAnimationFrame", "setTimeout"].map((name) => [
+          name,
+          "readonly",
+        ]),
+      ),
+    },
   },
 );

@@ -20,6 +20,8 @@ export interface TestHook {
   pick(x: number, y: number): number | null;
   /** Where a vertex appears, in pixels of the page. */
   project(vertex: number): readonly [number, number] | null;
+  /** Draw now, so that the canvas can be read in the same task. */
+  draw(): void;
   /** Pictures drawn in that many seconds when each asks for the next. */
   framesPerSecond(seconds: number): Promise<number>;
 }
@@ -54,6 +56,7 @@ export function exposeForTests(viewer: Viewer): void {
       const box = viewer.stage.canvas.getBoundingClientRect();
       return at && [at[0] + box.left, at[1] + box.top];
     },
+    draw: () => viewer.stage.draw(),
     framesPerSecond: (seconds) =>
       new Promise((resolve) => {
         const begun = performance.now();

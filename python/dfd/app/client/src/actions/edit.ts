@@ -128,7 +128,13 @@ function told(transform: Transform) {
     rotation: triple(transform.rotation),
     scale: triple(transform.scale),
     pivot: transform.pivot ? triple(transform.pivot) : ("auto" as const),
+    axes: transform.axes ? (transform.axes.map(triple) as [Triple, Triple, Triple]) : ("auto" as const),
   };
+}
+
+/** Scale along the surface's normal at the handle, or along the mesh's axes again. */
+export function setAxes(handle: number, axes: "normal" | "auto"): void {
+  void ask({ type: "move", handle, transform: { axes }, settle: true });
 }
 
 /** While the wheel turns in a drag, the shape follows at once and the server hears of it at the drag's end. */

@@ -17,8 +17,8 @@ export function storePose(): void {
     return;
   }
   const transforms = edit.handles.map((handle): PoseTransform => {
-    const { translation, rotation, scale } = handle;
-    return { handle: handle.handle, translation, rotation, scale, pivot: handle.own_pivot ? handle.pivot : null };
+    const { translation, rotation, scale, axes } = handle;
+    return { handle: handle.handle, translation, rotation, scale, axes, pivot: handle.own_pivot ? handle.pivot : null };
   });
   const taken = edit.poses.some((pose) => Math.abs(pose.seconds - playhead) < 0.05);
   const last = Math.max(-SECONDS_BETWEEN, ...edit.poses.map((pose) => pose.seconds));
@@ -58,7 +58,7 @@ export function momentAt(poses: readonly KeyPose[], seconds: number): Map<number
   const handles = new Set(poses.flatMap((pose) => pose.transforms.map((own) => own.handle)));
   const of = (pose: KeyPose, handle: number): Transform => {
     const own = pose.transforms.find((transform) => transform.handle === handle);
-    return own ? { ...own, pivot: own.pivot ?? null } : REST;
+    return own ? { ...own, pivot: own.pivot ?? null, axes: own.axes ?? null } : REST;
   };
   return new Map([...handles].map((handle) => [handle, interpolate(of(a, handle), of(b, handle), part)]));
 }

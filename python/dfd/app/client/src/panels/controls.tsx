@@ -114,9 +114,9 @@ export function Slider({ label, hint, value, min, max, step, disabled, text, onI
   const input = useRef<HTMLInputElement>(null);
   useEffect(() => input.current?.style.setProperty("--part", String(part)), [part]);
   return (
-    <label class="slider" title={hint}>
-      <span>{label}</span>
-      <output>{text}</output>
+    <div class="slider" title={hint}>
+      <span aria-hidden="true">{label}</span>
+      <output aria-hidden="true">{text}</output>
       <input
         ref={input}
         type="range"
@@ -125,10 +125,11 @@ export function Slider({ label, hint, value, min, max, step, disabled, text, onI
         step={step}
         value={value}
         disabled={disabled}
+        aria-label={label}
         aria-valuetext={text}
         onInput={(event) => onInput(event.currentTarget.valueAsNumber)}
       />
-    </label>
+    </div>
   );
 }
 

@@ -1,4 +1,4 @@
-import { change, moveTo, slide, switchInstance } from "../actions/edit";
+import { change, moveTo, setAxes, slide, switchInstance } from "../actions/edit";
 import type { HandleState } from "../protocol/messages";
 import { present, store } from "../store/state";
 import { useStore } from "../store/use";
@@ -25,6 +25,11 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
       <Triple label="Move" value={transform.translation} step={step} onChange={(translation) => set({ translation })} />
       <Triple label="Rotate °" value={transform.rotation} step={1} onChange={(rotation) => set({ rotation })} />
       <Scale value={transform.scale} onChange={(scale) => set({ scale })} />
+      <Toggle
+        label="Scale along the surface"
+        checked={transform.axes !== null}
+        onChange={(on) => setAxes(handle.handle, on ? "normal" : "auto")}
+      />
       <Triple
         label="Pivot"
         value={transform.pivot ?? handle.position}

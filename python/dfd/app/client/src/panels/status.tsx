@@ -19,6 +19,7 @@ export function StatusLine() {
   const report = useStore(store, (state) => state.report);
   const known = useStore(store, (state) => state.edit);
   const timeline = useStore(store, (state) => state.timeline);
+  const pending = useStore(store, (state) => state.ahead.size > 0);
   const comparing = useStore(store, (state) => state.comparing);
   const hint = dragging
     ? "Wheel changes reach"
@@ -30,13 +31,7 @@ export function StatusLine() {
   return (
     <footer class="status">
       <span class={`link ${link}`} role="status">
-        {link === "open"
-          ? known?.saved === false
-            ? "Saving…"
-            : "Saved"
-          : link === "lost"
-            ? "Reconnecting…"
-            : titled(link)}
+        {link === "open" ? (pending ? "Saving…" : "Saved") : link === "lost" ? "Reconnecting…" : titled(link)}
       </span>
       <span class="hint">{hint}</span>
       <span class="report" role="status">

@@ -124,21 +124,25 @@ export interface RegionPlace {
 export interface Controls {
   falloff?: string | null;
   instances?: string | null;
+  level?: boolean | null;
   locality?: number | null;
   more?: {
     [k: string]: JsonValue;
   } | null;
   name?: string | null;
-  radius?: number | null;
+  radius?: number | string | null;
   reach?: number | "auto" | null;
   strength?: number | null;
 }
 /**
- * Scale, then rotation, then translation, about the pivot; null leaves a part as it is, or at rest where it is new.
+ * Scale along `axes`, then rotation, then translation, about the pivot.
  *
- * `rotation` is a rotation vector in degrees or a quaternion; "auto" returns a pivot to the handle's own position.
+ * Null leaves a part as it is, or at rest where it is new. `rotation` is a rotation vector in degrees or a quaternion;
+ * `axes` are one a row. "auto" returns a pivot to the handle's own position and axes to the mesh's, and "normal" is a
+ * frame whose third axis is the surface's normal at the handle.
  */
 export interface Transform {
+  axes?: [[number, number, number], [number, number, number], [number, number, number]] | ("normal" | "auto") | null;
   pivot?: [number, number, number] | "auto" | null;
   rotation?: [number, number, number] | [number, number, number, number] | null;
   scale?: [number, number, number] | null;
@@ -159,11 +163,14 @@ export interface Move {
   type: "move";
 }
 /**
- * Scale, then rotation, then translation, about the pivot; null leaves a part as it is, or at rest where it is new.
+ * Scale along `axes`, then rotation, then translation, about the pivot.
  *
- * `rotation` is a rotation vector in degrees or a quaternion; "auto" returns a pivot to the handle's own position.
+ * Null leaves a part as it is, or at rest where it is new. `rotation` is a rotation vector in degrees or a quaternion;
+ * `axes` are one a row. "auto" returns a pivot to the handle's own position and axes to the mesh's, and "normal" is a
+ * frame whose third axis is the surface's normal at the handle.
  */
 export interface Transform1 {
+  axes?: [[number, number, number], [number, number, number], [number, number, number]] | ("normal" | "auto") | null;
   pivot?: [number, number, number] | "auto" | null;
   rotation?: [number, number, number] | [number, number, number, number] | null;
   scale?: [number, number, number] | null;
@@ -186,12 +193,13 @@ export interface Change {
 export interface Controls1 {
   falloff?: string | null;
   instances?: string | null;
+  level?: boolean | null;
   locality?: number | null;
   more?: {
     [k: string]: JsonValue;
   } | null;
   name?: string | null;
-  radius?: number | null;
+  radius?: number | string | null;
   reach?: number | "auto" | null;
   strength?: number | null;
 }
@@ -342,6 +350,7 @@ export interface KeyPose {
  * A handle's part of a key pose; everything as in `Transform`, and nothing left out.
  */
 export interface PoseTransform {
+  axes?: [[number, number, number], [number, number, number], [number, number, number]] | null;
   handle: number;
   pivot?: [number, number, number] | null;
   /**
@@ -503,10 +512,12 @@ export interface FixedState {
  * A live handle: the numbers of the edit, and how the page turns its column into weights.
  */
 export interface HandleState {
+  axes: [[number, number, number], [number, number, number], [number, number, number]] | null;
   column: number;
   controls: {
     [k: string]: JsonValue;
   };
+  exponent: number;
   falloff: string;
   gain: number;
   handle: number;
@@ -526,6 +537,7 @@ export interface HandleState {
    * @maxItems 3
    */
   position: [number, number, number];
+  radius: number | null;
   reach: number;
   region: number;
   /**
@@ -697,6 +709,8 @@ export interface MaterialEntry {
 }
 /**
  * Columns that `state` names and the page has not got; it may forget those that `state` no longer names.
+ *
+ * That of the fixed places has the kind "weight": F of Eq. 6.
  */
 export interface ColumnsMessage {
   buffers: Buffer[];
@@ -716,7 +730,7 @@ export interface ColumnEntry {
   values: string;
 }
 /**
- * One of the places where a handle acts: `share` names the buffer that says how much of each vertex is its own.
+ * One of the places where a handle acts: `share` names the buffer uint8 (V,) of how much of a vertex is its own.
  */
 export interface InstanceEntry {
   /**
@@ -724,6 +738,7 @@ export interface InstanceEntry {
    * @maxItems 3
    */
   frame: [[number, number, number], [number, number, number], [number, number, number]];
+  gain: number;
   instance: number;
   on: boolean;
   /**
@@ -731,6 +746,11 @@ export interface InstanceEntry {
    * @maxItems 3
    */
   pivot: [number, number, number];
+  /**
+   * @minItems 3
+   * @maxItems 3
+   */
+  position: [number, number, number];
   share: string;
 }
 /**

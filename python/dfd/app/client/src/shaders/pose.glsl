@@ -34,23 +34,16 @@ float falloff(float q, int kind) {
   return q;
 }
 
-// Eq. 4 and 5 with reach and falloff, or a number that is a weight already.
-float near(float value, float isWeight, float reach, int kind) {
-  return isWeight > 0.5 ? value : falloff(max(1.0 - value / reach, 0.0), kind);
-}
-
+// What `dfd.app.protocol` says of a column's numbers, in its order.
 float weightOf(int k, vec4 shape, vec4 layers, int at) {
-  vec4 scales = texelFetch(columns, ivec2(8, k), 0); // of the distances and of the fixed ones, each with its kind
-  int kind = int(shape.y);
+  vec4 scales = texelFetch(columns, ivec2(8, k), 0); // of its numbers, whether they are weights, of fixed ones; strength
   uvec2 own = stored(int(layers.x), at);
-  float weight = near(float(own.r) * UNIT * scales.x, scales.y, shape.x, kind);
-  if (layers.y >= 0.0) {
-    float held = float(stored(int(layers.y), at).r) * UNIT * scales.z;
-    weight = min(shape.w * max(weight - near(held, scales.w, shape.x, kind), 0.0), 1.0); // Eq. 6
-  }
-  if (shape.z > 0.0) weight *= pow(max(1.0 - float(own.g) * UNIT, 0.0), shape.z); // Eq. 7
-  if (layers.z >= 0.0) weight *= float(stored(int(layers.z), at).r) * UNIT;
-  return weight;
+  float value = float(own.r) * UNIT * scales.x;
+  if (scales.y > 0.5) return value;
+  float weight = falloff(max(1.0 - value / shape.x, 0.0), int(shape.y));                                  // Eq. 4 and 5
+  if (layers.y >= 0.0) weight = max(weight - float(stored(int(layers.y), at).r) * UNIT * scales.z, 0.0); // Eq. 6
+  if (shape.z > 0.0) weight *= pow(max(1.0 - float(own.g) * UNIT, 0.0), shape.z);                         // Eq. 7
+  return scales.w * min(shape.w * weight, 1.0);
 }
 
 Posed posed(vec3 point) {
@@ -72,8 +65,9 @@ Posed posed(vec3 point) {
   for (int k = 0; k < columnCount; k++) {
     vec4 shape = texelFetch(columns, ivec2(6, k), 0);  // reach, falloff, λ, gain
     vec4 layers = texelFetch(columns, ivec2(7, k), 0); // of distances, of fixed places, of the instance's share; side
-    vec4 role = texelFetch(columns, ivec2(9, k), 0);   // how it shows in the heat map, whether it moves anything
+    vec4 role = texelFetch(columns, ivec2(9, k), 0);   // how it shows in the heat map, whether it acts; instance's gain
     float weight = weightOf(k, shape, layers, at);
+    if (layers.z >= 0.0) weight = min(role.z * float(stored(int(layers.z), at).r) * UNIT * weight, 1.0);
     heat += weight * role.x;
     if (role.y == 0.0) continue;
     float own = mirrorBand < 0.0 ? 1.0 : layers.w > 0.0 ? positive : 1.0 - positive;

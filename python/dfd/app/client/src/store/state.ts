@@ -10,7 +10,7 @@ import type {
   StateMessage,
   Suggestion,
 } from "../protocol/messages";
-import type { Transform, Vec3 } from "../viewer/affine";
+import type { Frame, Transform, Vec3 } from "../viewer/affine";
 import type { Layer } from "../viewer/columns";
 import { createStore, type Store } from "./store";
 
@@ -24,7 +24,10 @@ export interface Instance {
   readonly on: boolean;
   readonly pivot: Vec3;
   /** Rows of the orthogonal matrix that turns or mirrors the handle's motion into the instance's. */
-  readonly frame: readonly [Vec3, Vec3, Vec3];
+  readonly frame: Frame;
+  /** Of the handle's counterpart. */
+  readonly position: Vec3;
+  readonly gain: number;
   readonly share: Layer;
 }
 
@@ -156,12 +159,14 @@ export function present(state: State, handle: HandleState): HandleState & { read
     rotation: handle.rotation,
     scale: handle.scale,
     pivot: handle.own_pivot ? handle.pivot : null,
+    axes: handle.axes,
   };
   return {
     ...handle,
     reach: ahead?.reach ?? handle.reach,
     falloff: ahead?.falloff ?? handle.falloff,
     locality: ahead?.locality ?? handle.locality,
+    exponent: ahead?.locality ?? handle.exponent,
     transform: state.moment?.get(handle.handle) ?? ahead?.transform ?? own,
   };
 }

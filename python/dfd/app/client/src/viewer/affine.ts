@@ -4,6 +4,9 @@ export type Vec3 = readonly [number, number, number];
 export type Quaternion = readonly [number, number, number, number];
 export type Affine = readonly number[];
 
+/** Three orthonormal vectors, one a row. */
+export type Frame = readonly [Vec3, Vec3, Vec3];
+
 export interface Transform {
   readonly translation: Vec3;
   /** Axis times angle, right-handed. */
@@ -11,11 +14,24 @@ export interface Transform {
   readonly scale: Vec3;
   /** Null is the handle's own position. */
   readonly pivot: Vec3 | null;
+  /** Along which it scales; null is the mesh's own axes. */
+  readonly axes: Frame | null;
 }
 
 export const IDENTITY: Affine = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0];
-export const REST: Transform = { translation: [0, 0, 0], rotation: [0, 0, 0], scale: [1, 1, 1], pivot: null };
+export const REST: Transform = {
+  translation: [0, 0, 0],
+  rotation: [0, 0, 0],
+  scale: [1, 1, 1],
+  pivot: null,
+  axes: null,
+};
 
+const UNIT_AXES: Frame = [
+  [1, 0, 0],
+  [0, 1, 0],
+  [0, 0, 1],
+];
 const DEGREE = Math.PI / 180;
 
 export function quaternionOf(rotation: Vec3): Quaternion {
@@ -56,11 +72,20 @@ export function matrixOf(transform: Transform, center: Vec3): Affine {
     [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
   ];
   const pivot = transform.pivot ?? center;
+  const stretch = stretchOf(transform.scale, transform.axes);
   return rows.flatMap((row, i) => {
-    const scaled = row.map((entry, j) => entry * transform.scale[j]);
+    const scaled = [0, 1, 2].map((j) => row[0] * stretch[0][j] + row[1] * stretch[1][j] + row[2] * stretch[2][j]);
     const carried = scaled[0] * pivot[0] + scaled[1] * pivot[1] + scaled[2] * pivot[2];
     return [...scaled, pivot[i] + transform.translation[i] - carried];
   });
+}
+
+/** A S Aᵀ: scaled along axes that are the columns of A. */
+function stretchOf(scale: Vec3, axes: Frame | null): readonly (readonly number[])[] {
+  const along = axes ?? UNIT_AXES;
+  return [0, 1, 2].map((i) =>
+    [0, 1, 2].map((j) => scale.reduce((sum, factor, k) => sum + along[k][i] * factor * along[k][j], 0)),
+  );
 }
 
 export function multiply(a: Affine, b: Affine): Affine {
@@ -115,5 +140,6 @@ export function interpolate(a: Transform, b: Transform, t: number): Transform {
     rotation: rotationOf(slerp(quaternionOf(a.rotation), quaternionOf(b.rotation), t)),
     scale: mix(a.scale, b.scale),
     pivot: a.pivot !== null && b.pivot !== null ? mix(a.pivot, b.pivot) : b.pivot,
+    axes: b.axes,
   };
 }

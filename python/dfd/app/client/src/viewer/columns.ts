@@ -21,14 +21,17 @@ export interface Column {
   /** The handle's number; 0 is the probe under the pointer, which moves nothing. */
   readonly handle: number;
   readonly layer: Layer;
-  /** Of the fixed places; null where there are none. */
+  /** Weights of the fixed places; null where there are none. */
   readonly fixed: Layer | null;
   /** Share of this instance in the handle's weight; null is all of it. */
   readonly share: Layer | null;
+  readonly shareGain: number;
   readonly reach: number;
   readonly falloff: Falloff;
-  readonly locality: number;
+  /** λ of Eq. 7. */
+  readonly exponent: number;
   readonly gain: number;
+  readonly strength: number;
   /** Whether the handle stands on the side that the mirror's normal points to. */
   readonly positive: boolean;
   /** How much of it the heat map shows. */
@@ -74,16 +77,16 @@ export function falloff(q: number, kind: Falloff): number {
   }
 }
 
-/** Weight of one vertex for a column: Eq. 4 to 7 with reach, falloff and the instance's share. */
+/** Weight of one vertex for a column: Eq. 4 to 7 with reach, falloff, gain and strength, and the instance's share. */
 export function weightOf(column: Column, vertex: number): number {
-  const near = (layer: Layer) => {
-    const value = layer.values[vertex] * UNIT * layer.scale;
-    return layer.kind === "weight" ? value : falloff(Math.max(1 - value / column.reach, 0), column.falloff);
-  };
-  let weight = near(column.layer);
-  if (column.fixed) weight = Math.min(column.gain * Math.max(weight - near(column.fixed), 0), 1);
-  const { geodesic } = column.layer;
-  if (geodesic && column.locality > 0) weight *= Math.max(1 - geodesic[vertex] * UNIT, 0) ** column.locality;
-  if (column.share) weight *= column.share.values[vertex] * UNIT;
-  return weight;
+  const { layer, fixed, share } = column;
+  let weight = layer.values[vertex] * UNIT * layer.scale;
+  if (layer.kind === "distance") {
+    weight = falloff(Math.max(1 - weight / column.reach, 0), column.falloff);
+    if (fixed) weight = Math.max(weight - fixed.values[vertex] * UNIT * fixed.scale, 0);
+    const along = layer.geodesic ? layer.geodesic[vertex] * UNIT : 0;
+    if (column.exponent > 0) weight *= Math.max(1 - along, 0) ** column.exponent;
+    weight = column.strength * Math.min(column.gain * weight, 1);
+  }
+  return share ? Math.min(column.shareGain * share.values[vertex] * UNIT * weight, 1) : weight;
 }

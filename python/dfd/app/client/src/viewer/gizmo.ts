@@ -1,10 +1,10 @@
 /** The gizmo that moves, turns and scales the selected handle, or moves its pivot. */
 
-import { MathUtils, Object3D, Quaternion, type Camera } from "three";
+import { MathUtils, Matrix4, Object3D, Quaternion, Vector3, type Camera } from "three";
 import { TransformControls } from "three/addons/controls/TransformControls.js";
 
 import type { GizmoMode } from "../store/state";
-import { quaternionOf, REST, rotationOf, type Transform, type Vec3 } from "./affine";
+import { quaternionOf, rotationOf, type Transform, type Vec3 } from "./affine";
 import { gripOf } from "./scene";
 
 export interface GizmoEvents {
@@ -59,7 +59,7 @@ export class Gizmo {
       return;
     }
     this.proxy.position.set(...gripOf(held.transform, held.position, held.center));
-    this.proxy.quaternion.set(...quaternionOf(held.transform.rotation));
+    this.proxy.quaternion.set(...quaternionOf(held.transform.rotation)).multiply(axesTurn(held.transform));
     this.proxy.scale.set(...held.transform.scale);
     this.proxy.updateMatrixWorld();
     this.controls.attach(this.proxy);
@@ -89,14 +89,21 @@ export class Gizmo {
       return { ...transform, pivot: [grip[0] - tx, grip[1] - ty, grip[2] - tz] };
     }
     const pivot = transform.pivot ?? position;
-    const q = new Quaternion().copy(this.proxy.quaternion).normalize();
+    const q = this.proxy.quaternion.clone().multiply(axesTurn(transform).invert()).normalize();
     const { scale } = this.proxy;
     return {
-      ...REST,
       translation: [grip[0] - pivot[0], grip[1] - pivot[1], grip[2] - pivot[2]],
       rotation: rotationOf([q.x, q.y, q.z, q.w]),
       scale: [scale.x, scale.y, scale.z],
       pivot: transform.pivot,
+      axes: transform.axes,
     };
   }
+}
+
+/** From the mesh's axes to those along which the handle scales. */
+function axesTurn({ axes }: Transform): Quaternion {
+  if (!axes) return new Quaternion();
+  const [x, y, z] = axes.map((axis) => new Vector3(...axis));
+  return new Quaternion().setFromRotationMatrix(new Matrix4().makeBasis(x, y, z));
 }

@@ -1,13 +1,13 @@
 /** Which marks and which ring lie over the shape. */
 
 import { select, switchInstance, release, hold } from "../actions/edit";
-import { present, selectedHandle, type State } from "../store/state";
+import { present, selectedHandle, type Instance, type State } from "../store/state";
 import { apply, matrixOf, subtract, type Vec3 } from "./affine";
 import type { Scene } from "./columns";
 import { isFalloff } from "./columns";
 import type { Mark, Ring } from "./markers";
 import { heldPart } from "./measure";
-import { gripOf, instanceMatrix } from "./scene";
+import { gripOf, instanceMatrix, instancePivot } from "./scene";
 import type { Shape } from "./shape";
 import { posePoint } from "./twin";
 
@@ -69,15 +69,14 @@ function instanceMarks(state: State, known: NonNullable<ReturnType<typeof select
   const handle = present(state, known);
   const pivot = handle.transform.pivot ?? handle.position;
   const matrix = matrixOf(handle.transform, handle.position);
+  const moved = (instance: Instance) =>
+    instanceMatrix(matrix, pivot, instance, instancePivot(handle.transform, handle.position, instance));
   return data.instances
-    .filter(({ pivot: own }) => own.some((x, i) => Math.abs(x - pivot[i]) > 1e-6 * mesh.diagonal))
+    .filter(({ position }) => position.some((x, i) => Math.abs(x - handle.position[i]) > 1e-6 * mesh.diagonal))
     .map((instance) => ({
       key: `instance ${handle.handle} ${instance.instance}`,
       kind: "instance" as const,
-      at: subtract(
-        instance.on ? apply(instanceMatrix(matrix, pivot, instance), instance.pivot) : instance.pivot,
-        mesh.center,
-      ),
+      at: subtract(instance.on ? apply(moved(instance), instance.position) : instance.position, mesh.center),
       label: `Look-alike ${instance.instance + 1}: ${instance.on ? "follows, press to leave it" : "stays, press to let it follow"}`,
       off: !instance.on,
       press: () => switchInstance(handle.handle, instance.instance, !instance.on),

@@ -66,11 +66,12 @@ export class PoseTextures {
       const at = 4 * TEXELS * k;
       writeMove(table, at, column.transform);
       writeMove(table, at + 12, scene.mirror ? mirrored(column.transform, scene.mirror) : column.transform);
-      table.set([column.reach, FALLOFFS.indexOf(column.falloff), column.locality, column.gain], at + 24);
+      table.set([column.reach, FALLOFFS.indexOf(column.falloff), column.exponent, column.gain], at + 24);
       const places = [column.layer, column.fixed, column.share].map((layer) => this.place(layer));
       table.set([...places, column.positive ? 1 : -1], at + 28);
-      table.set([...scaleOf(column.layer), ...scaleOf(column.fixed)], at + 32);
-      table.set([column.heat, column.acts ? 1 : 0], at + 36);
+      const isWeight = column.layer.kind === "weight" ? 1 : 0;
+      table.set([column.layer.scale, isWeight, column.fixed?.scale ?? 0, column.strength], at + 32);
+      table.set([column.heat, column.acts ? 1 : 0, column.shareGain, 0], at + 36);
     });
     uniforms.columns.value.needsUpdate = true;
     uniforms.columnCount.value = count;
@@ -144,10 +145,6 @@ function rows(count: number): DataTexture {
   const texture = new DataTexture(new Float32Array(4 * TEXELS * count), TEXELS, count, RGBAFormat, FloatType);
   texture.needsUpdate = true;
   return texture;
-}
-
-function scaleOf(layer: Layer | null): readonly [number, number] {
-  return layer ? [layer.scale, layer.kind === "weight" ? 1 : 0] : [0, 0];
 }
 
 /** D − I: what is added to a point, which keeps its digits where little moves. */

@@ -26,8 +26,25 @@ describe("matrixOf", () => {
   });
 
   it("scales, then turns, then moves, about the pivot", () => {
-    const transform: Transform = { translation: [0, 0, 5], rotation: [0, 0, 90], scale: [2, 1, 1], pivot: [1, 0, 0] };
+    const transform: Transform = {
+      translation: [0, 0, 5],
+      rotation: [0, 0, 90],
+      scale: [2, 1, 1],
+      pivot: [1, 0, 0],
+      axes: null,
+    };
     close(apply(matrixOf(transform, [9, 9, 9]), [2, 0, 0]), [1, 2, 5]);
+  });
+
+  it("scales along axes of its own", () => {
+    const axes = [
+      [Math.SQRT1_2, Math.SQRT1_2, 0],
+      [-Math.SQRT1_2, Math.SQRT1_2, 0],
+      [0, 0, 1],
+    ] as const;
+    const matrix = matrixOf({ ...REST, scale: [3, 1, 1], axes }, [0, 0, 0]);
+    close(apply(matrix, [1, 1, 5]), [3, 3, 5]);
+    close(apply(matrix, [-1, 1, 5]), [-1, 1, 5]);
   });
 
   it("turns about the handle's own place where there is no pivot", () => {
@@ -56,8 +73,8 @@ describe("rotations", () => {
 
 describe("interpolate", () => {
   it("reaches both ends and is halfway in the middle", () => {
-    const a: Transform = { translation: [0, 0, 0], rotation: [0, 0, 0], scale: [1, 1, 1], pivot: null };
-    const b: Transform = { translation: [2, 4, 6], rotation: [0, 90, 0], scale: [3, 1, 1], pivot: null };
+    const a: Transform = { translation: [0, 0, 0], rotation: [0, 0, 0], scale: [1, 1, 1], pivot: null, axes: null };
+    const b: Transform = { translation: [2, 4, 6], rotation: [0, 90, 0], scale: [3, 1, 1], pivot: null, axes: null };
     expect(interpolate(a, b, 0).translation).toEqual([0, 0, 0]);
     close(interpolate(a, b, 1).rotation, [0, 90, 0], 8);
     const half = interpolate(a, b, 0.5);

@@ -1,9 +1,9 @@
 import { describe, expect, it } from "vitest";
 
-import { apply, IDENTITY, matrixOf, REST, type Vec3 } from "../../src/viewer/affine";
+import { apply, IDENTITY, matrixOf, REST, type Frame, type Vec3 } from "../../src/viewer/affine";
 import { falloff, FALLOFFS, weightOf, type Column, type Layer, type Scene } from "../../src/viewer/columns";
 import { heldPart } from "../../src/viewer/measure";
-import { instanceMatrix, relative } from "../../src/viewer/scene";
+import { instanceMatrix, instancePivot, relative } from "../../src/viewer/scene";
 import { mirrored, posePoint } from "../../src/viewer/twin";
 
 const layer = (values: number[], scale = 2, geodesic: number[] | null = null): Layer => ({
@@ -20,10 +20,12 @@ function column(part: Partial<Column>): Column {
     layer: layer([0, 0.25, 1, 1.5]),
     fixed: null,
     share: null,
+    shareGain: 1,
     reach: 1,
     falloff: "linear",
-    locality: 0,
+    exponent: 0,
     gain: 1,
+    strength: 1,
     positive: true,
     heat: 0,
     transform: IDENTITY,
@@ -48,22 +50,24 @@ describe("weightOf", () => {
   });
 
   it("loses what fixed places hold, and is brought back to 1 at the handle (Eq. 6)", () => {
-    const held = column({ fixed: layer([0.6, 0.4, 0, 0]), gain: 1 / 0.6 });
+    const held = column({ fixed: weights([0.4, 0.6, 1, 1]), gain: 1 / 0.6 });
     [1, (0.75 - 0.6) / 0.6, 0].forEach((weight, i) => expect(weightOf(held, i)).toBeCloseTo(weight, 3));
   });
 
-  it("never exceeds 1 by the gain", () => {
-    expect(weightOf(column({ fixed: layer([0.6, 2, 2, 2]), gain: 1 / 0.6 }), 1)).toBe(1);
+  it("never exceeds the strength by the gain", () => {
+    expect(weightOf(column({ fixed: weights([0, 0]), gain: 2 }), 1)).toBe(1);
+    expect(weightOf(column({ fixed: weights([0, 0]), gain: 2, strength: 0.5 }), 1)).toBe(0.5);
   });
 
   it("fades along the surface (Eq. 7)", () => {
-    const local = column({ layer: layer([0, 0], 2, [0, 0.5]), locality: 2 });
+    const local = column({ layer: layer([0, 0], 2, [0, 0.5]), exponent: 2 });
     expect(weightOf(local, 0)).toBeCloseTo(1, 4);
     expect(weightOf(local, 1)).toBeCloseTo(0.25, 4);
   });
 
   it("is shared among instances, and taken as it is where it is a weight", () => {
     expect(weightOf(column({ share: weights([0.5]) }), 0)).toBeCloseTo(0.5, 4);
+    expect(weightOf(column({ share: weights([0.5]), shareGain: 4 }), 0)).toBe(1);
     expect(weightOf(column({ layer: weights([0.3]), reach: 0.1 }), 0)).toBeCloseTo(0.3, 4);
   });
 });
@@ -130,17 +134,40 @@ describe("transforms of places", () => {
 
   it("do at an instance, in its frame, what they do at the handle", () => {
     const pivot: Vec3 = [1, 0, 0];
-    const share = weights([1]);
+    const at: Vec3 = [-1, 0, 0];
+    const instance = { instance: 1, on: true, pivot: at, position: at, gain: 1, share: weights([1]) };
     const turn = matrixOf({ ...REST, rotation: [0, 0, 90], translation: [1, 0, 0] }, pivot);
     const frame: [Vec3, Vec3, Vec3] = [
       [-1, 0, 0],
       [0, 1, 0],
       [0, 0, 1],
     ];
-    const other = instanceMatrix(turn, pivot, { instance: 1, on: true, pivot: [-1, 0, 0], frame, share });
+    const other = instanceMatrix(turn, pivot, { ...instance, frame }, [-1, 0, 0]);
     // The pivot's translation, mirrored, and the turn the other way round.
     [-2, 0, 0].forEach((x, i) => expect(apply(other, [-1, 0, 0])[i]).toBeCloseTo(x, 10));
     [-2, 1, 0].forEach((x, i) => expect(apply(other, [-2, 0, 0])[i]).toBeCloseTo(x, 10));
+  });
+});
+
+describe("instancePivot", () => {
+  it("lies from the counterpart as the handle's own pivot lies from the handle", () => {
+    const frame: Frame = [
+      [-1, 0, 0],
+      [0, 1, 0],
+      [0, 0, 1],
+    ];
+    const share = weights([1]);
+    const instance = {
+      instance: 1,
+      on: true,
+      pivot: [-9, 0, 0] as Vec3,
+      position: [-2, 0, 0] as Vec3,
+      gain: 1,
+      share,
+      frame,
+    };
+    expect(instancePivot(REST, [2, 0, 0], instance)).toEqual([-9, 0, 0]);
+    expect(instancePivot({ ...REST, pivot: [3, 1, 0] }, [2, 0, 0], instance)).toEqual([-3, 1, 0]);
   });
 });
 
