@@ -174,6 +174,10 @@ class Tabs:
         if self._spare is not None:
             await self._spare.close()
 
+    def all(self) -> list[Tab]:
+        """All tabs, attended or not."""
+        return list(self._tabs.values())
+
     def find(self, name: str) -> Tab | None:
         """The tab of that name, if it has one or had one that can go on."""
         if not NAME.fullmatch(name):
