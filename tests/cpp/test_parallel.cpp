@@ -20,3 +20,23 @@ CASE("every index is visited once, whatever the number of threads")
         }
     }
 END
+
+CASE("a poll that says so stops the work")
+    for (const int threads : {1, 3}) {
+        std::atomic<std::size_t> visited = 0;
+        int asked = 0;
+        bool stopped = false;
+        constexpr std::size_t count = 10'000'000;
+        const auto visit = [&](std::size_t, std::size_t begin, std::size_t end) { visited += end - begin; };
+        try {
+            dfd::parallel_ranges(count, 64, threads, visit, [&] { return ++asked == 3; });
+        } catch (const dfd::Stopped&) {
+            stopped = true;
+        }
+        CHECK(stopped && asked == 3);
+        CHECK(visited > 0 && visited < count);
+        visited = 0;
+        dfd::parallel_ranges(count, 64, threads, visit, [] { return false; });
+        CHECK(visited == count);
+    }
+END

@@ -10,6 +10,15 @@ from dfd import Field
 from dfd.field.architecture import Architecture
 
 
+def same(first: Field, second: Field) -> bool:
+    """Whether two fields are equal to the bit, settings and all."""
+    arrays = [{**field.parameters, "center": field.center} for field in (first, second)]
+    equal = arrays[0].keys() == arrays[1].keys() and all(
+        np.array_equal(values, arrays[1][name]) for name, values in arrays[0].items()
+    )
+    return equal and (first.scale, first.settings) == (second.scale, second.settings)
+
+
 def made_field(
     dimension: int, *, width: int = 256, layers: int = 4, octaves: int = 0, seed: int = 0, **how: Any
 ) -> Field:

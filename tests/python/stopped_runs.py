@@ -9,7 +9,7 @@ import pytest
 import torch
 
 import dfd
-from dfd import Field, Mesh
+from dfd import Mesh
 from dfd.encoders.encode import Encoder
 from dfd.runs.fit_state import FitState
 
@@ -25,11 +25,6 @@ SMALL: dict[str, Any] = {
     "device": "cpu",
     "cache": False,
 }
-
-
-def same(first: Field, second: Field) -> bool:
-    one, two = first.state_dict(), second.state_dict()
-    return all(torch.equal(one[name], two[name]) for name in one) and first.settings == second.settings
 
 
 def stop_at(monkeypatch: pytest.MonkeyPatch, step: int, error: BaseException) -> None:

@@ -219,8 +219,9 @@ DFD_INLINE std::size_t pose_single(const PoseJob<T>& job, std::size_t begin, std
 }
 
 template <class Kind, class T>
-DFD_INLINE bool pose_blocks(const PoseJob<T>& job, std::size_t begin, std::size_t end, float* scratch)
+DFD_INLINE bool pose_blocks(const PoseJob<T>& shared_job, std::size_t begin, std::size_t end, float* scratch)
 {
+    const PoseJob<T> job = shared_job;  // which no store can touch
     Vector<T> check{};
     const bool columns = job.row_stride == 1;
     const bool single =
@@ -228,6 +229,8 @@ DFD_INLINE bool pose_blocks(const PoseJob<T>& job, std::size_t begin, std::size_
     if (single) begin = pose_single(job, begin, begin + (end - begin) / block_size * block_size, check);
     for (std::size_t i = begin; i < end; i += block_size) {
         const std::size_t count = end - i < block_size ? end - i : block_size;
+        prefetch(job.vertices + 3 * i, vertices_ahead, 3 * block_size * sizeof(T));
+        prefetch<true>(job.posed + 3 * i, vertices_ahead, 3 * block_size * sizeof(T));
         Weights<T> weights{job.weights + i, job.column_stride};
         if (!columns || count < block_size) {
             if (columns) {

@@ -46,7 +46,7 @@ def _print_table(report: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from dfd.symmetry.plane import axis_name
+    from dfd.symmetry.plane import SymmetryPlane, plane_text
 
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold")
@@ -58,7 +58,7 @@ def _print_table(report: dict[str, Any]) -> None:
                 table.add_row(f"  {setting.replace('_', ' ')}", _shown(chosen))
         elif name == "symmetry_planes":
             planes = [
-                f"{axis_name(plane['normal'])} = {plane['offset']:.6g}"
+                f"{plane_text(SymmetryPlane(**plane))}"
                 f" (score {plane['score']:.3f}, {plane['relative_score']:.0%} of chance)"
                 for plane in value
             ]
@@ -70,13 +70,13 @@ def _print_table(report: dict[str, Any]) -> None:
     Console(highlight=False, markup=False).print(table)
 
 
-def _unseen(views: int, area: float, pieces: int, piece_count: int) -> str:
-    if piece_count == 0:
+def _unseen(views: int, area: float, components: int, component_count: int) -> str:
+    if component_count == 0:
         return "all of it, for no face has an area"
     if area == 0:
         return f"nothing, in {views} views"
     share = f"{area:.1%}" if area >= 0.001 else "less than 0.1%"
-    wholly = f", {pieces:,} of {piece_count:,} pieces wholly" if pieces else ""
+    wholly = f", {components:,} of {component_count:,} components wholly" if components else ""
     return f"{share} of the surface{wholly}, in {views} views: it takes the nearest seen features"
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from dfd.encoders.encode import Encoder
     from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
+    from dfd.mesh.mesh import Mesh, MeshLike
     from dfd.runs.recipe import Content
 
 __all__ = ["DEFAULT_ENCODER", "distill", "distilling", "find_distilled"]
@@ -47,7 +47,7 @@ _ADVICE = {
 
 
 def distill(
-    mesh: Mesh,
+    mesh: MeshLike,
     encoder: str | PathLike[str] | Encoder = DEFAULT_ENCODER,
     *,
     features: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None,
@@ -62,7 +62,8 @@ def distill(
     Parameters
     ----------
     mesh
-        The shape, with or without textures, holes, loose parts and faces of no area.
+        The shape, or whatever `dfd.load` makes one of; with or without textures, holes, loose parts and faces of no
+        area.
     encoder
         A preset's name, a folder with weights, a hub name, or an encoder that is loaded already.
     features
@@ -126,12 +127,14 @@ def distill(
 
     Source: paper, Eq. 2 and 3 and supplement L.
     """
+    from dfd.mesh.mesh import as_mesh
+
     stages = progress if isinstance(progress, Stages) else Stages(show=bool(progress))
     unknown = settings.keys() - DistillOptions.__annotations__.keys()
     if unknown:
         raise TypeError(f"distill() got an unexpected keyword argument {min(unknown)!r}")
     with distilling(
-        mesh,
+        as_mesh(mesh),
         encoder,
         DistillSettings(**settings),
         features=features,

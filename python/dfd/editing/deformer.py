@@ -21,12 +21,12 @@ from dfd.editing.posed_shape import PosedShape
 from dfd.editing.regions import Region
 from dfd.editing.report import Report, report
 from dfd.editing.whole_shape import WholeShape
+from dfd.mesh.mesh import MeshLike, as_mesh
 from dfd.posing.transforms import Transform, frame_of_normal
 from dfd.weights.compact import CompactFeatures
 
 if TYPE_CHECKING:
     from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
 
 __all__ = ["Deformer"]
 
@@ -41,7 +41,7 @@ class Deformer(WholeShape):
     Parameters
     ----------
     mesh
-        The resting shape; it is never changed.
+        The resting shape, or whatever `dfd.load` makes one of; it is never changed.
     field
         The shape's feature field, or that of another resolution of the same shape.
     features
@@ -61,7 +61,8 @@ class Deformer(WholeShape):
         If a part of the mesh lies far outside the box of the field's shape.
     """
 
-    def __init__(self, mesh: Mesh, field: Field, *, features: Any = None) -> None:
+    def __init__(self, mesh: MeshLike, field: Field, *, features: Any = None) -> None:
+        mesh = as_mesh(mesh)
         self.mesh = mesh
         self.field = field
         if features is None:
@@ -356,7 +357,7 @@ class Deformer(WholeShape):
         write_edit(path, self.edit, self.mesh)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str], mesh: Mesh, field: Field, *, features: Any = None) -> Deformer:
+    def load(cls, path: str | os.PathLike[str], mesh: MeshLike, field: Field, *, features: Any = None) -> Deformer:
         """Open a session with the edit in `path`, made on `mesh` or on another resolution of the same shape.
 
         Raises
@@ -372,5 +373,5 @@ class Deformer(WholeShape):
             If a vertex of the edit is no longer where it was, and counts as a point of space.
         """
         deformer = cls(mesh, field, features=features)
-        deformer._start(read_edit(path, mesh))
+        deformer._start(read_edit(path, deformer.mesh))
         return deformer

@@ -17,7 +17,7 @@ from dfd.editing.controls import Blend, Controls, Overlap, choice
 from dfd.editing.place import Place, place_on
 from dfd.editing.regions import Region, members
 from dfd.posing.transforms import Transform, Vector, vector
-from dfd.symmetry.plane import AXES, SymmetryPlane, axis_name, axis_plane
+from dfd.symmetry.plane import AXES, DEFAULT_BAND, SymmetryPlane, axis_name, axis_plane
 from dfd.symmetry.search import symmetry_planes
 
 if TYPE_CHECKING:
@@ -26,9 +26,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Edit", "Fixed", "Handle", "box_center", "edit_on", "symmetry_on"]
 
-# Half width of the band in which a symmetric edit passes from one side to the other, as a part of the longest side.
-# Wide enough that no crease shows, narrow enough that what is mirrored stays on its own side.
-DEFAULT_BAND = 0.03
 IDENTITY = Transform()
 PAPER = Controls()
 

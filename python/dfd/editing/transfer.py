@@ -86,7 +86,7 @@ def transfer(edit: Edit, field_from: Field, mesh_to: Mesh, field_to: Field) -> T
 class _Carrier:
     def __init__(self, field_from: Field, mesh: Mesh, field_to: Field) -> None:
         self.field_from, self.mesh, self.field_to = field_from, mesh, field_to
-        self.center_from, self.center_to = (field.center.cpu().numpy() for field in (field_from, field_to))
+        self.center_from, self.center_to = (field.center for field in (field_from, field_to))
         self.rows = VertexRows(mesh, field_to)
         self.ratio = float(field_from.scale) / float(field_to.scale)
 

@@ -105,10 +105,10 @@ class Encoder:
 
     def nearest_resolution(self, resolution: int) -> int:
         """The side in pixels, nearest to `resolution`, of square pictures that need no resizing."""
+        resolution = check.whole("nearest_resolution", "resolution", resolution, minimum=1)
         if self._model.fixed_size is not None:
             return self._model.fixed_size
         step = self._model.step
-        resolution = check.whole("nearest_resolution", "resolution", resolution, minimum=1)
         return max(1, (resolution + step // 2) // step) * step
 
     def identity(self) -> dict[str, Any]:

@@ -42,7 +42,7 @@ def write(path: str | os.PathLike[str], content: Content) -> None:
         "network": json.dumps(asdict(content.architecture)),
         "settings": json.dumps(content.settings, sort_keys=True),
     }
-    arrays = {**content.parameters, "center": content.center, "scale": np.array(content.scale)}
+    arrays: dict[str, NDArray[Any]] = {**content.parameters, "center": content.center, "scale": np.array(content.scale)}
     with atomic_write(path) as temporary:
         temporary.write_bytes(_with_sorted_header(safetensors.numpy.save(arrays, metadata)))
 

@@ -18,7 +18,7 @@ __all__ = ["simplify"]
 def simplify(mesh: Mesh, face_count: int) -> Mesh:
     """Simplify `mesh` to at most about `face_count` faces; one that has no more is returned as it is.
 
-    Texture coordinates do not survive: the copy takes, vertex by vertex, the colour of the nearest vertex of `mesh`.
+    Texture coordinates do not survive: the copy takes, vertex by vertex, the color of the nearest vertex of `mesh`.
 
     Raises
     ------
@@ -30,43 +30,37 @@ def simplify(mesh: Mesh, face_count: int) -> Mesh:
     face_count = check.whole("simplify", "face_count", face_count, minimum=4)
     if len(mesh.faces) <= face_count:
         return mesh
-    faces = _sound_faces(mesh)
+    faces = _faces_with_area(mesh)
     if len(faces) == 0:
         return mesh
     # Quadrics hold squared coordinates: around the origin and of size 1 they lose least.
-    center, scale = normalization(mesh)
-    normalized = (mesh.vertices - center) * scale
+    frame = normalization(mesh)
+    normalized = frame.apply(mesh.vertices)
     vertices, faces = fast_simplification.simplify(normalized, faces, target_count=min(face_count, len(faces)))
     if len(faces) == 0 or not np.isfinite(vertices).all():
         return mesh
     # On flat ground the best place for a vertex is nearly free, and it may be put anywhere: not outside the box.
     vertices = np.clip(vertices, normalized.min(axis=0), normalized.max(axis=0))
-    coarse = Mesh(vertices / scale + center, faces)
-    if mesh.appearance is None:
-        return coarse
-    _, nearest = cKDTree(mesh.vertices).query(coarse.vertices)
-    rows = np.arange(len(coarse.vertices), dtype=np.int32)
-    coarse.appearance = Appearance(
-        corners=rows,
-        corner_faces=coarse.faces,
-        face_material=np.zeros(len(coarse.faces), np.int32),
-        materials=(Material(color=(1.0, 1.0, 1.0, 1.0)),),
-        colors=_vertex_colors(mesh, mesh.appearance)[nearest],
-    )
-    return coarse
+    vertices = frame.invert(vertices)
+    return Mesh(vertices, faces, appearance=_nearest_colors(mesh, vertices, faces))
 
 
-def _sound_faces(mesh: Mesh) -> NDArray[np.int32]:
+def _faces_with_area(mesh: Mesh) -> NDArray[np.int32]:
     """Return a copy of the faces that have an area: around others the simplification sees every collapse as a fold."""
     first, second, third = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
     return mesh.faces[np.cross(second - first, third - first).any(axis=1)]
 
 
-def _vertex_colors(mesh: Mesh, appearance: Appearance) -> NDArray[np.float32]:
-    """RGBA of every vertex, (V, 4), looked up in one of its faces."""
-    corner = np.full(len(mesh.vertices), -1, np.int64)
-    corner[mesh.faces.reshape(-1)] = np.arange(mesh.faces.size)
-    used = corner >= 0
-    colors = np.ones((len(mesh.vertices), 4), np.float32)
-    colors[used] = appearance.albedo(corner[used] // 3, np.eye(3, dtype=np.float32)[corner[used] % 3])
-    return colors
+def _nearest_colors(mesh: Mesh, vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> Appearance | None:
+    """Color other vertices (V, 3), corners of `faces` (F, 3), like the nearest of `mesh`; None where that has none."""
+    if mesh.appearance is None:
+        return None
+    used = np.unique(mesh.faces)
+    nearest = used[cKDTree(mesh.vertices[used]).query(vertices)[1]]
+    return Appearance(
+        corners=np.arange(len(vertices), dtype=np.int32),
+        corner_faces=np.asarray(faces, np.int32),
+        face_material=np.zeros(len(faces), np.int32),
+        materials=(Material(color=(1.0, 1.0, 1.0, 1.0)),),
+        colors=mesh.vertex_colors()[nearest],
+    )

@@ -16,7 +16,7 @@ def points_on_faces(counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArr
     face
         (N,) the face of each point, ascending.
     barycentric
-        (N, 3) its weights of the face's corners; the first point of a face is its centre.
+        (N, 3) its weights of the face's corners; the first point of a face is its center.
     """
     ends = np.cumsum(counts)
     face = np.repeat(np.arange(len(counts)), counts)
@@ -25,7 +25,7 @@ def points_on_faces(counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArr
 
 
 def spread_in_triangle(index: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Barycentric coordinates (N, 3) that fill a triangle evenly as `index` (N,) counts up from its centre, 0.
+    """Barycentric coordinates (N, 3) that fill a triangle evenly as `index` (N,) counts up from its center, 0.
 
     Source: the additive sequence of Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018.
     """

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from dfd import _core
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.weld import weld
 
-__all__ = ["Topology", "face_areas", "face_components", "first_at_place", "inspect", "sound_faces"]
+__all__ = ["Topology", "face_areas", "face_components", "first_at_place", "inspect"]
 
 _FACES_AT_ONCE = 1 << 16  # to bound memory
 
@@ -23,7 +22,7 @@ class Topology:
 
     vertex_count: int
     face_count: int
-    components: int  # pieces that no edge connects
+    components: int  # of the surface, that no edge connects
     boundary_edges: int  # edges of one face
     non_manifold_edges: int  # edges of more than two faces
     degenerate_faces: int  # faces without area
@@ -36,7 +35,7 @@ class Topology:
 
 
 def inspect(mesh: Mesh) -> Topology:
-    """Count the pieces and defects of a mesh.
+    """Count the components and defects of a mesh.
 
     Edges and components are those of the faces that have three different corners.
     """
@@ -67,22 +66,12 @@ def first_at_place(mesh: Mesh) -> NDArray[np.int32]:
     return first.astype(np.int32)[vertex]
 
 
-def sound_faces(faces: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the faces that have three different corners and repeat no earlier face."""
-    proper = faces[_three_corners(faces)]
-    return proper[~_repeats_earlier(proper)]
-
-
 def face_components(faces: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return for each face (F, 3) the number of the connected piece it belongs to."""
+    """Return for each face (F, 3) the number of the connected component it belongs to."""
     if len(faces) == 0:
         return np.zeros(0, np.int32)
-    size = int(faces.max()) + 1
-    links = coo_array(
-        (np.ones(2 * len(faces), bool), (faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel())), shape=(size, size)
-    )
-    component = connected_components(links, directed=False)[1][faces[:, 0]]
-    return np.unique(component, return_inverse=True)[1].astype(np.int32)
+    numbers = _core.components(int(faces.max()) + 1, np.ascontiguousarray(faces, np.int32), np.zeros((0, 2), np.int32))
+    return np.unique(numbers[faces[:, 0]], return_inverse=True)[1].astype(np.int32)
 
 
 def face_areas(vertices: NDArray[np.floating], faces: NDArray[np.int32]) -> NDArray[np.float64]:
@@ -103,7 +92,8 @@ def _three_corners(faces: NDArray[np.int32]) -> NDArray[np.bool_]:
 
 def _has_area(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.bool_]:
     """Return whether each face has an area that its coordinates can tell from none."""
-    corners = vertices[faces]
+    size = np.abs(vertices).max(initial=0.0)
+    corners = vertices[faces] / (size if size > 0 else 1.0)  # no square over- or underflows
     along, aside = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     crossed = np.cross(along, aside)
     # the rounding of coordinates of size s may move the area of a sliver of length l by about s · l · epsilon

@@ -1,4 +1,4 @@
-"""What colours a surface: textures, vertex colours and materials, looked up at points of faces."""
+"""What colors a surface: textures, vertex colors and materials, looked up at points of faces."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["GREY", "Appearance", "Material", "Wrap", "linear", "srgb"]
+__all__ = ["GREY", "Appearance", "Material", "Wrap", "blend", "linear", "srgb"]
 
 GREY = 0.8  # of a surface about which nothing is known, display-referred
 
@@ -21,9 +21,9 @@ class _Digest(Protocol):
 
 @dataclass(frozen=True)
 class Material:
-    """What one kind of surface looks like; colours are display-referred (sRGB) in [0, 1]."""
+    """What one kind of surface looks like; colors are display-referred (sRGB) in [0, 1]."""
 
-    color: tuple[float, float, float, float] = (GREY, GREY, GREY, 1.0)  # multiplies texture and vertex colours
+    color: tuple[float, float, float, float] = (GREY, GREY, GREY, 1.0)  # multiplies texture and vertex colors
     texture: NDArray[np.uint8] | None = None  # (rows, columns, 4) RGBA, first row on top
     wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")  # what lies beyond the texture along u and v
     alpha_mode: Literal["OPAQUE", "MASK", "BLEND"] = "OPAQUE"
@@ -32,9 +32,9 @@ class Material:
 
 @dataclass(frozen=True)
 class Appearance:
-    """Colours over the faces of a mesh.
+    """Colors over the faces of a mesh.
 
-    Texture coordinates and vertex colours belong to rows, of which a vertex on a seam has several.
+    Texture coordinates and vertex colors belong to rows, of which a vertex on a seam has several.
     """
 
     corners: NDArray[np.int32]  # (R,) the vertex each row is at, -1 for a row that no face uses
@@ -61,9 +61,9 @@ class Appearance:
         for index, each in enumerate(self.materials):
             if each.texture is not None and self.uv is not None:
                 here = slice(None) if len(self.materials) == 1 else np.flatnonzero(material == index)
-                result[here] *= _sample(each, _blend(self.uv, rows[here], weights[here]))
+                result[here] *= _sample(each, blend(self.uv, rows[here], weights[here]))
         if self.colors is not None:
-            result *= _blend(self.colors, rows, weights)
+            result *= blend(self.colors, rows, weights)
         self._apply_alpha_modes(result, material)
         np.clip(result, 0, 1, out=result)
         return result
@@ -108,14 +108,15 @@ def linear(encoded: NDArray[np.floating]) -> NDArray[np.float64]:
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
-def _blend(
+def blend(
     values: NDArray[np.float32],  # (R, K)
     rows: NDArray[np.int32],  # (N, 3)
     weights: NDArray[np.float32],  # (N, 3)
 ) -> NDArray[np.float32]:
-    blended: NDArray[np.float32] = values[rows[:, 0]] * weights[:, :1]
-    blended += values[rows[:, 1]] * weights[:, 1:2]
-    blended += values[rows[:, 2]] * weights[:, 2:]
+    """Return the values of three rows blended at each point, (N, K): those of a face's corners, B·T."""
+    blended: NDArray[np.float32] = weights[:, :1] * values[rows[:, 0]]
+    blended += weights[:, 1:2] * values[rows[:, 1]]
+    blended += weights[:, 2:] * values[rows[:, 2]]
     return blended
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,21 +10,38 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["box_normalization", "normalization"]
+__all__ = ["Normalization", "box_normalization", "normalization"]
 
 
-def box_normalization(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[NDArray[np.float64], float] | None:
-    """Centre (3,) and factor that bring a box to [−1, 1] along its longest side; None where it is but a point.
+class Normalization(NamedTuple):
+    """What brings a shape into the cube [−1, 1]³: subtract `center`, multiply by `scale`."""
+
+    center: NDArray[np.float64]  # (3,) middle of the box around the shape, in its units
+    scale: float  # 1 / half the longest side of the box
+
+    def apply(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Return points (…, 3) of the shape's units in the cube."""
+        placed: NDArray[np.float64] = (points - self.center) * self.scale
+        return placed
+
+    def invert(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Return points (…, 3) of the cube in the shape's units."""
+        placed: NDArray[np.float64] = points / self.scale + self.center
+        return placed
+
+
+def box_normalization(low: NDArray[np.float64], high: NDArray[np.float64]) -> Normalization | None:
+    """Return what brings a box to [−1, 1] along its longest side; None where it is but a point.
 
     `low` and `high` are its corners (3,).
     """
     low, high = low / 2, high / 2  # halved before they meet, so that no sum overflows
     half = float(np.max(high - low))
-    return None if half < np.finfo(np.float64).tiny else (low + high, 1.0 / half)
+    return None if half < np.finfo(np.float64).tiny else Normalization(low + high, 1.0 / half)
 
 
-def normalization(mesh: Mesh) -> tuple[NDArray[np.float64], float]:
-    """Centre (3,) and factor that bring the box of `mesh` to [−1, 1] along its longest side.
+def normalization(mesh: Mesh) -> Normalization:
+    """Return what brings the box of `mesh` to [−1, 1] along its longest side.
 
     Raises
     ------
@@ -33,5 +50,5 @@ def normalization(mesh: Mesh) -> tuple[NDArray[np.float64], float]:
     """
     found = box_normalization(*mesh.bounds)
     if found is None:
-        raise ValueError("render: `mesh` must have some extent, got all vertices at one point")
+        raise ValueError("`mesh` must have some extent, got all vertices at one point")
     return found

@@ -105,7 +105,8 @@ def picture(
         if points is not None
     ]
     others = [check.array("picture", "frame", points, ("N", 3), dtype=np.float64) for points in frame]
-    around = np.concatenate([drawn, *others])
+    seen = np.unique(mesh.faces)  # what no face uses is not drawn and would only take room
+    around = np.concatenate([each[seen] if len(each) == len(drawn) else each for each in (drawn, *others)])
     center, scale = _normalization(around)
     camera = camera_towards(
         _direction(azimuth, elevation), ((around - center) * scale).astype(np.float32), field_of_view=FIELD_OF_VIEW

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -14,8 +15,11 @@ from dfd.common import check
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["AXES", "SymmetryPlane", "axis_name", "axis_plane"]
+__all__ = ["AXES", "DEFAULT_BAND", "SymmetryPlane", "axis_name", "axis_plane", "plane_from_text", "plane_text"]
 
+# Half width of the band in which a symmetric edit passes from one side to the other, as a part of the longest side.
+# Wide enough that no crease shows, narrow enough that what is mirrored stays on its own side.
+DEFAULT_BAND = 0.03
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
@@ -32,7 +36,9 @@ class SymmetryPlane:
     score
         Mean of ‖Φ(v) − Φ(R v)‖ over the vertices, the quantity that the paper compares with ε; 0 is perfect.
     relative_score
-        `score` over the mean distance of two arbitrary vertices' features; 1 is no better than chance.
+        How much features change across the plane over how much they usually do between points so far apart, over the
+        best four fifths of the surface's points that the mirror moves: a part without its like counts little. 0 is
+        perfect, 1 no better than chance.
     band
         Half width, mesh units, over which a mirrored deformation passes from one side to the other; 0 switches at
         the plane, as Eq. 8 does.
@@ -65,11 +71,6 @@ class SymmetryPlane:
         image: NDArray[np.float64] = array - 2.0 * self.signed_distance(array)[:, None] * np.asarray(self.normal)
         return image
 
-    def matrix(self) -> NDArray[np.float64]:
-        """R as a (3, 4) affine matrix in mesh units."""
-        normal = np.asarray(self.normal)
-        return np.column_stack([np.eye(3) - 2.0 * np.outer(normal, normal), 2.0 * self.offset * normal])
-
 
 def axis_name(normal: Sequence[float]) -> str:
     """The axis, "x", "y" or "z", that a plane's `normal` (3,) lies along, or lies nearest to."""
@@ -77,8 +78,54 @@ def axis_name(normal: Sequence[float]) -> str:
 
 
 def axis_plane(mesh: Mesh, axis: str, *, band: float = 0.0) -> SymmetryPlane:
-    """The plane across `axis` ("x", "y" or "z") through the centre of the bounding box of `mesh`."""
+    """The plane across `axis` ("x", "y" or "z") through the center of the bounding box of `mesh`."""
     if axis not in AXES:
         raise ValueError(f"axis_plane: `axis` must be x, y or z, got {axis!r}")
     center = np.asarray(mesh.bounds, np.float64).mean(axis=0)
     return SymmetryPlane(AXES[axis], float(center @ np.asarray(AXES[axis])), band=band)
+
+
+def plane_from_text(text: str, mesh: Mesh) -> SymmetryPlane:
+    """Read a plane as people write it.
+
+    Parameters
+    ----------
+    text
+        "x", "y" or "z": across this axis through the center of the bounding box of `mesh`; "x=0.1": across it at this
+        coordinate, mesh units; "0.6,0,0.8=0.1": across this direction, of any length, at this distance from the origin.
+
+    Returns
+    -------
+    The plane, with a band of 3 % of the longest side of `mesh`.
+
+    Raises
+    ------
+    ValueError
+        If `text` says none of these, a number is not finite or the direction has no length.
+    """
+    band = DEFAULT_BAND * float(np.max(mesh.extents))
+    name, equals, value = (part.strip() for part in text.partition("="))
+    if name in AXES and not equals:
+        return axis_plane(mesh, name, band=band)
+    try:
+        offset = float(value)
+        direction = AXES[name] if name in AXES else tuple(float(part) for part in name.split(","))
+    except ValueError:
+        direction, offset = (), 0.0
+    if len(direction) != 3:
+        raise ValueError(f"plane_from_text: `text` must be like x, x=0.1 or 0.6,0,0.8=0.1, got {text!r}")
+    length = math.hypot(*direction)
+    if not (math.isfinite(length) and math.isfinite(offset)):
+        raise ValueError(f"plane_from_text: `text` must have finite numbers, got {text!r}")
+    if length == 0:
+        raise ValueError(f"plane_from_text: `text` must name a direction that has a length, got {text!r}")
+    return SymmetryPlane((direction[0] / length, direction[1] / length, direction[2] / length), offset, band=band)
+
+
+def plane_text(plane: SymmetryPlane) -> str:
+    """Write a plane so that people and `plane_from_text` can read it."""
+    for axis, normal in AXES.items():
+        along = float(np.dot(plane.normal, normal))
+        if abs(along) > 1 - 1e-12:
+            return f"{axis}={math.copysign(1, along) * plane.offset + 0.0:.6g}"
+    return f"{','.join(f'{part:.6g}' for part in plane.normal)}={plane.offset:.6g}"

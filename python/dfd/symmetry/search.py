@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dfd.common import check
-from dfd.symmetry.plane import AXES, SymmetryPlane, axis_plane
+from dfd.symmetry.evidence import Evidence, gather
+from dfd.symmetry.plane import AXES, DEFAULT_BAND, SymmetryPlane, axis_plane
+from dfd.symmetry.plane_search import candidate_planes, mirrored, same_plane
 
 if TYPE_CHECKING:
     from dfd.field.field import Field
@@ -15,65 +19,134 @@ if TYPE_CHECKING:
 
 __all__ = ["scored_planes", "symmetry_planes"]
 
-# The mean over this many evenly strided vertices stands for the mean over more: its standard error is below 0.2 %.
-LARGEST_SAMPLE = 50_000
-THRESHOLD = 0.1  # the paper's ε
-# A plane also counts as one of symmetry when a reflection changes the features by less than this part of what an
-# arbitrary exchange of two vertices changes. Encoders differ in the spread of their features, and ε does not follow.
+_SCORED_VERTICES = 4_000  # evenly strided, stand for more: the standard error of the mean is below 1 %
 RELATIVE_THRESHOLD = 0.25
 # Front and back of a figure that spreads its arms look much alike too, though far less than its two sides: a plane must
 # not be more than this many times as unlike as the best one, give or take what the fit itself leaves.
 WORSE_THAN_BEST, FIT_LEAVES = 3.0, 0.01
+LANDED = 0.5  # share of the moved surface whose image lies on the surface
+# A plane that leans by little against one that fits much better is that plane, badly found.
+_LEANS, _BESIDE, _WORSE = np.radians(20.0), 0.25, 1.3
+_SNAP_ANGLE, _SNAP_OFFSET, _SNAP_LOSS = np.radians(1.5), 0.012, 0.01
 
 
-def symmetry_planes(field: Field, mesh: Mesh, *, threshold: float | None = None) -> list[SymmetryPlane]:
-    """Find the axis planes across which `mesh` looks alike.
+def symmetry_planes(
+    field: Field,
+    mesh: Mesh,
+    *,
+    threshold: float | None = None,
+    candidates: Literal["any", "axes"] = "any",
+) -> list[SymmetryPlane]:
+    """Find the planes across which `mesh` looks alike.
 
-    What counts is the mean of ‖Φ(v) − Φ(R v)‖ over the vertices of both sides of a plane through the box centre.
+    Planes between points that look alike, and across the principal axes and the axes of the coordinates, are moved to
+    where the surface lies best on its mirror image. Nearly equal ones are merged, and one nearly across an axis of the
+    coordinates becomes so where this costs nothing. A flat shape's own plane, whose mirror moves nothing, is none.
 
     Parameters
     ----------
     threshold
-        The paper's ε, 0.1 there: planes with a smaller mean are found. If left out, those below 0.1 or below a quarter
-        of what exchanging arbitrary vertices gives (the spread of the features, and with it a fair ε, depends on the
-        encoder and its block), but none beside a plane across which the shape looks far more alike.
+        The paper's ε, 0.1 there: planes are found by their `score` alone, if it is smaller. If left out, those are
+        found whose `relative_score` is below a quarter (the spread of the features, and with it a fair ε, depends on
+        the encoder and its block), but none beside a plane across which the shape looks far more alike.
+    candidates
+        "any", or "axes": the paper's three planes across the axes through the center of the box.
 
     Returns
     -------
-    The planes found, the most alike first; empty when there is none.
+    The planes found, the most alike first, with a band of 3 % of the longest side; empty when there is none.
 
     Raises
     ------
     ValueError
-        If `threshold` is negative or not finite.
+        If `threshold` is negative or not finite, or `candidates` is another word.
 
-    Source: paper, section 3.3.3.
+    Source: paper, section 3.3.3; planes from pairs of points: Mitra, Guibas and Pauly, "Partial and approximate
+    symmetry detection for 3D geometry", 2006.
     """
     if threshold is not None:
         threshold = check.number("symmetry_planes", "threshold", threshold, minimum=0.0)
-    planes = scored_planes(field, mesh)
+    if candidates not in ("any", "axes"):
+        raise ValueError(f"symmetry_planes: `candidates` must be any or axes, got {candidates!r}")
+    planes = scored_planes(field, mesh, candidates=candidates)
     if threshold is not None:
         return [plane for plane in planes if plane.score < threshold]
-    most = WORSE_THAN_BEST * planes[0].relative_score + FIT_LEAVES
-    return [
-        plane
-        for plane in planes
-        if (plane.score < THRESHOLD or plane.relative_score < RELATIVE_THRESHOLD) and plane.relative_score <= most
-    ]
+    most = min(RELATIVE_THRESHOLD, WORSE_THAN_BEST * planes[0].relative_score + FIT_LEAVES) if planes else 0.0
+    return [plane for plane in planes if plane.relative_score <= most]
 
 
-def scored_planes(field: Field, mesh: Mesh) -> list[SymmetryPlane]:
-    """All three axis planes with their scores, the most alike first."""
-    stride = -(-len(mesh.vertices) // LARGEST_SAMPLE)
-    vertices = mesh.vertices[::stride]
+@dataclass(frozen=True)
+class _Judged:
+    row: NDArray[np.float64]  # (4,) normalized, see `plane_search`
+    unlikeness: float
+    landed: float
+
+
+def scored_planes(field: Field, mesh: Mesh, *, candidates: Literal["any", "axes"] = "any") -> list[SymmetryPlane]:
+    """All planes that were looked at closely with their scores, the most alike first; see `symmetry_planes`."""
+    evidence = gather(field, mesh)
+    if evidence is None:
+        return []
+    if candidates == "axes":
+        judged = [_judged(evidence, _normalized(axis_plane(mesh, axis), evidence)) for axis in AXES]
+    else:
+        close = _without_leaning([_judged(evidence, row) for row in candidate_planes(evidence)])
+        judged = [_snapped(evidence, each) for each in close if each.landed >= LANDED and each.unlikeness < 1]
+    vertices = mesh.vertices[:: -(-len(mesh.vertices) // _SCORED_VERTICES)]
     features = field(vertices)
-    partners = features[np.random.default_rng(0).permutation(len(features))]
-    spread = float(np.linalg.norm(features - partners, axis=1).mean())
     planes = []
-    for axis in AXES:
-        plane = axis_plane(mesh, axis)
+    for each in sorted(judged, key=lambda each: each.unlikeness):
+        plane = _plane(each.row, evidence)
         score = float(np.linalg.norm(features - field(plane.reflect(vertices)), axis=1).mean())
-        # Features without any spread say nothing about symmetry: no better than chance.
-        relative = score / spread if spread > 0 else 1.0
-        planes.append(SymmetryPlane(plane.normal, plane.offset, score, relative))
-    return sorted(planes, key=lambda plane: plane.score)
+        planes.append(replace(plane, score=score, relative_score=each.unlikeness))
+    return planes
+
+
+def _judged(evidence: Evidence, row: NDArray[np.float64]) -> _Judged:
+    return _Judged(row, *evidence.unlikeness(mirrored(evidence.points, row)))
+
+
+def _without_leaning(judged: list[_Judged]) -> list[_Judged]:
+    """Return planes, the most alike first, without those that lean by little against a much better one."""
+    kept: list[_Judged] = []
+    for each in sorted(judged, key=lambda each: each.unlikeness):
+        if not any(
+            same_plane(each.row, other.row, angle=_LEANS, offset=_BESIDE)
+            and each.unlikeness > _WORSE * other.unlikeness
+            for other in kept
+        ):
+            kept.append(each)
+    return kept
+
+
+def _snapped(evidence: Evidence, found: _Judged) -> _Judged:
+    """Return the plane across an axis of the coordinates that is nearly the one found, if it is hardly less alike."""
+    axis = int(np.argmax(np.abs(found.row[:3])))
+    if abs(found.row[axis]) < np.cos(_SNAP_ANGLE):
+        return found
+    normal = np.eye(3)[axis]
+    offset = float(np.sign(found.row[axis]) * found.row[3])
+    origin = float(-evidence.center[axis] / evidence.half)
+    for place in (origin, 0.0, offset):  # through the origin, the middle of the box, or where it was found
+        if abs(place - offset) < _SNAP_OFFSET:
+            across = _judged(evidence, np.append(normal, place))
+            if across.unlikeness < found.unlikeness + _SNAP_LOSS:
+                return across
+    return found
+
+
+def _normalized(plane: SymmetryPlane, evidence: Evidence) -> NDArray[np.float64]:
+    """Return a plane of mesh units as a row (4,) in normalized coordinates."""
+    normal = np.asarray(plane.normal)
+    return np.append(normal, (plane.offset - normal @ evidence.center) / evidence.half)
+
+
+def _plane(row: NDArray[np.float64], evidence: Evidence) -> SymmetryPlane:
+    """Return a row (4,) in normalized coordinates as a plane of mesh units, its largest component positive."""
+    row = row * np.sign(row[np.argmax(np.abs(row[:3]))])
+    normal = row[:3] + 0.0  # no negative zeros
+    offset = float(row[3] * evidence.half + normal @ evidence.center)
+    # what cancels but for rounding is a plane through the origin
+    offset = 0.0 if abs(offset) < 1e-12 * evidence.half else offset
+    band = DEFAULT_BAND * 2 * evidence.half
+    return SymmetryPlane((float(normal[0]), float(normal[1]), float(normal[2])), offset, band=band)

@@ -15,7 +15,7 @@ __all__ = ["Camera", "Framing", "camera_towards", "fibonacci_directions", "place
 Framing = Literal["shape", "paper"]
 
 FIELD_OF_VIEW = 60.0  # degrees, the paper's and the public reference's
-PAPER_DISTANCE = 2.8  # from the origin of normalised coordinates, likewise
+PAPER_DISTANCE = 2.8  # from the origin of normalized coordinates, likewise
 MARGIN = 1.06  # a framed shape leaves this much room, so that no patch at its rim is cut
 CLEARANCE = 0.2  # of half the shape's size, between it and the eye: a needle seen from its tip does not poke it
 _MIRROR_IMAGES = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [-1.0, 1.0, -1.0]])
@@ -24,7 +24,7 @@ _CHUNK = 1 << 12  # points that are measured together: their products stay in th
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole camera with a square picture, in normalised coordinates.
+    """A pinhole camera with a square picture, in normalized coordinates.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Camera:
         return float(np.tan(np.radians(self.field_of_view) / 2))
 
     def ray_directions(self, resolution: int) -> NDArray[np.float32]:
-        """Unit directions through the centres of all pixels, (resolution², 3), row by row from the top left."""
+        """Unit directions through the centers of all pixels, (resolution², 3), row by row from the top left."""
         across = ((np.arange(resolution) + 0.5) / resolution * 2 - 1) * self.half_width
         directions = (
             across[None, :, None] * self.right - across[:, None, None] * self.up - np.broadcast_to(self.back, (1, 1, 3))
@@ -60,7 +60,7 @@ class Camera:
     def project(
         self, points: NDArray[np.floating[Any]], resolution: int
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Row and column, in pixels, at which (N, 3) points appear; whole numbers are pixel centres."""
+        """Row and column, in pixels, at which (N, 3) points appear; whole numbers are pixel centers."""
         offset = points - self.position
         depth = -(offset @ self.back) * self.half_width
         column = (offset @ self.right / depth + 1) / 2 * resolution - 0.5
@@ -91,16 +91,14 @@ def camera_towards(
     direction: ArrayLike,
     points: NDArray[np.floating[Any]],
     *,
-    framing: Framing = "shape",
     field_of_view: float = FIELD_OF_VIEW,
-    flipped: bool = False,
 ) -> Camera:
     """One camera out along `direction` (3,), of any length but 0, that sees `points`; see `place_cameras`."""
     unit = check.array("camera_towards", "direction", direction, (3,), dtype=np.float64)
     length = np.linalg.norm(unit)
     if length == 0:
         raise ValueError("camera_towards: `direction` must have a length, got 0, 0, 0")
-    return _place(unit[None] / length, points, framing, field_of_view, np.array([flipped]))[0]
+    return _place(unit[None] / length, points, "shape", field_of_view, np.zeros(1, bool))[0]
 
 
 def place_cameras(
@@ -111,7 +109,7 @@ def place_cameras(
     Parameters
     ----------
     points
-        (N, 3) vertices of the shape in normalised coordinates.
+        (N, 3) vertices of the shape in normalized coordinates.
     framing
         "shape": the smallest distance at which the whole shape is in the picture with a small margin (and no point
         nearer to the eye than a tenth of its size); "paper": a distance of 2.8 from the origin, looking at it.
@@ -143,7 +141,7 @@ def _place(
     if framing == "paper":
         return [Camera(PAPER_DISTANCE * basis[2], *basis, field_of_view) for basis in bases]
     slope = np.tan(np.radians(field_of_view) / 2) / MARGIN
-    # A point q (right, up, back) is inside the picture from distance d and centre c when |q_x − c_x| ≤ slope (d − q_z),
+    # A point q (right, up, back) is inside the picture from distance d and center c when |q_x − c_x| ≤ slope (d − q_z),
     # likewise in y: bounds that are linear in the point, so one matrix product gives the extremes for all cameras.
     # A fifth bound is the point nearest to the eye.
     bounds = np.concatenate(

@@ -40,14 +40,14 @@ class Hits:
 
 
 class Scene:
-    """Triangles in normalised coordinates, ready to be hit; front and back faces alike.
+    """Triangles in normalized coordinates, ready to be hit; front and back faces alike.
 
     Several threads may cast at once, and do so in parallel.
 
     Parameters
     ----------
     vertices
-        (V, 3) in normalised coordinates: Embree computes in float32 and loses hits far from the origin.
+        (V, 3) in normalized coordinates: Embree computes in float32 and loses hits far from the origin.
     faces
         (F, 3) indices into `vertices`, checked by `dfd.Mesh`; triangles without area are never hit.
     """

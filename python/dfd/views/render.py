@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from dfd.common import check
 from dfd.common.progress import Stages
 from dfd.common.threads import get_num_threads
+from dfd.mesh.appearance import blend
 from dfd.mesh.normalization import normalization
 from dfd.views.cameras import Camera, Framing, place_cameras
 from dfd.views.raycast import Hits, Scene
-from dfd.views.shading import Shading, blend
+from dfd.views.shading import Shading
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
@@ -43,15 +44,15 @@ class Views:
     cameras
         One a picture.
     points
-        (P, 3) float32 surface points in normalised coordinates: (p − `center`) · `scale` for p in mesh units.
+        (P, 3) float32 surface points in normalized coordinates: (p − `center`) · `scale` for p in mesh units.
     view, row, column
-        (P,) the picture that shows each point, and where in it, in pixels; whole numbers are pixel centres.
+        (P,) the picture that shows each point, and where in it, in pixels; whole numbers are pixel centers.
     face
         (P,) the face of `faces` that each point lies on; empty when the points are vertices.
     vertices, faces
-        (V, 3) float32 normalised and (F, 3): the surface that the rays met, the mesh's own or a simplified copy's.
+        (V, 3) float32 normalized and (F, 3): the surface that the rays met, the mesh's own or a simplified copy's.
     center, scale
-        The normalisation: the middle of the bounding box comes to the origin, its longest side to [−1, 1].
+        The normalization: the middle of the bounding box comes to the origin, its longest side to [−1, 1].
     """
 
     images: NDArray[np.uint8]
@@ -81,7 +82,7 @@ def render(
 ) -> Views:
     """Take pictures of `mesh` from all around.
 
-    One ray goes through the centre of every pixel; where it first meets a triangle T at barycentric coordinates B, the
+    One ray goes through the center of every pixel; where it first meets a triangle T at barycentric coordinates B, the
     pixel shows the surface point P = B·T.
 
     Parameters

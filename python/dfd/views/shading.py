@@ -1,4 +1,4 @@
-"""What a pixel looks like: light at the eye, smooth normals, the surface's own colour, white behind it."""
+"""What a pixel looks like: light at the eye, smooth normals, the surface's own color, white behind it."""
 
 from __future__ import annotations
 
@@ -7,26 +7,26 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.mesh.appearance import GREY
+from dfd.mesh.appearance import GREY, blend
 from dfd.views.raycast import Hits, Scene
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
     from dfd.views.cameras import Camera
 
-__all__ = ["Shading", "blend", "facing"]
+__all__ = ["Shading", "facing"]
 
 AMBIENT, DIFFUSE = 0.6, 0.4  # the public reference's light
 _LAYERS = 8  # clear surfaces one behind another that a ray passes at most
 _CANCELLED = 0.2  # a blend of unit normals shorter than this says nothing
-_STEP = 1e-4  # past a clear surface, in normalised coordinates
+_STEP = 1e-4  # past a clear surface, in normalized coordinates
 
 
 class Shading:
     """Takes pictures of a scene."""
 
     def __init__(self, scene: Scene, mesh: Mesh, vertices: NDArray[np.float32]) -> None:
-        """Take `mesh`, of which `scene` holds the normalised `vertices` (V, 3)."""
+        """Take `mesh`, of which `scene` holds the normalized `vertices` (V, 3)."""
         self._scene = scene
         self._vertices = vertices
         self._faces = mesh.faces
@@ -54,7 +54,7 @@ class Shading:
         return image.reshape(resolution, resolution, 3), hits
 
     def colors(self, hits: Hits, directions: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Lit colour and opacity of each hit, (K, 4) in [0, 1]; `directions` are those of all rays."""
+        """Lit color and opacity of each hit, (K, 4) in [0, 1]; `directions` are those of all rays."""
         if self._appearance is None:
             rgba = np.full((len(hits.ray), 4), GREY, np.float32)
             rgba[:, 3] = 1
@@ -69,7 +69,7 @@ class Shading:
     ) -> tuple[Hits, NDArray[np.float32]]:
         """Blend what lies behind clear surfaces, front to back, down to the white behind everything.
 
-        Returns the first hit of each ray that is at least half opaque, and the colour of all N rays, (N, 3).
+        Returns the first hit of each ray that is at least half opaque, and the color of all N rays, (N, 3).
         """
         color = np.zeros((len(directions), 3), np.float32)
         clear = np.ones(len(directions), np.float32)  # the part of the light that still gets through
@@ -122,15 +122,3 @@ def facing(
         normal[lost], length[lost] = crossed, 1
     towards = np.abs(np.einsum("kc,kc->k", normal, directions[hits.ray]))
     return np.asarray((towards / length).clip(0, 1), np.float32)
-
-
-def blend(
-    values: NDArray[np.float32],  # (V, C) of the vertices
-    corners: NDArray[np.int32],  # (K, 3) vertices of the face that each point lies on
-    barycentric: NDArray[np.float32],  # (K, 3)
-) -> NDArray[np.float32]:
-    """Return B·T, the corners' values blended at each point, (K, C)."""
-    blended: NDArray[np.float32] = barycentric[:, :1] * values[corners[:, 0]]
-    blended += barycentric[:, 1:2] * values[corners[:, 1]]
-    blended += barycentric[:, 2:] * values[corners[:, 2]]
-    return blended

@@ -13,11 +13,11 @@ from dfd.common import check
 from dfd.common.threads import get_num_threads
 from dfd.geometry.spread import spread_in_triangle
 from dfd.geometry.topology import face_areas, face_components, first_at_place
+from dfd.mesh.appearance import blend
 from dfd.mesh.normalization import box_normalization
 from dfd.views.cameras import place_cameras
 from dfd.views.raycast import Scene
 from dfd.views.render import LARGEST_VIEWS, used_vertices
-from dfd.views.shading import blend
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
@@ -36,8 +36,10 @@ class Unseen:
 
     views: int  # cameras that looked
     area: float  # share of the surface, 0 … 1; 1 where no face has an area
-    pieces: int  # pieces (see `dfd.geometry.topology.inspect`) of which no camera sees anything: inner walls, mostly
-    piece_count: int  # all pieces that have an area
+    components: (
+        int  # components (see `dfd.geometry.topology.inspect`) of which no camera sees anything: inner walls, mostly
+    )
+    component_count: int  # all components that have an area
 
 
 def unseen(mesh: Mesh, *, views: int = 24) -> Unseen:
@@ -60,25 +62,25 @@ def unseen(mesh: Mesh, *, views: int = 24) -> Unseen:
     views = check.whole("unseen", "views", views, minimum=1, maximum=LARGEST_VIEWS)
     found = box_normalization(*mesh.bounds)
     if found is None:
-        return Unseen(views, area=1.0, pieces=0, piece_count=0)
+        return Unseen(views, area=1.0, components=0, component_count=0)
     center, scale = found
     vertices = ((mesh.vertices - center) * scale).astype(np.float32)
     areas = face_areas(vertices, mesh.faces)
     has_area = areas > 0
     if not has_area.any():
-        return Unseen(views, area=1.0, pieces=0, piece_count=0)
+        return Unseen(views, area=1.0, components=0, component_count=0)
     areas = areas[has_area]
     # Even where every face is large there are many points, and even the smallest face has one.
     counts = np.ceil(areas / areas.sum() * POINTS).astype(np.int64)
     seen = _seen(vertices, mesh.faces[has_area], counts, views)
     of_face = np.add.reduceat(seen, np.concatenate([[0], np.cumsum(counts)[:-1]]), dtype=np.int64)
-    piece = face_components(first_at_place(mesh)[mesh.faces[has_area]])
-    of_piece = np.bincount(piece, of_face)
+    component = face_components(first_at_place(mesh)[mesh.faces[has_area]])
+    of_component = np.bincount(component, of_face)
     return Unseen(
         views,
         area=float((areas * (1 - of_face / counts)).sum() / areas.sum()),
-        pieces=int((of_piece == 0).sum()),
-        piece_count=len(of_piece),
+        components=int((of_component == 0).sum()),
+        component_count=len(of_component),
     )
 
 

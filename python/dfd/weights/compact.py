@@ -149,29 +149,38 @@ def compact(
     random = np.random.default_rng(0)
     sample = source.rows(_sample(random, source.count, DIRECTION_SAMPLE)).astype(np.float64)
     mean = sample.mean(axis=0)
-    sample -= mean
-    directions = np.linalg.eigh(sample.T @ sample)[1][:, ::-1]
-    sample = sample @ directions
-    witness = (source.rows(_sample(random, source.count, VERTEX_SAMPLE)) - mean) @ directions
-    trials = [_Trial(rows, rows[_sample(random, len(rows), HANDLE_SAMPLE)]) for rows in (sample, witness)]
+    centered = sample - mean
+    directions = np.linalg.eigh(centered.T @ centered)[1][:, ::-1]
+    centered = centered @ directions
+    validation = source.rows(_sample(random, source.count, VERTEX_SAMPLE)).astype(np.float64)
+    trials = [
+        _Trial(rows, along, _sample(random, len(rows), HANDLE_SAMPLE))
+        for rows, along in ((sample, centered), (validation, (validation - mean) @ directions))
+    ]
 
     for precision, dimensions in _candidates(source.dimension):
         kept = min(dimensions, source.dimension)
-        turn = np.eye(kept)
+        rotation = np.eye(kept)
         step = 1.0
         if precision == "int8":  # one step serves all dimensions best when they all spread alike
-            turn = np.linalg.qr(random.standard_normal((kept, kept)))[0]
-            step = float(1.02 * np.abs(sample[:, :kept] @ turn).max() / SPAN or 1.0)
-        if max(trial.error(turn, precision, step) for trial in trials) <= SAFETY * wanted:
+            rotation = np.linalg.qr(random.standard_normal((kept, kept)))[0]
+            step = float(1.02 * np.abs(centered[:, :kept] @ rotation).max() / SPAN or 1.0)
+        if max(trial.error(rotation, precision, step) for trial in trials) <= SAFETY * wanted:
             break
     else:
         raise ValueError(f"compact: `tolerance` must be larger for features of 16 bits, got {wanted:g}")
 
-    del sample  # as large as a batch of the rows to come
+    del sample, centered, validation  # as large as a batch of the rows to come
     basis = np.zeros((source.dimension, dimensions), np.float32)
-    basis[:, :kept] = directions[:, :kept] @ turn
+    basis[:, :kept] = directions[:, :kept] @ rotation
     center = mean.astype(np.float32)
     blocks, step = _packed(source, center, basis, precision, step, progress)
+    error = max(trial.error(rotation, precision, step) for trial in trials)
+    if not error <= wanted:
+        raise ValueError(
+            f"compact: `features` hold a row so far from the others that a weight would err by {error:g}, "
+            f"more than `tolerance`, {wanted:g}"
+        )
     for array in (blocks, basis, center):
         array.flags.writeable = False
     return CompactFeatures(
@@ -181,9 +190,9 @@ def compact(
         basis=basis,
         mean=center,
         step=step,
-        radius=max(trial.radius(turn, precision, step) for trial in trials),
+        radius=max(trial.radius(rotation, precision, step) for trial in trials),
         tolerance=wanted,
-        error=max(trial.error(turn, precision, step) for trial in trials),
+        error=error,
     )
 
 
@@ -216,30 +225,33 @@ class _Source:
 
 
 class _Trial:
-    """Weights of sampled vertices for sampled handles, of the full features in float64 and of what is stored.
+    """Weights of sampled vertices for some of them as handles, of the full features in float64 and of what is stored.
 
-    Vertices, of which the first few will do, and handles are (N, D) and (M, D) coordinates along all main directions.
-    The first of them, as many as `turn` (d, d) has rows, are turned and stored.
+    Features, of which the first few will do, are (N, D) as they are, since far from the mean they would lose digits,
+    and (N, D) coordinates along all main directions. The first of these, as many as `rotation` (d, d) has rows, are
+    rotated and stored.
     """
 
-    def __init__(self, vertices: Float64, handles: Float64) -> None:
-        self._vertices, self._handles = vertices[:VERTEX_SAMPLE].copy(), handles
-        self._weights = _weights(self._vertices, handles)
+    def __init__(self, features: Float64, along: Float64, handles: NDArray[np.int64]) -> None:
+        self._vertices, self._handles = along[:VERTEX_SAMPLE].copy(), along[handles]
+        self._weights = _weights(features[:VERTEX_SAMPLE], features[handles])
 
-    def error(self, turn: Float64, precision: Precision, step: float) -> float:
+    def error(self, rotation: Float64, precision: Precision, step: float) -> float:
         """Largest difference of a weight."""
-        vertices, handles = (_stored(rows, turn, precision, step) for rows in (self._vertices, self._handles))
+        vertices, handles = (_stored(rows, rotation, precision, step) for rows in (self._vertices, self._handles))
+        if not (np.isfinite(vertices).all() and np.isfinite(handles).all()):
+            return np.inf
         return float(np.abs(_weights(vertices, handles) - self._weights).max())
 
-    def radius(self, turn: Float64, precision: Precision, step: float) -> float:
+    def radius(self, rotation: Float64, precision: Precision, step: float) -> float:
         """Largest distance of a vertex from what is stored of it."""
         missed = self._vertices.copy()
-        missed[:, : len(turn)] -= _stored(self._vertices, turn, precision, step) @ turn.T
+        missed[:, : len(rotation)] -= _stored(self._vertices, rotation, precision, step) @ rotation.T
         return float(np.linalg.norm(missed, axis=1).max())
 
 
-def _stored(rows: Float64, turn: Float64, precision: Precision, step: float) -> Float64:
-    return step * _rounded(rows[:, : len(turn)] @ turn, precision, step).astype(np.float64)
+def _stored(rows: Float64, rotation: Float64, precision: Precision, step: float) -> Float64:
+    return step * _rounded(rows[:, : len(rotation)] @ rotation, precision, step).astype(np.float64)
 
 
 def _weights(vertices: Float64, handles: Float64) -> Float64:
@@ -270,7 +282,8 @@ def _candidates(dimension: int) -> Iterator[tuple[Precision, int]]:
 def _rounded(projected: NDArray[Any], precision: Precision, step: float) -> Float32:
     """What is stored of projected rows, in steps."""
     if precision == "float16":
-        return projected.astype(np.float16).astype(np.float32)
+        with np.errstate(over="ignore"):
+            return projected.astype(np.float16).astype(np.float32)
     return np.clip(np.rint(projected / step), -SPAN, SPAN).astype(np.float32)
 
 
@@ -300,7 +313,8 @@ def _packed(
         rows = padded.reshape(-1, BLOCK, dimensions)
         into = blocks[start // BLOCK : start // BLOCK + len(rows)]
         if precision == "float16":
-            into[:] = rows.astype(np.float16).view(np.uint16).transpose(0, 2, 1)
+            with np.errstate(over="ignore"):
+                into[:] = rows.astype(np.float16).view(np.uint16).transpose(0, 2, 1)
         else:
             into[:, :-1] = (rows + 128).astype(np.uint8).reshape(-1, BLOCK, dimensions // 4, 4).transpose(0, 2, 1, 3)
             squares = np.square(rows).sum(axis=2, dtype=np.float64).astype(np.int32)
@@ -313,6 +327,8 @@ def _packed(
             for start, largest in zip(starts, pool.map(pack, starts), strict=True):
                 if precision == "int8" and largest > (SPAN + 0.5) * step:
                     break
+                if precision == "float16" and largest > float(np.finfo(np.float16).max):
+                    raise ValueError("compact: `features` hold a row too far from the others for 16 bits")
                 if progress is not None:
                     progress(min(BATCH, count - start))
             else:

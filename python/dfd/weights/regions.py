@@ -24,7 +24,7 @@ Float32 = NDArray[np.float32]
 Source = Float32 | CompactFeatures
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Targets:
     """What a kernel measures distances to.
 
@@ -57,10 +57,7 @@ def targets(name: str, value: Any, source: Source) -> Targets:
     items = _items(name, value)
     if items is None:
         return _points(name, np.asarray(tensors.shared("bind", name, value)), source)
-    regions = [_thinned(_points(f"{name}[{i}]", item, source), source) for i, item in enumerate(items)]
-    for i, region in enumerate(regions):
-        if len(region.points) == 0:
-            raise ValueError(f"bind: `{name}[{i}]` must have at least one member")
+    regions = [_thinned(_region(f"{name}[{i}]", item, source), source) for i, item in enumerate(items)]
     members = np.array([len(region.points) for region in regions], np.uint32)
     if all(region.points.ndim == 1 for region in regions):
         return Targets(np.concatenate([region.points for region in regions]).astype(np.int64), None, members)
@@ -110,6 +107,15 @@ def _points(name: str, array: NDArray[Any], source: Source) -> Targets:
     return Targets(check.vertex_indices("bind", name, array, source.shape[0]), None, None)
 
 
+def _region(name: str, array: NDArray[Any], source: Source) -> Targets:
+    """The members of one handle, which lie in the shape: their features are looked at here."""
+    if len(array) == 0:
+        raise ValueError(f"bind: `{name}` must have at least one member")
+    if array.ndim == 2:
+        return _points(name, array, source)
+    return Targets(check.vertex_indices("bind", name, array, source.shape[0]), None, None)
+
+
 def _as_rows(region: Targets, source: Source) -> Targets:
     """Vertices of a region as the rows that they have."""
     if region.points.ndim == 2:
@@ -122,8 +128,6 @@ def _as_rows(region: Targets, source: Source) -> Targets:
 def _thinned(region: Targets, source: Source) -> Targets:
     """At most `MOST_MEMBERS` of a region's points, the farthest from all before it next, from the first one on."""
     count = len(region.points)
-    if region.points.ndim == 1:
-        check.vertex_indices("bind", "handles", region.points, source.shape[0])
     if count <= 1:
         return region
     considered = np.arange(count)

@@ -4,11 +4,10 @@ from unittest import mock
 
 import numpy as np
 import pytest
-import torch
+from made_field import made_field
 
 import dfd
 from dfd.editing import handle_weights, posed_shape
-from dfd.field.field import Field
 
 
 @pytest.fixture(scope="session")
@@ -19,9 +18,7 @@ def mesh():
 @pytest.fixture(scope="session")
 def field(mesh):
     """A field that has learnt nothing: enough to see what the session does with one."""
-    with torch.random.fork_rng():
-        torch.manual_seed(1)
-        return Field(16, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents)).eval()
+    return made_field(16, seed=1, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents))
 
 
 @pytest.fixture(scope="session")

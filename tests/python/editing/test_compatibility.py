@@ -5,9 +5,9 @@ import warnings
 
 import numpy as np
 import pytest
+from made_field import made_field
 
 import dfd
-from dfd.field.field import Field
 
 
 def moved(mesh, factor=1.0, shift=(0.0, 0.0, 0.0)):
@@ -58,7 +58,7 @@ def test_relatives_of_the_field_s_shape_are_welcome(mesh, field, relative):
 
 def test_a_mesh_that_reaches_far_out_of_the_field_s_box_is_told_so(mesh, field):
     standing = moved(mesh, 1, -np.array([0, mesh.bounds[0, 1], 0]) / max(mesh.extents))
-    ground = Field(16, center=standing.bounds.mean(0), scale=2 / max(standing.extents))
+    ground = made_field(16, center=standing.bounds.mean(0), scale=2 / max(standing.extents))
     dfd.Deformer(standing, ground)
     lying = dfd.Mesh(standing.vertices @ [[1, 0, 0], [0, 0, 1], [0, -1, 0]], mesh.faces)
     with pytest.warns(UserWarning, match=r"weights beyond that shape's box are a guess\. Unless the mesh is a pose"):

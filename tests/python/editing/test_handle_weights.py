@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from made_field import made_field
 
 import dfd
 from dfd.editing import posed_shape, vertex_rows
@@ -279,7 +280,7 @@ def test_weights_are_those_of_the_handles_whatever_was_done_before(steps):
 
 
 SMALL = dfd.Mesh(np.random.default_rng(0).standard_normal((40, 3)), [[0, 1, 2]])
-FEW = Field.seeded(0, 4, width=8, layers=1, center=SMALL.bounds.mean(0), scale=2 / max(SMALL.extents))
+FEW = made_field(4, seed=0, width=8, layers=1, center=SMALL.bounds.mean(0), scale=2 / max(SMALL.extents))
 
 
 def test_the_memory_of_many_handles_is_given_back(deformer):

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from made_field import made_field
 
 import dfd
 from dfd.editing.regions import Ball, Box, HalfSpace, VertexSet
 from dfd.editing.transfer import transfer
-from dfd.field.field import Field
 
 
 class Known:
@@ -16,14 +16,12 @@ class Known:
 
     def __init__(self, scale=1.0, shift=(0.0, 0.0, 0.0), mesh=None, signature=None):
         self.factor, self.shift = scale, np.asarray(shift)
-        self.signature = signature or Field.seeded(
-            3, 16, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents)
+        self.signature = signature or made_field(
+            16, seed=3, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents)
         )
         bounds = scale * mesh.bounds + self.shift
-        import torch
-
-        self.center = torch.tensor(bounds.mean(axis=0))
-        self.scale = torch.tensor(2 / np.ptp(bounds, axis=0).max())
+        self.center = bounds.mean(axis=0)
+        self.scale = 2 / np.ptp(bounds, axis=0).max()
 
     def __call__(self, points):
         return self.signature((np.asarray(points) - self.shift) / self.factor)
@@ -85,7 +83,7 @@ def test_the_carried_edit_deforms_the_other_shape_as_the_first_one(mesh, moved, 
 
 def test_a_stranger_gets_little_confidence(mesh, moved, fields):
     stranger = Known(3.0, (5, 0, 0), mesh)
-    stranger.signature = Field.seeded(9, 16, width=32, layers=2, center=mesh.bounds.mean(0), scale=2)
+    stranger.signature = made_field(16, seed=9, width=32, layers=2, center=mesh.bounds.mean(0), scale=2)
     session = dfd.Deformer(mesh, fields[0], features=fields[0].features(mesh))
     session.add(5)
     assert transfer(session.edit, fields[0], moved[0], stranger).confidence[1] < 0.5
@@ -111,7 +109,7 @@ def test_regions_are_carried_from_box_to_box(mesh, moved, fields):
 def test_fields_of_two_encoders_are_refused(mesh, moved, fields):
     session = dfd.Deformer(mesh, fields[0], features=fields[0].features(mesh))
     with pytest.raises(ValueError, match=r"transfer: `field_to` must have features of width 16 .*, got 8"):
-        transfer(session.edit, fields[0], moved[0], Field.seeded(0, 8))
+        transfer(session.edit, fields[0], moved[0], made_field(8, seed=0))
 
 
 def test_a_region_that_is_not_there_is_refused(mesh, moved, fields):

@@ -1,4 +1,4 @@
-"""Copies with fewer faces: the same shape and colours."""
+"""Copies with fewer faces: the same shape and colors."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_a_small_mesh_comes_back_as_it_is(quadruped: Mesh) -> None:
     assert simplify(quadruped, len(quadruped.faces)) is quadruped
 
 
-def test_colours_stay_in_their_places() -> None:
+def test_colors_stay_in_their_places() -> None:
     coarse = simplify(sphere(), 800)
     assert len(coarse.faces) <= 800
     assert coarse.appearance is not None
@@ -74,11 +74,11 @@ def test_the_silhouette_stays() -> None:
     exact, rough = (render(fine, views=4, resolution=64, simplify_to=count) for count in (None, 1000))
     assert len(rough.points) == pytest.approx(len(exact.points), rel=0.02)
     assert np.linalg.norm(rough.points, axis=1) == pytest.approx(1.0, abs=0.05)
-    # Mostly the same colours in the same pixels.
+    # Mostly the same colors in the same pixels.
     assert (np.abs(exact.images.astype(int) - rough.images).max(axis=-1) > 40).mean() < 0.06
 
 
-def test_textured_colours_are_looked_up() -> None:
+def test_textured_colors_are_looked_up() -> None:
     plain = sphere()
     texture = np.zeros((2, 2, 4), np.uint8)
     texture[..., 3] = 255

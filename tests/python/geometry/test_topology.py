@@ -1,4 +1,4 @@
-"""Counts of pieces and defects, on meshes whose defects are known."""
+"""Counts of components and defects, on meshes whose defects are known."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import pytest
 import trimesh
 from mesh_files import CORNERS, CUBE, textured_quad, write
 
-from dfd.geometry.topology import face_components, inspect, sound_faces
+from dfd.geometry.topology import face_components, inspect
 from dfd.mesh.mesh import Mesh, load
 
 
-def test_a_cube_is_one_closed_piece() -> None:
+def test_a_cube_is_one_closed_component() -> None:
     found = inspect(Mesh(CORNERS * 2, CUBE))
     assert (found.vertex_count, found.face_count, found.components) == (8, 12, 1)
     assert (found.boundary_edges, found.non_manifold_edges) == (0, 0)
@@ -42,7 +42,7 @@ def test_positions_that_coincide_count_as_one_vertex_of_the_surface() -> None:
     assert (found.components, found.boundary_edges, found.vertex_count) == (1, 0, 36)
 
 
-def test_pieces_joined_only_at_a_vertex_are_one_piece_and_apart_are_two() -> None:
+def test_components_joined_only_at_a_vertex_are_one_and_apart_are_two() -> None:
     touching = Mesh(np.vstack([CORNERS, CORNERS[1:] * -1]), np.vstack([CUBE, np.where(CUBE == 0, 0, CUBE + 7)]))
     apart = Mesh(np.vstack([CORNERS, CORNERS + 5]), np.vstack([CUBE, CUBE + 8]))
     assert inspect(touching).components == 1
@@ -89,11 +89,9 @@ def test_counts_agree_with_trimesh_on_a_torn_sphere() -> None:
     assert found.components == len(np.unique(links[torn.faces]))
 
 
-def test_sound_faces_and_their_components() -> None:
-    faces = np.array([(0, 1, 2), (2, 1, 0), (3, 3, 4), (5, 6, 7), (2, 3, 4)], np.int32)
-    sound = sound_faces(faces)
-    assert sound.tolist() == [[0, 1, 2], [5, 6, 7], [2, 3, 4]]
-    assert face_components(sound).tolist() == [0, 1, 0]
+def test_faces_are_numbered_by_component() -> None:
+    faces = np.array([(0, 1, 2), (5, 6, 7), (2, 3, 4)], np.int32)
+    assert face_components(faces).tolist() == [0, 1, 0]
     assert face_components(np.zeros((0, 3), np.int32)).shape == (0,)
 
 

@@ -17,6 +17,14 @@ def test_the_longest_side_fills_the_box() -> None:
     assert scale == pytest.approx(0.5)
 
 
+def test_the_frame_brings_points_there_and_back() -> None:
+    frame = normalization(Mesh(TRIANGLE, [[0, 1, 2]]))
+    placed = frame.apply(TRIANGLE)
+    assert placed.min() == -1
+    assert placed.max() == 1
+    assert frame.invert(placed) == pytest.approx(TRIANGLE)
+
+
 @pytest.mark.parametrize("factor", [1e-300, 1e-30, 1e30, 3e307])
 def test_any_size_will_do(factor: float) -> None:
     center, scale = normalization(Mesh(factor * TRIANGLE, [[0, 1, 2]]))
@@ -35,5 +43,5 @@ def test_a_box_across_all_numbers_does_not_overflow() -> None:
 def test_one_point_has_no_size() -> None:
     assert box_normalization(np.ones(3), np.ones(3)) is None
     assert box_normalization(np.zeros(3), np.full(3, 1e-310)) is None  # its factor would be infinite
-    with pytest.raises(ValueError, match="`mesh` must have some extent, got all vertices at one point"):
+    with pytest.raises(ValueError, match="^`mesh` must have some extent, got all vertices at one point"):
         normalization(Mesh(np.ones((3, 3)), [[0, 1, 2]]))

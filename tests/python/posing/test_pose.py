@@ -7,27 +7,13 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from posing.made_motion import rotation, scene
 
 import dfd
 from dfd import reference
 
 PLANE = dfd.SymmetryPlane((0.6, 0.0, 0.8), 0.25)
 TYPES = pytest.mark.parametrize("dtype", [np.float32, np.float64])
-
-
-def rotation(axis, angle):
-    x, y, z = np.asarray(axis, float) / np.linalg.norm(axis)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-
-
-def scene(vertex_count, handle_count, *, seed=0, dtype=np.float32):
-    """Vertices, weights that sum to less and to more than 1, and affine transforms."""
-    random = np.random.default_rng(seed)
-    vertices = random.standard_normal((vertex_count, 3)).astype(dtype)
-    weights = (random.random((vertex_count, handle_count)) * 2.5 / max(handle_count, 1)).astype(np.float32)
-    transforms = np.eye(3, 4) + 0.5 * random.standard_normal((handle_count, 3, 4))
-    return vertices, weights, transforms
 
 
 @settings(max_examples=60, deadline=None)

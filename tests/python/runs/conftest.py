@@ -15,13 +15,20 @@ from dfd.distillation import smoothing
 from dfd.runs import fit_state
 
 
-@pytest.fixture(scope="module")
-def every_step_is_kept(one_thread: None) -> Iterator[None]:
-    """Every step of the fit is kept; and features spread over fewer points, which is quicker."""
+@pytest.fixture(autouse=True, scope="module")
+def _small_and_alone() -> Iterator[None]:
+    """Features spread over fewer points, which is quicker; no hub is asked."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HF_HUB_OFFLINE", "1")
-        patch.setattr(fit_state, "SECONDS", 0.0)
         patch.setattr(smoothing, "NODES", FEW_NODES)
+        yield
+
+
+@pytest.fixture(scope="module")
+def every_step_is_kept(one_thread: None) -> Iterator[None]:
+    """Every step of the fit is kept."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fit_state, "SECONDS", 0.0)
         yield
 
 
@@ -38,6 +45,6 @@ def mesh() -> Mesh:
 
 
 @pytest.fixture(scope="module")
-def whole(encoder: Path, mesh: Mesh, every_step_is_kept: None) -> Field:
+def whole(encoder: Path, mesh: Mesh) -> Field:
     """What an uninterrupted run gives."""
     return dfd.distill(mesh, encoder, **SMALL)

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from stopped_runs import FEW_NODES, RECIPE, SMALL, count_work, interrupted, same, stop_at
+from made_field import same
+from stopped_runs import FEW_NODES, RECIPE, SMALL, count_work, interrupted, stop_at
 
 import dfd
 import dfd.distillation.algorithm

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from stopped_runs import RECIPE, SMALL, count_work, interrupted, same
+from made_field import same
+from stopped_runs import RECIPE, SMALL, count_work, interrupted
 
 import dfd
 from dfd import Field, Mesh

@@ -1,98 +1,121 @@
-"""Symmetry planes: reflections that are reflections, and the true plane among three."""
+"""Mirror planes: found wherever they lie, with a part that has no like, and not where nothing is mirrored."""
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+from symmetry.shapes import FoldedField, about_y, creature, mirror_x, mirror_xz, table
 
 import dfd
-from dfd.symmetry.plane import SymmetryPlane, axis_name, axis_plane
+from dfd.mesh.mesh import Mesh
 from dfd.symmetry.search import scored_planes
 
-
-class MirrorField:
-    """Features that know |x − 5| and y and z: alike across the plane x = 5 and across no other."""
-
-    def __call__(self, points: np.ndarray) -> np.ndarray:
-        x, y, z = (np.asarray(points) - [5.0, 0.0, 0.0]).T
-        rows = np.stack([np.abs(x), y, z, np.ones(len(x))], 1)
-        return (rows / np.linalg.norm(rows, axis=1, keepdims=True)).astype(np.float32)
+TURNS = [np.eye(3), *Rotation.random(3, random_state=7).as_matrix()]
 
 
-@pytest.fixture
-def cloud() -> SimpleNamespace:
-    vertices = np.random.default_rng(3).uniform(-1, 1, (500, 3)) + [5.0, 0.0, 0.0]
-    vertices = np.concatenate([vertices, vertices * [-1, 1, 1] + [10.0, 0, 0]])
-    return SimpleNamespace(vertices=vertices, bounds=np.array([vertices.min(0), vertices.max(0)]))
+@pytest.mark.parametrize("turn", TURNS)
+@pytest.mark.parametrize("armed", [False, True])
+def test_the_plane_is_found_however_the_shape_is_turned_and_armed(turn: np.ndarray, armed: bool) -> None:
+    offset = (3.0, -1.0, 20.0)
+    mesh = creature(turn, offset, armed=armed)
+    planes = dfd.symmetry_planes(FoldedField(mirror_x, turn, offset), mesh)
+    assert len(planes) == 1
+    normal = turn[:, 0]
+    along = abs(np.dot(planes[0].normal, normal))
+    assert np.degrees(np.arccos(min(along, 1))) < (1.5 if armed else 0.3)
+    height = planes[0].signed_distance([offset])[0]
+    assert abs(height) < (0.03 if armed else 0.005)
+    assert planes[0].relative_score < 0.1
+    assert planes[0].band == pytest.approx(0.03 * mesh.extents.max())
 
 
-def test_only_the_true_plane_is_found(cloud: SimpleNamespace) -> None:
-    (plane,) = dfd.symmetry_planes(MirrorField(), cloud)
+def test_a_plane_that_is_nearly_of_the_coordinates_is_of_them() -> None:
+    (plane,) = dfd.symmetry_planes(FoldedField(mirror_x), creature())
     assert plane.normal == (1.0, 0.0, 0.0)
-    assert plane.offset == pytest.approx(5.0)
-    assert plane.score == pytest.approx(0.0, abs=1e-6)
-    scores = [other.score for other in scored_planes(MirrorField(), cloud)]
-    assert scores == sorted(scores)
-    assert scores[1] > 0.3
+    assert plane.offset == 0.0
+    assert plane.score == pytest.approx(0.0, abs=1e-5)
+    (plane,) = dfd.symmetry_planes(FoldedField(mirror_x), creature(armed=True))
+    assert plane.normal == (1.0, 0.0, 0.0)
+    assert plane.offset == 0.0
 
 
-def test_a_large_threshold_takes_every_plane(cloud: SimpleNamespace) -> None:
-    assert len(dfd.symmetry_planes(MirrorField(), cloud, threshold=2.0)) == 3
+def test_several_planes_are_ranked_and_merged() -> None:
+    planes = dfd.symmetry_planes(FoldedField(about_y(4)), table(4))
+    assert not planes  # the features turn with the table, but are not their own mirror image
+    both = dfd.symmetry_planes(FoldedField(mirror_xz), table(4))
+    assert sorted(plane.normal for plane in both) == [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0)]
+    assert [plane.relative_score for plane in both] == sorted(plane.relative_score for plane in both)
 
 
-class HalfMirrorField:
-    """Features that know |x − 5| and a little of its sign, and of y and z; `tilt` says how little of y's sign."""
-
-    def __init__(self, tilt: float) -> None:
-        self.tilt = tilt
-
-    def __call__(self, points: np.ndarray) -> np.ndarray:
-        x, y, z = (np.asarray(points) - [5.0, 0.0, 0.0]).T
-        rows = np.stack([np.abs(x) + 0.01 * x, np.abs(y) + self.tilt * y, z, np.ones(len(x))], 1)
-        return (rows / np.linalg.norm(rows, axis=1, keepdims=True)).astype(np.float32)
+def test_features_decide_and_not_the_form_alone() -> None:
+    """A ball has every plane; its features only one."""
+    ball = trimesh.creation.icosphere(4)
+    planes = dfd.symmetry_planes(FoldedField(mirror_x), Mesh(ball.vertices, ball.faces))
+    assert [plane.normal for plane in planes] == [(1.0, 0.0, 0.0)]
 
 
-@pytest.mark.parametrize(("tilt", "found"), [(0.012, ["x", "y"]), (0.09, ["x"])])
-def test_a_plane_far_less_alike_than_the_best_is_none(cloud: SimpleNamespace, tilt: float, found: list[str]) -> None:
-    field = HalfMirrorField(tilt)
-    assert scored_planes(field, cloud)[1].score < 0.1
-    assert [axis_name(plane.normal) for plane in dfd.symmetry_planes(field, cloud)] == found
-    # The paper's rule, asked for by its ε, takes both.
-    assert len(dfd.symmetry_planes(field, cloud, threshold=0.1)) == 2
+def test_the_own_plane_of_a_flat_shape_is_none() -> None:
+    plate = creature()
+    flat = Mesh(plate.vertices * [1, 1, 0.02], plate.faces)
+    planes = dfd.symmetry_planes(FoldedField(mirror_x), flat)
+    assert [plane.normal for plane in planes] == [(1.0, 0.0, 0.0)]
+    sheet = Mesh(plate.vertices * [1, 1, 0], plate.faces)
+    assert [plane.normal for plane in dfd.symmetry_planes(FoldedField(mirror_x), sheet)] == [(1.0, 0.0, 0.0)]
 
 
-def test_reflection_matrix_and_distance_agree() -> None:
-    normal = np.array([1.0, 2.0, -2.0]) / 3
-    plane = SymmetryPlane(tuple(normal), 0.7)
-    points = np.random.default_rng(0).normal(size=(20, 3))
-    mirrored = plane.reflect(points)
-    np.testing.assert_allclose(plane.signed_distance(mirrored), -plane.signed_distance(points), atol=1e-12)
-    np.testing.assert_allclose(points @ plane.matrix()[:, :3].T + plane.matrix()[:, 3], mirrored, atol=1e-12)
-    np.testing.assert_allclose(plane.reflect(mirrored), points, atol=1e-12)
+def test_a_shape_without_symmetry_has_none() -> None:
+    assert dfd.symmetry_planes(FoldedField(lambda points: points), creature(armed=True)) == []
 
 
-def test_axis_plane_stands_at_the_box_centre(cloud: SimpleNamespace) -> None:
-    assert axis_plane(cloud, "x").offset == pytest.approx(5.0)
-    with pytest.raises(ValueError, match="`axis` must be x, y or z, got 'w'"):
-        axis_plane(cloud, "w")
+def test_a_threshold_goes_by_the_score_of_the_paper() -> None:
+    field, mesh = FoldedField(mirror_x), creature()
+    planes = dfd.symmetry_planes(field, mesh, threshold=9.0)
+    assert planes == scored_planes(field, mesh)
+    (plane,) = dfd.symmetry_planes(field, mesh, threshold=0.1)
+    reflected = np.linalg.norm(field(mesh.vertices) - field(plane.reflect(mesh.vertices)), axis=1).mean()
+    assert plane.score == pytest.approx(reflected, abs=1e-6)
+
+
+def test_the_planes_of_the_paper_stay_available() -> None:
+    field, mesh = FoldedField(mirror_x), creature()
+    planes = dfd.symmetry_planes(field, mesh, threshold=9.0, candidates="axes")
+    assert sorted(plane.normal for plane in planes) == [(0, 0, 1), (0, 1, 0), (1, 0, 0)]
+    assert all(plane.signed_distance([mesh.bounds.mean(axis=0)])[0] == pytest.approx(0, abs=1e-9) for plane in planes)
+    (plane,) = dfd.symmetry_planes(field, mesh, candidates="axes")
+    assert plane.normal == (1.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_size_does_not_matter(scale: float) -> None:
+    mesh = creature()
+    field = FoldedField(mirror_x)
+    (plane,) = dfd.symmetry_planes(lambda points: field(points / scale), Mesh(mesh.vertices * scale, mesh.faces))
+    assert plane.normal == (1.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("vertices", [np.zeros((3, 3)), np.eye(3), np.arange(9.0).reshape(3, 3)])
+def test_meshes_of_one_face_or_none_with_an_area(vertices: np.ndarray) -> None:
+    planes = dfd.symmetry_planes(FoldedField(lambda points: points), Mesh(vertices, [(0, 1, 2)]))
+    assert all(np.isfinite([*plane.normal, plane.offset, plane.score]).all() for plane in planes)
+
+
+def test_features_without_any_spread_say_nothing() -> None:
+    def same(points: np.ndarray) -> np.ndarray:
+        return np.ones((len(points), 4), np.float32) / 2
+
+    assert dfd.symmetry_planes(same, creature()) == []  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("options", "message"),
     [
-        (((1, 1, 0), 0.0), "`normal` must have length 1"),
-        (((1, 0), 0.0), r"`normal` must have shape \(3,\)"),
-        (((1, 0, 0), float("nan")), "`offset` must be finite, got nan"),
-        (((1, 0, 0), 0.0, 0.0, 0.0, -1.0), "`band` must be at least 0, got -1"),
+        ({"threshold": -0.5}, "`threshold` must be at least 0, got -0.5"),
+        ({"threshold": float("nan")}, "`threshold` must be finite"),
+        ({"candidates": "all"}, "`candidates` must be any or axes, got 'all'"),
     ],
 )
-def test_a_plane_that_is_none_is_refused(arguments: tuple, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        SymmetryPlane(*arguments)
-
-
-def test_a_bad_threshold_is_refused(cloud: SimpleNamespace) -> None:
-    with pytest.raises(ValueError, match="`threshold` must be at least 0, got -0.5"):
-        dfd.symmetry_planes(MirrorField(), cloud, threshold=-0.5)
+def test_bad_options_are_refused(options: dict, message: str) -> None:
+    with pytest.raises(ValueError, match="symmetry_planes: " + message):
+        dfd.symmetry_planes(FoldedField(mirror_x), creature(), **options)

@@ -1,4 +1,4 @@
-"""Cameras: even directions, sound bases, framing that is tight and cuts nothing, mirrored pairs."""
+"""Cameras: even directions, orthonormal bases, framing that is tight and cuts nothing, mirrored pairs."""
 
 from __future__ import annotations
 
@@ -60,12 +60,11 @@ def test_mirrored_directions_spread_evenly_too() -> None:
 
 
 @pytest.mark.parametrize("direction", [(0, 1, 0), (0, -1, 0), (0, 0, 1), (1, 0, 0), (1e-9, 1, -1e-9), (0.03, -1, 0.01)])
-@pytest.mark.parametrize("flipped", [False, True])
-def test_axes_are_orthonormal_from_everywhere(direction: tuple[float, float, float], flipped: bool) -> None:
-    camera = camera_towards(direction, cloud(0, 20), flipped=flipped)
+def test_axes_are_orthonormal_from_everywhere(direction: tuple[float, float, float]) -> None:
+    camera = camera_towards(direction, cloud(0, 20))
     axes = np.stack([camera.right, camera.up, camera.back])
     assert axes @ axes.T == pytest.approx(np.eye(3), abs=1e-12)
-    assert np.linalg.det(axes) == pytest.approx(-1 if flipped else 1)
+    assert np.linalg.det(axes) == pytest.approx(1)
     assert camera.back == pytest.approx(np.array(direction) / np.linalg.norm(direction))
     assert camera.up[1] >= -1e-8
 
@@ -75,7 +74,7 @@ def test_straight_down_has_the_back_on_top() -> None:
     assert camera_towards((0, -1, 0), cloud(0, 20)).up == pytest.approx([0, 0, 1])
 
 
-def test_rays_and_projection_agree_on_pixel_centres() -> None:
+def test_rays_and_projection_agree_on_pixel_centers() -> None:
     camera = camera_towards((0.3, 0.4, -0.8), cloud(1, 50), field_of_view=40)
     directions = camera.ray_directions(7).astype(np.float64)
     assert np.linalg.norm(directions, axis=1) == pytest.approx(1.0, abs=1e-6)

@@ -1,4 +1,4 @@
-"""Light, colours and what is seen through clear surfaces."""
+"""Light, colors and what is seen through clear surfaces."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from dfd import Mesh
-from dfd.mesh.appearance import GREY, Appearance, Material
+from dfd.mesh.appearance import GREY, Appearance, Material, blend
 from dfd.mesh.normals import smooth_normals
 from dfd.views.cameras import Camera, camera_towards
 from dfd.views.raycast import Scene
-from dfd.views.shading import AMBIENT, DIFFUSE, Shading, blend, facing
+from dfd.views.shading import AMBIENT, DIFFUSE, Shading, facing
 
 SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
 TWO = np.array([[0, 1, 2], [0, 2, 3]])
@@ -38,7 +38,7 @@ def look(mesh: Mesh, direction: tuple[float, float, float] = (0, 0, 1), resoluti
 
 
 def lit(value: float, camera: Camera, resolution: int = 21, row: int = 10, column: int = 10) -> float:
-    """What a surface of that colour facing +z shows at a pixel."""
+    """What a surface of that color facing +z shows at a pixel."""
     direction = camera.ray_directions(resolution)[row * resolution + column]
     return value * (AMBIENT + DIFFUSE * abs(direction[2])) * 255
 
@@ -146,7 +146,7 @@ def test_panes_one_behind_another_multiply() -> None:
     assert image[10, 10] == pytest.approx(np.full(3, 0.125 * 255), abs=0.6)
 
 
-def test_colours_come_through_blended() -> None:
+def test_colors_come_through_blended() -> None:
     colors = np.array([[1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1], [1, 1, 1, 1]], np.float32)
     appearance = Appearance(
         corners=np.arange(4, dtype=np.int32),

@@ -47,34 +47,34 @@ def test_an_open_bowl_is_seen_whole() -> None:
 @pytest.mark.parametrize("scale", [1e-200, 1.0, 1e200])
 def test_a_box_in_a_box_is_not_seen(scale: float) -> None:
     found = unseen(together((CORNERS * scale, CUBE), ((CORNERS / 2 + 0.25) * scale, CUBE)))
-    assert (found.pieces, found.piece_count) == (1, 2)
+    assert (found.components, found.component_count) == (1, 2)
     assert found.area == pytest.approx(1 / 5, abs=1e-3)  # a quarter of the outer one's area
 
 
 def test_with_a_window_it_is_seen_in_part() -> None:
     inner = (CORNERS / 2 + 0.25, CUBE)
     found = unseen(together((CORNERS, CUBE[1:]), inner))
-    assert found.pieces == 0
+    assert found.components == 0
     assert 0 < found.area < 0.2
 
 
 def test_where_two_boxes_touch_nothing_is_seen() -> None:
     found = unseen(together((CORNERS, CUBE), (CORNERS + [0, 0, 1], CUBE)))
     assert found.area == pytest.approx(2 / 12, abs=2e-3)
-    assert (found.pieces, found.piece_count) == (0, 1)
+    assert (found.components, found.component_count) == (0, 1)
 
 
 def test_a_face_may_be_hidden_in_part() -> None:
     standing = (0.4 * CORNERS + [0.3, 0.3, 1], CUBE)  # on the larger box
     found = unseen(together((CORNERS, CUBE), standing))
     assert found.area == pytest.approx(2 * 0.16 / (6 + 6 * 0.16), abs=1e-3)
-    assert (found.pieces, found.piece_count) == (0, 2)
+    assert (found.components, found.component_count) == (0, 2)
 
 
-def test_the_smallest_piece_counts_as_one() -> None:
+def test_the_smallest_component_counts_as_one() -> None:
     specks = [(CORNERS * 1e-3 + [0.2 + 0.1 * i, 0.5, 0.5], CUBE) for i in range(5)]
     found = unseen(together((CORNERS, CUBE), *specks))
-    assert (found.pieces, found.piece_count) == (5, 6)
+    assert (found.components, found.component_count) == (5, 6)
     assert found.area == pytest.approx(5e-6, rel=0.01)
 
 
@@ -89,7 +89,7 @@ def test_faces_without_area_and_unused_vertices_do_no_harm() -> None:
     vertices = np.vstack([CORNERS, [(0, 0, 2), (90, 0, 0)]])
     bad = [(0, 0, 1), (3, 3, 3), (0, 1, 8), CUBE[0], CUBE[1][[2, 1, 0]]]
     mesh = Mesh(vertices[:9], np.vstack([CUBE, bad]))
-    assert unseen(mesh).pieces == 0
+    assert unseen(mesh).components == 0
     assert unseen(Mesh(vertices, CUBE)) == Unseen(24, 0.0, 0, 1)
 
 

@@ -10,23 +10,10 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from weights.made_features import unit_rows
 
 import dfd
 from dfd import reference
-
-
-def unit_rows(count, dimension, *, seed=0, spread=0.5):
-    """(count, dimension) float32 unit rows that scatter around one direction, as the features of a shape do."""
-    random = np.random.default_rng(seed)
-    rows = random.standard_normal(dimension) + spread * random.standard_normal((count, dimension))
-    return (rows / np.linalg.norm(rows, axis=1, keepdims=True)).astype(np.float32)
-
-
-def twin(features, handles, *, fixed=None, geodesic=None, locality=0.0):
-    weights = reference.feature_weights(features, features[handles])
-    if fixed is not None:
-        weights = reference.subtract_fixed(weights, reference.feature_weights(features, features[fixed]))
-    return weights if geodesic is None else reference.geodesic_falloff(weights, geodesic, locality)
 
 
 @settings(max_examples=60, deadline=None)
@@ -42,26 +29,26 @@ def test_agrees_with_the_twin(count, dimension, handle_count, fixed_count, seed,
     random = np.random.default_rng(seed)
     features = unit_rows(count, dimension, seed=seed, spread=random.uniform(0.01, 1))
     handles = random.permutation(count)[:handle_count]
-    fixed = random.integers(0, count, fixed_count) if fixed_count else None
+    fixed = random.integers(0, count, fixed_count)
     geodesic = random.random((len(handles), count), dtype=np.float32) if local else None
     locality = random.uniform(0, 6, len(handles)) if local else 0.0
     weights = dfd.bind(features, handles, fixed=fixed, geodesic=geodesic, locality=locality)
     assert weights.dtype == np.float32
     assert weights.flags.c_contiguous
-    wanted = twin(features, handles, fixed=fixed, geodesic=geodesic, locality=locality)
+    wanted = reference.bind(features, handles, fixed=fixed, geodesic=geodesic, locality=locality)
     np.testing.assert_allclose(weights, wanted, rtol=0, atol=1e-5)
 
 
 @pytest.mark.parametrize("dimension", [2, 64, 384, 1536])
 def test_close_rows_keep_their_digits(dimension):
     features = unit_rows(300, dimension, spread=1e-4)
-    np.testing.assert_allclose(dfd.bind(features, [5]), twin(features, [5]), rtol=0, atol=2e-7)
+    np.testing.assert_allclose(dfd.bind(features, [5]), reference.bind(features, [5]), rtol=0, atol=2e-7)
 
 
 def test_rows_need_not_be_of_unit_length():
     features = 30 * unit_rows(100, 40, spread=1e-3)
     features[50:] *= 1e-3
-    np.testing.assert_allclose(dfd.bind(features, [3, 60]), twin(features, [3, 60]), rtol=0, atol=1e-5)
+    np.testing.assert_allclose(dfd.bind(features, [3, 60]), reference.bind(features, [3, 60]), rtol=0, atol=1e-5)
 
 
 def test_finite_features_whose_distance_overflows_are_simply_far():
@@ -136,7 +123,8 @@ def test_falloff_takes_any_power(locality):
     features = unit_rows(80, 16, spread=0.1)
     geodesic = np.linspace(0, 1, 80, dtype=np.float32)[None]
     weights = dfd.bind(features, [4], geodesic=geodesic, locality=locality)
-    np.testing.assert_allclose(weights, twin(features, [4], geodesic=geodesic, locality=locality), rtol=0, atol=1e-6)
+    wanted = reference.bind(features, [4], geodesic=geodesic, locality=locality)
+    np.testing.assert_allclose(weights, wanted, rtol=0, atol=1e-6)
 
 
 def test_float16_distances_are_taken_as_any_other_type():
@@ -256,6 +244,14 @@ def test_torch_tensors_share_their_memory():
     np.testing.assert_array_equal(out.numpy(), weights.numpy())
 
 
+def test_tensors_that_require_gradients_are_refused():
+    features = torch.from_numpy(unit_rows(50, 12)).requires_grad_()
+    with pytest.raises(ValueError, match="^bind: weights have no gradients: detach the tensors that require them"):
+        dfd.bind(features, [1, 2])
+    with torch.no_grad():
+        np.testing.assert_array_equal(dfd.bind(features, [1]).numpy(), dfd.bind(features.detach(), [1]).numpy())
+
+
 FEATURES = unit_rows(6, 4)
 NAN_FEATURES = np.where(np.arange(24).reshape(6, 4) == 14, np.nan, FEATURES)
 
@@ -298,6 +294,11 @@ NAN_FEATURES = np.where(np.arange(24).reshape(6, 4) == 14, np.nan, FEATURES)
         ({"out": np.frombuffer(bytes(24), np.float32).reshape(6, 1)}, r"`out` must be writable"),
         ({"out": [0] * 6}, r"`out` must be an array of .*, got list"),
         ({"features": torch.empty(6, 4, device="meta")}, r"`features` must be on the CPU"),
+        ({"handles": torch.empty(2, dtype=torch.int64, device="meta")}, r"`handles` must be on the CPU"),
+        ({"locality": torch.empty(1, device="meta"), "geodesic": np.zeros((1, 6))}, r"`locality` must be on the CPU"),
+        ({"features": np.empty((2**40, 0), np.float32), "handles": []}, r"`features` must have at least one dimension"),
+        ({"features": np.ma.masked_array(FEATURES, FEATURES > 0)}, r"`features` must not be a masked array"),
+        ({"handles": np.ma.masked_array([0, 1], [True, False])}, r"`handles` must not be a masked array"),
     ],
 )
 def test_bad_input(arguments, message):

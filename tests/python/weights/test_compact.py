@@ -145,6 +145,17 @@ def test_rows_outside_the_sample_widen_the_step():
     assert np.abs(dfd.bind(compact, [0, 1]) - full).max() <= 0.05
 
 
+@pytest.mark.parametrize("count", [3000, 20_000])
+@pytest.mark.parametrize("tolerance", [0.05, 0.002])
+def test_a_row_out_of_all_proportion_is_refused_and_not_called_exact(count, tolerance):
+    features = features_of_low_rank(count)
+    sample = np.random.default_rng(0).choice(count, min(count, 16_384), replace=False)
+    others = np.setdiff1d(np.arange(count), sample)  # what the first sample does not see
+    features[others[0] if len(others) else 7] *= 1e18
+    with pytest.raises(ValueError, match=r"^compact: (`tolerance` must be larger|`features` hold a row (so|too) far)"):
+        dfd.compact(features, tolerance=tolerance)
+
+
 def test_torch_tensors_are_taken():
     from_torch, from_numpy = dfd.compact(torch.from_numpy(FEATURES)), dfd.compact(FEATURES)
     np.testing.assert_array_equal(from_torch.blocks, from_numpy.blocks)

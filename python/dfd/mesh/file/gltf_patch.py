@@ -9,8 +9,9 @@ from __future__ import annotations
 import base64
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any, cast
 
 import numpy as np
@@ -211,23 +212,24 @@ class _Patch:
 
 def _needed_buffers(header: Header) -> set[int]:
     """Return the buffers that meshes of the scene's nodes, skins, animations and shown pictures take data from."""
-    accessors: set[object] = set()
-    views: set[object] = set()
+    accessors: set[int] = set()
+    views: set[int] = set()
     for primitive in _shown_primitives(header):
-        accessors.update(_values(primitive.get("attributes")), [primitive.get("indices")])
-        for target in primitive.get("targets") or []:
-            accessors.update(_values(target))
-        views.add((extension(primitive, DRACO) or {}).get("bufferView"))
-    accessors.update(skin.get("inverseBindMatrices") for skin in objects(header, "skins"))
+        accessors.update(_whole(_values(primitive.get("attributes")), [primitive.get("indices")]))
+        targets = primitive.get("targets")
+        for target in targets if isinstance(targets, list) else []:
+            accessors.update(_whole(_values(target)))
+        views.update(_whole([(extension(primitive, DRACO) or {}).get("bufferView")]))
+    accessors.update(_whole(skin.get("inverseBindMatrices") for skin in objects(header, "skins")))
     for animation in objects(header, "animations"):
         for sampler in objects(animation, "samplers"):
-            accessors.update((sampler.get("input"), sampler.get("output")))
+            accessors.update(_whole((sampler.get("input"), sampler.get("output"))))
     for index, accessor in enumerate(objects(header, "accessors")):
         if index in accessors:
             sparse = accessor.get("sparse")
             parts = [sparse.get(name) for name in ("indices", "values")] if isinstance(sparse, dict) else []
-            views.update(each.get("bufferView") for each in (accessor, *parts) if isinstance(each, dict))
-    views.update(header["images"][index].get("bufferView") for index in _needed_images(header))
+            views.update(_whole(each.get("bufferView") for each in (accessor, *parts) if isinstance(each, dict)))
+    views.update(_whole(header["images"][index].get("bufferView") for index in _needed_images(header)))
     buffers: set[int] = set()
     for index, view in enumerate(objects(header, "bufferViews")):
         if index in views:
@@ -245,12 +247,14 @@ def _needed_images(header: Header) -> set[int]:
     }:
         if is_index(index, len(materials)):
             textures.update(_texture_indices(materials[cast(int, index)]))
-    found: set[object] = set()
+    found: set[int] = set()
+    count = len(objects(header, "images"))
     for index, texture in enumerate(objects(header, "textures")):
         if index in textures:
             others = _values(texture.get("extensions"))
-            found.update(each.get("source") for each in (texture, *others) if isinstance(each, dict))
-    return {cast(int, each) for each in found if is_index(each, len(header.get("images", [])))}
+            sources = _whole(each.get("source") for each in (texture, *others) if isinstance(each, dict))
+            found.update(each for each in sources if 0 <= each < count)
+    return found
 
 
 def _texture_indices(material: Header) -> set[int]:
@@ -273,10 +277,13 @@ def _shown_primitives(header: Header) -> list[Header]:
     return [each for index in sorted(shown) for each in objects(meshes[index], "primitives")]
 
 
+def _whole(*values: Iterable[Any]) -> Iterator[int]:
+    """Yield the values that are whole numbers."""
+    return (each for each in chain(*values) if _is_int(each))
+
+
 def _values(value: object) -> list[Any]:
-    return (
-        [each for each in value.values() if _is_int(each) or isinstance(each, dict)] if isinstance(value, dict) else []
-    )
+    return list(value.values()) if isinstance(value, dict) else []
 
 
 def _is_int(value: object) -> bool:

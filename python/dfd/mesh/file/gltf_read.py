@@ -56,8 +56,9 @@ def read(header: Header, data: GltfData, assets: AssetFolder) -> tuple[list[Plac
                 geometry = _geometry(primitive, data, materials, looks)
                 geometries[mesh].append((number, names.unique(mesh_name or "mesh"), geometry))
         part = taken.unique(str(content.get("name") or mesh_name or f"node {node}"))
+        transform = None if np.array_equal(shown[node], np.eye(4)) else shown[node]
         for number, name, geometry in geometries[mesh]:
-            placings.append(Placing(part, name, geometry, shown[node], (node, mesh, number)))
+            placings.append(Placing(part, name, geometry, transform, (node, mesh, number)))
     return placings, looks
 
 

@@ -6,7 +6,7 @@ order, polygons, groups, smoothing, curves, comments and materials stay as they 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.obj_read import ObjSource, libraries, picture_name
-from dfd.mesh.file.obj_text import decoded
+from dfd.mesh.file.obj_text import ObjText, decoded, parse
 from dfd.mesh.file.pictures import Pictures
 from dfd.mesh.weld import weld
 
@@ -40,14 +40,14 @@ def encode(
     normals
         For each primitive its normals (rows, 3), None where it has none.
     """
-    text = source.text
+    text = parse(source.data)
     changed = (vertices != text.positions).any(axis=1)
     edits = _Edits(text.data)
     edits.replace(text.position_spans[changed], _triples(vertices[changed]))
-    _edit_normals(edits, source, normals)
+    _edit_normals(edits, text, source, normals)
     files: dict[str, bytes] = {}
     if target.parent.resolve() != source.folder.resolve():
-        names = _copied_libraries(target, source, files)
+        names = _copied_libraries(target, text, source.folder, files)
         for line, keyword, rest in text.statements:
             if keyword == "mtllib" and rest in names and names[rest] != rest:
                 edits.replace_line(line, f"mtllib {names[rest]}")
@@ -58,51 +58,49 @@ class _Edits:
     """Replacements in a text, made all at once."""
 
     def __init__(self, data: bytes) -> None:
-        self._data = data
-        self._spans: list[tuple[int, int]] = []
-        self._texts: list[bytes] = []
+        self._text = data.decode("latin-1")  # a letter for each byte, whatever they mean
+        self._spans: list[NDArray[np.int64]] = []
+        self._new: list[str] = []
 
-    def replace(self, spans: NDArray[np.int64], texts: Iterable[bytes]) -> None:
+    def replace(self, spans: NDArray[np.int64], texts: Sequence[str]) -> None:
         """Put `texts` where `spans` (L, 2) begin and end."""
-        self._spans += map(tuple, spans.tolist())
-        self._texts += texts
+        self._spans.append(spans)
+        self._new += texts
 
     def replace_line(self, line: int, text: str) -> None:
         """Put `text` in place of a line."""
         start = 0
         for _ in range(line):
-            start = self._data.index(b"\n", start) + 1
-        end = self._data.find(b"\n", start)
-        end = len(self._data) if end < 0 else end
-        if self._data[start:end].endswith(b"\r"):
-            end -= 1
-        self._spans.append((start, end))
-        self._texts.append(text.encode())
-
-    def insert(self, place: int, text: bytes) -> None:
-        """Put `text` before the byte at `place`."""
-        self._spans.append((place, place))
-        self._texts.append(text)
+            start = self._text.index("\n", start) + 1
+        end = start + len(self._text[start:].partition("\n")[0].rstrip("\r"))
+        self.replace(np.array([[start, end]]), [text.encode().decode("latin-1")])
 
     def result(self) -> bytes:
         """Return the text with everything replaced."""
-        pieces: list[bytes] = []
+        if not self._new:
+            return self._text.encode("latin-1")
+        spans = np.concatenate(self._spans)
+        order = np.lexsort(spans.T[::-1])
+        pieces: list[str] = []
         done = 0
-        for index in sorted(range(len(self._spans)), key=self._spans.__getitem__):
-            start, end = self._spans[index]
-            pieces += (self._data[done:start], self._texts[index])
+        for index, (start, end) in zip(order.tolist(), spans[order].tolist(), strict=True):
+            pieces.append(self._text[done:start])
+            pieces.append(self._new[index])
             done = end
-        return b"".join([*pieces, self._data[done:]])
+        pieces.append(self._text[done:])
+        return "".join(pieces).encode("latin-1")
 
 
-def _triples(values: NDArray[np.float64]) -> list[bytes]:
+def _triples(values: NDArray[np.float64]) -> list[str]:
     """Return three numbers (L, 3) as text, as short as they can be read back exactly."""
-    return [b"%b %b %b" % (repr(x).encode(), repr(y).encode(), repr(z).encode()) for x, y, z in values.tolist()]
+    return [f"{x!r} {y!r} {z!r}" for x, y, z in values.tolist()]
 
 
-def _edit_normals(edits: _Edits, source: ObjSource, normals: Sequence[NDArray[np.float64] | None]) -> None:
+def _edit_normals(
+    edits: _Edits, text: ObjText, source: ObjSource, normals: Sequence[NDArray[np.float64] | None]
+) -> None:
     """Move the normals that faces name; corners that shared one and no longer do get one of their own."""
-    text, known = source.text, [each is not None for each in normals]
+    known = [each is not None for each in normals]
     if not any(known):
         return
     by_row = np.concatenate(
@@ -125,7 +123,7 @@ def _edit_normals(edits: _Edits, source: ObjSource, normals: Sequence[NDArray[np
         return
     new = np.cumsum(~keeps) - 1
     begin = text.data.rfind(b"\n", 0, int(text.corner_spans[0, 0])) + 1
-    edits.insert(begin, b"".join(b"vn %b\n" % each for each in _triples(directions[~keeps])))
+    edits.replace(np.array([[begin, begin]]), ["".join(f"vn {each}\n" for each in _triples(directions[~keeps]))])
     # normals that come later in the file are counted on; a reader need not look ahead for any
     before = int(np.searchsorted(text.normal_spans[:, 0], begin))
     numbers = text.corners[:, 2].copy()
@@ -135,15 +133,15 @@ def _edit_normals(edits: _Edits, source: ObjSource, normals: Sequence[NDArray[np
     rewritten = np.flatnonzero((text.corners[:, 2] >= 0) & (relative | (numbers != text.corners[:, 2])))
     spans = text.corner_spans[rewritten]
     spans[:, 0] = [text.data.rfind(b"/", start, end) + 1 for start, end in spans.tolist()]
-    edits.replace(spans, [b"%d" % each for each in (numbers[rewritten] + 1).tolist()])
+    edits.replace(spans, list(map(str, (numbers[rewritten] + 1).tolist())))
 
 
-def _copied_libraries(target: Path, source: ObjSource, files: dict[str, bytes]) -> dict[str, str]:
+def _copied_libraries(target: Path, text: ObjText, folder: Path, files: dict[str, bytes]) -> dict[str, str]:
     """Add the materials that the file names, with their pictures, to `files`; return the new name of each library.
 
     They keep their names where nothing else stands there, and are named after `target` where something does.
     """
-    assets = AssetFolder(source.folder / "materials")
+    assets = AssetFolder(folder / "materials")
     pictures = Pictures()
 
     def added(name: str, data: bytes) -> str:
@@ -154,7 +152,7 @@ def _copied_libraries(target: Path, source: ObjSource, files: dict[str, bytes]) 
         return place.name
 
     names = {}
-    for library in libraries(source.text, assets):
+    for library in libraries(text, assets):
         try:
             content = decoded(assets.read(library))
         except (ValueError, OSError):  # it goes on being named

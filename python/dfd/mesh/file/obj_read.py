@@ -31,11 +31,11 @@ _OPTIONS = re.compile(r"-(?:imfchan\s+\w+|\w+(?:\s+(?:on|off|[-+]?[\d.]+(?:[eE][
 
 @dataclass(frozen=True)
 class ObjSource:
-    """An OBJ file's text, and the row of each corner of its faces, to write it again with other positions."""
+    """What it takes to write an OBJ file again with other positions; its text is parsed once more when that is done."""
 
-    text: ObjText
+    data: bytes
     folder: Path
-    corner_rows: NDArray[np.int64]  # (C,) row of each corner; −1 for corners of faces that are no faces
+    corner_rows: NDArray[np.int32]  # (C,) row of each corner of its faces; −1 where a face has too few corners
     row_counts: tuple[int, ...]  # rows of each primitive
 
 
@@ -66,7 +66,7 @@ def read(
     key = part[order] * (len(material_names) + 1) + material[order] + 1
     bounds = np.flatnonzero(np.diff(key, prepend=-1, append=-1))
     first = np.cumsum(text.sizes) - text.sizes
-    corner_rows = np.full(len(text.corners), -1, np.int64)
+    corner_rows = np.full(len(text.corners), -1, np.int32)
     placings, numbers, row_count = [], [], 0
     for begin, end in itertools.pairwise(bounds):
         some = order[begin:end]
@@ -85,7 +85,7 @@ def read(
         numbers.append(rows[:, 0])
         row_count += len(rows)
     vertex = np.concatenate(numbers) if numbers else np.zeros(0, np.int64)
-    return placings, materials.looks, vertex, ObjSource(text, path.parent, corner_rows, tuple(map(len, numbers)))
+    return placings, materials.looks, vertex, ObjSource(text.data, path.parent, corner_rows, tuple(map(len, numbers)))
 
 
 def libraries(text: ObjText, assets: AssetFolder) -> list[str]:

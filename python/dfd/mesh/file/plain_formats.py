@@ -27,10 +27,12 @@ def checked(data: bytes, ending: str) -> bytes:
     if ending == ".stl":
         return _stl(data)
     head, mark, body = data.partition(b"end_header")
-    if mark and b"format ascii" in head:
-        _check_ply(head.decode("latin-1"), body)
-        return data if body.isascii() else decoded(data).encode()
-    return data
+    if not mark:
+        return data
+    if b"format ascii" in head:
+        _check_ply(decoded(head), body)
+        return data if data.isascii() else decoded(data).encode()
+    return decoded(head).encode() + mark + body
 
 
 def _check_off(text: str) -> None:

@@ -69,16 +69,15 @@ def place(path: Path, placings: Sequence[Placing]) -> tuple[tuple[Primitive, ...
     primitives: list[Primitive] = []
     positions: list[NDArray[np.float64]] = []
     row_count = face_count = 0
-    checked: set[int] = set()
+    checked: dict[int, tuple[NDArray[np.float64], int]] = {}
+    identity = np.eye(4)
     for each in placings:
         geometry = each.geometry
-        vertices = geometry.vertices.view(np.ndarray)
-        size = len(geometry.faces)
+        if id(geometry) not in checked:
+            checked[id(geometry)] = _checked(path, each.name, geometry)
+        vertices, size = checked[id(geometry)]
         if size == 0:
             continue
-        if id(geometry) not in checked:
-            _check(path, each.name, geometry)
-            checked.add(id(geometry))
         if each.transform is not None and not np.isfinite(each.transform).all():
             raise ValueError(
                 f"load: `path` {path} must place its parts by finite transforms, got {each.part!r} without"
@@ -88,9 +87,9 @@ def place(path: Path, placings: Sequence[Placing]) -> tuple[tuple[Primitive, ...
         row_count, face_count = rows.stop, faces.stop
         if max(row_count, face_count) > _MOST_ROWS:
             raise ValueError(f"load: `path` {path} places more than {_MOST_ROWS} vertices or faces")
-        transform = np.eye(4) if each.transform is None else each.transform
+        transform = identity if each.transform is None else each.transform
         primitives.append(Primitive(each.part, each.name, geometry, transform, each.source, rows, faces))
-        positions.append(vertices if each.transform is None else _transformed(vertices, transform))
+        positions.append(vertices if transform is identity else _transformed(vertices, transform))
     if not primitives:
         raise ValueError(f"load: `path` {path} holds no faces")
     stacked = np.concatenate(positions)
@@ -99,9 +98,14 @@ def place(path: Path, placings: Sequence[Placing]) -> tuple[tuple[Primitive, ...
     return tuple(primitives), stacked
 
 
-def _check(path: Path, name: str, geometry: trimesh.Trimesh) -> None:
-    """Refuse coordinates that are not finite and faces of vertices that are not there."""
+def _checked(path: Path, name: str, geometry: trimesh.Trimesh) -> tuple[NDArray[np.float64], int]:
+    """Return the vertices and the number of faces of a geometry.
+
+    Coordinates that are not finite and faces of vertices that are not there are refused.
+    """
     vertices, faces = geometry.vertices.view(np.ndarray), geometry.faces.view(np.ndarray)
+    if len(faces) == 0:
+        return vertices, 0
     finite = np.isfinite(vertices)
     if not finite.all():
         row, axis = np.argwhere(~finite)[0]
@@ -114,11 +118,10 @@ def _check(path: Path, name: str, geometry: trimesh.Trimesh) -> None:
             f"load: `path` {path} must have faces between vertices 0 … {len(vertices) - 1} of {name!r}, "
             f"got {low if low < 0 else high}"
         )
+    return vertices, len(faces)
 
 
 def _transformed(points: NDArray[np.float64], transform: NDArray[np.float64]) -> NDArray[np.float64]:
-    if np.array_equal(transform, np.eye(4)):
-        return points
     with np.errstate(over="ignore", invalid="ignore"):  # judged afterwards, for the whole scene at once
         return points @ transform[:3, :3].T + transform[:3, 3]
 

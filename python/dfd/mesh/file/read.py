@@ -75,7 +75,8 @@ def of_trimesh(source: trimesh.Trimesh | trimesh.Scene) -> SceneFile:
     for node in source.graph.nodes_geometry:
         transform, name = source.graph[node]
         if name in copies:
-            placings.append(Placing(str(node), name, copies[name], np.asarray(transform, np.float64)))
+            matrix = None if np.array_equal(transform, np.eye(4)) else np.asarray(transform, np.float64)
+            placings.append(Placing(str(node), name, copies[name], matrix))
     return SceneFile.of(None, placings, {})
 
 

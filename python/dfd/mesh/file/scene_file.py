@@ -77,9 +77,9 @@ class SceneFile:
             If there are no faces or fewer than three distinct vertices, or something is not finite.
         """
         primitives, positions = place(path or Path("mesh"), placings)
-        corner_faces = np.concatenate(
-            [each.geometry.faces.astype(np.int32) + np.int32(each.rows.start) for each in primitives]
-        )
+        geometries = {id(each.geometry): each.geometry for each in primitives}
+        local = {key: geometry.faces.view(np.ndarray).astype(np.int32) for key, geometry in geometries.items()}
+        corner_faces = np.concatenate([local[id(each.geometry)] + np.int32(each.rows.start) for each in primitives])
         if own_vertices is not None and own_numbers is not None:
             _require_finite(path, own_vertices)
             first, distinct = weld(own_vertices)

@@ -57,7 +57,7 @@ def is_stand_in(material: Any) -> bool:
 
 
 def simple(material: Any) -> SimpleMaterial:
-    """Return a material as one that an MTL file has room for: a texture, or else a display-referred colour."""
+    """Return a material as one that an MTL file has room for: a texture, or else a display-referred color."""
     if isinstance(material, SimpleMaterial):
         image, color = material.image, material.diffuse[:3]
     else:

@@ -123,7 +123,7 @@ def _encode_ply(
     appearance: Appearance | None,
     moved: Sequence[MovedPrimitive],
 ) -> bytes:
-    """One part stays as it is; several, and textures, which PLY has no room for, become coloured vertices."""
+    """One part stays as it is; several, and textures, which PLY has no room for, become colored vertices."""
     first = moved[0]
     if len(moved) == 1 and not visuals.has_image(first.primitive.geometry):
         geometry = visuals.rebuilt(first.primitive.geometry, first.vertices, first.normals)

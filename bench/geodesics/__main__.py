@@ -1,0 +1,108 @@
+"""`python -m bench.geodesics`: errors against exact distances and times, of the meshes in DFD_MESHES.
+
+Exact distances (Mitchell, Mount and Papadimitriou 1987) come from pygeodesic. For a subdivided mesh they are those of
+the mesh itself, at its own vertices: subdivision at the middles of edges moves no point of the surface.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import potpourri3d
+import pygeodesic.geodesic
+import trimesh
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+import dfd
+
+MESHES = (("spot.obj", 0), ("koala.obj", 0), ("scorpion.obj", 0), ("koala.obj", 2))
+COLUMNS = (
+    "mesh",
+    "faces",
+    "prepare s",
+    "handle ms",
+    "heat factor s",
+    "heat solve ms",
+    "ratio",
+    "mean error",
+    "largest",
+)
+MEAN_TARGET, LARGEST_TARGET = 0.015, 0.05
+
+
+def main() -> None:
+    """Print the table, and say at the end whether every error is within its target."""
+    parser = argparse.ArgumentParser(prog="python -m bench.geodesics", description=__doc__)
+    parser.add_argument("--handles", type=int, default=3, help="on each mesh (default: %(default)s)")
+    parser.add_argument("--repeats", type=int, default=9, help="of each timing, best taken (default: %(default)s)")
+    parser.add_argument("--no-heat", action="store_true", help="leave out the heat method on the full mesh")
+    options = parser.parse_args()
+    if "DFD_MESHES" not in os.environ:
+        parser.error("DFD_MESHES names no folder of meshes")
+    folder = Path(os.environ["DFD_MESHES"])
+    table = Table(*COLUMNS, title=f"{dfd.get_num_threads()} threads; errors as shares of the largest exact distance")
+    within = True
+    for name, rounds in MESHES:
+        row, mean, largest = _measure(folder / name, rounds, options.handles, options.repeats, heat=not options.no_heat)
+        within = within and mean <= MEAN_TARGET and largest <= LARGEST_TARGET
+        table.add_row(*row)
+    console = Console(width=150)
+    console.print(table)
+    console.print(
+        f"errors {'within' if within else 'NOT within'} {MEAN_TARGET:.1%} on average and {LARGEST_TARGET:.0%}"
+    )
+
+
+def _measure(path: Path, rounds: int, handle_count: int, repeats: int, *, heat: bool) -> tuple[list[str], float, float]:
+    """Return a row of the table, the mean and the largest error."""
+    given = dfd.load(path)
+    handles = np.random.default_rng(1).integers(0, len(given.vertices), handle_count)
+    exact = _exact(given, handles)
+    vertices, faces = given.vertices, given.faces
+    for _ in range(rounds):
+        vertices, faces = trimesh.remesh.subdivide(vertices, faces)
+    mesh = dfd.Mesh(vertices, faces)
+    geodesics = dfd.Geodesics(mesh)
+    prepare = _seconds(geodesics.prepare, 1)
+    handle = _seconds(lambda: geodesics.distances(handles[:1]), repeats)
+    found = geodesics.distances(handles)[:, : len(given.vertices)] * geodesics.extent
+    errors = np.abs(found - exact) / exact.max(axis=1, keepdims=True)
+    peer = _heat(mesh, int(handles[0]), handle) if heat else ["", "", ""]
+    row = [path.name, f"{len(faces):,}", f"{prepare:.2f}", f"{1e3 * handle:.1f}", *peer]
+    return [*row, f"{errors.mean():.2%}", f"{errors.max():.2%}"], float(errors.mean()), float(errors.max())
+
+
+def _exact(mesh: dfd.Mesh, handles: NDArray[np.int64]) -> NDArray[np.float64]:
+    size = float(mesh.extents.max())  # the library is at ease with a size of about 1
+    solver = pygeodesic.geodesic.PyGeodesicAlgorithmExact((mesh.vertices - mesh.bounds[0]) / size, mesh.faces)
+    return size * np.stack([solver.geodesicDistances(np.array([handle]))[0] for handle in handles])
+
+
+def _heat(mesh: dfd.Mesh, handle: int, seconds: float) -> list[str]:
+    """Return the times of the heat method on the full mesh, and how many times as fast ours is."""
+    started = time.perf_counter()
+    solver = potpourri3d.MeshHeatMethodDistanceSolver(mesh.vertices, mesh.faces)
+    factor = time.perf_counter() - started
+    solve = _seconds(lambda: solver.compute_distance(handle), 2)
+    return [f"{factor:.1f}", f"{1e3 * solve:.0f}", f"{solve / seconds:.0f}"]
+
+
+def _seconds(call: Callable[[], object], repeats: int) -> float:
+    """Return the shortest of `repeats` times."""
+    best = np.inf
+    for _ in range(repeats):
+        started = time.perf_counter()
+        call()
+        best = min(best, time.perf_counter() - started)
+    return float(best)
+
+
+if __name__ == "__main__":
+    main()

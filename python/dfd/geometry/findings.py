@@ -1,0 +1,133 @@
+"""What is odd about a mesh, in plain words, and what that means for what is done with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse.csgraph import connected_components
+
+from dfd.geometry.surface_graph import surface_graph
+from dfd.geometry.topology import Topology, inspect
+from dfd.mesh.mesh import Mesh
+
+__all__ = ["Finding", "findings"]
+
+_FLAT = 1e-3  # thickness over the longest side
+_FAR = 1e4  # distance from the origin over the longest side: float32 then keeps less than a thousandth of it
+_COARSE = 0.1  # median edge over the diagonal of the box
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One odd thing about a mesh."""
+
+    what: str  # a sentence with the numbers
+    means: str  # a sentence that says which controls it touches, and how
+
+
+def findings(mesh: Mesh, topology: Topology | None = None) -> list[Finding]:
+    """Say what is odd about `mesh` and what that means for each control; nothing odd gives an empty list.
+
+    Parameters
+    ----------
+    topology
+        What `inspect` has counted, if it is known already.
+    """
+    counts = topology or inspect(mesh)
+    return [*_components(mesh, counts), *_surface(counts), *_shape(mesh)]
+
+
+def _components(mesh: Mesh, counts: Topology) -> list[Finding]:
+    found = []
+    used = np.zeros(len(mesh.vertices), bool)
+    used[mesh.faces] = True
+    if counts.components > 1:
+        labels = connected_components(surface_graph(mesh), directed=False)[1]
+        separate = len(np.unique(labels[used]))
+        what = f"The surface has {counts.components:,} components that no edge connects."
+        if separate == 1:
+            means = "All touch or nearly touch another, so locality and instances reach across the gaps."
+        else:
+            means = (
+                f"Gaps leave {separate:,} groups apart: with locality a handle does not reach another group, "
+                "unless separate groups are given a distance; without it alike parts follow in every group."
+            )
+        found.append(Finding(what, means))
+    if counts.unreferenced_vertices:
+        found.append(
+            Finding(
+                f"{_count(counts.unreferenced_vertices, 'vertex is', 'vertices are')} of no face.",
+                "No picture shows them; they take weights by where they are, and move along.",
+            )
+        )
+    return found
+
+
+def _surface(counts: Topology) -> list[Finding]:
+    found = []
+    if counts.boundary_edges:
+        found.append(
+            Finding(
+                f"The surface is open: {_count(counts.boundary_edges, 'edge has', 'edges have')} one face only.",
+                "Weights and poses do not mind; locality goes around holes, and there is no volume to keep.",
+            )
+        )
+    if counts.non_manifold_edges:
+        found.append(
+            Finding(
+                f"{_count(counts.non_manifold_edges, 'edge has', 'edges have')} more than two faces.",
+                "Weights, poses, locality and symmetry do not mind; other programs may refuse the mesh.",
+            )
+        )
+    if counts.degenerate_faces:
+        found.append(
+            Finding(
+                f"{_count(counts.degenerate_faces, 'face has', 'faces have')} no area.",
+                "Nothing is seen or measured on them; their corners move with all others.",
+            )
+        )
+    if counts.duplicate_faces:
+        found.append(
+            Finding(
+                f"{_count(counts.duplicate_faces, 'face repeats', 'faces repeat')} an earlier one.",
+                "They are kept and change no weight; areas count them twice.",
+            )
+        )
+    return found
+
+
+def _shape(mesh: Mesh) -> list[Finding]:
+    found = []
+    longest = float(np.max(mesh.extents))
+    if longest == 0:
+        return [Finding("All vertices are one point.", "There is nothing to see: no field can be distilled.")]
+    if float(np.min(mesh.extents)) < _FLAT * longest:
+        found.append(
+            Finding(
+                "The shape is flat.",
+                "Its own plane is not offered for symmetry, and views along it show next to nothing.",
+            )
+        )
+    if float(np.abs(mesh.bounds).max()) > _FAR * longest:
+        found.append(
+            Finding(
+                "The shape lies far from the origin for its size.",
+                "Computing is done around its middle, but files that hold float32 keep its details only roughly.",
+            )
+        )
+    corners = mesh.vertices[mesh.faces] / longest
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    typical = float(np.median(edges)) * longest / (np.linalg.norm(mesh.extents / longest) * longest)
+    if typical > _COARSE:
+        found.append(
+            Finding(
+                f"Faces are large: a typical edge is {typical:.0%} of the diagonal of the box.",
+                "Weights are exact at the vertices, but what bends between them stays flat: subdivide before editing.",
+            )
+        )
+    return found
+
+
+def _count(number: int, one: str, many: str) -> str:
+    return f"{number:,} {one if number == 1 else many}"

@@ -1,0 +1,95 @@
+"""Where mirror planes may lie: planes between points that look alike, drawn to where the surface meets its image.
+
+In normalized coordinates of `Evidence`; a plane is its unit normal and its offset, one row (4,).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.symmetry.evidence import Evidence
+from dfd.symmetry.registration import registered
+
+__all__ = ["candidate_planes", "mirrored", "same_plane"]
+
+Planes = NDArray[np.float64]  # (K, 4)
+
+_SEEDS = 300  # planes between two points that are held against all pairs
+_MOST_REFINED = 8
+_PAIR_FITS = 0.12  # how near the image of a point comes to its look-alike to count for a plane
+_SAME_ANGLE, _SAME_OFFSET = np.radians(8.0), 0.06
+
+
+def candidate_planes(evidence: Evidence) -> Planes:
+    """Return planes (K, 4) near which the shape may be its own mirror image, no two nearly the same."""
+    seeds = _distinct(_voted(evidence), _MOST_REFINED)
+    seeds = np.concatenate([seeds, _principal(evidence.points)])
+    return _distinct(np.array([_refined(evidence, plane) for plane in seeds]), len(seeds))
+
+
+def mirrored(points: NDArray[np.float64], plane: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the mirror images of `points` (N, 3)."""
+    height = points @ plane[:3] - plane[3]
+    images: NDArray[np.float64] = points - 2 * height[:, None] * plane[:3]
+    return images
+
+
+def same_plane(
+    a: NDArray[np.float64], b: NDArray[np.float64], *, angle: float = _SAME_ANGLE, offset: float = _SAME_OFFSET
+) -> bool:
+    """Whether two planes differ by less than `angle`, radians, and, as seen from the middle of the box, `offset`."""
+    along = float(a[:3] @ b[:3])
+    return bool(abs(along) > np.cos(angle) and abs(a[3] - np.sign(along) * b[3]) < offset)
+
+
+def _voted(evidence: Evidence) -> Planes:
+    """Return planes halfway between points that look alike, those first that fit the most other pairs."""
+    pairs = evidence.pairs
+    if len(pairs) == 0:
+        return np.zeros((0, 4))
+    random = np.random.default_rng(0)
+    chosen = pairs[random.choice(len(pairs), min(_SEEDS, len(pairs)), replace=False)]
+    planes = _between(evidence.points, chosen)
+    judged = pairs[random.choice(len(pairs), min(4_000, len(pairs)), replace=False)]
+    one, other = evidence.points[judged[:, 0]], evidence.points[judged[:, 1]]
+    votes = [float((((mirrored(one, plane) - other) ** 2).sum(axis=1) < _PAIR_FITS**2).sum()) for plane in planes]
+    return planes[np.argsort(votes)[::-1]]
+
+
+def _between(points: NDArray[np.float64], pairs: NDArray[np.int64]) -> Planes:
+    """Return the planes across which pairs (P, 2) of points are each other's images."""
+    one, other = points[pairs[:, 0]], points[pairs[:, 1]]
+    normals = (one - other) / np.linalg.norm(one - other, axis=1, keepdims=True)
+    return np.column_stack([normals, np.einsum("pd,pd->p", normals, (one + other) / 2)])
+
+
+def _principal(points: NDArray[np.float64]) -> Planes:
+    """Return planes through the middle, across the principal axes and the axes of the coordinates."""
+    middle = points.mean(axis=0)
+    axes = np.linalg.svd(points - middle, full_matrices=False)[2] if len(points) >= 3 else np.eye(3)
+    normals = np.concatenate([np.eye(3), axes])
+    return np.column_stack([normals, normals @ middle * np.repeat([0.0, 1.0], 3)])
+
+
+def _distinct(planes: Planes, most: int) -> Planes:
+    """Return the first `most` of the planes that are not nearly the same as an earlier one."""
+    kept: list[NDArray[np.float64]] = []
+    for plane in planes:
+        if len(kept) == most:
+            break
+        if not any(same_plane(plane, other) for other in kept):
+            kept.append(plane)
+    return np.array(kept).reshape(-1, 4)
+
+
+def _refined(evidence: Evidence, plane: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the plane nearby across which the surface's image lies best on the surface."""
+    across = np.linalg.svd(plane[None, :3])[2][1:]  # (2, 3) unit, in the plane
+
+    def varied(change: NDArray[np.float64]) -> NDArray[np.float64]:
+        turned = plane[:3] + change[:2] @ across
+        row: NDArray[np.float64] = np.append(turned, plane[3] + change[2]) / np.linalg.norm(turned)
+        return row
+
+    return varied(registered(evidence, lambda change: lambda points: mirrored(points, varied(change)), 3))

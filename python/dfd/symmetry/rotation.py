@@ -1,0 +1,181 @@
+"""Rotational symmetry: turns about an axis by which a shape comes to look like itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from dfd.common import check
+from dfd.symmetry.evidence import Evidence, gather
+from dfd.symmetry.registration import registered
+
+if TYPE_CHECKING:
+    from dfd.field.field import Field
+    from dfd.mesh.mesh import Mesh
+
+__all__ = ["LARGEST_ORDER", "RotationalSymmetry", "rotational_symmetries"]
+
+LARGEST_ORDER = 12
+THRESHOLD = 0.25  # of `relative_score`, as for planes
+_LANDED = 0.6  # share of the turned surface that has to lie on the surface
+_NO_WORSE, _FIT_LEAVES = 1.5, 0.02  # a higher order may be so much less alike than the best, and is preferred
+_SAME_AXIS = np.cos(np.radians(10.0))
+
+
+@dataclass(frozen=True)
+class RotationalSymmetry:
+    """Turns by multiples of 360° / `order` about an axis, and how alike a shape looks after one.
+
+    Attributes
+    ----------
+    axis
+        (3,) unit vector.
+    point
+        (3,) a point on the axis, mesh units.
+    order
+        How many turns make a full one, at least 2.
+    score
+        Mean of ‖Φ(p) − Φ(T p)‖ over points of the surface, for the turn T by 360° / `order`; 0 is perfect.
+    relative_score
+        How much features change over how much they usually do between points so far apart, over the best four fifths
+        of the surface's points that the turn moves; 0 is perfect, 1 no better than chance.
+    """
+
+    axis: tuple[float, float, float]
+    point: tuple[float, float, float]
+    order: int
+    score: float = 0.0
+    relative_score: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is no axis, and an order below 2."""
+        axis = check.array("RotationalSymmetry", "axis", self.axis, (3,), dtype=np.float64)
+        if abs(np.linalg.norm(axis) - 1.0) > 1e-6:
+            raise ValueError(f"RotationalSymmetry: `axis` must have length 1, got {np.linalg.norm(axis):g}")
+        point = check.array("RotationalSymmetry", "point", self.point, (3,), dtype=np.float64)
+        object.__setattr__(self, "axis", tuple(float(x) for x in axis))
+        object.__setattr__(self, "point", tuple(float(x) for x in point))
+        object.__setattr__(self, "order", check.whole("RotationalSymmetry", "order", self.order, minimum=2))
+
+    @property
+    def transforms(self) -> NDArray[np.float64]:
+        """The turns by 0, 1, … `order` − 1 steps as affine matrices, (order, 3, 4), mesh units."""
+        steps = np.arange(self.order) * (2 * np.pi / self.order)
+        turns = Rotation.from_rotvec(steps[:, None] * np.asarray(self.axis)).as_matrix()
+        point = np.asarray(self.point)
+        return np.concatenate([turns, (point - turns @ point)[:, :, None]], axis=2)
+
+    def rotate(self, points: ArrayLike, steps: int = 1) -> NDArray[np.float64]:
+        """Turn (N, 3) points by `steps` · 360° / `order`, (N, 3), mesh units."""
+        array = check.array("RotationalSymmetry", "points", points, ("N", 3), dtype=np.float64)
+        matrix = self.transforms[steps % self.order]
+        turned: NDArray[np.float64] = array @ matrix[:, :3].T + matrix[:, 3]
+        return turned
+
+
+def rotational_symmetries(field: Field, mesh: Mesh, *, threshold: float = THRESHOLD) -> list[RotationalSymmetry]:
+    """Find the axes about which `mesh` looks alike after a turn of 360° / n, n from 2 to 12.
+
+    Principal axes and axes of the coordinates through the middle of the surface are moved to where the turned surface
+    lies best on the surface. Of the orders of one axis the highest is given that is hardly less alike than the best:
+    a shape of order 4 is one of order 2 as well.
+
+    Parameters
+    ----------
+    threshold
+        Symmetries with a `relative_score` of at most this are found.
+
+    Returns
+    -------
+    One for each axis, the most alike first; empty when there is none.
+
+    Raises
+    ------
+    ValueError
+        If `threshold` is negative or not finite.
+    """
+    threshold = check.number("rotational_symmetries", "threshold", threshold, minimum=0.0)
+    evidence = gather(field, mesh)
+    if evidence is None:
+        return []
+    judged = [_best_order(evidence, axis, point, threshold) for axis, point in _axes(evidence.points)]
+    found: list[RotationalSymmetry] = []
+    for symmetry in sorted(filter(None, judged), key=lambda symmetry: symmetry.relative_score):
+        if not any(abs(np.dot(symmetry.axis, other.axis)) > _SAME_AXIS for other in found):
+            found.append(symmetry)
+    return found
+
+
+def _axes(points: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Return unit axes (3,) to try and a point (3,) on each: none twice, those of the coordinates first."""
+    middle = points.mean(axis=0)
+    principal = np.linalg.svd(points - middle, full_matrices=False)[2] if len(points) >= 3 else np.eye(3)
+    axes: list[NDArray[np.float64]] = []
+    for axis in [*np.eye(3), *principal]:
+        if not any(abs(axis @ other) > _SAME_AXIS for other in axes):
+            axes.append(axis)
+    return [(axis, middle) for axis in axes]
+
+
+def _best_order(
+    evidence: Evidence, axis: NDArray[np.float64], point: NDArray[np.float64], threshold: float
+) -> RotationalSymmetry | None:
+    """Return the symmetry of the highest order about an axis that is hardly worse than the best."""
+    judged = []
+    for order in range(2, LARGEST_ORDER + 1):
+        moved = _refined(evidence, axis, point, order)
+        images = _turned(evidence.points, *moved, order)
+        off = evidence.tree.query(images)[0]
+        if (off < 3 * evidence.spacing).mean() < _LANDED:
+            continue
+        unlikeness, landed = evidence.unlikeness(images)
+        if landed >= _LANDED and unlikeness <= threshold:
+            judged.append((unlikeness, order, moved))
+    if not judged:
+        return None
+    most = _NO_WORSE * min(judged)[0] + _FIT_LEAVES
+    unlikeness, order, (axis, point) = max((each for each in judged if each[0] <= most), key=lambda each: each[1])
+    return _symmetry(evidence, axis, point, order, unlikeness)
+
+
+def _refined(
+    evidence: Evidence, axis: NDArray[np.float64], point: NDArray[np.float64], order: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the axis nearby, and a point on it, about which the turned surface lies best on the surface."""
+    across = np.linalg.svd(axis[None])[2][1:]  # (2, 3) unit
+
+    def varied(change: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        leaning = axis + change[:2] @ across
+        return leaning / np.linalg.norm(leaning), point + change[2:] @ across
+
+    return varied(registered(evidence, lambda change: lambda points: _turned(points, *varied(change), order), 4))
+
+
+def _turned(
+    points: NDArray[np.float64], axis: NDArray[np.float64], point: NDArray[np.float64], order: int
+) -> NDArray[np.float64]:
+    """Return points (N, 3) turned by 360° / `order`."""
+    turn = Rotation.from_rotvec(2 * np.pi / order * axis).as_matrix()
+    turned: NDArray[np.float64] = (points - point) @ turn.T + point
+    return turned
+
+
+def _symmetry(
+    evidence: Evidence, axis: NDArray[np.float64], point: NDArray[np.float64], order: int, unlikeness: float
+) -> RotationalSymmetry:
+    """Return the symmetry in mesh units, the largest component of its axis positive, with its score."""
+    axis = axis * np.sign(axis[np.argmax(np.abs(axis))]) + 0.0
+    changed = evidence.features - evidence.features_at(_turned(evidence.points, axis, point, order))
+    score = float(np.linalg.norm(changed, axis=1).mean())
+    place = point * evidence.half + evidence.center
+    return RotationalSymmetry(
+        (float(axis[0]), float(axis[1]), float(axis[2])),
+        (float(place[0]), float(place[1]), float(place[2])),
+        order,
+        score,
+        unlikeness,
+    )

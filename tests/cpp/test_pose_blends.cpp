@@ -1,0 +1,137 @@
+#include "dfd/pose.hpp"
+
+#include "check.hpp"
+#include "dfd/kernels/dispatch.hpp"
+
+#include <array>
+#include <random>
+#include <vector>
+
+namespace {
+
+constexpr dfd::Affine identity{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+constexpr std::array<dfd::Blend, 2> beyond_linear{dfd::Blend::dual_quaternion, dfd::Blend::polar};
+constexpr std::array<dfd::Overlap, 3> overlaps{dfd::Overlap::add, dfd::Overlap::paper, dfd::Overlap::normalize};
+
+// By `angle` about the z axis through (x, y), with everything `along` times as long before.
+dfd::Affine turn(double angle, double x, double y, double along = 1)
+{
+    const double c = along * std::cos(angle), s = along * std::sin(angle);
+    return {c, -s, 0, x - c * x + s * y, s, c, 0, y - s * x - c * y, 0, 0, along, 0};
+}
+
+template <class T>
+struct Scene {
+    std::vector<T> vertices, posed;
+    std::vector<float> weights;
+    std::size_t count, handles;
+
+    Scene(std::size_t v, std::size_t h) : posed(3 * v), count(v), handles(h)
+    {
+        std::mt19937 random(static_cast<unsigned>(v + 97 * h));
+        std::uniform_real_distribution<double> uniform(-1, 1);
+        for (std::size_t k = 0; k < 3 * v; ++k) vertices.push_back(static_cast<T>(uniform(random)));
+        for (std::size_t k = 0; k < v * h; ++k) weights.push_back(static_cast<float>(std::abs(uniform(random)) * 2 / double(h)));
+    }
+
+    void pose(const dfd::Motion& motion, const dfd::Kernels& kernels, int threads = 2)
+    {
+        dfd::PoseArrays<T> arrays;
+        arrays.vertices = {vertices.data(), count, 3};
+        arrays.weights = {weights.data(), count, handles};
+        arrays.posed = {posed.data(), count, 3};
+        dfd::pose<T>(arrays, motion, threads, kernels);
+    }
+};
+
+// A vertex of weight w turns by the angle of the quaternion (1 - w) 1 + w q, about the handle's axis.
+template <class T>
+void turns_about_the_handle()
+{
+    const double angle = 2.6, x = 0.3, y = -0.4, along = 1.5;
+    const std::array<dfd::Affine, 1> transforms{turn(angle, x, y, along)};
+    const std::array<std::array<double, 3>, 1> places{{{x, y, 0}}};
+    for (const std::string& name : dfd::instruction_sets()) {
+        for (const dfd::Blend blend : beyond_linear) {
+            Scene<T> scene(77, 1);
+            for (float& weight : scene.weights) weight /= 2;
+            scene.pose({transforms, identity, {}, dfd::Overlap::add, blend, places, {}}, dfd::kernels(name));
+            for (std::size_t i = 0; i < scene.count; ++i) {
+                const double w = double(scene.weights[i]);
+                const double blended = 2 * std::atan2(w * std::sin(angle / 2), 1 - w + w * std::cos(angle / 2));
+                const dfd::Affine own = turn(blended, x, y, 1 + w * (along - 1));
+                for (std::size_t row = 0; row < 3; ++row) {
+                    double wanted = own[4 * row + 3];
+                    for (std::size_t k = 0; k < 3; ++k) wanted += own[4 * row + k] * double(scene.vertices[3 * i + k]);
+                    CHECK_NEAR(scene.posed[3 * i + row], wanted, 5e-6);
+                }
+            }
+        }
+    }
+}
+
+}  // namespace
+
+CASE("a handle turns by the angle of the blended quaternion, about its place")
+    turns_about_the_handle<float>();
+    turns_about_the_handle<double>();
+END
+
+CASE("identity transforms keep every bit, whatever the weights sum to")
+    const std::array<bool, 4> sides{true, false, true, false};
+    const std::vector<dfd::Affine> transforms(4, identity);
+    const std::vector<std::array<double, 3>> places(4, {0.1, 0.2, 0.3});
+    for (const std::string& name : dfd::instruction_sets()) {
+        for (const dfd::Blend blend : {dfd::Blend::linear, dfd::Blend::dual_quaternion, dfd::Blend::polar}) {
+            for (const dfd::Overlap overlap : {dfd::Overlap::add, dfd::Overlap::normalize}) {
+                Scene<float> scene(333, 4);
+                dfd::Motion motion{transforms, identity, {}, overlap, blend, places, {}};
+                scene.pose(motion, dfd::kernels(name));
+                CHECK(scene.posed == scene.vertices);
+                motion.mirror = dfd::Mirror{{0.6, 0, 0.8}, 0.123, 0.4, sides};
+                scene.pose(motion, dfd::kernels(name));
+                CHECK(scene.posed == scene.vertices);
+            }
+        }
+    }
+END
+
+CASE("every instruction set and number of threads poses alike")
+    std::vector<dfd::Affine> transforms;
+    std::vector<std::array<double, 3>> places;
+    for (std::size_t k = 0; k < 5; ++k) {
+        transforms.push_back(turn(0.5 * double(k), 0.1 * double(k), 0.2, 1 + 0.1 * double(k)));
+        places.push_back({0.1 * double(k), 0.2, 0.5});
+    }
+    const std::array<bool, 5> sides{true, false, true, false, true};
+    const std::vector<double> mixing{2, -1, 0, 0, 0, -1, 2, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1};
+    for (const dfd::Blend blend : {dfd::Blend::linear, dfd::Blend::dual_quaternion, dfd::Blend::polar}) {
+        for (const dfd::Overlap overlap : overlaps) {
+            dfd::Motion motion{transforms, turn(0.2, 0, 0), dfd::Mirror{{1, 0, 0}, 0.1, 0.3, sides}, overlap, blend, places, {}};
+            if (overlap == dfd::Overlap::add) motion.mixing = mixing;
+            Scene<float> scene(3000, 5);
+            scene.pose(motion, dfd::kernels("baseline"), 1);
+            const std::vector<float> wanted = scene.posed;
+            for (const std::string& name : dfd::instruction_sets()) {
+                scene.pose(motion, dfd::kernels(name), 1);
+                const std::vector<float> once = scene.posed;
+                std::size_t wrong = 0;
+                for (std::size_t k = 0; k < once.size(); ++k) wrong += std::abs(once[k] - wanted[k]) > 2e-5f;
+                CHECK(wrong == 0);
+                scene.pose(motion, dfd::kernels(name), 5);
+                CHECK(scene.posed == once);
+            }
+        }
+    }
+END
+
+CASE("bad input is named")
+    Scene<float> scene(20, 2);
+    const std::vector<dfd::Affine> transforms(2, identity);
+    const std::vector<double> mixing(3);
+    CHECK_THROWS(scene.pose({transforms, identity, {}, dfd::Overlap::add, dfd::Blend::polar}, dfd::kernels()),
+                 "`handles` must say where each handle stands");
+    dfd::Motion motion{transforms, identity, {}};
+    motion.mixing = mixing;
+    CHECK_THROWS(scene.pose(motion, dfd::kernels()), "`mixing` must be (H, H)");
+END

@@ -1,0 +1,58 @@
+"""What is odd about a mesh, said in words."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from mesh_files import CORNERS, CUBE
+
+from dfd.geometry.findings import Finding, findings
+from dfd.geometry.topology import inspect
+from dfd.mesh.mesh import Mesh
+
+FINE = trimesh.creation.box((1, 1, 1)).subdivide().subdivide().subdivide()
+
+
+def said(vertices: np.ndarray, faces: np.ndarray) -> str:
+    return "\n".join(f"{each.what} {each.means}" for each in findings(Mesh(vertices, faces)))
+
+
+def test_nothing_is_odd_about_a_good_mesh() -> None:
+    assert findings(Mesh(FINE.vertices, FINE.faces)) == []
+
+
+@pytest.mark.parametrize(
+    ("offset", "message"),
+    [
+        (1.01, "2 components that no edge connects. All touch or nearly touch another"),
+        (3.0, "2 components that no edge connects. Gaps leave 2 groups apart"),
+    ],
+)
+def test_components_that_touch_and_that_do_not(offset: float, message: str) -> None:
+    vertices = np.vstack([FINE.vertices, FINE.vertices + [offset, 0, 0]])
+    assert message in said(vertices, np.vstack([FINE.faces, FINE.faces + len(FINE.vertices)]))
+
+
+def test_defects_are_counted_in_words() -> None:
+    faces = FINE.faces
+    assert "The surface is open: 3 edges have one face only." in said(FINE.vertices, faces[1:])
+    assert "1 face has no area." in said(FINE.vertices, np.vstack([faces, [(0, 0, 1)]]))
+    assert "2 faces repeat an earlier one." in said(FINE.vertices, np.vstack([faces, faces[:2]]))
+    assert "3 edges have more than two faces." in said(FINE.vertices, np.vstack([faces, faces[:1]]))
+    assert "1 vertex is of no face." in said(np.vstack([FINE.vertices, [(0, 0, 0)]]), faces)
+
+
+def test_flat_far_coarse_and_empty_shapes() -> None:
+    assert "The shape is flat." in said(FINE.vertices * [1, 1, 0], FINE.faces)
+    assert "far from the origin" in said(FINE.vertices + 1e6, FINE.faces)
+    assert "a typical edge is 58% of the diagonal" in said(CORNERS, CUBE)
+    assert said(np.ones((3, 3)), np.array([(0, 1, 2)])).startswith("1 face has no area.")
+    assert "All vertices are one point." in said(np.ones((3, 3)), np.array([(0, 1, 2)]))
+    assert "Faces are large" in said(CORNERS * 1e200, CUBE)
+
+
+def test_what_is_counted_already_is_not_counted_again() -> None:
+    mesh = Mesh(FINE.vertices, FINE.faces[1:])
+    assert findings(mesh, inspect(mesh)) == findings(mesh)
+    assert all(isinstance(each, Finding) for each in findings(mesh))

@@ -1,0 +1,112 @@
+"""Meshes that never were a file: pairs of arrays and trimesh's objects, in and out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from mesh_files import CORNERS, CUBE, same_shape, scene_of_three, textured_quad, write
+
+from dfd.mesh.mesh import Mesh, as_mesh, load
+
+
+def test_a_pair_of_arrays_is_a_mesh() -> None:
+    for pair in ((CORNERS, CUBE), [CORNERS.tolist(), CUBE.tolist()]):
+        mesh = load(pair)
+        assert np.array_equal(mesh.vertices, CORNERS)
+        assert np.array_equal(mesh.faces, CUBE)
+        assert (mesh.part_names, mesh.source) == (("mesh",), None)
+    with pytest.raises(ValueError, match=r"`faces` must name vertices 0 … 7, got 8"):
+        load((CORNERS, CUBE + 1))
+
+
+@pytest.mark.parametrize("wrong", [None, 5, (CORNERS,), {"vertices": CORNERS}, CORNERS])
+def test_anything_else_is_refused(wrong: object) -> None:
+    with pytest.raises(TypeError, match=r"load: `source` must be a path, a trimesh.Trimesh, .*, got"):
+        load(wrong)  # type: ignore[arg-type]
+
+
+def test_a_trimesh_keeps_its_vertices_and_is_not_changed() -> None:
+    split = trimesh.Trimesh(CORNERS[CUBE].reshape(-1, 3), np.arange(36).reshape(-1, 3), process=False)
+    before = split.vertices.copy()
+    mesh = load(split)
+    assert np.array_equal(mesh.vertices, before)
+    assert len(np.unique(mesh.faces)) == 8  # one vertex for each position
+    assert np.array_equal(mesh.vertices[mesh.representative], mesh.vertices)
+    assert same_shape(mesh, Mesh(CORNERS, CUBE))
+    split.vertices[0] += 1
+    assert np.array_equal(mesh.vertices, before)
+
+
+def test_colors_come_along_both_ways(tmp_path: Path) -> None:
+    cube = trimesh.Trimesh(CORNERS, CUBE, process=False)
+    colors = np.tile([(255, 0, 0, 255), (0, 0, 255, 255)], (4, 1)).astype(np.uint8)
+    cube.visual.vertex_colors = colors
+    mesh = load(cube)
+    assert np.allclose(mesh.vertex_colors() * 255, colors)
+    back = mesh.to_trimesh()
+    assert isinstance(back, trimesh.Trimesh)
+    assert np.array_equal(back.visual.vertex_colors, colors)
+    mesh.save(tmp_path / "cube.ply", mesh.vertices * 2)
+    assert np.allclose(load(tmp_path / "cube.ply").vertex_colors() * 255, colors)
+
+
+def test_a_mesh_goes_to_trimesh_with_its_numbers(tmp_path: Path) -> None:
+    mesh = load(write(tmp_path / "quad.glb", textured_quad(tmp_path).glb()))
+    back = mesh.to_trimesh(mesh.vertices + 1)
+    assert np.array_equal(back.vertices, mesh.vertices + 1)
+    assert np.array_equal(back.faces, mesh.faces)
+    assert back.visual.kind == "vertex"
+    back.vertices[:] = 0
+    assert mesh.vertices.max() == 1
+    assert Mesh(CORNERS, CUBE).to_trimesh().visual.kind is None
+    with pytest.raises(ValueError, match=r"Mesh.to_trimesh: `vertices` must have shape \(4, 3\)"):
+        mesh.to_trimesh(CORNERS)
+
+
+def test_a_scene_keeps_its_parts_and_their_places(tmp_path: Path) -> None:
+    scene = trimesh.Scene()
+    cube = trimesh.Trimesh(CORNERS, CUBE, process=False)
+    scene.add_geometry(cube, node_name="here", geom_name="cube")
+    scene.add_geometry(
+        cube, node_name="there", geom_name="other", transform=trimesh.transformations.translation_matrix([5, 0, 0])
+    )
+    mesh = load(scene)
+    assert mesh.part_names == ("here", "there")
+    assert mesh.bounds.tolist() == [[0, 0, 0], [6, 1, 1]]
+    mesh.save(tmp_path / "scene.glb", mesh.vertices * 2)
+    again = load(tmp_path / "scene.glb")
+    assert again.part_names == ("here", "there")
+    assert same_shape(again, Mesh(mesh.vertices * 2, mesh.faces))
+    with pytest.raises(ValueError, match="holds no faces"):
+        load(trimesh.Scene())
+
+
+def test_parts_tell_their_faces_and_vertices(tmp_path: Path) -> None:
+    mesh = load(scene_of_three(tmp_path))
+    assert repr(mesh) == "Mesh(three.glb: 20 vertices, 26 faces, 3 parts)"
+    assert [part.name for part in mesh.parts] == ["square", "near", "far"]
+    for part in mesh.parts:
+        assert np.array_equal(part.vertices, np.unique(mesh.faces[part.faces]))
+        assert np.array_equal(mesh.part_vertices(part.name), part.vertices)
+        with pytest.raises(ValueError, match="read-only"):
+            part.vertices[0] = 1
+    assert mesh.part_vertices("paint").tolist() == mesh.part_vertices("square").tolist()  # a material
+    both = np.union1d(mesh.part_vertices("near"), mesh.part_vertices("far"))
+    assert np.array_equal(mesh.part_vertices("cube"), both)  # a geometry, wherever it is
+    with pytest.raises(ValueError, match=r"`name` must be a part of the scene \(square, near, far\), got 'tail'"):
+        mesh.part_vertices("tail")
+
+
+def test_a_mesh_is_taken_as_it_is() -> None:
+    mesh = Mesh(CORNERS, CUBE)
+    assert as_mesh(mesh) is mesh
+    assert np.array_equal(as_mesh((CORNERS, CUBE)).vertices, CORNERS)
+
+
+def test_a_stray_vertex_is_not_part_of_the_box() -> None:
+    mesh = Mesh(np.vstack([CORNERS, [(99, 0, 0)]]), CUBE)
+    assert mesh.bounds.tolist() == [[0, 0, 0], [1, 1, 1]]
+    assert mesh.normals[8].tolist() == [0, 0, 0]

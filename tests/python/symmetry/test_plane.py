@@ -1,0 +1,89 @@
+"""Mirror planes: reflections that are reflections, and planes as people write them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from symmetry.shapes import creature
+
+from dfd.symmetry.plane import SymmetryPlane, axis_plane, plane_from_text, plane_text
+
+
+def test_reflection_and_distance_agree() -> None:
+    normal = np.array([1.0, 2.0, -2.0]) / 3
+    plane = SymmetryPlane(tuple(normal), 0.7)
+    points = np.random.default_rng(0).normal(size=(20, 3))
+    mirrored = plane.reflect(points)
+    np.testing.assert_allclose(plane.signed_distance(mirrored), -plane.signed_distance(points), atol=1e-12)
+    np.testing.assert_allclose(np.cross(mirrored - points, normal), 0, atol=1e-12)
+    np.testing.assert_allclose(plane.reflect(mirrored), points, atol=1e-12)
+
+
+def test_axis_plane_stands_at_the_center_of_the_box() -> None:
+    assert axis_plane(creature(offset=(5, 0, 0)), "x").offset == pytest.approx(5.0)
+    with pytest.raises(ValueError, match="`axis` must be x, y or z, got 'w'"):
+        axis_plane(creature(), "w")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (((1, 1, 0), 0.0), "`normal` must have length 1"),
+        (((1, 0), 0.0), r"`normal` must have shape \(3,\)"),
+        (((1, 0, 0), float("nan")), "`offset` must be finite, got nan"),
+        (((1, 0, 0), 0.0, 0.0, 0.0, -1.0), "`band` must be at least 0, got -1"),
+    ],
+)
+def test_a_plane_that_is_none_is_refused(arguments: tuple, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        SymmetryPlane(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("text", "normal", "offset"),
+    [
+        ("x", (1, 0, 0), 5.0),
+        (" y ", (0, 1, 0), None),
+        ("x=0.1", (1, 0, 0), 0.1),
+        ("z = -2e-1", (0, 0, 1), -0.2),
+        ("0.6,0,0.8=0.5", (0.6, 0, 0.8), 0.5),
+        ("0, 0, 7 = 1", (0, 0, 1), 1.0),
+    ],
+)
+def test_planes_as_people_write_them(text: str, normal: tuple, offset: float | None) -> None:
+    mesh = creature(offset=(5, 0, 0))
+    plane = plane_from_text(text, mesh)
+    assert plane.normal == pytest.approx(normal)
+    assert offset is None or plane.offset == pytest.approx(offset)
+    assert plane.band == pytest.approx(0.03 * mesh.extents.max())
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("w", "must be like x, x=0.1 or 0.6,0,0.8=0.1, got 'w'"),
+        ("", "must be like"),
+        ("x=", "must be like"),
+        ("x=a", "must be like"),
+        ("1,2=0", "must be like"),
+        ("1,2,3", "must be like"),
+        ("x=1=2", "must be like"),
+        ("0,0,0=1", "must name a direction that has a length, got '0,0,0=1'"),
+        ("x=nan", "must have finite numbers"),
+        ("1,inf,0=1", "must have finite numbers"),
+    ],
+)
+def test_what_is_no_plane_is_refused(text: str, message: str) -> None:
+    with pytest.raises(ValueError, match="plane_from_text: `text` " + message):
+        plane_from_text(text, creature())
+
+
+@given(st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda n: np.linalg.norm(n) > 0.1), st.floats(-100, 100))
+def test_a_written_plane_reads_back(direction: tuple[float, float, float], offset: float) -> None:
+    normal = np.asarray(direction) / np.linalg.norm(direction)
+    plane = SymmetryPlane(tuple(normal), offset)
+    read = plane_from_text(plane_text(plane), creature())
+    assert np.allclose(read.normal, normal, atol=1e-5) or np.allclose(read.normal, -normal, atol=1e-5)
+    assert read.offset * np.sign(np.dot(read.normal, normal)) == pytest.approx(offset, rel=1e-4, abs=1e-4)

@@ -1,0 +1,167 @@
+"""Reach, falloff and strength: against the twin, and by what they promise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from weights.made_features import unit_rows
+
+import dfd
+from dfd import reference
+
+FALLOFFS = ["linear", "smooth", "sharp", "root", "sphere", "constant"]
+
+
+@settings(max_examples=80, deadline=None)
+@given(
+    count=st.integers(1, 120),
+    dimension=st.integers(1, 70),
+    handle_count=st.integers(0, 20),
+    fixed_count=st.integers(0, 20),
+    seed=st.integers(0, 2**32 - 1),
+    local=st.booleans(),
+    columns=st.booleans(),
+)
+def test_agrees_with_the_twin(count, dimension, handle_count, fixed_count, seed, local, columns):
+    random = np.random.default_rng(seed)
+    features = unit_rows(count, dimension, seed=seed, spread=random.uniform(0.01, 1))
+    handles = random.permutation(count)[:handle_count]
+    options = {
+        "fixed": random.integers(0, count, fixed_count),
+        "strength": random.choice([0.0, 0.3, 1.0], fixed_count),
+        "reach": random.choice([0.2, 0.7, 1.0, 2.5], len(handles)),
+        "falloff": random.choice(FALLOFFS[:3] + ["linear"], len(handles)).tolist(),
+        "geodesic": random.random((len(handles), count), dtype=np.float32) if local else None,
+        "locality": random.uniform(0, 6, len(handles)) if local else 0.0,
+    }
+    out = np.empty((len(handles), count), np.float32).T if columns else None
+    weights = dfd.bind(features, handles, out=out, **options)
+    np.testing.assert_allclose(weights, reference.bind(features, handles, **options), rtol=0, atol=5e-5)
+
+
+@pytest.mark.parametrize("falloff", FALLOFFS)
+@pytest.mark.parametrize("reach", [0.3, 1, 1.7, 3])
+def test_every_falloff(falloff, reach):
+    angles = np.linspace(0, np.pi, 500)  # unit rows at every distance from 0 to 2
+    features = np.column_stack([np.cos(angles), np.sin(angles)]).astype(np.float32)
+    weights = dfd.bind(features, [0], reach=reach, falloff=falloff)[:, 0]
+    distances = np.linalg.norm(features.astype(np.float64) - features[0], axis=1)
+    apart = np.abs(distances - reach) > 1e-5  # where they end, √ and constant are steep
+    wanted = reference.bind(features, [0], reach=reach, falloff=falloff)[:, 0]
+    np.testing.assert_allclose(weights[apart], wanted[apart], rtol=0, atol=1e-4)
+    assert weights[0] == 1
+    assert (np.diff(weights) <= 0).all()
+    assert (weights[distances > reach + 1e-5] == 0).all()
+    assert (weights[distances < reach - 1e-5] > 0).all()
+    if reach > 2:
+        assert (weights > 0).all()
+
+
+def test_falloffs_by_hand():
+    features = np.array([[0.0], [0.25], [0.5], [1.0]], np.float32)
+    wanted = {
+        "linear": [1, 0.75, 0.5, 0],
+        "smooth": [1, 0.84375, 0.5, 0],
+        "sharp": [1, 0.5625, 0.25, 0],
+        "root": [1, 0.75**0.5, 0.5**0.5, 0],
+        "sphere": [1, 0.9375**0.5, 0.75**0.5, 0],
+        "constant": [1, 1, 1, 0],
+    }
+    for falloff, values in wanted.items():
+        np.testing.assert_allclose(dfd.bind(features, [0], falloff=falloff)[:, 0], values, atol=1e-7)
+        np.testing.assert_allclose(reference.bind(features, [0], falloff=falloff)[:, 0], values, atol=1e-7)
+
+
+@pytest.mark.parametrize("handle_count", [1, 5, 40])
+def test_the_papers_settings_give_the_papers_bits(handle_count):
+    features = unit_rows(300, 40)
+    fixed = [290, 291, 292]
+    plain = dfd.bind(features, np.arange(handle_count), fixed=fixed)
+    reach, falloff = [1.0] * handle_count + [0.4], ["linear"] * handle_count + ["smooth"]
+    beside = dfd.bind(features, np.arange(handle_count + 1), fixed=fixed, strength=1.0, reach=reach, falloff=falloff)
+    np.testing.assert_array_equal(beside[:, :-1], plain)
+    np.testing.assert_array_equal(dfd.bind(features, np.arange(handle_count), fixed=fixed, reach=1), plain)
+
+
+def test_a_handle_weighs_the_same_alone_and_among_others():
+    features, random = unit_rows(400, 48), np.random.default_rng(0)
+    reach, falloff = random.uniform(0.2, 2, 40), random.choice(FALLOFFS, 40).tolist()
+    options = {"fixed": [300, 301], "strength": [0.5, 1]}
+    together = dfd.bind(features, np.arange(40), reach=reach, falloff=falloff, **options)
+    for k in range(40):
+        alone = dfd.bind(features, [k], reach=reach[k], falloff=falloff[k], **options)
+        np.testing.assert_array_equal(alone[:, 0], together[:, k])
+
+
+def test_fixed_points_take_away_after_the_falloff():
+    features = unit_rows(200, 16, spread=0.3)
+    free, held = (dfd.bind(features, [3], fixed=fixed, reach=0.8, falloff="smooth") for fixed in (None, [7]))
+    taken = reference.feature_weights(features, features[[7]])
+    np.testing.assert_allclose(held, np.maximum(free - taken, 0), atol=1e-5)
+    assert held[3, 0] < 1  # which the docstring says
+
+
+def test_strength_scales_what_fixed_points_hold():
+    features = unit_rows(200, 16)
+    free, held = dfd.bind(features, [3]), dfd.bind(features, [3], fixed=[7, 8])
+    np.testing.assert_array_equal(dfd.bind(features, [3], fixed=[7, 8], strength=0), free)
+    np.testing.assert_array_equal(dfd.bind(features, [3], fixed=[7, 8], strength=1), held)
+    np.testing.assert_array_equal(dfd.bind(features, [3], fixed=[7, 9, 8], strength=[1, 0, 1]), held)
+    half = dfd.bind(features, [3], fixed=[7], strength=0.5)
+    taken = reference.feature_weights(features, features[[7]])
+    np.testing.assert_allclose(half, np.maximum(free - 0.5 * taken, 0), atol=1e-5)
+
+
+def test_the_smallest_and_the_largest_reach():
+    features = unit_rows(50, 8)
+    features[9] = features[4]
+    features[10] *= 1e19
+    alone = np.zeros(50)
+    alone[[4, 9]] = 1
+    for reach in (1e-300, 1e-45, 1e-30):
+        np.testing.assert_array_equal(dfd.bind(features, [4], reach=reach)[:, 0], alone)
+    for reach in (1e30, 1e300):
+        assert (np.delete(dfd.bind(features, [4], reach=reach), 10) == 1).all()
+
+
+@pytest.mark.parametrize("tolerance", [0.05, 0.002])
+def test_compact_features_take_them_too(tolerance):
+    features = unit_rows(500, 48, spread=0.2)
+    compact = dfd.compact(features, tolerance=tolerance)
+    stored = compact.step * compact.stored(np.arange(500)).astype(np.float64)
+    handles, reach = [1, 2, 3], [0.3, 1.0, 2.0]
+    options = {"reach": reach, "falloff": ["smooth", "sphere", "sharp"], "fixed": [7, 8], "strength": [0.5, 0.25]}
+    weights, wanted = dfd.bind(compact, handles, **options), reference.bind(stored, handles, **options)
+    np.testing.assert_allclose(weights, wanted, rtol=0, atol=2e-5)
+    free = dfd.bind(compact, handles, reach=reach, falloff="root")
+    np.testing.assert_array_equal(free[handles, [0, 1, 2]], 1)
+
+
+FEATURES = unit_rows(6, 4)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"reach": 0}, r"`reach` must be above 0, got 0"),
+        ({"reach": -1.5}, r"`reach` must be above 0, got -1.5"),
+        ({"reach": np.inf}, r"`reach` must be finite, got inf"),
+        ({"reach": np.nan}, r"`reach` must be finite, got nan"),
+        ({"reach": [1.0, 2.0]}, r"`reach` must have shape \(1,\), got \(2,\)"),
+        ({"reach": [0.0]}, r"`reach` must be above 0, got 0"),
+        ({"reach": "far"}, r"`reach` must be a number, got str"),
+        ({"falloff": "cubic"}, r"`falloff` must be one of linear, smooth, sharp, root, sphere, constant, got 'cubic'"),
+        ({"falloff": ["smooth", "sharp"]}, r"`falloff` must be one name or 1, as many as handles, got 2"),
+        ({"falloff": [3]}, r"`falloff` must be one of .*, got 3"),
+        ({"strength": 0.5}, r"`fixed` must be given when `strength` is"),
+        ({"fixed": [1], "strength": 1.5}, r"`strength` must be at most 1, got 1.5"),
+        ({"fixed": [1], "strength": -0.5}, r"`strength` must be at least 0, got -0.5"),
+        ({"fixed": [1], "strength": [0.5, 0.5]}, r"`strength` must have shape \(1,\), got \(2,\)"),
+        ({"fixed": [1], "strength": [np.nan]}, r"`strength` must be finite, got nan"),
+    ],
+)
+def test_bad_input(arguments, message):
+    with pytest.raises(ValueError, match="^bind: " + message):
+        dfd.bind(FEATURES, [0], **arguments)

@@ -1,0 +1,138 @@
+"""Handles and fixed sets that are regions: they weigh by their nearest member."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from weights.made_features import unit_rows
+
+import dfd
+from dfd import reference
+from dfd.weights.regions import MOST_MEMBERS, targets
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    count=st.integers(1, 100),
+    dimension=st.integers(2, 60),
+    sizes=st.lists(st.integers(1, 20), min_size=1, max_size=12),
+    held=st.lists(st.integers(1, 12), max_size=6),
+    seed=st.integers(0, 2**32 - 1),
+    reach=st.sampled_from([1.0, 0.6]),
+)
+def test_agrees_with_the_twin(count, dimension, sizes, held, seed, reach):
+    random = np.random.default_rng(seed)
+    features = unit_rows(count, dimension, seed=seed)
+    handles = [random.integers(0, count, size) for size in sizes]
+    fixed = [random.integers(0, count, size) for size in held]
+    strength = random.uniform(0, 1, len(fixed))
+    weights = dfd.bind(features, handles, fixed=fixed, strength=strength, reach=reach)
+    wanted = reference.bind(features, handles, fixed=fixed, strength=strength, reach=reach)
+    np.testing.assert_allclose(weights, wanted, rtol=0, atol=2e-3 / reach)  # merged members lie within 0.001
+
+
+def test_a_region_weighs_as_its_nearest_member_does():
+    features = unit_rows(300, 24)
+    members = [5, 80, 170, 222]
+    together = dfd.bind(features, [members, 17, [9]])
+    apart = dfd.bind(features, [*members, 17, 9])
+    np.testing.assert_array_equal(together[:, 0], apart[:, :4].max(axis=1))
+    np.testing.assert_array_equal(together[:, 1:], apart[:, 4:])
+    np.testing.assert_array_equal(together[members, 0], 1)
+
+
+def test_fixed_regions_hold_what_looks_like_any_member():
+    features = unit_rows(300, 24)
+    together = dfd.bind(features, [3], fixed=[[50, 60, 70], 80])
+    np.testing.assert_array_equal(together, dfd.bind(features, [3], fixed=[50, 60, 70, 80]))
+    np.testing.assert_array_equal(together[[50, 60, 70, 80], 0], 0)
+    partly = dfd.bind(features, [3], fixed=[[50, 60, 70], 80], strength=[0.5, 0])
+    np.testing.assert_array_equal(partly, dfd.bind(features, [3], fixed=[50, 60, 70], strength=0.5))
+
+
+@pytest.mark.parametrize("tolerance", [None, 0.05, 0.002])
+def test_members_may_be_vertices_and_rows(tolerance):
+    features = unit_rows(400, 32, spread=0.2)
+    source = features if tolerance is None else dfd.compact(features, tolerance=tolerance)
+    mixed = dfd.bind(source, [[1, 2], features[[3, 4]], 5, features[6]])
+    vertices = dfd.bind(source, [[1, 2], [3, 4], 5, 6])
+    np.testing.assert_allclose(mixed, vertices, rtol=0, atol=2e-6)
+    np.testing.assert_array_equal(mixed[[1, 2], 0], 1)
+    assert (mixed[[3, 4], 1] == 1).all()
+
+
+def test_any_sequence_and_tensors():
+    features = unit_rows(60, 8)
+    wanted = dfd.bind(features, [[1, 2], 3])
+    for handles in (([1, 2], 3), [np.array([1, 2], np.int32), np.int64(3)], [torch.tensor([1, 2]), torch.tensor(3)]):
+        np.testing.assert_array_equal(dfd.bind(features, handles), wanted)
+    np.testing.assert_array_equal(dfd.bind(features, [features[5], features[9]]), dfd.bind(features, [5, 9]))
+    np.testing.assert_array_equal(dfd.bind(features, features[[5, 9]].tolist()), dfd.bind(features, [5, 9]))
+
+
+def test_large_regions_are_thinned_to_members_far_apart():
+    angles = np.linspace(0, 1, 20_000)
+    features = np.column_stack([np.cos(angles), np.sin(angles)]).astype(np.float32)
+    region = targets("handles", [np.arange(20_000)], features)
+    assert len(region.points) == MOST_MEMBERS
+    assert 0 in region.points
+    again = targets("handles", [np.arange(20_000)], features)
+    np.testing.assert_array_equal(region.points, again.points)
+    gaps = np.diff(np.sort(angles[region.points]))
+    assert gaps.max() < 0.1
+    assert dfd.bind(features, [np.arange(20_000)]).min() > 0.95  # the largest distance is half a gap
+
+
+def test_alike_members_are_merged():
+    features = np.repeat(unit_rows(5, 16), 40, axis=0)
+    region = targets("handles", [np.arange(200)], features)
+    assert len(region.points) == 5
+    np.testing.assert_array_equal(dfd.bind(features, [np.arange(200)]), np.ones((200, 1)))
+
+
+def test_regions_alone_and_among_others_and_on_many_threads():
+    features = unit_rows(20_000, 24)
+    regions = [[k, 100 + k, 200 + k] for k in range(30)]
+    together = dfd.bind(features, regions, fixed=[[7000, 7001]])
+    for k in (0, 13, 29):
+        np.testing.assert_array_equal(dfd.bind(features, [regions[k]], fixed=[[7000, 7001]])[:, 0], together[:, k])
+    before = dfd.get_num_threads()
+    try:
+        dfd.set_num_threads(5)
+        np.testing.assert_array_equal(dfd.bind(features, regions, fixed=[[7000, 7001]]), together)
+    finally:
+        dfd.set_num_threads(before)
+
+
+def test_inputs_stay():
+    features, region = unit_rows(50, 8), np.array([4, 4, 3])
+    before = features.copy(), region.copy()
+    dfd.bind(features, [region, features[:2]])
+    np.testing.assert_array_equal(features, before[0])
+    np.testing.assert_array_equal(region, before[1])
+
+
+FEATURES = unit_rows(6, 4)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"handles": [[1], []]}, r"`handles\[1\]` must have at least one member"),
+        ({"handles": [1, np.zeros((0, 4))]}, r"`handles\[1\]` must have at least one member"),
+        ({"handles": [[1, 6]]}, r"`handles\[0\]` must lie in 0 … 5, got 6"),
+        ({"handles": [[1], np.array([-1])]}, r"`handles\[1\]` must lie in 0 … 5, got -1"),
+        ({"handles": [[1], FEATURES[:, :3]]}, r"`handles\[1\]` must have shape \(N, 4\), got \(6, 3\)"),
+        ({"handles": [[1], np.full((1, 4), np.nan)]}, r"`handles\[1\]` must be finite, got nan"),
+        ({"handles": [[1], "all"]}, r"`handles\[1\]` must be a list of vertex indices"),
+        ({"handles": [[1], [[1, 2], [3]]]}, r"`handles\[1\]` must be a vertex, vertices or feature rows"),
+        ({"handles": [0], "fixed": [[1], []]}, r"`fixed\[1\]` must have at least one member"),
+        ({"handles": [0], "fixed": [[9]]}, r"`fixed\[0\]` must lie in 0 … 5, got 9"),
+    ],
+)
+def test_bad_input(arguments, message):
+    with pytest.raises(ValueError, match="^bind: " + message):
+        dfd.bind(FEATURES, **arguments)
