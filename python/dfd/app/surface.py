@@ -122,14 +122,14 @@ def _row_normals(mesh: Mesh, rows: NDArray[np.int32]) -> NDArray[np.float64]:
     if scene is None or len(vertex) != len(scene.vertex):  # faces with colors of their own have rows of their own
         return normals
     every = np.zeros((len(vertex), 3))
-    for part in scene.parts:
-        if part.normals is not None:
+    for primitive in scene.primitives:
+        if primitive.normals is not None:
             # Normals turn with the cofactors of the transform, whatever it scales.
-            linear = part.transform[:3, :3]
+            linear = primitive.transform[:3, :3]
             cofactors = np.stack(
                 [np.cross(linear[1], linear[2]), np.cross(linear[2], linear[0]), np.cross(*linear[:2])]
             )
-            every[part.rows] = part.normals @ cofactors.T
+            every[primitive.rows] = primitive.normals @ cofactors.T
     given = every[_used_rows(mesh)]
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         given = given / np.linalg.norm(given, axis=1, keepdims=True)
@@ -141,9 +141,9 @@ def _groups(mesh: Mesh) -> tuple[tuple[str, ...], tuple[Group, ...]]:
     count = len(mesh.faces)
     names: tuple[str, ...] = ("",)
     part_of = np.zeros(count, np.int64)
-    if mesh.scene is not None and len(mesh.scene.parts) <= MOST_PART_NAMES:
-        names = tuple(part.name for part in mesh.scene.parts)
-        for index, part in enumerate(mesh.scene.parts):
+    if mesh.part_count <= MOST_PART_NAMES:
+        names = tuple(part.name for part in mesh.parts)
+        for index, part in enumerate(mesh.parts):
             part_of[part.faces] = index
     material_of = mesh.appearance.face_material if mesh.appearance is not None else np.zeros(count, np.int32)
     changes = np.flatnonzero((np.diff(part_of) != 0) | (np.diff(material_of) != 0)) + 1
