@@ -108,19 +108,19 @@ class Columns:
         instance = column.instance
         assert instance is not None
         share = f"share{number}_{index}"
-        arrays[share] = np.rint(np.asarray(instance.share) * 255).astype(np.uint8)
+        count = len(self._deformer.mesh.vertices)
+        own = np.ones(count, np.float32) if instance.share is None else instance.share
+        arrays[share] = np.rint(own * 255).astype(np.uint8)
         top = 1.0
         if handle.controls.level:
             top = float(self._deformer.weights[instance.vertex, self._deformer.handles.index(handle)])
         frame: Any = tuple(tuple(float(x) for x in row) for row in np.asarray(instance.frame))
-        pivot: Any = tuple(float(x) for x in np.asarray(instance.pivot))
-        position: Any = tuple(float(x) for x in self._deformer.mesh.vertices[instance.vertex])
         return InstanceEntry(
             instance=index,
             on=True,
-            pivot=pivot,
+            pivot=instance.position,
             frame=frame,
-            position=position,
+            position=instance.position,
             gain=1.0 / top if top > 0 else 1.0,
             share=share,
         )

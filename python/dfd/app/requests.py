@@ -42,7 +42,7 @@ def answer(session: Session, message: requests.Request) -> None:
     """
     reply = _DO[type(message)](session, message)
     if isinstance(reply, bytes):
-        session.send_binary(reply)
+        session.send(reply)
     else:
         session.send((reply or DoneMessage()).model_copy(update={"id": message.id}))
 
@@ -84,7 +84,7 @@ def _features(session: Session, message: requests.Features) -> bytes:
 
 
 def _suggest(session: Session, message: requests.Suggest) -> Answer:
-    return SuggestionsMessage(suggestions=suggestions(session.living(), message.count))
+    return SuggestionsMessage(suggestions=suggestions(session.living(), message.count, session.looks.planes))
 
 
 # --- handles

@@ -109,14 +109,21 @@ class Session:
             if self.options.mesh is None:
                 self.attach()
             else:
-                self.open_shape(self.options.mesh, field=self.options.field, edit=self.options.edit)
+                self._open_or_start(self.options.mesh, self.options.field, self.options.edit)
         elif saved.source is None:
             self.attach()
         else:
             edit = OpenedFile(name="the saved edit", path=self._autosave.edit)
-            self.open_shape(saved.source, field=saved.field, edit=edit if edit.path.exists() else None)
+            self._open_or_start(saved.source, saved.field, edit if edit.path.exists() else None)
             self.looks.poses = self._autosave.poses()
             self.tell_state()
+
+    def _open_or_start(self, source: Source, field: OpenedFile | None, edit: OpenedFile | None) -> None:
+        try:
+            self.open_shape(source, field=field, edit=edit)
+        except BaseException:
+            self.attach()  # to the start page
+            raise
 
     def open_shape(self, source: Source, *, field: OpenedFile | None = None, edit: OpenedFile | None = None) -> None:
         """Show another shape; what was open is lost, unless this one cannot be read.
@@ -338,13 +345,9 @@ class Session:
 
     # --- telling
 
-    def send(self, message: Answer) -> None:
-        """Send a message without arrays."""
-        self._send(message.model_dump_json())
-
-    def send_binary(self, message: bytes) -> None:
-        """Send a message with arrays."""
-        self._send(message)
+    def send(self, message: Answer | bytes) -> None:
+        """Send a message, with arrays where it is packed already."""
+        self._send(message if isinstance(message, bytes) else message.model_dump_json())
 
     def tell_state(self) -> None:
         """Tell the page the present state, and first the columns that it lacks."""
@@ -390,11 +393,8 @@ class Session:
         self.tell_state()
 
     def _tell_progress(
-        self, task: str, stage: str, done: int = 0, total: int | None = None, seconds_left: float | None = None
+        self, task: Any, stage: str, done: int = 0, total: int | None = None, seconds_left: float | None = None
     ) -> None:
-        kind: dict[str, object] = {"task": task}
-        message = ProgressMessage.model_validate(
-            {**kind, "stage": stage, "done": done, "total": total, "seconds_left": seconds_left}
-        )
+        message = ProgressMessage(task=task, stage=stage, done=done, total=total, seconds_left=seconds_left)
         self._progress = None if stage in ("done", "failed", "cancelled") else message
         self.send(message)

@@ -344,6 +344,12 @@ class Deformer(WholeShape):
         """What the present edit does to the shape, for people: how much moved, how far, and whether handles arrived."""
         return report(self.mesh, self.edit, self._weights, self.vertices)
 
+    def show(self, *, height: int = 640) -> Any:
+        """Show the session in a cell of a notebook, where it can be gone on with; see `dfd.app.show`."""
+        from dfd.app import show  # the one thing here that leads to a later room, and only when it is asked for
+
+        return show(self, height=height)
+
     # --- files
 
     def save(self, path: str | os.PathLike[str]) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-import types
 from collections.abc import Callable
 from typing import Any
 
@@ -116,34 +114,21 @@ def test_regions_and_limits_travel_as_weights(client: Client) -> None:
     np.testing.assert_allclose(client.weights(), deformer.weights, atol=2e-5)
 
 
-class TwoHalves:
-    """An instance at either side of x = 0, as `dfd.editing.instances` would find them."""
-
-    def __init__(self, deformer: Deformer, vertex: int, sign: float) -> None:
-        side = deformer.mesh.vertices[:, 0] * sign
-        self.vertex, self.frame = vertex, np.diag([1.0 if sign > 0 else -1.0, 1.0, 1.0])
-        self.pivot = deformer.mesh.vertices[vertex]
-        self.share = np.clip(0.5 + 10 * side, 0, 1).astype(np.float32)
-
-
 @pytest.mark.parametrize("level", [False, True])
+@pytest.mark.parametrize("mode", ["own", "only"])
 @pytest.mark.parametrize("pivot", [None, (0.3, 0.2, 0.1)])
-def test_instances_act_as_the_kernel_poses_them(
-    client: Client, monkeypatch: pytest.MonkeyPatch, level: bool, pivot: Any
-) -> None:
+def test_instances_act_as_the_kernel_poses_them(client: Client, level: bool, mode: Any, pivot: Any) -> None:
     deformer = client.deformer
     vertices = deformer.mesh.vertices
-    first = int(np.argmax(vertices[:, 0]))
-    second = int(np.argmin(np.linalg.norm(vertices - vertices[first] * [-1, 1, 1], axis=1)))
-    found = [TwoHalves(deformer, first, 1.0), TwoHalves(deformer, second, -1.0)]
-    module = types.SimpleNamespace(find_instances=lambda *_, **__: found)
-    monkeypatch.setitem(sys.modules, "dfd.editing.instances", module)
-    deformer.add(first, translation=(0.1, 0.2, 0), rotation=(0, 0, 30), pivot=pivot, instances="own", level=level)
+    foot = int(np.argmin(vertices[:, 1] - vertices[:, 0] - vertices[:, 2]))
+    deformer.add(foot, translation=(0.1, 0.2, 0), rotation=(0, 0, 30), pivot=pivot, instances=mode, level=level)
     (weights,) = client.weights().T
     (handle,) = client.listen()["handles"]
     transform = deformer.handles[0].transform
     moved = vertices.copy()
-    for entry in client.entries[handle["column"]]["instances"]:
+    instances = client.entries[handle["column"]]["instances"]
+    assert len(instances) >= 1
+    for entry in instances:
         frame, center = np.array(entry["frame"]), np.array(entry["pivot"])
         if handle["own_pivot"]:
             center = np.array(entry["position"]) + frame @ np.subtract(handle["pivot"], handle["position"])
