@@ -96,6 +96,8 @@ class Drag {
       settle,
     });
     this.begun = true;
+    // The shader lacks some ways to blend: then the server poses, as fast as it can.
+    if (store.get().edit?.posing === "server" && !settle) tell({ type: "compute" });
     return request;
   }
 }

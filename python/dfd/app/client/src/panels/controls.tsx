@@ -91,10 +91,12 @@ export function NumberField({ label, value, step, onChange, axis }: NumberFieldP
   );
 }
 
-/** Four digits, as many as a field shows. */
+/** As many digits as a field shows. */
 export function readable(value: number): string {
-  if (Math.abs(value) < 5e-7) return "0";
-  return String(Number(value.toPrecision(Math.abs(value) < 0.1 ? 3 : 4)));
+  const size = Math.abs(value);
+  if (size < 5e-7) return "0";
+  if (size < 0.01) return String(Number(value.toPrecision(2)));
+  return String(Number(value.toFixed(size < 1 ? 3 : size < 100 ? 2 : 1)));
 }
 
 interface SliderProps {

@@ -14,7 +14,7 @@ export function ShapePanel({ known }: { readonly known: StateMessage }) {
     <Panel title="Shape">
       {known.overlaps.length > 1 && (
         <Select
-          label="Where handles meet"
+          label="Overlap"
           hint="What happens where handles hold the same"
           value={known.overlap}
           options={known.overlaps}

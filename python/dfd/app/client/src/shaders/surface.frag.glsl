@@ -10,6 +10,7 @@ uniform float opacity;
 uniform float cutoff;
 uniform bool blends;
 uniform bool hasColors;
+uniform bool hasFeatures;
 uniform bool flatColor;
 
 in vec3 viewPosition;
@@ -57,7 +58,7 @@ void main() {
     albedo = own.rgb;
     alpha = blends ? own.a : 1.0;
   }
-  if (look == 2) albedo = pow(lookColor, vec3(2.2));
+  if (look == 2 && hasFeatures) albedo = pow(lookColor, vec3(2.2));
   // One hundredth of a weight must not tint the whole shape, unless the heat map is all that is asked for.
   float shown = look == 3 ? 0.94 : 0.86 * smoothstep(0.01, 0.12, heat);
   albedo = mix(albedo, ramp(heat), heatStrength * shown);

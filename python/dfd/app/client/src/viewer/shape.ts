@@ -49,6 +49,7 @@ export class Shape {
   readonly vertexOf: Uint32Array;
   private readonly shared: Record<string, IUniform>;
   private readonly surface: Mesh;
+  private hasGiven = false;
   private wires: Mesh | null = null;
   private readonly textures: Texture[] = [];
 
@@ -79,6 +80,7 @@ export class Shape {
       clay: { value: new Color(0.62, 0.61, 0.6) },
       heatStrength: { value: 1 },
       hasColors: { value: hasColors },
+      hasFeatures: { value: false },
     };
     const materials = message.materials.map((entry) => this.material(entry, payload));
     for (const { start, count, material } of message.groups) geometry.addGroup(3 * start, 3 * count, material);
@@ -121,11 +123,13 @@ export class Shape {
       for (let i = 0; i < 4; i++) rows[4 * row + i] = colors[4 * vertex + i];
     });
     this.geometry.setAttribute("featureColor", new BufferAttribute(rows, 4, true));
+    this.shared.hasFeatures.value = true;
   }
 
   /** Show what the server posed: (V, 3) positions and (V, 4) normals; null lets the shader pose again. */
   setGiven(given: { positions: Float32Array; normals: Int16Array } | null): void {
-    this.pose.uniforms.given.value = given !== null;
+    this.hasGiven = given !== null;
+    this.useGiven(true);
     if (!given) return;
     const positions = new Float32Array(3 * this.vertexOf.length);
     const normals = new Int16Array(4 * this.vertexOf.length);
@@ -137,6 +141,11 @@ export class Shape {
     });
     this.geometry.setAttribute("givenPosition", new BufferAttribute(positions, 3));
     this.geometry.setAttribute("givenNormal", new BufferAttribute(normals, 4, true));
+  }
+
+  /** Whether to show what the server posed, where there is something. */
+  useGiven(on: boolean): void {
+    this.pose.uniforms.given.value = on && this.hasGiven;
   }
 
   /** Where a row of the mesh rests. */

@@ -78,7 +78,7 @@ export class Stage {
   look(azimuth: number, elevation: number): void {
     const half = (FIELD_OF_VIEW * Math.PI) / 360;
     const narrow = Math.atan(Math.tan(half) * Math.min(this.camera.aspect, 1));
-    const distance = (0.86 * this.radius) / Math.sin(narrow);
+    const distance = (1.02 * this.radius) / Math.sin(narrow);
     const flat = Math.cos(elevation) * distance;
     this.camera.position
       .set(flat * Math.sin(azimuth), Math.sin(elevation) * distance, flat * Math.cos(azimuth))

@@ -100,8 +100,7 @@ export class Viewer implements Arrivals {
   }
 
   positions(_: PositionsMessage, payload: Payload): void {
-    // What comes after the next drag has begun is of yesterday.
-    if (store.get().dragging || store.get().edit?.posing !== "server") return;
+    if (store.get().edit?.posing !== "server") return;
     this.shape?.setGiven({ positions: payload.get("positions", "float32"), normals: payload.get("normals", "int16") });
     this.stage.invalidate();
   }
@@ -152,13 +151,12 @@ export class Viewer implements Arrivals {
       (state) => state.dragging,
       (dragging) => {
         this.stage.orbit.enabled = !dragging;
-        if (dragging) this.shape?.setGiven(null);
       },
     );
     store.watch(
-      (state) => state.look,
-      (look) => {
-        if (look === "features" && alive(store.get())) tell({ type: "features" });
+      (state) => state.look === "features" && alive(state) && state.mesh,
+      (wanted) => {
+        if (wanted) tell({ type: "features" });
       },
     );
     store.watch(
@@ -193,6 +191,7 @@ export class Viewer implements Arrivals {
       return;
     }
     shape.show(scene);
+    shape.useGiven(!state.comparing && state.moment === null);
     this.hold(state);
     this.markers.show(marksOf(state, scene, shape));
     this.markers.showRing(ringOf(state));
@@ -233,9 +232,8 @@ export class Viewer implements Arrivals {
   }
 
   private askForPositions(): void {
-    const { edit: known, dragging } = store.get();
-    if (!known || dragging) return;
-    if (known.posing === "server") tell({ type: "compute" });
+    const { edit: known } = store.get();
+    if (known?.posing === "server") tell({ type: "compute" });
     else this.shape?.setGiven(null);
   }
 
