@@ -17,7 +17,7 @@ from dfd.editing.controls import Blend, Controls, Overlap, choice
 from dfd.editing.place import Place, place_on
 from dfd.editing.regions import Region, members
 from dfd.posing.transforms import Transform, Vector, vector
-from dfd.symmetry.plane import AXES, DEFAULT_BAND, SymmetryPlane, axis_name, axis_plane
+from dfd.symmetry.plane import SymmetryPlane, plane_from_text
 from dfd.symmetry.search import symmetry_planes
 
 if TYPE_CHECKING:
@@ -219,10 +219,10 @@ def edit_on(mesh: Mesh, edit: Edit) -> Edit:
 def symmetry_on(
     mesh: Mesh, plane: SymmetryPlane | str, band: float | None = None, *, field: Field | None = None
 ) -> SymmetryPlane:
-    """The plane that a person means by "x", "y" or "z" (through the center of the box), by "x=0.1", or by a plane.
+    """The plane that a person means: a plane, or a text as `dfd.symmetry.plane.plane_from_text` reads it.
 
-    With a `field`, "auto" is the one of these across which the shape looks most alike. `band`, in mesh units, replaces
-    the plane's own. Without it, a named axis gets 3 % of the longest side.
+    With a `field`, "auto" is the plane across which the shape looks most alike. `band`, in mesh units, replaces the
+    plane's own, which for a text is 3 % of the longest side.
 
     Raises
     ------
@@ -232,25 +232,20 @@ def symmetry_on(
     if isinstance(plane, str) and plane == "auto" and field is not None:
         found = symmetry_planes(field, mesh)
         if not found:
-            raise ValueError("`plane` cannot be 'auto': the shape looks alike across no axis plane")
-        plane = axis_name(found[0].normal)
-    if isinstance(plane, str):
-        plane = _named_plane(mesh, plane)
+            raise ValueError("`plane` cannot be 'auto': the shape looks alike across no plane")
+        plane = found[0]
+    elif isinstance(plane, str):
+        plane = _plane_in(plane, mesh)
     elif not isinstance(plane, SymmetryPlane):
-        raise ValueError(f"`plane` must be x, y, z, a text such as x=0 or a SymmetryPlane, got {type(plane).__name__}")
+        raise ValueError(f"`plane` must be a text such as x or x=0.1, or a SymmetryPlane, got {type(plane).__name__}")
     return plane if band is None else replace(plane, band=check.number("band", "band", band, minimum=0.0))
 
 
-def _named_plane(mesh: Mesh, name: str) -> SymmetryPlane:
-    """The plane across an axis, "x" through the center of the box and "x=0.1" where it says."""
-    axis, equals, offset = name.partition("=")
+def _plane_in(text: str, mesh: Mesh) -> SymmetryPlane:
     try:
-        if axis.strip() not in AXES:
-            raise ValueError
-        plane = axis_plane(mesh, axis.strip(), band=DEFAULT_BAND * float(np.max(mesh.extents)))
-        return replace(plane, offset=float(offset)) if equals else plane
-    except ValueError:
-        raise ValueError(f"`plane` must be x, y, z, a text such as x=0 or a SymmetryPlane, got {name!r}") from None
+        return plane_from_text(text, mesh)
+    except ValueError as error:
+        raise ValueError(str(error).replace("plane_from_text: `text`", "`plane`")) from None
 
 
 def box_center(mesh: Mesh) -> Vector:

@@ -64,7 +64,7 @@ class HandleWeights:
         self._mesh = mesh
         self._rows = VertexRows(mesh, field, features)
         self._distances = Distances(mesh)
-        self._instances = InstanceColumns(mesh)
+        self._instances = InstanceColumns(mesh, field)
         self._columns = Columns(len(mesh.vertices))
         self._keys: list[Key] = []
         self._fixed: tuple[Fixed, ...] = ()

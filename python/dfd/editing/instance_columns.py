@@ -2,43 +2,28 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Hashable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dfd.editing.edit import Edit, Handle
+from dfd.editing.instances import Instance, InstanceFinder
+from dfd.posing.transforms import Vector
+from dfd.symmetry.search import symmetry_planes
+from dfd.weights.bind import bind
 
 if TYPE_CHECKING:
     from dfd.editing.vertex_rows import VertexRows
+    from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["Column", "Instance", "InstanceColumns"]
+__all__ = ["Column", "InstanceColumns"]
 
 Float32 = NDArray[np.float32]
-
-
-class Instance(Protocol):
-    """One of several alike places of a shape, as `dfd.editing.instances` finds them; the handle's own is the first."""
-
-    @property
-    def vertex(self) -> int:
-        """The vertex there that is the handle's counterpart."""
-
-    @property
-    def pivot(self) -> NDArray[np.float64]:
-        """(3,) about which it turns, mesh units."""
-
-    @property
-    def frame(self) -> NDArray[np.float64]:
-        """(3, 3) rotation or reflection that turns the handle's frame into its own."""
-
-    @property
-    def share(self) -> Float32:
-        """(V,) its share of the handle's weight."""
 
 
 class Column(NamedTuple):
@@ -47,34 +32,29 @@ class Column(NamedTuple):
     handle: int  # which of the edit's handles
     instance: Instance | None  # None where the handle's transform acts as it is
 
-    def matrix(self, handle: Handle, mesh: Mesh) -> NDArray[np.float64]:
+    def matrix(self, handle: Handle) -> NDArray[np.float64]:
         """The (3, 4) transform of the column, mesh units: the handle's own, carried into the instance's frame."""
         if self.instance is None:
             return handle.matrix
-        frame, transform = np.asarray(self.instance.frame, np.float64), handle.transform
-        pivot = np.asarray(self.instance.pivot, np.float64)
-        if transform.pivot is not None:  # it lies from the counterpart as the handle's own lies from the handle
-            offset = np.subtract(transform.pivot, handle.place.position)
-            pivot = mesh.vertices[self.instance.vertex] + frame @ offset
-        linear = frame @ transform.linear @ frame.T
-        return np.column_stack([linear, pivot + frame @ np.asarray(transform.translation) - linear @ pivot])
+        return self.instance.transform(handle.matrix, handle.place.position)
 
     def vertex(self, anchor: int) -> int:
         """The vertex where it is held; `anchor` is that of the handle."""
         return anchor if self.instance is None else self.instance.vertex
 
-    def position(self, handle: Handle, mesh: Mesh) -> NDArray[np.float64]:
+    def position(self, handle: Handle) -> Vector:
         """(3,) where what it holds is, mesh units: it tells its side of a plane of symmetry."""
-        at = handle.place.position if self.instance is None else mesh.vertices[self.instance.vertex]
-        return np.asarray(at, np.float64)
+        return handle.place.position if self.instance is None else self.instance.position
 
 
 class InstanceColumns:
     """The columns of one mesh, kept as long as what they depend on stays."""
 
-    def __init__(self, mesh: Mesh) -> None:
+    def __init__(self, mesh: Mesh, field: Field) -> None:
         self._mesh = mesh
-        self._found: dict[Hashable, list[Instance]] = {}
+        self._field = field
+        self._finder = InstanceFinder(mesh)
+        self._found: dict[Hashable, tuple[Instance, ...]] = {}
         self._key: Hashable = None
         self._made: tuple[Float32, tuple[Column, ...]] | None = None
 
@@ -91,15 +71,14 @@ class InstanceColumns:
         wanted = [(handle.controls.instances, handle.controls.level) for handle in edit.handles]
         key = (about, tuple(zip(keys, wanted, strict=True)))
         if self._made is None or key != self._key:
-            found: dict[Hashable, list[Instance]] = {}
+            found: dict[Hashable, tuple[Instance, ...]] = {}
             parts: list[Float32] = []
             columns: list[Column] = []
             for i, handle in enumerate(edit.handles):
-                if wanted[i] == ("together", False):
-                    instances = []
-                else:
-                    instances = self._instances((about, keys[i]), handle, weights[:, i], rows, edit.symmetry)
-                    found[about, keys[i]] = instances
+                instances: tuple[Instance, ...] = ()
+                if wanted[i] != ("together", False):
+                    instances = self._instances(handle, rows, edit.symmetry)
+                    found[handle.place, edit.symmetry] = instances
                 for part, instance in _columns(handle, weights[:, i], instances):
                     parts.append(part)
                     columns.append(Column(i, instance))
@@ -107,16 +86,18 @@ class InstanceColumns:
             self._made, self._key = (np.stack(parts).T, tuple(columns)), key
         return self._made
 
-    def _instances(
-        self, key: Hashable, handle: Handle, weights: Float32, rows: VertexRows, symmetry: SymmetryPlane | None
-    ) -> list[Instance]:
+    def _instances(self, handle: Handle, rows: VertexRows, symmetry: SymmetryPlane | None) -> tuple[Instance, ...]:
+        """The instances of what a handle holds, by looks alone, mirrored across planes that were chosen or found."""
+        key = (handle.place, symmetry)
         if key in self._found:
             return self._found[key]
-        find: Any = importlib.import_module("dfd.editing.instances").find_instances
-        found: list[Instance] = find(self._mesh, rows.features, rows.anchor(handle.place), weights, symmetry=symmetry)
-        if not found:
-            raise ValueError(f"`instances` of handle {handle.id} at {handle.place} cannot be told apart: there is none")
-        return found
+        looks: Float32 = bind(rows.features, rows.points([handle.place]))[:, 0]
+        planes = self._planes if symmetry is None else [symmetry]
+        return self._finder.find(looks, rows.anchor(handle.place), handle.place.position, planes=planes)
+
+    @cached_property
+    def _planes(self) -> list[SymmetryPlane]:
+        return symmetry_planes(self._field, self._mesh)
 
 
 def _columns(handle: Handle, weights: Float32, instances: Sequence[Instance]) -> list[tuple[Float32, Instance | None]]:
@@ -124,7 +105,10 @@ def _columns(handle: Handle, weights: Float32, instances: Sequence[Instance]) ->
     controls = handle.controls
     if not instances:
         return [(weights, None)]
-    parts = [_leveled(weights * one.share, weights[one.vertex] if controls.level else 1.0) for one in instances]
+    parts = [
+        _leveled(weights if one.share is None else weights * one.share, weights[one.vertex] if controls.level else 1.0)
+        for one in instances
+    ]
     if controls.instances == "only":
         return [(parts[0], instances[0])]
     if controls.instances == "own":

@@ -68,7 +68,7 @@ class PosedShape:
 
     def _arguments(self, edit: Edit, weights: NDArray[np.float32], columns: tuple[Column, ...]) -> dict[str, Any]:
         """What `pose` and `Drag` take for `edit`, besides vertices and weights."""
-        positions = [column.position(edit.handles[column.handle], self._mesh) for column in columns]
+        positions = [column.position(edit.handles[column.handle]) for column in columns]
         return {
             "transforms": np.reshape([self._matrix(edit, column) for column in columns], (-1, 3, 4)),
             "default": None if edit.default is None else edit.default.matrix(box_center(self._mesh)),
@@ -80,7 +80,7 @@ class PosedShape:
         }
 
     def _matrix(self, edit: Edit, column: Column) -> NDArray[np.float64]:
-        return column.matrix(edit.handles[column.handle], self._mesh)
+        return column.matrix(edit.handles[column.handle])
 
 
 def _moved(before: Edit, after: Edit) -> list[int] | None:

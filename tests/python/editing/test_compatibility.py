@@ -44,7 +44,7 @@ def test_a_field_of_another_shape_is_refused(mesh, field, features, stranger):
         lambda mesh: moved(mesh, 1.2),
         lambda mesh: moved(mesh, 0.6),
         lambda mesh: moved(mesh, 1, (0.2, 0, 0)),
-        lambda mesh: dfd.Mesh(mesh.vertices[mesh.vertices[:, 1] > 0.4], [[0, 1, 2]]),
+        lambda mesh: dfd.Mesh(mesh.vertices, mesh.faces[(mesh.vertices[mesh.faces, 1] > 0.4).all(axis=1)]),
         lambda mesh: dfd.Mesh(mesh.vertices - (mesh.vertices[:, 1:2] < 0.4) * [0, 0.2, 0], mesh.faces),
     ],
 )

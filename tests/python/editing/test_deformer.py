@@ -96,12 +96,12 @@ def test_the_default_transform_moves_what_no_handle_holds(deformer, mesh):
 
 def test_fixed_points_stay_and_can_be_released(deformer, mesh):
     deformer.add(5, translation=(0, 1, 0))
-    deformer.fix(600)
-    assert deformer.weights[600, 0] == 0
-    np.testing.assert_allclose(deformer.vertices[600], mesh.vertices[600], atol=1e-6)
-    deformer.release(600)
+    deformer.fix(20)
+    assert deformer.weights[20, 0] == 0
+    np.testing.assert_allclose(deformer.vertices[20], mesh.vertices[20], atol=1e-6)
+    deformer.release(20)
     assert deformer.fixed == ()
-    assert deformer.weights[600, 0] > 0
+    assert deformer.weights[20, 0] > 0
 
 
 def test_points_in_space_can_be_fixed_among_vertices(deformer, field, features):
@@ -146,14 +146,13 @@ def test_any_plane_can_be_one_of_symmetry(deformer):
 
 
 def test_auto_takes_the_plane_that_looks_most_alike(deformer, mesh, field):
-    planes = [SymmetryPlane((0.0, 0.0, 1.0), 0.5, 0.02), SymmetryPlane((1.0, 0.0, 0.0), 0.0, 0.05)]
+    planes = [SymmetryPlane((0.0, 0.6, 0.8), 0.5, 0.02, band=0.1), SymmetryPlane((1.0, 0.0, 0.0), 0.0, 0.05)]
     with mock.patch("dfd.editing.edit.symmetry_planes", return_value=planes):
         deformer.set_symmetry("auto")
-    assert deformer.symmetry.normal == (0.0, 0.0, 1.0)
-    assert deformer.symmetry.band > 0
+    assert deformer.symmetry is planes[0]
     with (
         mock.patch("dfd.editing.edit.symmetry_planes", return_value=[]),
-        pytest.raises(ValueError, match="looks alike across no axis plane"),
+        pytest.raises(ValueError, match="looks alike across no plane"),
     ):
         deformer.set_symmetry("auto")
 
@@ -250,7 +249,7 @@ def test_a_handle_can_sit_elsewhere_and_its_pivot_comes_along(deformer, mesh):
         (lambda d: d.release(8), r"Deformer.release: `at` must be a fixed point, got 8"),
         (
             lambda d: d.set_symmetry("w"),
-            r"Deformer.set_symmetry: `plane` must be x, y, z, a text such as x=0 or a SymmetryPlane",
+            r"Deformer.set_symmetry: `plane` must be like x, x=0.1 or 0.6,0,0.8=0.1",
         ),
         (lambda d: d.set_symmetry("x", band=-1), r"Deformer.set_symmetry: `band` must be at least 0"),
         (lambda d: d.set_default(scale=math.nan), r"Deformer.set_default: `scale` must be finite"),

@@ -42,8 +42,8 @@ def test_what_is_no_place_is_refused(mesh, at):
 @pytest.mark.parametrize(
     ("plane", "band", "message"),
     [
-        ("w", None, "`plane` must be x, y, z, a text such as x=0 or a SymmetryPlane, got 'w'"),
-        (1, None, "`plane` must be x, y, z, a text such as x=0 or a SymmetryPlane, got int"),
+        ("w", None, "`plane` must be like x, x=0.1 or 0.6,0,0.8=0.1, got 'w'"),
+        (1, None, "`plane` must be a text such as x or x=0.1, or a SymmetryPlane, got int"),
         ("x", -1, "`band` must be at least 0, got -1"),
         ("x", math.nan, "`band` must be finite"),
     ],

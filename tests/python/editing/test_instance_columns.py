@@ -1,22 +1,12 @@
 """Handles that move several instances, each about its own pivot."""
 
-import sys
-from dataclasses import dataclass
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 import dfd
+from dfd.editing import instance_columns
+from dfd.editing.instances import Instance
 from dfd.posing.transforms import affine, rotation_matrix
-
-
-@dataclass
-class Found:
-    vertex: int
-    pivot: np.ndarray
-    frame: np.ndarray
-    share: np.ndarray
 
 
 @pytest.fixture(scope="module")
@@ -29,24 +19,29 @@ def asked(sample, mesh, monkeypatch):
     """Instances that are the legs of a chair, by its labels: what was asked of whoever finds them."""
     calls = []
 
-    def find_instances(mesh_, features, handle_vertex, weights, *, symmetry=None):
-        calls.append((handle_vertex, symmetry))
-        found = []
-        for leg in sorted(range(4), key=lambda leg: leg != sample.instances[handle_vertex]):
-            members = sample.vertices_of("leg", leg)
-            share = np.zeros(len(mesh_.vertices), np.float32)
-            share[members] = 1
-            foot = int(members[mesh_.vertices[members, 1].argmin()])
-            frame = np.diag([1.0 if leg % 2 == sample.instances[handle_vertex] % 2 else -1.0, 1, 1])
-            found.append(Found(foot, mesh_.vertices[members].mean(axis=0), frame, share))
-        return found
+    class Labels:
+        def __init__(self, mesh):
+            pass
 
-    monkeypatch.setitem(sys.modules, "dfd.editing.instances", SimpleNamespace(find_instances=find_instances))
+        def find(self, weights, vertex, position, *, planes=()):
+            calls.append((vertex, planes))
+            found = []
+            for leg in sorted(range(4), key=lambda leg: leg != sample.instances[vertex]):
+                members = sample.vertices_of("leg", leg)
+                share = np.zeros(len(mesh.vertices), np.float32)
+                share[members] = 1
+                foot = int(members[mesh.vertices[members, 1].argmin()])
+                frame = np.diag([1.0 if leg % 2 == sample.instances[vertex] % 2 else -1.0, 1, 1])
+                found.append(Instance(foot, tuple(mesh.vertices[foot]), frame, float(weights[foot]), share))
+            return tuple(found)
+
+    monkeypatch.setattr(instance_columns, "InstanceFinder", Labels)
+    monkeypatch.setattr(instance_columns, "symmetry_planes", lambda *_: ["found"])
     return calls
 
 
 @pytest.fixture
-def session(mesh, field, sample):
+def session(mesh, field, sample, asked):
     features = np.zeros((len(mesh.vertices), 16), np.float32)
     features[:, 0] = 1
     legs = sample.vertices_of("leg")
@@ -73,12 +68,12 @@ def test_each_instance_turns_about_its_own_pivot_in_its_own_frame(session, sampl
         members = leg(sample, number)
         turn, sign = rotation_matrix(rotation), 1.0 if number == 0 else -1.0
         frame = np.diag([sign, 1, 1])
-        center = mesh.vertices[members].mean(axis=0)
+        center = mesh.vertices[members[mesh.vertices[members, 1].argmin()]]
         wanted = (mesh.vertices[members] - center) @ (frame @ turn @ frame).T + center + (sign * 0.1, 0, 0)
         np.testing.assert_allclose(session.vertices[members], wanted, atol=1e-6)
     others = np.setdiff1d(np.arange(len(mesh.vertices)), sample.vertices_of("leg"))
     np.testing.assert_allclose(session.vertices[others], mesh.vertices[others], atol=1e-12)
-    assert asked == [(foot, None)]
+    assert asked == [(foot, ["found"])]
     assert session.weights.shape[1] == 1
     assert session.report().handles[0].instances == 4
     assert "each of 4 instances about its own pivot" in str(session.report())
@@ -127,7 +122,7 @@ def test_instances_are_found_once_for_a_drag(session, mesh, field, asked, foot):
     for frame in range(5):
         session.move(handle, rotation=(0, 10 * frame, 0), merge=frame > 0)
         dragged = session.vertices
-    assert asked == [(foot, None)]
+    assert asked == [(foot, ["found"])]
     fresh = dfd.Deformer(mesh, field, features=session.features)
     fresh.apply(session.edit)
     np.testing.assert_allclose(dragged, fresh.vertices, atol=1e-12)
@@ -135,13 +130,33 @@ def test_instances_are_found_once_for_a_drag(session, mesh, field, asked, foot):
     _ = session.vertices
     session.symmetry = "x"
     _ = session.vertices
-    assert [symmetry for _, symmetry in asked] == [None, None, session.symmetry]
-    session.undo()
+    assert [planes for _, planes in asked[-2:]] == [["found"], [session.symmetry]]
 
 
-def test_a_handle_without_instances_is_said(session, foot, monkeypatch):
-    nobody = SimpleNamespace(find_instances=lambda *_, **__: [])
-    monkeypatch.setitem(sys.modules, "dfd.editing.instances", nobody)
-    session.add(foot, instances="own", translation=(0, 1, 0))
-    with pytest.raises(ValueError, match=f"`instances` of handle 1 at {foot} cannot be told apart: there is none"):
-        _ = session.vertices
+def test_what_stands_alone_is_one_instance(mesh, field, sample):
+    """With the real finder: the seat of a chair has no likes, and moves as it does without instances."""
+    features = np.zeros((len(mesh.vertices), 16), np.float32)
+    features[np.arange(len(features)), sample.labels] = 1
+    session = dfd.Deformer(mesh, field, features=features)
+    handle = session.add(int(sample.vertices_of("seat")[0]), rotation=(0, 20, 0))
+    together = session.vertices
+    session.change(handle, instances="own")
+    np.testing.assert_allclose(session.vertices, together, atol=1e-9)
+    assert session.report().handles[0].instances == 1
+
+
+def test_the_four_legs_of_a_chair_are_found(mesh, field, sample, foot):
+    features = np.zeros((len(mesh.vertices), 16), np.float32)
+    features[np.arange(len(features)), sample.labels] = 1
+    features[:, 8] = 0.3 * mesh.vertices[:, 1]
+    features /= np.linalg.norm(features, axis=1, keepdims=True)
+    session = dfd.Deformer(mesh, field, features=features)
+    session.symmetry = "x"
+    session.add(foot, scale=1.5, instances="own")
+    assert session.report().handles[0].instances == 4
+    for number in range(4):
+        members = leg(sample, number)
+        lowest = members[mesh.vertices[members, 1].argmin()]
+        assert np.linalg.norm(session.vertices[lowest] - mesh.vertices[lowest]) < 0.02
+    session.change(1, instances="together")
+    assert np.abs(session.vertices - mesh.vertices).max() > 0.2

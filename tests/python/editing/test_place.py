@@ -152,9 +152,8 @@ def test_what_is_no_region_is_refused(make, message):
         make()
 
 
-def test_a_mesh_made_from_arrays_has_no_parts(mesh):
-    assert mesh.part_names == ()
-    with pytest.raises(ValueError, match=r"`name` must be a part of the scene \(none\), got 'seat'"):
+def test_a_mesh_made_from_arrays_is_one_part(mesh):
+    with pytest.raises(ValueError, match=r"`name` must be a part of the scene \(mesh\), got 'seat'"):
         place_on(mesh, "part:seat")
 
 
