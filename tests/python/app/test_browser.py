@@ -51,7 +51,7 @@ def start_page(shape: Shape) -> Iterator[RunningApp]:
     running.stop()
 
 
-@pytest.mark.parametrize("story", sorted(path.name for path in (CLIENT / "tests" / "e2e").glob("*.test.mjs")))
+@pytest.mark.parametrize("story", sorted(path.name for path in (CLIENT / "tests" / "browser").glob("*.test.mjs")))
 def test_story(story: str, browser: str, start_page: RunningApp, shape: Shape) -> None:
     environment = {
         **os.environ,
@@ -61,7 +61,7 @@ def test_story(story: str, browser: str, start_page: RunningApp, shape: Shape) -
         "DFD_MESH": str(shape.mesh),
     }
     done = subprocess.run(
-        ["node", "--test", f"tests/e2e/{story}"],
+        ["node", "--test", f"tests/browser/{story}"],
         cwd=CLIENT,
         env=environment,
         stdout=subprocess.PIPE,
