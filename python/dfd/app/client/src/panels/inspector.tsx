@@ -1,5 +1,5 @@
 import { resetOne } from "../actions/edit";
-import { selectedHandle, store } from "../store/state";
+import { alive, selectedHandle, store } from "../store/state";
 import { useStore } from "../store/use";
 import { BrushPanel } from "./brush_panel";
 import { IconButton, Panel } from "./controls";
@@ -13,6 +13,7 @@ export function Inspector() {
   const open = useStore(store, (state) => state.inspector);
   const known = useStore(store, (state) => state.edit);
   const handle = useStore(store, selectedHandle);
+  const ready = useStore(store, alive);
   const painting = useStore(store, (state) => state.tool === "paint" || state.painted !== null);
   if (!open) return null;
   return (
@@ -36,7 +37,7 @@ export function Inspector() {
         </Panel>
       )}
       {known && known.fixed.length > 0 && <FixedPanel fixed={known.fixed} />}
-      {known && <SymmetryPanel known={known} />}
+      {known && ready && <SymmetryPanel known={known} />}
       {known && <ShapePanel known={known} />}
     </aside>
   );

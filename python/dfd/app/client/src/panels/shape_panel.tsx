@@ -1,4 +1,4 @@
-import { distill, setBlend, setOverlap } from "../actions/edit";
+import { setBlend, setOverlap } from "../actions/edit";
 import type { StateMessage } from "../protocol/messages";
 import { store } from "../store/state";
 import { useStore } from "../store/use";
@@ -12,7 +12,7 @@ export function ShapePanel({ known }: { readonly known: StateMessage }) {
   const { status, origin } = known.field;
   return (
     <Panel title="Shape">
-      {known.overlaps.length > 1 && (
+      {status === "ready" && known.overlaps.length > 1 && (
         <Select
           label="Overlap"
           hint="What happens where handles hold the same"
@@ -21,7 +21,7 @@ export function ShapePanel({ known }: { readonly known: StateMessage }) {
           onChange={setOverlap}
         />
       )}
-      {known.blends.length > 1 && (
+      {status === "ready" && known.blends.length > 1 && (
         <Select label="Blending" value={known.blend} options={known.blends} onChange={setBlend} />
       )}
       <dl class="facts">
@@ -38,11 +38,6 @@ export function ShapePanel({ known }: { readonly known: StateMessage }) {
         <dt>Features</dt>
         <dd>{status === "ready" ? (origin ?? "ready") : status === "none" ? "not learned yet" : `${status}…`}</dd>
       </dl>
-      {status === "none" && (
-        <button type="button" class="button primary wide" onClick={distill}>
-          Learn features
-        </button>
-      )}
       {report && <p class="report">{report.text}</p>}
     </Panel>
   );

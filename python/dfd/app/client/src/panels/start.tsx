@@ -5,6 +5,13 @@ import { Icon } from "./icons";
 
 const count = new Intl.NumberFormat("en");
 
+const BESIDE = [".zip", ".json", ".safetensors"];
+
+function meshFormats(endings: readonly string[]): string {
+  const shapes = endings.filter((ending) => !BESIDE.includes(ending));
+  return shapes.map((ending) => ending.replace(".", "").toUpperCase()).join(", ");
+}
+
 /** What to begin with, while there is no shape. */
 export function Start() {
   const session = useStore(store, (state) => state.session);
@@ -19,7 +26,7 @@ export function Start() {
           <strong>{uploading ? `Sending ${uploading}…` : "Drop a mesh here, or choose a file"}</strong>
           <small>
             {session
-              ? `${session.formats.map((ending) => ending.replace(".", "").toUpperCase()).join(", ")}, with its textures or as one ZIP, up to ${megabytes(session.upload_bytes)}`
+              ? `${meshFormats(session.formats)}, with its textures or as one ZIP, up to ${megabytes(session.upload_bytes)}. A saved session goes with its mesh.`
               : "Waiting for the server…"}
           </small>
         </button>
