@@ -118,8 +118,12 @@ class Preparation:
 
     def _find(self) -> None:
         from dfd.distillation.distill import find_distilled
+        from dfd.distillation.settings import DistillSettings
 
-        found = find_distilled(self._mesh, **self._options.distill_arguments())
+        given = dict(self._options.distill)
+        look, device = given.pop("cache", True), given.pop("device", None)
+        settings, place = DistillSettings(**given), None if device is None else str(device)  # type: ignore[arg-type]
+        found = find_distilled(self._mesh, self._options.encoder, settings, device=place) if look else None
         if found is None:
             self._tell("field_missing")
             return
