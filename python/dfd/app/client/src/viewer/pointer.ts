@@ -18,6 +18,8 @@ export interface PointerEvents {
 
 const CLICK_DISTANCE = 5;
 const REST_MILLISECONDS = 100;
+/** A pick that takes longer than this is made only where the pointer rests. */
+const SLOW_MILLISECONDS = 40;
 
 export class Pointer {
   private down: { x: number; y: number; id: number; moved: boolean } | null = null;
@@ -25,6 +27,7 @@ export class Pointer {
   private frame = 0;
   private timer = 0;
   private last: PointerEvent | null = null;
+  private slowness = 0;
 
   constructor(
     private readonly canvas: HTMLCanvasElement,
@@ -85,12 +88,16 @@ export class Pointer {
 
   private hover(event: PointerEvent): void {
     clearTimeout(this.timer);
-    if (this.events.busy()) {
-      this.unhover();
-      return;
-    }
+    if (this.events.busy()) this.unhover();
+    else if (this.slowness < SLOW_MILLISECONDS) this.look(event);
+    else this.timer = window.setTimeout(() => this.look(event), REST_MILLISECONDS);
+  }
+
+  private look(event: PointerEvent): void {
+    const begun = performance.now();
     const [x, y] = this.at(event);
     const picked = this.events.pick(x, y);
+    this.slowness = 0.5 * (this.slowness + performance.now() - begun);
     const { hover, probe } = store.get();
     if (!picked) {
       if (hover || probe) store.set({ hover: null, probe: null });
