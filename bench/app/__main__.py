@@ -24,6 +24,7 @@ import dfd
 from dfd.app.launch import RunningApp
 from dfd.app.options import OpenedFile, SessionOptions, Source
 from dfd.app.protocol import VERSION
+from dfd.field.architecture import Architecture
 from dfd.field.field import Field
 from dfd.mesh.mesh import Mesh
 
@@ -90,9 +91,7 @@ def main() -> None:
         mesh = _mesh(options.faces)
         path, field = Path(folder) / "shape.ply", Path(folder) / "shape.field.safetensors"
         mesh.save(path)
-        Field.seeded(0, 384, octaves=5, center=mesh.bounds.mean(axis=0), scale=2 / float(mesh.extents.max())).save(
-            field
-        )
+        _field(mesh).save(field)
         (Path(folder) / "index.html").write_text("")
         table = Table("figure", "value", title=f"{len(mesh.faces):,} faces, {len(mesh.vertices):,} vertices")
         app = RunningApp(SessionOptions(), static=Path(folder))
@@ -116,6 +115,18 @@ def _mesh(faces: int) -> Mesh:
 
         vertices, triangles = trimesh.remesh.subdivide(vertices, triangles)
     return Mesh(vertices, triangles)
+
+
+def _field(mesh: Mesh) -> Field:
+    """A field of random numbers, as large as real ones."""
+    random = np.random.default_rng(0)
+    shapes = Architecture(384, octaves=5).shapes()
+    return Field(
+        {name: random.standard_normal(shape, np.float32) / np.sqrt(shape[-1]) for name, shape in shapes.items()},
+        octaves=5,
+        center=mesh.bounds.mean(axis=0),
+        scale=2 / float(mesh.extents.max()),
+    )
 
 
 def _one_tab(app: RunningApp, path: Path, field: Path, stack: ExitStack, table: Table) -> None:
