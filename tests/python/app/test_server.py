@@ -142,7 +142,14 @@ def test_features_suggestions_poses_and_script(page: Page) -> None:
         "name": "one",
         "seconds": 1.5,
         "transforms": [
-            {"handle": 1, "translation": [0, 1, 0], "rotation": [0, 0, 0], "scale": [1, 1, 1], "pivot": None, "axes": None}
+            {
+                "handle": 1,
+                "translation": [0, 1, 0],
+                "rotation": [0, 0, 0],
+                "scale": [1, 1, 1],
+                "pivot": None,
+                "axes": None,
+            }
         ],
     }
     page.ask("set_poses", poses=[pose])
