@@ -65,6 +65,17 @@ export async function alive(page) {
   await until(page, (s) => s.edit?.field.status === "ready");
 }
 
+/** Have the features learned, unless they are there or on their way: a known shape has them in a moment. */
+export async function learn(page) {
+  const button = page.getByRole("button", { name: "Learn features" });
+  const end = Date.now() + PATIENCE;
+  while ((await state(page, (s) => s.edit?.field.status)) === "none" && Date.now() < end) {
+    if (await button.isVisible()) await button.click({ timeout: 1000 }).catch(() => undefined);
+    await new Promise((resolve) => setTimeout(resolve, 100));
+  }
+  await until(page, (s) => s.edit?.field.status !== "none");
+}
+
 /** The pixel, in the page, of a vertex that can be seen there. */
 export async function visibleVertex(page, among = null) {
   const found = await page.evaluate((wanted) => {

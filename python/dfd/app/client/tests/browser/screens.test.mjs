@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 
-import { alive, drawn, launch, openTab, PATIENCE, shot, state, until, visibleVertex } from "./page.mjs";
+import { alive, drawn, launch, learn, openTab, PATIENCE, shot, state, until, visibleVertex } from "./page.mjs";
 
 const SIZES = [
   { width: 1440, height: 900 },
@@ -27,10 +27,8 @@ for (const viewport of SIZES) {
         await chooser.setFiles(process.env.DFD_MESH);
         await until(page, (s) => s.page === "shape" && s.edit);
       }
-      if ((await state(page, (s) => s.edit.field.status)) === "none") {
-        await shot(page, `${size}-unlearned`);
-        await page.getByRole("button", { name: "Learn features" }).first().click();
-      }
+      await shot(page, `${size}-opened`);
+      await learn(page);
       await alive(page);
       const { at } = await visibleVertex(page);
       await page.mouse.click(...at);

@@ -8,6 +8,7 @@ import {
   drag,
   drawn,
   launch,
+  learn,
   openTab,
   PATIENCE,
   shaderError,
@@ -53,11 +54,8 @@ step("a shape opens, is seen, and comes alive when it is distilled", async () =>
   }
   const seen = await drawn(page);
   assert.ok(seen.covered > 0.03 && seen.shades > 50, `the canvas is blank: ${JSON.stringify(seen)}`);
-  if ((await state(page, (s) => s.edit.field.status)) === "none") {
-    await page.getByRole("button", { name: "Learn features" }).first().click();
-    await until(page, (s) => s.progress?.task === "distill");
-    await shot(page, "distilling");
-  }
+  await learn(page);
+  await shot(page, "learning");
   await alive(page);
 });
 
@@ -230,7 +228,7 @@ step("what is exported is what is seen", async () => {
     const worst = await page.evaluate(async (exported) => {
       const kernel = await window.dfd.computed();
       const { mesh } = window.dfd.store.get();
-      if (exported.length !== mesh.vertices) return 0;
+      if (exported.length !== mesh.vertices) return Infinity;
       return (
         exported.reduce(
           (most, point, v) => Math.max(most, ...point.map((x, i) => Math.abs(x - mesh.center[i] - kernel[3 * v + i]))),
