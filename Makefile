@@ -35,6 +35,7 @@ client:
 
 bench: $(VENV)/installed-bench
 	$(BIN)/python -m bench.speed
+	$(BIN)/python -m bench.app
 
 quality: $(VENV)/installed-bench
 	$(BIN)/python -m bench.quality --quick
@@ -56,7 +57,7 @@ $(VENV)/installed-test: $(SOURCES) | $(VENV)/bin/python
 	touch $(VENV)/installed $@
 
 $(VENV)/installed-bench: $(SOURCES) | $(VENV)/bin/python
-	$(INSTALL) ".[offline,bench]"
+	$(INSTALL) ".[app,offline,bench]"
 	touch $(VENV)/installed $@
 
 clean:
