@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from dfd.cli.app import app as app_command
 from dfd.cli.deform import DeformCommand, deform
 from dfd.cli.demo import demo
 from dfd.cli.distill import distill
@@ -53,6 +54,7 @@ app.command()(distill)
 app.command(cls=DeformCommand)(deform)
 app.command()(show)
 app.command()(inspect)
+app.command("app")(app_command)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -124,6 +124,11 @@ class Mesh:
         )
 
     @property
+    def scene(self) -> SceneFile | None:
+        """The scene of the file it was read from; None for a mesh made from arrays."""
+        return self._scene
+
+    @property
     def part_count(self) -> int:
         """How many parts the scene of its file has; 1 for a mesh made from arrays."""
         return len(self.part_names)
