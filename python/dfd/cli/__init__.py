@@ -12,11 +12,13 @@ from typing import Annotated
 import typer
 
 from dfd.cli.app import app as app_command
-from dfd.cli.deform import DeformCommand, deform
+from dfd.cli.deform import deform
 from dfd.cli.demo import demo
 from dfd.cli.distill import distill
 from dfd.cli.errors import CommandGroup
+from dfd.cli.handles import HandlesCommand
 from dfd.cli.inspect import inspect
+from dfd.cli.pick import pick
 from dfd.cli.show import show
 
 __all__ = ["app", "main"]
@@ -51,9 +53,10 @@ def root(
 
 app.command()(demo)
 app.command()(distill)
-app.command(cls=DeformCommand)(deform)
+app.command(cls=HandlesCommand)(deform)
 app.command()(show)
 app.command()(inspect)
+app.command()(pick)
 app.command("app")(app_command)
 
 

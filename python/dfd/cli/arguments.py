@@ -10,11 +10,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from dfd.cli.handles import is_number
+from dfd.common import check
+
 if TYPE_CHECKING:
     from dfd.editing.place import Place
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["FieldOption", "MeshArgument", "check_output", "place"]
+__all__ = ["PLACE", "FieldOption", "MeshArgument", "Places", "check_camera", "check_output", "plane_text"]
+
+# What a handle or a fixed point may be, in the help of every command.
+PLACE = "VERTEX|X,Y,Z|top|part:NAME|…"
 
 MeshArgument = Annotated[Path, typer.Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file.")]
 FieldOption = Annotated[
@@ -22,20 +28,49 @@ FieldOption = Annotated[
 ]
 
 
-def place(mesh: Mesh, option: str, text: str) -> Place:
-    """What of the shape `text` names, as `dfd.editing.place.find` reads it.
+class Places:
+    """Places that a command line names on a mesh, and what is to be said about them."""
 
-    Raises
-    ------
-    ValueError
-        In the name of `option`, if it is neither, or there is no such vertex.
-    """
-    from dfd.editing.place import find
+    def __init__(self, mesh: Mesh) -> None:
+        self._mesh = mesh
+        self.notes: list[str] = []  # lines for people: what a text that is no vertex index meant
 
-    try:
-        return find(mesh, text).place
-    except ValueError as error:
-        raise ValueError(re.sub(r"^(\w+: )?`at`", f"`{option}`", str(error))) from None
+    def find(self, option: str, text: str) -> Place:
+        """What of the shape `text` names, as `dfd.editing.place.find` reads it.
+
+        Raises
+        ------
+        ValueError
+            In the name of `option`, if it names nothing there.
+        """
+        from dfd.editing.place import find
+
+        try:
+            found = find(self._mesh, text)
+        except ValueError as error:
+            raise ValueError(re.sub(r"^(\w+: )?`(at|region)`", f"`{option}`", str(error))) from None
+        if not re.fullmatch(r"\s*[-+]?\d+\s*", text):
+            self.notes.append(f"{option} {found.note}")
+        return found.place
+
+    def fixed(self, option: str, text: str) -> tuple[Place, float]:
+        """A place and the strength with which it is held, 1 if `text` does not end in `:NUMBER`."""
+        named, _, last = text.rpartition(":")
+        if named in ("", "part", "ball", "box") or not is_number(last):
+            return self.find(option, text), 1.0
+        strength = check.number("dfd", option, float(last), minimum=0.0, maximum=1.0)
+        return self.find(option, named), strength
+
+    def tell(self) -> None:
+        """Print the notes on standard error."""
+        for note in self.notes:
+            typer.echo(note, err=True)
+
+
+def plane_text(text: str) -> str:
+    """A plane as `dfd.symmetry.plane.plane_from_text` reads it, for which people may write nx,ny,nz,offset."""
+    direction, _, offset = text.rpartition(",")
+    return f"{direction}={offset}" if direction.count(",") == 2 and "=" not in text else text
 
 
 def check_output(option: str, path: Path | None, endings: Sequence[str] = ()) -> None:
@@ -61,3 +96,17 @@ def check_output(option: str, path: Path | None, endings: Sequence[str] = ()) ->
             pass
     except OSError as error:
         raise OSError(error.errno, f"`{option}`: {path} cannot be written: {error.strerror}") from error
+
+
+def check_camera(azimuth: float | None, elevation: float, zoom: float) -> None:
+    """Refuse, before the work, a camera that could not be.
+
+    Raises
+    ------
+    ValueError
+        If an angle is not finite, `elevation` is above 90 or below −90, or `zoom` is not above 0.
+    """
+    if azimuth is not None:
+        check.number("dfd", "--azimuth", azimuth)
+    check.number("dfd", "--elevation", elevation, minimum=-90.0, maximum=90.0)
+    check.number("dfd", "--zoom", zoom, minimum=0.0, exclusive=True)

@@ -3,37 +3,35 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from typer.core import TyperCommand
 
-from dfd.cli.arguments import FieldOption, MeshArgument, check_output, place
+from dfd.cli.arguments import PLACE, FieldOption, MeshArgument, Places, check_camera, check_output, plane_text
+from dfd.cli.handles import handles
+from dfd.cli.options import (
+    ArriveOption,
+    FalloffOption,
+    FixOption,
+    InstancesOption,
+    LevelOption,
+    LocalityOption,
+    RadiusOption,
+    ReachOption,
+    StrengthOption,
+    WithinOption,
+)
 
-__all__ = ["DeformCommand", "deform"]
-
-
-class DeformCommand(TyperCommand):
-    """A command whose `--scale` takes one number or three, as a parser of options with fixed lengths cannot."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Write `--scale 1 2 1` as the one text `1,2,1`."""
-        joined: list[str] = []
-        rest = list(args)
-        while rest:
-            joined.append(rest.pop(0))
-            if joined[-1] == "--scale":
-                count = 3 if len(rest) >= 3 and all(map(_is_number, rest[:3])) else 1
-                joined.append(",".join(rest[:count]))
-                del rest[:count]
-        return super().parse_args(ctx, joined)
+__all__ = ["deform"]
 
 
 def deform(
+    context: typer.Context,
     mesh: MeshArgument,
     field: FieldOption,
     handle: Annotated[
-        str | None, typer.Option(metavar="VERTEX|X,Y,Z", help="What to take hold of: a vertex, or a point in space.")
+        str | None,
+        typer.Option(metavar=PLACE, help="What to take hold of; repeatable, each with the options that follow it."),
     ] = None,
     translate: Annotated[
         tuple[float, float, float] | None, typer.Option(metavar="X Y Z", help="Move the handle, in mesh units.")
@@ -49,35 +47,55 @@ def deform(
         tuple[float, float, float] | None,
         typer.Option(metavar="X Y Z", help="The point it turns and scales about; by default the handle itself."),
     ] = None,
-    locality: Annotated[
-        float | None, typer.Option(metavar="λ", help="0 reaches all that looks alike, more stays nearer.")
+    axes: Annotated[
+        str | None,
+        typer.Option(metavar="normal", help="Scale along the surface's normal there (the third factor), not along z."),
     ] = None,
-    fix: Annotated[
-        list[str] | None, typer.Option(metavar="VERTEX|X,Y,Z", help="Hold this, and what looks like it; repeatable.")
-    ] = None,
+    reach: ReachOption = None,
+    falloff: FalloffOption = None,
+    locality: LocalityOption = None,
+    radius: RadiusOption = None,
+    strength: StrengthOption = None,
+    instances: InstancesOption = None,
+    level: LevelOption = None,
+    within: WithinOption = None,
+    name: Annotated[str | None, typer.Option(metavar="TEXT", help="What the edit calls the handle.")] = None,
+    fix: FixOption = None,
     symmetry: Annotated[
-        str | None, typer.Option(metavar="x|y|z|auto", help="Act mirrored on the other side of this axis's plane.")
+        str | None,
+        typer.Option(
+            metavar="auto|x|x=0.1|NX,NY,NZ,OFFSET", help="Act mirrored on the other side of this plane as well."
+        ),
     ] = None,
     band: Annotated[
         float | None,
         typer.Option(metavar="WIDTH", help="Half width of the blend at that plane, mesh units; 0 is a hard cut."),
     ] = None,
+    overlap: Annotated[
+        str | None,
+        typer.Option(metavar="RULE", help="Where weights meet: add, interpolate, normalize or paper."),
+    ] = None,
+    blend: Annotated[
+        str | None, typer.Option(metavar="RULE", help="How transforms blend: linear, dual_quaternion or polar.")
+    ] = None,
+    arrive: ArriveOption = None,
     edit: Annotated[
         Path | None, typer.Option(metavar="JSON", help="Start from an edit with any number of handles.")
     ] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", metavar="MESH", help="The mesh to write.")] = None,
     picture: Annotated[Path | None, typer.Option(metavar="PNG", help="Draw it before and after.")] = None,
+    azimuth: Annotated[
+        float | None,
+        typer.Option(help="The picture's side, degrees from the front (+z) to +x; by default where handles show."),
+    ] = None,
+    elevation: Annotated[float, typer.Option(help="From how high up, degrees.")] = 18.0,
+    zoom: Annotated[float, typer.Option(help="Above 1 nearer, at the handles.")] = 1.0,
     save_edit: Annotated[Path | None, typer.Option(metavar="JSON", help="Keep the edit, for --edit.")] = None,
 ) -> None:
-    """Deform MESH: one handle by options, several by an edit."""
-    numbers = {"translation": translate, "rotation": rotate, "scale": _factors(scale), "pivot": pivot}
-    given: dict[str, Any] = {
-        name: value for name, value in (*numbers.items(), ("locality", locality)) if value is not None
-    }
-    if handle is None and edit is None:
+    """Deform MESH by handles, from options, an edit, or both."""
+    held = handles(context.params, context.meta)
+    if not held and edit is None:
         raise ValueError("`--handle` or `--edit` must be given: without them nothing moves")
-    if handle is None and given:
-        raise ValueError(f"`--handle` must be given: it is what the {', '.join(given)} is for")
     if band is not None and symmetry is None:
         raise ValueError("`--symmetry` must be given: it is what `--band` is for")
     if output is None and picture is None and save_edit is None:
@@ -85,6 +103,7 @@ def deform(
     check_output("--output", output, (".obj", ".ply", ".stl", ".off", ".glb", ".gltf"))
     check_output("--picture", picture, (".png",))
     check_output("--save-edit", save_edit)
+    check_camera(azimuth, elevation, zoom)
 
     from dfd import Deformer, Field, load
     from dfd.common.progress import Stages
@@ -94,12 +113,19 @@ def deform(
         shape = load(mesh)
         opened = Field.load(field, mesh=shape)
         deformer = Deformer.load(edit, shape, opened) if edit else Deformer(shape, opened)
-    if handle is not None:
-        deformer.add(place(shape, "--handle", handle), **given)
+    places = Places(shape)
+    if arrive is not None:
+        deformer.arrive = arrive
+    for place, options in held:
+        deformer.add(places.find("--handle", place), **options)
     for text in fix or ():
-        deformer.fix(place(shape, "--fix", text))
+        at, held_by = places.fixed("--fix", text)
+        deformer.fix(at, strength=held_by)
     if symmetry is not None:
-        deformer.set_symmetry(symmetry, band=band)
+        deformer.set_symmetry(plane_text(symmetry), band=band)
+    for rule, value in (("overlap", overlap), ("blend", blend)):
+        if value is not None:
+            setattr(deformer, rule, value)
     with stages.stage("features", len(shape.vertices)) as advance:
         deformer.prepare(advance)
     with stages.stage("deform"):
@@ -113,26 +139,7 @@ def deform(
         from dfd.pictures.before_after import save_before_after
 
         with stages.stage("draw"):
-            save_before_after(picture, deformer)
+            save_before_after(picture, deformer, azimuth=azimuth, elevation=elevation, zoom=zoom, files=(mesh, output))
+    places.tell()
     written = ", ".join(str(path) for path in (output, picture, save_edit) if path is not None)
-    count = len(deformer.handles)
-    typer.echo(f"{written}: {count} handle{'' if count == 1 else 's'} on {len(vertices)} vertices", err=True)
-
-
-def _factors(text: str | None) -> float | list[float] | None:
-    """The factor or the factors in what `DeformCommand` made of `--scale`."""
-    if text is None:
-        return None
-    parts = text.split(",")
-    if len(parts) not in (1, 3) or not all(map(_is_number, parts)):
-        raise ValueError(f"`--scale` must be one number or three, got {text!r}")
-    factors = [float(part) for part in parts]
-    return factors if len(factors) == 3 else factors[0]
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+    typer.echo(f"{written}: {deformer.report()}", err=True)

@@ -7,16 +7,30 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dfd.cli.arguments import MeshArgument, check_output, place
-from dfd.common import check
+from dfd.cli.arguments import PLACE, MeshArgument, Places, check_camera, check_output
+from dfd.cli.options import (
+    ArriveOption,
+    FalloffOption,
+    FixOption,
+    LevelOption,
+    LocalityOption,
+    RadiusOption,
+    ReachOption,
+    StrengthOption,
+    WithinOption,
+    controls,
+)
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from dfd.mesh.mesh import Mesh
 
 __all__ = ["show"]
 
 
 def show(
+    context: typer.Context,
     mesh: MeshArgument,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="PNG", help="The picture to write.")],
     field: Annotated[
@@ -24,14 +38,23 @@ def show(
     ] = None,
     handle: Annotated[
         list[str] | None,
-        typer.Option(metavar="VERTEX|X,Y,Z", help="Show what would follow a handle here, as heat; repeatable."),
+        typer.Option(
+            metavar=PLACE,
+            help="Show what would follow a handle here, as heat; without --field, mark it; repeatable.",
+        ),
     ] = None,
-    fix: Annotated[
-        list[str] | None, typer.Option(metavar="VERTEX|X,Y,Z", help="Hold this, and what looks like it; repeatable.")
-    ] = None,
-    locality: Annotated[
-        float, typer.Option(metavar="λ", help="0 reaches all that looks alike, more stays nearer.")
-    ] = 0.0,
+    reach: ReachOption = None,
+    falloff: FalloffOption = None,
+    locality: LocalityOption = None,
+    radius: RadiusOption = None,
+    strength: StrengthOption = None,
+    only: Annotated[
+        bool, typer.Option("--only", help="Show what would follow without the other instances: --instances only.")
+    ] = False,
+    level: LevelOption = None,
+    within: WithinOption = None,
+    fix: FixOption = None,
+    arrive: ArriveOption = None,
     views: Annotated[int, typer.Option(min=1, max=36, help="From how many sides, all around.")] = 1,
     azimuth: Annotated[
         float | None,
@@ -40,60 +63,81 @@ def show(
         ),
     ] = None,
     elevation: Annotated[float, typer.Option(help="From how high up, degrees.")] = 15.0,
+    zoom: Annotated[float, typer.Option(help="Above 1 nearer, at the handle.")] = 1.0,
+    axes: Annotated[bool, typer.Option("--axes", help="Draw the directions of the axes.")] = False,
+    numbers: Annotated[bool, typer.Option("--numbers", help="Write the indices of vertices that are seen.")] = False,
+    legend: Annotated[bool, typer.Option("--legend", help="Draw the scale of the heat beside it.")] = False,
     resolution: Annotated[int, typer.Option(min=16, max=8192, help="Pixels along the side of each picture.")] = 768,
 ) -> None:
     """Draw MESH: by itself, in the colours of its features, or the weights of handles as heat."""
-    if field is None and (handle or fix):
+    given = controls({**context.params, "instances": "only" if only else None})
+    heat = field is not None and bool(handle)
+    if field is None and (given or fix):
         raise ValueError("`--field` must be given: weights come from it")
-    if fix and not handle:
-        raise ValueError("`--handle` must be given: fixed points hold back what follows one")
-    for option, angle in (("--azimuth", azimuth), ("--elevation", elevation)):
-        if angle is not None:
-            check.number("dfd", option, angle)
+    if (given or fix) and not handle:
+        raise ValueError("`--handle` must be given: the others say what follows one, and what is held back")
+    if legend and not heat:
+        raise ValueError("`--legend` needs `--field` and `--handle`: it is the scale of their heat")
+    check_camera(azimuth, elevation, zoom)
     check_output("--output", output, (".png",))
 
     from dfd import load
     from dfd.common.progress import Stages
-    from dfd.pictures.before_after import azimuth_towards
-    from dfd.pictures.picture import contact_sheet, picture, save_png
+    from dfd.pictures.sheet import save_sheet
 
     stages = Stages()
     with stages.stage("read"):
         shape = load(mesh)
-    rows = _rows(shape, field, handle or [], fix or [], locality, stages)
-    drawn = []
-    with stages.stage("draw", len(rows) * views) as advance:
-        for title, options in rows:
-            first = azimuth_towards(shape, options.get("handles", ())) if azimuth is None else azimuth
-            sides = []
-            for side in range(views):
-                angle = first + 360.0 * side / views
-                image = picture(shape, azimuth=angle, elevation=elevation, resolution=resolution, **options)
-                sides.append((image, f"{angle % 360:.0f}°"))
-                advance()
-            drawn.append((title, sides))
-    if len(rows) == 1 and views == 1:
-        save_png(output, drawn[0][1][0][0])
+    places = Places(shape)
+    if field is None:
+        marked = [places.find("--handle", text).position for text in handle or ()]
+        rows: list[tuple[str, dict[str, Any]]] = [("the mesh", {"handles": marked} if marked else {})]
     else:
-        save_png(output, contact_sheet(drawn, cell=resolution))
+        rows = _rows(shape, field, handle or [], given, fix or [], arrive, places, stages)
+    if heat and not legend and len(rows) * views > 1:
+        legend = True
+    with stages.stage("draw", len(rows) * views) as advance:
+        save_sheet(
+            output,
+            shape,
+            rows,
+            views=views,
+            azimuth=azimuth,
+            legend=legend,
+            file=mesh,
+            advance=advance,
+            elevation=elevation,
+            zoom=zoom,
+            axes=axes,
+            numbers=numbers,
+            resolution=resolution,
+        )
+    places.tell()
     typer.echo(f"{output}: {'; '.join(title for title, _ in rows)}", err=True)
 
 
 def _rows(
-    shape: Mesh, field: Path | None, handles: list[str], fix: list[str], locality: float, stages: Any
+    shape: Mesh,
+    field: Path,
+    handles: list[str],
+    given: dict[str, Any],
+    fix: list[str],
+    arrive: bool | None,
+    places: Places,
+    stages: Any,
 ) -> list[tuple[str, dict[str, Any]]]:
     """What each row of pictures is called, and what `picture` is to draw in it."""
-    if field is None:
-        return [("the mesh", {})]
-
     from dfd import CompactFeatures, Deformer, Field
     from dfd.pictures.colors import feature_colors
 
     deformer = Deformer(shape, Field.load(field, mesh=shape))
+    if arrive is not None:
+        deformer.arrive = arrive
     for text in handles:
-        deformer.add(place(shape, "--handle", text), locality=locality)
+        deformer.add(places.find("--handle", text), **given)
     for text in fix:
-        deformer.fix(place(shape, "--fix", text))
+        at, strength = places.fixed("--fix", text)
+        deformer.fix(at, strength=strength)
     with stages.stage("features", len(shape.vertices)) as advance:
         deformer.prepare(advance)
     if not handles:
@@ -101,7 +145,7 @@ def _rows(
         shown = features.principal(3) if isinstance(features, CompactFeatures) else features
         return [("features", {"colors": feature_colors(shown)})]
     with stages.stage("bind"):
-        weights = deformer.weights
+        weights: NDArray[Any] = deformer.weights
     fixed = [point.position for point in deformer.fixed] or None
     return [
         (

@@ -12,7 +12,9 @@ from dfd.common import check
 from dfd.pictures.colors import weight_colors
 from dfd.pictures.typography import font, wrapped
 
-__all__ = ["contact_sheet", "heat_bar"]
+__all__ = ["Box", "contact_sheet", "heat_bar", "lay_out", "with_heat_bar"]
+
+Box = tuple[int, int, int, int]  # left, top, width, height, pixels
 
 INK, GREY, RULE = (28, 30, 36), (100, 104, 112), (220, 222, 226)
 SMALLEST_CELL, LARGEST_CELL = 16, 8192
@@ -39,6 +41,13 @@ def contact_sheet(
     ValueError
         If there is no picture, a picture has another type or shape, or `cell` is out of its range.
     """
+    return lay_out(rows, title=title, cell=cell)[0]
+
+
+def lay_out(
+    rows: Sequence[tuple[str, Sequence[tuple[NDArray[np.uint8], str]]]], *, title: str = "", cell: int = 320
+) -> tuple[Image.Image, list[list[Box]]]:
+    """As `contact_sheet`, and where on the page the pictures are: a list for each row that has pictures."""
     cell = check.whole("contact_sheet", "cell", cell, minimum=SMALLEST_CELL, maximum=LARGEST_CELL)
     scaled = [
         (heading, [(_scaled(picture, cell), caption) for picture, caption in pictures])
@@ -51,7 +60,9 @@ def contact_sheet(
     widths = [sum(image.width + gap for image, _ in pictures) - gap for _, pictures in scaled]
     width = max(NARROWEST, *widths)
     blocks = [_heading(title, width, max(12, cell // 9), INK)] if title else []
-    blocks += [_row(heading, pictures, width, gap, cell) for heading, pictures in scaled]
+    drawn = [_row(heading, pictures, width, gap, cell) for heading, pictures in scaled]
+    blocks += [block for block, _ in drawn]
+    boxes: list[list[Box]] = []
     height = sum(block.height for block in blocks) + between * (len(blocks) - 1)
     page = Image.new("RGB", (width + 2 * margin, height + 2 * margin), "white")
     draw = ImageDraw.Draw(page)
@@ -61,8 +72,11 @@ def contact_sheet(
             line = top - between // 2
             draw.line([(margin, line), (margin + width, line)], fill=RULE, width=max(1, cell // 320))
         page.paste(block, (margin, top))
+        row = index - (len(blocks) - len(drawn))
+        if row >= 0:  # no title
+            boxes.append([(margin + x, top + y, wide, high) for x, y, wide, high in drawn[row][1]])
         top += block.height + between
-    return page
+    return page, boxes
 
 
 def heat_bar(height: int) -> NDArray[np.uint8]:
@@ -83,8 +97,16 @@ def heat_bar(height: int) -> NDArray[np.uint8]:
     return np.asarray(image)
 
 
-def _row(heading: str, pictures: list[tuple[Image.Image, str]], width: int, gap: int, cell: int) -> Image.Image:
-    """Draw one heading and its pictures side by side, each with its caption below it."""
+def with_heat_bar(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """A picture (height, width, 3) with the scale of the heat colours at its right."""
+    bar = heat_bar(len(picture))
+    return np.concatenate([picture, bar, np.full((len(bar), max(4, len(bar) // 40), 3), 255, np.uint8)], axis=1)
+
+
+def _row(
+    heading: str, pictures: list[tuple[Image.Image, str]], width: int, gap: int, cell: int
+) -> tuple[Image.Image, list[Box]]:
+    """Draw one heading and its pictures side by side, each with its caption below it; and say where they are."""
     size = max(9, cell // 19)
     head = _heading(heading, width, max(10, cell // 14), INK)
     captions = [wrapped(caption, font(size), image.width) for image, caption in pictures]
@@ -94,13 +116,15 @@ def _row(heading: str, pictures: list[tuple[Image.Image, str]], width: int, gap:
     row.paste(head, (0, 0))
     draw = ImageDraw.Draw(row)
     left = 0
+    boxes = []
     for (image, _), text in zip(pictures, captions, strict=True):
         row.paste(image, (left, start))
+        boxes.append((left, start, image.width, cell))
         for index, words in enumerate(text):
             place = (left + image.width / 2, start + cell + size // 2 + index * line)
             draw.text(place, words, GREY, font(size), anchor="ma")
         left += image.width + gap
-    return row
+    return row, boxes
 
 
 def _heading(text: str, width: int, size: int, ink: tuple[int, int, int]) -> Image.Image:

@@ -11,18 +11,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 from scipy.ndimage import uniform_filter
 
 from dfd.common import check
 from dfd.common.files import atomic_write
 from dfd.common.threads import get_num_threads
 from dfd.mesh.appearance import srgb
-from dfd.mesh.normalization import box_normalization
 from dfd.mesh.normals import smooth_normals
 from dfd.pictures.colors import CLAY, to_linear, weight_colors
 from dfd.pictures.contact_sheet import contact_sheet, heat_bar
+from dfd.pictures.labels import draw_axes, draw_labels, draw_numbers
 from dfd.pictures.marks import draw_marks
-from dfd.views.cameras import Camera, camera_towards
+from dfd.pictures.picture_document import KEY, PictureDocument
+from dfd.pictures.viewpoint import aim
+from dfd.views.cameras import Camera
 from dfd.views.raycast import Hits, Scene
 from dfd.views.render import surface_points
 
@@ -32,7 +35,6 @@ if TYPE_CHECKING:
 __all__ = ["contact_sheet", "heat_bar", "picture", "save_png"]
 
 SAMPLES = 2  # per pixel, along each side
-FIELD_OF_VIEW = 30.0
 LARGEST_RESOLUTION = 8192
 BAND = 1 << 17  # samples drawn at a time, which bounds the memory of large pictures
 HALO = 2  # rows of pixels drawn around a band and cut off again: as far as the smoothing of its shade reaches
@@ -57,9 +59,14 @@ def picture(
     weights: ArrayLike | None = None,
     handles: ArrayLike | None = None,
     fixed: ArrayLike | None = None,
+    labels: Sequence[str] = (),
     azimuth: float = 35.0,
     elevation: float = 18.0,
+    zoom: float = 1.0,
+    target: ArrayLike | None = None,
     frame: Sequence[ArrayLike] = (),
+    axes: bool = False,
+    numbers: bool = False,
     resolution: int = 512,
 ) -> NDArray[np.uint8]:
     """Draw `mesh` on white, as it is or moved, in its own colours or in ones that show numbers.
@@ -76,11 +83,21 @@ def picture(
     handles, fixed
         What to mark, handles by blue dots, fixed points by dark squares: (H, 3) positions in mesh units, or vertex
         indices. Hidden marks shine through faintly.
+    labels
+        A text beside each of `handles`; empty writes none.
     azimuth, elevation
         Where the camera stands, degrees: 0, 0 looks from +z at the front, azimuth 90 from +x, elevation 90 from above.
+    zoom
+        Above 1 nearer, below 1 farther away.
+    target
+        (3,) in mesh units, the middle of the picture; that of the shape if left out.
     frame
         Further positions, each (N, 3) in mesh units, that have to fit. Both pictures of a pair have one camera when
         each has the other's vertices in its `frame`.
+    axes
+        Whether the directions of the axes stand in the lower left corner.
+    numbers
+        Whether vertices that are seen have their indices beside them, as many as fit.
     resolution
         Pixels R along a side.
 
@@ -92,7 +109,7 @@ def picture(
     ------
     ValueError
         If an array has the wrong shape or is not finite, a vertex index is out of range, both `colors` and `weights`
-        are given, or all points lie in one place.
+        are given, there are not as many `labels` as `handles`, or all points lie in one place.
     """
     resolution = check.whole("picture", "resolution", resolution, minimum=1, maximum=LARGEST_RESOLUTION)
     drawn = mesh.vertices
@@ -104,23 +121,30 @@ def picture(
         for name, points, square in (("fixed", fixed, True), ("handles", handles, False))
         if points is not None
     ]
-    others = [check.array("picture", "frame", points, ("N", 3), dtype=np.float64) for points in frame]
-    seen = np.unique(mesh.faces)  # what no face uses is not drawn and would only take room
-    around = np.concatenate([each[seen] if len(each) == len(drawn) else each for each in (drawn, *others)])
-    center, scale = _normalization(around)
-    camera = camera_towards(
-        _direction(azimuth, elevation), ((around - center) * scale).astype(np.float32), field_of_view=FIELD_OF_VIEW
-    )
-    placed = ((drawn - center) * scale).astype(np.float32)
+    if labels and len(labels) != (0 if handles is None else len(np.asarray(handles))):
+        raise ValueError(f"picture: `labels` must be as many as `handles`, got {len(labels)}")
+    place, camera = aim(mesh, drawn, azimuth, elevation, zoom, target, frame)
+    placed = place.apply(drawn).astype(np.float32)
     scene = Scene(placed, mesh.faces)
     image = _Painter(mesh, placed, scene, camera, paint, moved=vertices is not None).draw(resolution)
     for positions, square in marks:
-        draw_marks(image, scene, camera, (positions - center) * scale, square=square)
-    return (image.clip(0, 1) * 255 + 0.5).astype(np.uint8)
+        draw_marks(image, scene, camera, place.apply(positions), square=square)
+    page: NDArray[np.uint8] = (image.clip(0, 1) * 255 + 0.5).astype(np.uint8)
+    if numbers:
+        page = draw_numbers(page, scene, camera, placed)
+    if labels:
+        page = draw_labels(page, camera, place.apply(marks[-1][0]), labels)
+    return draw_axes(page, camera) if axes else page
 
 
-def save_png(path: str | os.PathLike[str], image: Image.Image | NDArray[np.uint8]) -> None:
+def save_png(
+    path: str | os.PathLike[str],
+    image: Image.Image | NDArray[np.uint8],
+    document: PictureDocument | None = None,
+) -> None:
     """Write a picture, a PIL image or a uint8 array of shape (height, width, 3), whole or not at all.
+
+    A `document` goes into the file: from it `dfd.pictures.pick` knows through which cameras the picture was taken.
 
     Raises
     ------
@@ -132,15 +156,11 @@ def save_png(path: str | os.PathLike[str], image: Image.Image | NDArray[np.uint8
     if Path(path).suffix.lower() != ".png":
         raise ValueError(f"save_png: `path` must end in .png, got {os.fspath(path)}")
     drawn = image if isinstance(image, Image.Image) else Image.fromarray(image)
+    said = PngInfo()
+    if document is not None:
+        said.add_itxt(KEY, document.model_dump_json())
     with atomic_write(path) as temporary:
-        drawn.save(temporary, format="PNG")
-
-
-def _direction(azimuth: float, elevation: float) -> NDArray[np.float64]:
-    """Unit vector from the shape to the camera, (3,); degrees, 0, 0 is +z and the azimuth turns towards +x."""
-    turn = np.radians(check.number("picture", "azimuth", azimuth))
-    tilt = np.radians(check.number("picture", "elevation", elevation, minimum=-90, maximum=90))
-    return np.array([np.cos(tilt) * np.sin(turn), np.sin(tilt), np.cos(tilt) * np.cos(turn)])
+        drawn.save(temporary, format="PNG", pnginfo=said)
 
 
 class _Painter:
@@ -293,13 +313,6 @@ def _vertex_colors(mesh: Mesh, colors: ArrayLike | None, weights: ArrayLike | No
     if colors is not None:
         return check.array("picture", "colors", colors, (count, 3)).clip(0, 1)
     return None
-
-
-def _normalization(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    found = box_normalization(points.min(axis=0), points.max(axis=0))
-    if found is None:
-        raise ValueError("picture: all points lie in one place, so there is nothing to see")
-    return found
 
 
 def _positions(name: str, dots: Any, vertices: NDArray[np.float64]) -> NDArray[np.float64]:

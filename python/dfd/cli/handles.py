@@ -1,0 +1,127 @@
+"""Several handles on one command line: every `--handle` begins one, and the options after it are its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from typer.core import TyperCommand
+
+from dfd.cli.options import CONTROLS, controls
+
+__all__ = ["HandlesCommand", "handles"]
+
+TRANSFORM = {"translate": "translation", "rotate": "rotation", "scale": "scale", "pivot": "pivot", "axes": "axes"}
+OF_A_HANDLE = ("handle", *TRANSFORM, *CONTROLS, "name")
+FURTHER = "dfd.further_handles"
+# Stand for what a further handle does not have for itself.
+REST = ["MESH", "--field", "FIELD"]
+
+
+class HandlesCommand(TyperCommand):
+    """A command that takes `--handle` repeatedly, each with options of its own, and counts the numbers they need."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the options of the whole shape and of the first handle as usual, and put the others' beside them."""
+        common, groups = self._grouped(args)
+        ctx.meta[FURTHER] = [
+            self.make_context(ctx.info_name, [*REST, *group], parent=ctx.parent).params for group in groups[1:]
+        ]
+        return super().parse_args(ctx, [*common, *(groups[0] if groups else [])])
+
+    def _grouped(self, args: list[str]) -> tuple[list[str], list[list[str]]]:
+        """The arguments of the whole shape, and those of each handle; what precedes the first belongs to it."""
+        own = {spelling: option for option in self.params if option.name in OF_A_HANDLE for spelling in option.opts}
+        own |= {spelling: option for option in own.values() for spelling in option.secondary_opts}
+        common: list[str] = []
+        groups: list[list[str]] = [[]]
+        rest = list(args)
+        held = False
+        while rest:
+            token = rest.pop(0)
+            name, equals, value = token.partition("=")
+            option: Any = own.get(name)
+            if token == "--":
+                common += [token, *rest]
+                break
+            if option is None:
+                common.append(token)
+                continue
+            if name == "--handle":
+                if held:
+                    groups.append([])
+                held = True
+            if equals:
+                rest.insert(0, value)
+            values = [] if option.is_flag else _values(name, option.nargs, rest)
+            del rest[: len(values)]
+            groups[-1] += [name, ",".join(values)] if name == "--scale" and values else [name, *values]
+        return common, groups
+
+
+def handles(params: Mapping[str, Any], meta: Mapping[str, Any]) -> list[tuple[str, dict[str, Any]]]:
+    """What to take hold of, and what `Deformer.add` is told about it, for every handle of a command line.
+
+    Parameters
+    ----------
+    params, meta
+        Those of the command's context.
+
+    Raises
+    ------
+    ValueError
+        If something is said of a handle and no handle is given, or a factor of `--scale` is none or 0.
+    """
+    found = []
+    for each in (params, *meta[FURTHER]):
+        given = {name: each[option] for option, name in TRANSFORM.items() if each[option] is not None}
+        if "scale" in given:
+            given["scale"] = _factors(given["scale"])
+        given |= controls(each)
+        if each["name"] is not None:
+            given["name"] = each["name"]
+        if each["handle"] is not None:
+            found.append((each["handle"], given))
+        elif given:
+            raise ValueError(f"`--handle` must be given: it is what the {', '.join(given)} is for")
+    return found
+
+
+def _values(name: str, count: int, rest: list[str]) -> list[str]:
+    """The values at the beginning of `rest` that belong to an option.
+
+    Raises
+    ------
+    ValueError
+        If it needs three numbers, or one or three, and has another number of them.
+    """
+    numbers = next((i for i, token in enumerate(rest) if not is_number(token)), len(rest))
+    if name == "--scale":
+        if numbers not in (0, 1, 3):
+            raise ValueError(f"`--scale` needs 1 or 3 numbers, got {numbers}: {' '.join(rest[:numbers])}")
+        return rest[: max(numbers, 1)]
+    if count == 3 and numbers < 3 and (numbers == len(rest) or rest[numbers].startswith("-")):
+        raise ValueError(f"`{name}` needs 3 numbers, got {numbers}: {' '.join(rest[:numbers])}")
+    return rest[:count]
+
+
+def _factors(text: str) -> float | list[float]:
+    """The factor or the factors of `--scale`."""
+    parts = text.split(",")
+    if not all(map(is_number, parts)):
+        raise ValueError(f"`--scale` must be one number or three, got {text!r}")
+    if len(parts) not in (1, 3):
+        raise ValueError(f"`--scale` needs 1 or 3 numbers, got {len(parts)}: {' '.join(parts)}")
+    factors = [float(part) for part in parts]
+    if 0.0 in factors:
+        raise ValueError(f"`--scale` must not be 0, which leaves nothing of what it holds, got {text}")
+    return factors if len(factors) == 3 else factors[0]
+
+
+def is_number(text: str) -> bool:
+    """Whether `text` is one."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,84 @@
+"""From where a picture is taken."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dfd.common import check
+from dfd.mesh.normalization import Normalization, box_normalization
+from dfd.views.cameras import Camera, camera_towards
+
+if TYPE_CHECKING:
+    from dfd.mesh.mesh import Mesh
+
+__all__ = ["FIELD_OF_VIEW", "aim", "viewpoint"]
+
+FIELD_OF_VIEW = 30.0  # degrees, at zoom 1
+
+
+def viewpoint(
+    mesh: Mesh,
+    *,
+    vertices: ArrayLike | None = None,
+    azimuth: float = 35.0,
+    elevation: float = 18.0,
+    zoom: float = 1.0,
+    target: ArrayLike | None = None,
+    frame: Sequence[ArrayLike] = (),
+) -> Camera:
+    """Return the camera with which `dfd.pictures.picture.picture` draws, in mesh units; all arguments are its own.
+
+    Raises
+    ------
+    ValueError
+        As `picture` does.
+    """
+    drawn = mesh.vertices
+    if vertices is not None:
+        drawn = check.array("picture", "vertices", vertices, mesh.vertices.shape, dtype=np.float64)
+    (center, scale), camera = aim(mesh, drawn, azimuth, elevation, zoom, target, frame)
+    position = camera.position / scale + center
+    return Camera(position, camera.right, camera.up, camera.back, camera.field_of_view)
+
+
+def aim(
+    mesh: Mesh,
+    drawn: NDArray[np.float64],
+    azimuth: float,
+    elevation: float,
+    zoom: float,
+    target: ArrayLike | None,
+    frame: Sequence[ArrayLike],
+) -> tuple[Normalization, Camera]:
+    """Return what normalizes everything that is in the picture, and the camera in such coordinates.
+
+    `drawn` holds the positions of the mesh's vertices, (V, 3) in its units.
+    """
+    direction = _direction(azimuth, elevation)
+    closer = check.number("picture", "zoom", zoom, minimum=0.0, exclusive=True)
+    others = [check.array("picture", "frame", points, ("N", 3), dtype=np.float64) for points in frame]
+    seen = np.unique(mesh.faces)  # what no face uses is not drawn and would only take room
+    around = np.concatenate([each[seen] if len(each) == len(drawn) else each for each in (drawn, *others)])
+    found = box_normalization(around.min(axis=0), around.max(axis=0))
+    if found is None:
+        raise ValueError("picture: all points lie in one place, so there is nothing to see")
+    camera = camera_towards(
+        direction, ((around - found.center) * found.scale).astype(np.float32), field_of_view=FIELD_OF_VIEW
+    )
+    position = camera.position
+    if target is not None:
+        middle = found.apply(check.array("picture", "target", target, (3,), dtype=np.float64)) - position
+        position = position + (middle @ camera.right) * camera.right + (middle @ camera.up) * camera.up
+    angle = float(np.degrees(2 * np.arctan(camera.half_width / closer)))
+    return found, Camera(position, camera.right, camera.up, camera.back, angle)
+
+
+def _direction(azimuth: float, elevation: float) -> NDArray[np.float64]:
+    """Unit vector from the shape to the camera, (3,); degrees, 0, 0 is +z and the azimuth turns towards +x."""
+    turn = np.radians(check.number("picture", "azimuth", azimuth))
+    tilt = np.radians(check.number("picture", "elevation", elevation, minimum=-90, maximum=90))
+    return np.array([np.cos(tilt) * np.sin(turn), np.sin(tilt), np.cos(tilt) * np.cos(turn)])

@@ -1,0 +1,151 @@
+"""`dfd` itself: help, errors, exit codes, Ctrl-C."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from unittest import mock
+
+import pytest
+from command_runs import failed, worked
+
+DISTILL = sys.modules["dfd.cli.distill"]  # by its own name there is the command
+
+
+def test_demo_writes_where_it_is_told(run):
+    with mock.patch("dfd.demo.run") as demo:
+        assert worked(run("demo", "-o", "story"))
+        demo.assert_called_once_with(Path("story"))
+
+
+@pytest.mark.parametrize(
+    ("error", "message", "code"),
+    [
+        (ValueError("bind: `features` must be\nfinite"), "dfd: bind: `features` must be finite", 2),
+        (OSError(28, "No space left on device"), "dfd: No space left on device", 2),
+        (FileNotFoundError(2, "No such file or directory", "a.obj"), "dfd: a.obj: No such file or directory", 2),
+        (PermissionError("the cache is locked"), "dfd: the cache is locked", 2),
+        (MemoryError(), "dfd: out of memory", 2),
+        (MemoryError("distill: lower `views`"), "dfd: out of memory: distill: lower `views`", 2),
+        (KeyboardInterrupt(), "dfd: interrupted", 130),
+    ],
+)
+def test_whatever_goes_wrong_is_one_line_and_a_code(run, error, message, code):
+    with mock.patch("dfd.demo.run", side_effect=error):
+        assert failed(run("demo"), message, code)
+
+
+def test_a_mistake_of_ours_is_not_hidden(run):
+    with mock.patch("dfd.demo.run", side_effect=ZeroDivisionError):
+        assert isinstance(run("demo").exception, ZeroDivisionError)
+
+
+def test_a_warning_is_one_line(run, folder):
+    def warns(*_):
+        import warnings
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("always")
+            warnings.warn("the texture cannot be read:\nit is shown grey", UserWarning, stacklevel=1)
+            warnings.warn("old", DeprecationWarning, stacklevel=1)
+
+    with mock.patch("dfd.demo.run", warns):
+        result = run("demo")
+    assert worked(result)
+    assert result.stderr == "dfd: the texture cannot be read: it is shown grey\n"
+
+
+def test_help_lists_every_command_and_option(run):
+    result = run("--help")
+    assert worked(result)
+    for command in ("demo", "distill", "deform", "show", "inspect", "pick"):
+        assert command in result.stdout
+        assert worked(run(command, "--help"))
+
+
+def test_unknown_commands_are_refused(run):
+    assert failed(run("deforme"), "No such command 'deforme'")
+
+
+# What ignores SIGINT hands that on to its children, as `nohup` does: they begin with Python's own handler again.
+HEED = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from dfd.cli import main; main()"
+
+
+def dfd_process(*arguments, module=False, **options):
+    how = ["-m", "dfd"] if module else ["-c", HEED]
+    return subprocess.Popen(
+        [sys.executable, *how, *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        encoding="utf-8",
+        env={**os.environ, "PYTHONIOENCODING": "utf-8"},
+        **options,
+    )
+
+
+def test_python_m_dfd_is_the_command(tmp_path):
+    with dfd_process("--version", module=True) as process:
+        output, error = process.communicate(timeout=60)
+    assert process.returncode == 0, error
+    assert output.startswith("dfd ")
+    with dfd_process("show", tmp_path / "none.obj", "-o", tmp_path / "out.png", "--level", module=True) as process:
+        output, error = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert output == ""
+    assert error == "dfd: `--field` must be given: weights come from it\n"
+
+
+def test_help_and_version_need_nothing_heavy():
+    code = (
+        "import sys; from dfd.cli import main\n"
+        "try: main(['--help'])\n"
+        "except SystemExit: pass\n"
+        "print([name for name in ('torch', 'trimesh', 'transformers', 'scipy', 'PIL') if name in sys.modules])"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert result.stdout.splitlines()[-1] == "[]"
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs a pipe with a name")
+def test_control_c_is_one_line_and_code_130(folder, tmp_path):
+    # A pipe that nothing is written to: the command waits for it, in the middle of its work, until it is interrupted.
+    pipe = tmp_path / "endless.json"
+    os.mkfifo(pipe)
+    files = (folder / "chair.obj", "--field", folder / "chair.field.safetensors")
+    with dfd_process("deform", *files, "--edit", pipe, "-o", tmp_path / "out.obj") as process:
+        try:
+            writer = _writer(pipe, process)
+            process.send_signal(signal.SIGINT)
+            output, error = process.communicate(timeout=60)
+            os.close(writer)
+        finally:
+            process.kill()
+    assert process.returncode == 130
+    assert error.splitlines()[-1] == "dfd: interrupted"
+    assert "Traceback" not in error
+    assert output == ""
+    assert list(tmp_path.iterdir()) == [pipe]
+
+
+def _writer(pipe, process, seconds=120):
+    """The end of a pipe to write to, once the process has opened the other one."""
+    until = time.monotonic() + seconds
+    while True:
+        assert process.poll() is None, process.stderr.read()
+        assert time.monotonic() < until, "it never opened the pipe"
+        try:
+            return os.open(pipe, os.O_WRONLY | os.O_NONBLOCK)  # refused until the command has opened it
+        except OSError:
+            time.sleep(0.05)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="needs POSIX signals")
+def test_control_c_works_where_it_is_ignored(folder, tmp_path):
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        test_control_c_is_one_line_and_code_130(folder, tmp_path)
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -1,0 +1,131 @@
+"""`dfd deform`: what it writes."""
+
+import re
+import sys
+from pathlib import Path
+from unittest import mock
+
+import numpy as np
+import pytest
+from command_runs import drawn, worked
+from PIL import Image
+
+import dfd
+from dfd.editing.edit_file import read_edit
+from dfd.field.field import Field
+
+DISTILL = sys.modules["dfd.cli.distill"]  # by its own name there is the command
+
+
+DEFORM = ("deform", "MESH", "--field", "FIELD")
+
+
+def test_deform_writes_what_the_session_says(run, folder, chair):
+    change = ("--translate", 0, -0.2, 0.1, "--rotate", 0, 30, 0, "--scale", 1.5, "--pivot", 0, 0, 0)
+    rest = ("--fix", 900, "--fix", "0.1,0.2,0.3", "--symmetry", "x", "--band", 0.02)
+    assert worked(run(*DEFORM, "--handle", 40, *change, *rest, "-o", "out.obj"))
+    deformer = dfd.Deformer(chair, Field.load(folder / "chair.field.safetensors"))
+    deformer.add(40, translation=(0, -0.2, 0.1), rotation=(0, 30, 0), scale=1.5, pivot=(0, 0, 0))
+    deformer.fix(900)
+    deformer.fix("0.1,0.2,0.3")
+    deformer.set_symmetry("x", band=0.02)
+    np.testing.assert_allclose(dfd.load("out.obj").vertices, deformer.vertices, atol=1e-5)
+    assert np.abs(deformer.vertices - chair.vertices).max() > 0.05
+
+
+def test_locality_keeps_a_deformation_near(run, chair):
+    move = ("--handle", 40, "--translate", 0, 0.5, 0)
+    assert worked(run(*DEFORM, *move, "-o", "wide.ply"))
+    assert worked(run(*DEFORM, *move, "--locality", 4, "-o", "near.ply"))
+    wide, near = (np.abs(dfd.load(name).vertices - chair.vertices).sum() for name in ("wide.ply", "near.ply"))
+    assert 0 < near < 0.8 * wide
+
+
+@pytest.mark.parametrize(
+    ("scale", "factors"),
+    [
+        (("--scale", "2"), (2, 2, 2)),
+        (("--scale", "1", "2", "0.5"), (1, 2, 0.5)),
+        (("--scale", "-1", "1", "1"), (-1, 1, 1)),
+        (("--scale", "1,2,3"), (1, 2, 3)),
+        (("--scale=1,2,3",), (1, 2, 3)),
+    ],
+)
+def test_scale_takes_one_number_or_three(run, chair, scale, factors):
+    assert worked(run(*DEFORM, "--handle", 40, *scale, "--save-edit", "edit.json"))
+    (handle,) = read_edit("edit.json", chair).handles
+    assert handle.transform.scale == factors
+
+
+def test_an_edit_holds_several_handles_and_options_add_to_it(run, chair):
+    assert worked(run(*DEFORM, "--handle", 40, "--scale", 2, "--fix", 3, "--save-edit", "one.json"))
+    assert worked(run(*DEFORM, "--edit", "one.json", "--handle", 900, "--symmetry", "z", "--save-edit", "two.json"))
+    edit = read_edit("two.json", chair)
+    assert [handle.place.vertex for handle in edit.handles] == [40, 900]
+    assert [place.vertex for place in edit.fixed] == [3]
+    assert edit.symmetry.normal == (0, 0, 1)
+    assert worked(run(*DEFORM, "--edit", "two.json", "-o", "out.stl"))
+    assert Path("out.stl").stat().st_size > 0
+
+
+def test_a_picture_shows_before_and_after(run):
+    assert worked(run(*DEFORM, "--handle", 40, "--translate", 0, 1, 0, "--picture", "out.png"))
+    with Image.open("out.png") as image:
+        assert image.width > 2 * image.height
+        assert np.asarray(image).std() > 10
+
+
+def test_every_handle_has_the_options_that_follow_it(run, chair):
+    first = ("--translate", 0, 1, 0, "--handle", 40, "--reach", "auto", "--falloff=smooth", "--name", "foot")
+    second = ("--handle=top", "--rotate", 0, 0, 90, "--locality", 2, "--instances", "own", "--level")
+    third = ("--handle", 900, "--radius", "20%", "--strength", 0.5, "--within", "y>0", "--axes", "normal", "--no-level")
+    assert worked(run(*DEFORM, *first, *second, "--fix", "1000:0.25", *third, "--save-edit", "edit.json"))
+    edit = read_edit("edit.json", chair)
+    one, two, three = edit.handles
+    assert (one.place.vertex, one.name, one.transform.translation) == (40, "foot", (0, 1, 0))
+    assert (one.controls.reach, one.controls.falloff, one.controls.level) == ("auto", "smooth", False)
+    assert two.place.vertex == chair.vertices[:, 1].argmax()
+    assert two.transform.translation == (0, 0, 0)
+    assert (two.controls.locality, two.controls.instances, two.controls.level) == (2, "own", True)
+    assert three.controls.radius == pytest.approx(0.2 * chair.diagonal)
+    assert (three.controls.strength, str(three.controls.within)) == (0.5, "the side (0, 1, 0) · p ≥ 0")
+    assert three.transform.axes is not None
+    assert [(fixed.vertex, fixed.strength) for fixed in edit.fixed] == [(1000, 0.25)]
+
+
+def test_what_holds_for_the_whole_shape(run, chair):
+    rules = ("--overlap", "interpolate", "--blend", "dual_quaternion", "--no-arrive", "--symmetry", "0,3,4,1")
+    assert worked(run(*DEFORM, "--handle", 40, *rules, "--band", 0, "--save-edit", "edit.json"))
+    edit = read_edit("edit.json", chair)
+    assert (edit.overlap, edit.blend, edit.arrive) == ("interpolate", "dual_quaternion", False)
+    assert edit.symmetry.normal == pytest.approx((0, 0.6, 0.8))
+    assert (edit.symmetry.offset, edit.symmetry.band) == (1, 0)
+
+
+def test_a_point_is_taken_to_the_surface_and_what_it_means_is_said(run, chair):
+    result = run(*DEFORM, "--handle", "0.2,0.9,-0.2", "--scale", 2, "--fix", "bottom", "--save-edit", "edit.json")
+    assert worked(result)
+    apart = np.linalg.norm(chair.vertices - [0.2, 0.9, -0.2], axis=1)
+    (handle,) = read_edit("edit.json", chair).handles
+    assert handle.place.vertex == apart.argmin()
+    assert f"--handle 0.2,0.9,-0.2 is vertex {apart.argmin()}, {apart.min():.3g} away" in result.stderr
+    assert f"--fix bottom is vertex {chair.vertices[:, 1].argmin()}" in result.stderr
+
+
+def test_what_happened_is_said(run):
+    moved = run(*DEFORM, "--handle", 40, "--translate", 0, 0.5, 0, "-o", "out.obj")
+    assert worked(moved)
+    assert re.search(r"out.obj: moved \d+ % of the vertices, up to 0.5; handle 1 arrived", moved.stderr)
+    rested = run(*DEFORM, "--handle", 40, "-o", "out.obj")
+    assert worked(rested)
+    assert "out.obj: nothing moved: no handle is moved, turned or scaled" in rested.stderr
+
+
+def test_a_picture_is_taken_from_where_it_is_told(run):
+    small = (*DEFORM, "--handle", 40, "--translate", 0, 0.3, 0)
+    with mock.patch("dfd.pictures.before_after.CELL", 64):
+        assert worked(run(*small, "--picture", "own.png"))
+        assert worked(run(*small, "--picture", "other.png", "--azimuth", 200, "--elevation", 60, "--zoom", 2))
+    own, other = drawn("own.png"), drawn("other.png")
+    assert own.shape == other.shape
+    assert np.abs(own - other).max() > 30

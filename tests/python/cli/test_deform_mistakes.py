@@ -1,0 +1,162 @@
+"""`dfd deform`: how it fails, and what it leaves alone."""
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+from command_runs import failed
+
+DISTILL = sys.modules["dfd.cli.distill"]  # by its own name there is the command
+
+
+DEFORM = ("deform", "MESH", "--field", "FIELD")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((), "`--handle` or `--edit` must be given"),
+        (("--fix", 3), "`--handle` or `--edit` must be given"),
+        (
+            ("--edit", "none.json", "--translate", 0, 0, 1),
+            "`--handle` must be given: it is what the translation is for",
+        ),
+        (("--handle", 1, "--band", 0.1), "`--symmetry` must be given"),
+        (("--handle", "seat"), "`--handle` must be a vertex index, a point x,y,z, top, bottom"),
+        (("--handle", "1,2"), "`--handle` must be 3 numbers, got shape (2,)"),
+        (("--handle", "1,2,nan"), "`--handle` must be finite, got nan"),
+        (("--handle", 10**6), "`--handle` must lie in 0 … 2003, got 1000000"),
+        (("--handle", -1), "`--handle` must lie in 0 … 2003, got -1"),
+        (("--handle", 1, "--fix", 99999), "`--fix` must lie in 0 … 2003, got 99999"),
+        (("--handle", 1, "--fix", 1), "`fixed` must be free places, but 1 is handle 1 already"),
+        (("--handle", 1, "--fix", 2, "--fix", 2), "`fixed` must be free places, but 2 is fixed already"),
+        (("--handle", 1, "--translate", 0, "nan", 0), "`translation` must be finite, got nan"),
+        (("--handle", 1, "--translate", 0, "up", 0), "--translate"),
+        (("--handle", 1, "--translate", 0, 1), "`--translate` needs 3 numbers, got 2: 0 1"),
+        (("--translate", 0, 1, "--handle", 1), "`--translate` needs 3 numbers, got 2: 0 1"),
+        (("--handle", 1, "--rotate", 90), "`--rotate` needs 3 numbers, got 1: 90"),
+        (("--handle", 1, "--handle", 1), "`handles` must lie at distinct places"),
+        (("--handle", 1, "--handle", 2, "--scale", 0), "`--scale` must not be 0"),
+        (("--handle", "500,500,500"), "`--handle` must lie near the shape, but 500,500,500 is"),
+        (("--handle", "part:seat"), "`--handle`"),
+        (("--handle", 1, "--reach", 0), "`reach` must be above 0"),
+        (("--handle", 1, "--reach", "far"), "`--reach` must be auto or a number above 0, got 'far'"),
+        (("--handle", 1, "--falloff", "cubic"), "`falloff` must be one of linear, smooth"),
+        (("--handle", 1, "--radius", "far"), "`radius` must be a length or a percentage such as 20%, got 'far'"),
+        (("--handle", 1, "--radius", 1, "--locality", 1), "`radius` and `locality` must not be given both"),
+        (("--handle", 1, "--strength", 2), "`strength` must be at most 1"),
+        (("--handle", 1, "--instances", "all"), "`instances` must be one of own, together, only, got 'all'"),
+        (("--handle", 1, "--within", "x>99"), "must hold a vertex"),
+        (("--handle", 1, "--axes", "skew"), "`axes`"),
+        (("--handle", 1, "--overlap", "sum"), "`overlap` must be one of add, interpolate, normalize, paper"),
+        (("--handle", 1, "--blend", "cubic"), "`blend` must be one of linear, dual_quaternion, polar"),
+        (("--handle", 1, "--fix", "2:1.5"), "`--fix` must be at most 1, got 1.5"),
+        (("--handle", 1, "--fix", "part:0.5"), "`--fix`"),
+        (("--handle", 1, "--zoom", 0), "`--zoom` must be above 0"),
+        (("--handle", 1, "--elevation", 91), "`--elevation` must be at most 90"),
+        (("--handle", 1, "--symmetry", "0,0,0,1"), "direction that has a length"),
+        (("--handle", 1, "--scale", "big"), "`--scale` must be one number or three, got 'big'"),
+        (("--handle", 1, "--scale", 1, 2), "`--scale` needs 1 or 3 numbers, got 2: 1 2"),
+        (("--handle", 1, "--scale", "1,2"), "`--scale` needs 1 or 3 numbers, got 2: 1 2"),
+        (("--handle", 1, "--scale", 1, 2, 3, 4), "`--scale` needs 1 or 3 numbers, got 4: 1 2 3 4"),
+        (("--handle", 1, "--scale", 0), "`--scale` must not be 0"),
+        (("--handle", 1, "--scale", 1, 0, 1), "`--scale` must not be 0"),
+        (("--handle", 1, "--scale"), "--scale"),
+        (("--handle", 1, "--scale", "inf"), "`scale` must be finite, got inf"),
+        (("--handle", 1, "--locality", -1), "`locality` must be at least 0, got -1"),
+        (("--handle", 1, "--locality", "nan"), "`locality` must be finite, got nan"),
+        (("--handle", 1, "--symmetry", "w"), "`plane` must be like x, x=0.1 or 0.6,0,0.8=0.1, got 'w'"),
+        (("--handle", 1, "--symmetry", "x", "--band", -1), "`band` must be at least 0, got -1"),
+        (("--edit", "none.json"), "none.json: the edit could not be read: No such file or directory"),
+        (("--handel", 1), "No such option: --handel"),
+    ],
+)
+def test_deform_names_what_is_wrong_and_writes_nothing(run, tmp_path, arguments, message):
+    assert failed(run(*DEFORM, *arguments, "-o", "out.obj"), message)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_deform_wants_something_to_write(run):
+    assert failed(run(*DEFORM, "--handle", 1), "`--output`, `--picture` or `--save-edit` must be given")
+
+
+@pytest.mark.parametrize(
+    ("option", "path", "message"),
+    [
+        ("-o", "no/such/out.obj", "`--output`: the folder no/such does not exist"),
+        ("-o", "out.fbx", "`--output` must end in .obj, .ply, .stl, .off, .glb, .gltf, got out.fbx"),
+        ("-o", "folder.obj", "`--output`: folder.obj is a folder, not a file"),
+        ("--picture", "out.jpg", "`--picture` must end in .png, got out.jpg"),
+        ("--picture", "no/out.png", "`--picture`: the folder no does not exist"),
+        ("--save-edit", "no/edit.json", "`--save-edit`: the folder no does not exist"),
+    ],
+)
+def test_outputs_are_checked_before_the_work(run, option, path, message, tmp_path):
+    (tmp_path / "folder.obj").mkdir()
+    # Neither mesh nor field exist: were they read first, the message would be about them.
+    result = run("deform", "none.obj", "--field", "none", "--handle", 1, option, path)
+    assert failed(result, message)
+
+
+def test_a_folder_that_cannot_be_written_is_noticed_before_the_work(run, monkeypatch):
+    def read_only(*_, **__):
+        raise OSError(30, "Read-only file system")
+
+    monkeypatch.setattr("tempfile.TemporaryFile", read_only)
+    result = run("deform", "none.obj", "--field", "none", "--handle", 1, "-o", "out.obj")
+    assert failed(result, "`--output`: out.obj cannot be written: Read-only file system")
+
+
+def test_a_disk_that_fills_up_leaves_the_old_file_whole(run, monkeypatch, tmp_path):
+    (tmp_path / "out.ply").write_text("precious")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    assert failed(run(*DEFORM, "--handle", 1, "-o", "out.ply"), "No space left on device")
+    assert (tmp_path / "out.ply").read_text() == "precious"
+    assert list(tmp_path.iterdir()) == [tmp_path / "out.ply"]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "not an edit"),
+        ('{"format": "dfd-edit", "version": 2}', "`version` must be 1, got 2"),
+        ('{"format": "dfd-edit", "version": 1, "handels": []}', "`handels` is an unknown key"),
+        ('{"format": "dfd-edit", "version": 1, "handles": [{"vertex": 1', "no whole JSON document"),
+        ('{"format": "dfd-edit", "version": 1, "handles": [{"vertex": 123456}]}', "`handles[0].vertex` must lie in"),
+    ],
+)
+def test_an_odd_edit_is_named(run, tmp_path, content, message):
+    (tmp_path / "edit.json").write_text(content)
+    message = message.replace("not an edit", "edit.json: no whole JSON document")
+    assert failed(run(*DEFORM, "--edit", "edit.json", "-o", "out.obj"), message)
+
+
+@pytest.mark.parametrize("command", ["deform", "show"])
+def test_a_field_of_a_shape_in_other_units_is_named(run, chair, command):
+    chair.save("metres.obj", 0.01 * chair.vertices)
+    rest = ("--handle", 1, "-o", "out.obj" if command == "deform" else "out.png")
+    result = run(command, "metres.obj", "--field", "FIELD", *rest)
+    assert failed(result, "a longest side of 0.9897 around (0, 0.526, -0.007948), and this mesh has one of 0.009897")
+    assert [path.name for path in Path().iterdir()] == ["metres.obj"]
+
+
+@pytest.mark.parametrize("command", ["deform", "show", "inspect"])
+def test_a_mesh_or_a_field_that_is_none_is_named(run, folder, tmp_path, command):
+    (tmp_path / "empty.obj").write_text("")
+    (tmp_path / "text.field").write_text("no field")
+    whole = (folder / "chair.field.safetensors").read_bytes()
+    (tmp_path / "cut.field").write_bytes(whole[: len(whole) // 2])
+    rest = {"deform": ("--handle", 1, "-o", "out.obj"), "show": ("-o", "out.png"), "inspect": ()}[command]
+    for mesh, field, message in [
+        ("none.obj", "FIELD", "none.obj"),
+        ("empty.obj", "FIELD", "empty.obj"),
+        ("MESH", "none.field", "none.field"),
+        ("MESH", "text.field", "text.field"),
+        ("MESH", "cut.field", "cut.field"),
+    ]:
+        assert failed(run(command, mesh, "--field", field, *rest), message)

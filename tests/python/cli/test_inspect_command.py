@@ -1,0 +1,75 @@
+"""`dfd inspect`."""
+
+import json
+import sys
+from unittest import mock
+
+import numpy as np
+import pytest
+from command_runs import worked
+from mesh_files import CORNERS, CUBE
+
+from dfd import Mesh
+
+DISTILL = sys.modules["dfd.cli.distill"]  # by its own name there is the command
+
+
+def test_inspect_prints_a_table(run):
+    result = run("inspect", "MESH")
+    assert worked(result)
+    assert result.stderr == ""
+    lines = [line.split() for line in result.stdout.splitlines()]
+    assert ["vertex", "count", "2,004"] in lines
+    assert ["face", "count", "4,008"] in lines
+    assert ["boundary", "edges", "0"] in lines
+    assert ["unseen", "nothing,", "in", "24", "views"] in lines
+    assert "symmetry" not in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "line"),
+    [
+        (
+            np.vstack([CORNERS, CORNERS / 2 + 0.25]),
+            np.vstack([CUBE, CUBE + 8]),
+            "unseen 20.0% of the surface, 1 of 2 components wholly, in 24 views: it takes the nearest seen features",
+        ),
+        (
+            np.vstack([CORNERS, CORNERS + [0, 0, 1]]),
+            np.vstack([CUBE, CUBE + 8]),
+            "unseen 16.7% of the surface, in 24 views: it takes the nearest seen features",
+        ),
+        ([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]], "unseen all of it, for no face has an area"),
+    ],
+)
+def test_inspect_says_what_no_camera_sees(run, vertices, faces, line):
+    Mesh(vertices, faces).save("shape.obj")
+    result = run("inspect", "shape.obj")
+    assert worked(result)
+    assert line in " ".join(result.stdout.split())
+
+
+def test_inspect_prints_json_with_the_planes_of_a_field(run, folder):
+    with mock.patch(
+        "dfd.symmetry.search.RELATIVE_THRESHOLD", 10.0
+    ):  # every plane will do for a field that learnt nothing
+        result = run("inspect", "MESH", "--field", "FIELD", "--json")
+        table = run("inspect", "MESH", "--field", "FIELD")
+    assert worked(result)
+    report = json.loads(result.stdout)
+    assert report["file"] == str(folder / "chair.obj")
+    assert report["vertex_count"] == 2004
+    assert report["components"] == 1
+    assert report["unseen"] == {"views": 24, "area": 0, "components": 0, "component_count": 1}
+    assert report["field"]["dimension"] == 16
+    assert report["field"]["settings"] == {"encoder": "none", "seed": 3}
+    assert [1, 0, 0] in [plane["normal"] for plane in report["symmetry_planes"]]
+    assert worked(table)
+    assert "x=0 (score" in table.stdout
+    assert "16 dimensions" in table.stdout
+
+
+def test_inspect_says_when_there_is_no_plane(run):
+    with mock.patch("dfd.symmetry.search.RELATIVE_THRESHOLD", 0.0), mock.patch("dfd.symmetry_planes", return_value=[]):
+        result = run("inspect", "MESH", "--field", "FIELD")
+    assert ["symmetry", "planes", "none"] in [line.split() for line in result.stdout.splitlines()]

@@ -1,0 +1,82 @@
+"""`dfd show`."""
+
+import sys
+from unittest import mock
+
+import numpy as np
+import pytest
+from command_runs import drawn, failed, worked
+
+import dfd
+
+DISTILL = sys.modules["dfd.cli.distill"]  # by its own name there is the command
+
+
+def test_show_draws_the_mesh_its_features_or_weights(run):
+    small = ("--resolution", 64, "-o")
+    assert worked(run("show", "MESH", *small, "plain.png"))
+    assert worked(run("show", "MESH", "--field", "FIELD", *small, "features.png"))
+    assert worked(run("show", "MESH", "--field", "FIELD", "--handle", 40, *small, "heat.png"))
+    assert worked(run("show", "MESH", "--field", "FIELD", "--handle", 40, "--fix", 41, *small, "held.png"))
+    pictures = [drawn(name) for name in ("plain.png", "features.png", "heat.png", "held.png")]
+    assert all(picture.shape == (64, 64, 3) for picture in pictures)
+    for i, one in enumerate(pictures):
+        for other in pictures[:i]:
+            assert np.abs(one - other).max() > 30
+
+
+def test_many_vertices_are_shown_and_deformed_from_compact_features(run, chair):
+    show = ("show", "MESH", "--field", "FIELD", "--resolution", 64, "-o")
+    move = ("--handle", 40, "--translate", 0, 0.2, 0, "-o")
+    results = []
+    for most_exact in (10_000, 100):
+        with mock.patch("dfd.editing.handle_weights.MOST_EXACT", most_exact):
+            assert worked(run(*show, "features.png"))
+            assert worked(run(*show, "heat.png", "--handle", 40))
+            assert worked(run("deform", "MESH", "--field", "FIELD", *move, "out.ply"))
+        results.append((drawn("features.png"), drawn("heat.png"), dfd.load("out.ply").vertices))
+    (features, heat, vertices), (compact_features, compact_heat, compact_vertices) = results
+    assert np.abs(features - compact_features).max() < 10
+    assert np.abs(heat - compact_heat).max() < 10
+    assert 0 < np.abs(vertices - compact_vertices).max() <= 0.01 * 0.2
+
+
+def test_show_makes_a_sheet_of_handles_and_sides(run):
+    handles = ("--handle", 40, "--handle", "0.1,0.2,0.3")
+    arguments = ("--views", 3, "--resolution", 64, "--locality", 2, "-o", "sheet.png")
+    assert worked(run("show", "MESH", "--field", "FIELD", *handles, *arguments))
+    height, width, _ = drawn("sheet.png").shape
+    assert width > 3 * 64
+    assert height > 2 * 64
+
+
+def test_a_handle_is_shown_from_its_own_side(run, chair):
+    from dfd.pictures.before_after import ASIDE, azimuth_towards
+
+    middle = chair.bounds.mean(axis=0)
+    assert azimuth_towards(chair, [middle + [1, 5, 0]]) == pytest.approx(90 + ASIDE)
+    assert azimuth_towards(chair, [middle + [0, 0, -1], middle + [1, 0, 0]]) == pytest.approx(135 + ASIDE)
+    assert azimuth_towards(chair, []) == ASIDE
+    small = ("--field", "FIELD", "--handle", int(chair.vertices[:, 2].argmin()), "--resolution", 64, "-o")
+    assert worked(run("show", "MESH", *small, "own.png"))
+    assert worked(run("show", "MESH", *small, "front.png", "--azimuth", 0))
+    assert np.abs(drawn("own.png") - drawn("front.png")).max() > 30
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--handle", 1, "--locality", 1), "`--field` must be given: weights come from it"),
+        (("--field", "FIELD", "--fix", 1), "`--handle` must be given: the others say what follows one"),
+        (("--field", "FIELD", "--handle", 10**6), "`--handle` must lie in 0 … 2003"),
+        (("--field", "FIELD", "--handle", 1, "--handle", 1), "`handles` must lie at distinct places"),
+        (("--field", "FIELD", "--handle", 1, "--locality", -1), "`locality` must be at least 0"),
+        (("--views", 0), "--views"),
+        (("--resolution", 1), "--resolution"),
+        (("--azimuth", "nan"), "`--azimuth` must be finite, got nan"),
+        (("--elevation", "inf"), "`--elevation` must be finite, got inf"),
+    ],
+)
+def test_show_names_what_is_wrong(run, tmp_path, arguments, message):
+    assert failed(run("show", "MESH", "-o", "out.png", *arguments), message)
+    assert list(tmp_path.iterdir()) == []
