@@ -216,7 +216,7 @@ def report(lessons: Sequence[Lesson]) -> str:
     lines = [
         "# Which way is up",
         "",
-        f"{len(lessons)} shapes. Log-odds of the file's +y: {prior:.1f}, the least with which {KEPT:.0%} keep their up, "
+        f"{len(lessons)} shapes. Log-odds of the file's +y: {prior:.1f}, the least with which {KEPT:.0%} keep it, "
         f"each left out; of ±z {Z_SHARE:g} of that.",
         "",
     ]
