@@ -18,7 +18,7 @@ from dfd.app.framing import unpack
 from dfd.app.launch import RunningApp
 from dfd.app.protocol import VERSION
 
-PATIENCE = 120.0  # seconds; a busy machine imports torch slowly
+PATIENCE = 400.0  # seconds; a busy machine imports torch slowly
 
 
 @dataclass

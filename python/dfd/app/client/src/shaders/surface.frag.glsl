@@ -60,7 +60,7 @@ void main() {
   }
   if (look == 2 && hasFeatures) albedo = pow(lookColor, vec3(2.2));
   // One hundredth of a weight must not tint the whole shape, unless the heat map is all that is asked for.
-  float shown = look == 3 ? 0.94 : 0.86 * smoothstep(0.01, 0.12, heat);
+  float shown = look == 3 ? 0.94 : look == 2 ? 0.0 : 0.86 * smoothstep(0.01, 0.12, heat);
   albedo = mix(albedo, ramp(heat), heatStrength * shown);
 
   vec3 key = normalize(vec3(-0.35, 0.55, 0.76));
