@@ -97,11 +97,12 @@ def _values(name: str, count: int, rest: list[str]) -> list[str]:
     """
     numbers = next((i for i, token in enumerate(rest) if not is_number(token)), len(rest))
     if name == "--scale":
-        if numbers not in (0, 1, 3):
-            raise ValueError(f"`--scale` needs 1 or 3 numbers, got {numbers}: {' '.join(rest[:numbers])}")
+        text = numbers == 0 and bool(rest) and not rest[0].startswith("-")  # such as 1,2,3
+        if numbers not in (1, 3) and not text:
+            raise ValueError(f"`--scale` needs 1 or 3 numbers, got {_listed(rest[:numbers])}")
         return rest[: max(numbers, 1)]
     if count == 3 and numbers < 3 and (numbers == len(rest) or rest[numbers].startswith("-")):
-        raise ValueError(f"`{name}` needs 3 numbers, got {numbers}: {' '.join(rest[:numbers])}")
+        raise ValueError(f"`{name}` needs 3 numbers, got {_listed(rest[:numbers])}")
     return rest[:count]
 
 
@@ -111,11 +112,15 @@ def _factors(text: str) -> float | list[float]:
     if not all(map(is_number, parts)):
         raise ValueError(f"`--scale` must be one number or three, got {text!r}")
     if len(parts) not in (1, 3):
-        raise ValueError(f"`--scale` needs 1 or 3 numbers, got {len(parts)}: {' '.join(parts)}")
+        raise ValueError(f"`--scale` needs 1 or 3 numbers, got {_listed(parts)}")
     factors = [float(part) for part in parts]
     if 0.0 in factors:
         raise ValueError(f"`--scale` must not be 0, which leaves nothing of what it holds, got {text}")
     return factors if len(factors) == 3 else factors[0]
+
+
+def _listed(numbers: list[str]) -> str:
+    return f"{len(numbers)}: {' '.join(numbers)}" if numbers else "none"
 
 
 def is_number(text: str) -> bool:

@@ -9,11 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dfd.cli.arguments import MeshArgument
+from dfd.cli.arguments import MeshArgument, check_output
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from dfd.distillation.up import Up
+    from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
+    from dfd.symmetry.plane import SymmetryPlane
 
 __all__ = ["inspect"]
 
@@ -21,7 +26,19 @@ __all__ = ["inspect"]
 def inspect(
     mesh: MeshArgument,
     field: Annotated[
-        Path | None, typer.Option("--field", metavar="FIELD", help="Also look for symmetry planes, with this field.")
+        Path | None,
+        typer.Option("--field", metavar="FIELD", help="Also look for symmetry planes and suggest handles, with this."),
+    ] = None,
+    against: Annotated[
+        Path | None,
+        typer.Option("--against", metavar="MESH", help="Also measure what was done to the surface to make this of it."),
+    ] = None,
+    suggestions: Annotated[
+        int, typer.Option(min=1, max=50, help="With --field: at most so many handles are suggested.")
+    ] = 8,
+    picture: Annotated[
+        Path | None,
+        typer.Option(metavar="PNG", help="With --field, --against: draw suggested handles, how areas changed."),
     ] = None,
     up: Annotated[
         str, typer.Option(metavar="DIRECTION", help="Which way is up: auto, file, +y, -z, …, or numbers such as 0,0,1.")
@@ -32,20 +49,29 @@ def inspect(
 
     The pictures are those that `dfd distill` takes.
     """
+    if picture is not None and field is None and against is None:
+        raise ValueError("`--field` or `--against` must be given: `--picture` draws what comes of them")
+    check_output("--picture", picture, (".png",))
+
     from dfd import Field, load, symmetry_planes
     from dfd.distillation.up import check_up, said_up
     from dfd.geometry import topology
+    from dfd.geometry.findings import findings
     from dfd.views.visibility import unseen
 
     shape = load(mesh)
+    moved = None if against is None else _moved(shape, load(against))
+    counts = topology.inspect(shape)
     said = check_up(up)
     found = _found_up(shape) if said == "auto" else said_up(shape, said)
     report: dict[str, Any] = {
         "file": str(mesh),
-        **asdict(topology.inspect(shape)),
+        **asdict(counts),
         "up": {"axis": str(found), **found.settings},
         "unseen": asdict(unseen(shape, frame=found.frame)),
+        "findings": [asdict(finding) for finding in findings(shape, counts)],
     }
+    rows: list[tuple[str, dict[str, Any]]] = []
     if field is not None:
         opened = Field.load(field, mesh=shape)
         report["field"] = {
@@ -53,7 +79,21 @@ def inspect(
             "dimension": opened.dimension,
             "settings": {name: value for name, value in opened.settings.items() if name != "losses"},
         }
-        report["symmetry_planes"] = [asdict(plane) for plane in symmetry_planes(opened, shape)]
+        planes = symmetry_planes(opened, shape)
+        report["symmetry_planes"] = [asdict(plane) for plane in planes]
+        report["suggestions"], row = _suggested(shape, opened, suggestions, planes)
+        rows.append(row)
+    if moved is not None:
+        from dfd.geometry.metrics import area_ratios, surface_metrics
+        from dfd.pictures.colors import ratio_colors
+
+        report["against"] = {"file": str(against), **asdict(surface_metrics(shape, moved))}
+        colors = ratio_colors(area_ratios(shape, moved))
+        rows.append(("areas: halved blue, doubled red", {"vertices": moved, "colors": colors}))
+    if picture is not None:
+        from dfd.pictures.sheet import save_sheet
+
+        save_sheet(picture, shape, rows, views=2, azimuth=25.0, file=mesh, resolution=640)
     if as_json:
         typer.echo(json.dumps(report, indent=2, default=_plain))
     else:
@@ -73,6 +113,43 @@ def _found_up(shape: Mesh) -> Up:
     return find_up(shape, encoder)
 
 
+def _moved(shape: Mesh, other: Mesh) -> NDArray[np.float64]:
+    """The vertices of `other`, if it is a moved `shape`."""
+    import numpy as np
+
+    if not np.array_equal(other.faces, shape.faces) or len(other.vertices) != len(shape.vertices):
+        raise ValueError(f"`--against` must have the faces of MESH, got {other!r} against {shape!r}")
+    return other.vertices
+
+
+def _suggested(
+    shape: Mesh, field: Field, count: int, planes: list[SymmetryPlane]
+) -> tuple[list[dict[str, Any]], tuple[str, dict[str, Any]]]:
+    """Handles worth taking, for the report, and a row of a sheet that shows them by their numbers."""
+    from dfd import CompactFeatures, Deformer
+    from dfd.editing.suggestions import suggest_handles
+    from dfd.pictures.colors import feature_colors
+
+    features = Deformer(shape, field).features
+    found = suggest_handles(shape, features, count=count, planes=planes)
+    listed = [
+        {
+            "vertex": each.vertex,
+            "position": shape.vertices[each.vertex],
+            "share": each.share,
+            "alike": [instance.vertex for instance in each.instances[1:]],
+        }
+        for each in found
+    ]
+    shown = features.principal(3) if isinstance(features, CompactFeatures) else features
+    marks = {
+        "colors": feature_colors(shown),
+        "handles": [shape.vertices[each.vertex] for each in found],
+        "labels": [str(number) for number in range(1, len(found) + 1)],
+    }
+    return listed, ("suggested handles", marks)
+
+
 def _print_table(report: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
@@ -88,14 +165,21 @@ def _print_table(report: dict[str, Any]) -> None:
             for setting, chosen in value["settings"].items():
                 table.add_row(f"  {setting.replace('_', ' ')}", _shown(chosen))
         elif name == "symmetry_planes":
-            planes = [
+            found = [
                 f"{plane_text(SymmetryPlane(**plane))}"
                 f" (score {plane['score']:.3f}, {plane['relative_score']:.0%} of chance)"
                 for plane in value
             ]
-            table.add_row("symmetry planes", "\n".join(planes) or "none")
+            table.add_row("symmetry planes", "\n".join(found) or "none")
         elif name == "up":
             table.add_row("up", _up(value["axis"], value["up_confidence"], value["up_source"]))
+        elif name == "suggestions":
+            table.add_row("handles", "\n".join(_suggestion(number, **each) for number, each in enumerate(value, 1)))
+        elif name == "findings":
+            table.add_row("odd", "\n".join(f"{each['what']} {each['means']}" for each in value) or "nothing")
+        elif name == "against":
+            for measure, line in _measures(value).items():
+                table.add_row(measure, line)
         elif name == "unseen":
             table.add_row("unseen", _unseen(**value))
         else:
@@ -107,6 +191,34 @@ def _up(axis: str, confidence: float, source: str) -> str:
     if source == "found":
         return f"{axis}, {confidence:.0%} sure"
     return axis if source == "said" else f"{axis} by the file's convention: there was nothing to tell it by"
+
+
+def _suggestion(number: int, vertex: int, position: Any, share: float, alike: list[int]) -> str:
+    follow = f", and alike {_shown_indices(alike)}" if alike else ""
+    return f"{number}: vertex {vertex}, {share:.0%} of the shape{follow}"
+
+
+def _shown_indices(vertices: list[int]) -> str:
+    return ", ".join(str(vertex) for vertex in vertices)
+
+
+def _measures(against: dict[str, Any]) -> dict[str, str]:
+    """The surface metrics, one a row."""
+    crossing = against["self_intersecting_faces"]
+    volume = against["volume"]
+    return {
+        "against": against["file"],
+        "  area": f"{against['area']:.1%} off",
+        "  angles": f"{against['angle']:.2f}° off",
+        "  edge lengths": f"{against['edge_length']:.1%} off",
+        "  volume": "none, the surface is not closed" if volume is None else f"{volume:+.1%}",
+        "  flipped faces": f"{against['flipped_faces']:,}",
+        "  self-intersecting faces": (
+            "not counted: that needs libigl (the extra dfd[metrics]) and at most 200,000 faces"
+            if crossing is None
+            else f"{crossing:,}, {against['self_intersecting_before']:,} before"
+        ),
+    }
 
 
 def _unseen(views: int, area: float, components: int, component_count: int) -> str:

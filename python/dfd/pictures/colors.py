@@ -10,11 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 from dfd.common import check
 from dfd.mesh.appearance import srgb
 
-__all__ = ["CLAY", "feature_colors", "weight_colors"]
+__all__ = ["CLAY", "feature_colors", "ratio_colors", "weight_colors"]
 
 CLAY = (0.85, 0.84, 0.82)  # sRGB of a surface about which nothing is shown; also of weight 0
 # sRGB stops from weight 0 to 1. They darken all the way, so that the map also reads in grey and to the colour-blind.
 HEAT_STOPS = (CLAY, (0.96, 0.78, 0.42), (0.93, 0.50, 0.18), (0.74, 0.20, 0.24), (0.38, 0.05, 0.31))
+SMALLER, LARGER = (0.13, 0.40, 0.74), (0.79, 0.17, 0.16)  # sRGB of a half and of twice
 # Rows from which the main directions are found; more rows change them little.
 LARGEST_SAMPLE = 20_000
 PERCENTILES = (1.0, 99.0)  # of each direction, drawn as its lowest and highest value
@@ -50,6 +51,21 @@ def weight_colors(weights: ArrayLike) -> NDArray[np.float32]:
     before = np.minimum(place.astype(np.int64), len(_HEAT) - 2)
     part = (place - before)[:, None]
     colours: NDArray[np.float32] = (_HEAT[before] * (1 - part) + _HEAT[before + 1] * part).astype(np.float32)
+    return colours
+
+
+def ratio_colors(ratios: ArrayLike) -> NDArray[np.float32]:
+    """Return sRGB colours (V, 3) in [0, 1] of `ratios` (V,), at least 0: blue at a half or less, clay at 1, red at twice.
+
+    Raises
+    ------
+    ValueError
+        If `ratios` is not a row of finite numbers.
+    """
+    values = check.array("ratio_colors", "ratios", ratios, ("V",), dtype=np.float64)
+    octaves = np.log2(values.clip(0.5, 2.0))[:, None]
+    ends = np.where(octaves < 0, SMALLER, LARGER)
+    colours: NDArray[np.float32] = (np.array(CLAY) + np.abs(octaves) * (ends - np.array(CLAY))).astype(np.float32)
     return colours
 
 

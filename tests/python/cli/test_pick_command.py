@@ -2,10 +2,11 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
-from command_runs import failed, worked
+from command_runs import drawn, failed, worked
 from PIL import Image
 
 import dfd
@@ -17,6 +18,11 @@ def heat(run):
     arguments = ("--handle", 40, "--azimuth", 20, "--resolution", 200, "--legend", "-o", "heat.png")
     assert worked(run("show", "MESH", "--field", "FIELD", *arguments))
     return "heat.png"
+
+
+def said(path):
+    with Image.open(path) as image:
+        return json.loads(image.info["dfd-picture"])["views"]
 
 
 def pixel_of(mesh, vertex, resolution, **where):
@@ -40,9 +46,9 @@ def test_a_pixel_is_the_vertex_that_is_seen_there(run, heat, chair):
 def test_every_picture_of_a_sheet_has_its_own_camera(run, chair):
     arguments = ("--views", 3, "--azimuth", 0, "--elevation", 0, "--resolution", 100, "-o", "sheet.png")
     assert worked(run("show", "MESH", "--handle", 40, *arguments))
-    told = json.loads(Image.open("sheet.png").info["dfd-picture"])
-    assert [view["side"] for view in told["views"]] == [100] * 3
-    for view, azimuth in zip(told["views"], (0, 120, 240), strict=True):
+    views = said("sheet.png")
+    assert [view["side"] for view in views] == [100] * 3
+    for view, azimuth in zip(views, (0, 120, 240), strict=True):
         turn = np.radians(azimuth)
         vertex = int((chair.vertices @ [np.sin(turn), 0.1, np.cos(turn)]).argmax())
         x, y = pixel_of(chair, vertex, 100, azimuth=azimuth, elevation=0)
@@ -53,11 +59,11 @@ def test_every_picture_of_a_sheet_has_its_own_camera(run, chair):
 def test_the_moved_shape_is_picked_from_its_own_file(run):
     move = ("--handle", 40, "--translate", 0, 0.5, 0, "--picture", "pair.png")
     assert worked(run("deform", "MESH", "--field", "FIELD", *move, "-o", "moved.obj"))
-    after = json.loads(Image.open("pair.png").info["dfd-picture"])["views"][-1]
+    after = said("pair.png")[-1]
     assert after["shape"] == "moved"
     moved = dfd.load("moved.obj")
     x, y = after["left"] + after["side"] / 2, after["top"] + after["side"] / 2
-    pixels = np.asarray(Image.open("pair.png").convert("L"))
+    pixels = drawn("pair.png").mean(axis=2)
     column = next(c for c in range(round(x) - 300, round(x) + 300) if pixels[round(y), c] < 200)
     found = json.loads(run("pick", "pair.png", column + 6, y, "--json").stdout)
     np.testing.assert_allclose(found["position"], moved.vertices[found["vertex"]])
@@ -74,8 +80,7 @@ def test_a_click_beside_the_shape_is_refused(run, heat):
 def test_pictures_that_say_nothing_and_other_meshes_are_refused(run, heat, folder):
     Image.new("RGB", (9, 9)).save("plain.png")
     assert failed(run("pick", "plain.png", 1, 1), "plain.png: the picture does not say how it was taken")
-    with open("text.png", "w") as stream:
-        stream.write("no picture")
+    Path("text.png").write_text("no picture")
     assert failed(run("pick", "text.png", 1, 1), "text.png: no PNG file that can be read")
     assert failed(run("pick", "none.png", 1, 1), "none.png: No such file")
     dfd.samples.quadruped(4000).mesh.save("other.obj")

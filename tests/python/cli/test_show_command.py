@@ -30,7 +30,7 @@ def test_many_vertices_are_shown_and_deformed_from_compact_features(run, chair):
     move = ("--handle", 40, "--translate", 0, 0.2, 0, "-o")
     results = []
     for most_exact in (10_000, 100):
-        with mock.patch("dfd.editing.handle_weights.MOST_EXACT", most_exact):
+        with mock.patch("dfd.editing.vertex_rows.MOST_EXACT", most_exact):
             assert worked(run(*show, "features.png"))
             assert worked(run(*show, "heat.png", "--handle", 40))
             assert worked(run("deform", "MESH", "--field", "FIELD", *move, "out.ply"))
@@ -80,3 +80,49 @@ def test_a_handle_is_shown_from_its_own_side(run, chair):
 def test_show_names_what_is_wrong(run, tmp_path, arguments, message):
     assert failed(run("show", "MESH", "-o", "out.png", *arguments), message)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_handle_is_marked_without_a_field(run):
+    small = ("--azimuth", 0, "--resolution", 64, "-o")
+    assert worked(run("show", "MESH", *small, "plain.png"))
+    assert worked(run("show", "MESH", "--handle", "front", *small, "marked.png"))
+    blue = drawn("marked.png") @ [-1, -1, 2]
+    assert blue.max() > 150 > (drawn("plain.png") @ [-1, -1, 2]).max()
+
+
+@pytest.mark.parametrize(
+    "control",
+    [
+        ("--reach", 0.3),
+        ("--reach", "auto"),
+        ("--falloff", "constant"),
+        ("--locality", 6),
+        ("--radius", "15%"),
+        ("--strength", 0.2),
+        ("--within", "y>0.5"),
+        ("--fix", 900),
+        ("--fix", "900:0.3"),
+        ("--fix", 900, "--no-arrive"),
+    ],
+)
+def test_every_control_shows_in_the_heat(run, chair, control):
+    top = int(chair.vertices[:, 1].argmax())
+    show = ("show", "MESH", "--field", "FIELD", "--handle", top, "--azimuth", 30, "--resolution", 64, "-o")
+    assert worked(run(*show, "plain.png"))
+    assert worked(run(*show, "other.png", *control))
+    assert np.abs(drawn("plain.png") - drawn("other.png")).max() > 20
+
+
+def test_axes_numbers_zoom_and_the_scale_of_the_heat(run):
+    show = ("show", "MESH", "--field", "FIELD", "--handle", 40, "--resolution", 160, "--azimuth", 0, "-o")
+    assert worked(run(*show, "plain.png"))
+    plain = drawn("plain.png")
+    for option in (("--axes",), ("--numbers",), ("--zoom", 2)):
+        assert worked(run(*show, "other.png", *option))
+        assert np.abs(plain - drawn("other.png")).max() > 50
+    assert worked(run(*show, "legend.png", "--legend"))
+    legend = drawn("legend.png")
+    np.testing.assert_array_equal(legend[:, :160], plain)
+    assert legend.shape[1] > 160
+    assert legend[:, 160:].std() > 10
+    assert failed(run("show", "MESH", "--legend", "-o", "none.png"), "`--legend` needs `--field` and `--handle`")

@@ -1,0 +1,151 @@
+"""What a deformation does to a surface, in the measures of the paper's Fig. 22: area, angles, edges, volume, faces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dfd.common import check
+from dfd.geometry.topology import face_areas, first_at_place
+from dfd.mesh.mesh import Mesh
+
+__all__ = ["SurfaceMetrics", "area_ratios", "surface_metrics"]
+
+MOST_TESTED = 200_000  # faces that are tested for self-intersection: exact arithmetic takes seconds there
+
+# Sum of the cosines between a face and its neighbors: below it is turned away from them, and no mere crease.
+FOLD = -0.5
+
+
+@dataclass(frozen=True)
+class SurfaceMetrics:
+    """How a moved surface differs from the resting one; rigid motion changes nothing of it.
+
+    Attributes
+    ----------
+    area
+        Mean of |A′/A − 1| over the surface, each face weighing by its resting area A.
+    angle
+        Mean change of the faces' angles, degrees, weighing likewise.
+    edge_length
+        Mean of |l′/l − 1| over the edges, each weighing by its resting length l.
+    volume
+        V′/V − 1 of the enclosed volume; None where the surface is open or encloses nothing.
+    flipped_faces
+        Faces that are folded over against the faces around them, and were not at rest.
+    self_intersecting_faces
+        Faces that pass through others; None without libigl, or above 200,000 faces.
+    self_intersecting_before
+        The same at rest.
+    """
+
+    area: float
+    angle: float
+    edge_length: float
+    volume: float | None
+    flipped_faces: int
+    self_intersecting_faces: int | None
+    self_intersecting_before: int | None
+
+
+def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> SurfaceMetrics:
+    """Measure what moving the vertices of `mesh` to `vertices` (V, 3), mesh units, does to its surface.
+
+    Faces without area at rest count for nothing. Self-intersections are found by libigl, of the extra `metrics`.
+
+    Raises
+    ------
+    ValueError
+        If `vertices` is not finite or has another shape than those of the mesh, or no face has an area.
+    """
+    moved = check.array("surface_metrics", "vertices", vertices, mesh.vertices.shape, dtype=np.float64)
+    # In units of the shape, around its middle: lengths far from 1 lose nothing.
+    center, unit = mesh.bounds.mean(axis=0), max(mesh.diagonal, np.finfo(float).tiny)
+    resting, moved = (mesh.vertices - center) / unit, (moved - center) / unit
+    faces = first_at_place(mesh)[mesh.faces]
+    areas = face_areas(resting, faces)
+    faces, areas = faces[areas > 0], areas[areas > 0]
+    if len(faces) == 0:
+        raise ValueError("surface_metrics: `mesh` must have a face with an area, got none")
+    share = areas / areas.sum()
+    edges = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    before, after = (np.linalg.norm(each[edges[:, 0]] - each[edges[:, 1]], axis=1) for each in (resting, moved))
+    turned = np.abs(_angles(moved, faces) - _angles(resting, faces)).mean(axis=1)
+    return SurfaceMetrics(
+        area=float(np.abs(face_areas(moved, faces) - areas).sum() / areas.sum()),
+        angle=float(share @ turned),
+        edge_length=float(np.abs(after - before).sum() / before.sum()),
+        volume=_volume_change(resting, moved, faces),
+        flipped_faces=int((_folded(moved, faces) & ~_folded(resting, faces)).sum()),
+        self_intersecting_faces=_self_intersecting(moved, faces),
+        self_intersecting_before=_self_intersecting(resting, faces),
+    )
+
+
+def area_ratios(mesh: Mesh, vertices: ArrayLike) -> NDArray[np.float64]:
+    """(V,) how many times larger the faces around each vertex have become; 1 where none has an area.
+
+    Raises
+    ------
+    ValueError
+        If `vertices` is not finite or has another shape than those of the mesh.
+    """
+    moved = check.array("area_ratios", "vertices", vertices, mesh.vertices.shape, dtype=np.float64)
+    welded = first_at_place(mesh)
+    faces = welded[mesh.faces].ravel()
+    before, after = (
+        np.bincount(faces, np.repeat(face_areas(each, mesh.faces), 3), minlength=len(welded))[welded]
+        for each in (mesh.vertices, moved)
+    )
+    ratios: NDArray[np.float64] = np.divide(after, before, out=np.ones(len(welded)), where=before > 0)
+    return ratios
+
+
+def _angles(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> NDArray[np.float64]:
+    """(F, 3) angles at the corners, degrees; 0 where an edge has no length."""
+    corners = vertices[faces]
+    one, other = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    # atan2 keeps small angles, which arccos loses.
+    sine, cosine = np.linalg.norm(np.cross(one, other), axis=2), (one * other).sum(axis=2)
+    angles: NDArray[np.float64] = np.degrees(np.arctan2(sine, cosine))
+    return angles
+
+
+def _volume_change(
+    resting: NDArray[np.float64], moved: NDArray[np.float64], faces: NDArray[np.integer]
+) -> float | None:
+    directed = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    forth, uses = np.unique(directed, axis=0, return_counts=True)
+    back = np.unique(directed[:, ::-1], axis=0)
+    if len(forth) != len(back) or (uses != 1).any() or (forth != back).any():
+        return None  # some edge lacks the face on its other side
+    before, after = (np.linalg.det(each[faces]).sum() / 6 for each in (resting, moved))
+    return None if abs(before) < 1e-12 else float(after / before - 1)
+
+
+def _folded(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> NDArray[np.bool_]:
+    """(F,) which faces look away from the mean of the faces across their edges."""
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    _, edge = np.unique(edges, axis=0, return_inverse=True)
+    around = np.stack([np.bincount(edge.ravel(), np.repeat(axis, 3)) for axis in normals.T], axis=1)
+    others = around[edge.ravel()].reshape(-1, 3, 3).sum(axis=1) - 3 * normals
+    folded: NDArray[np.bool_] = (others * normals).sum(axis=1) < FOLD
+    return folded
+
+
+def _self_intersecting(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> int | None:
+    if len(faces) > MOST_TESTED:
+        return None
+    try:
+        from igl.copyleft import cgal
+    except ImportError:
+        return None
+    found = cgal.remesh_self_intersections(
+        np.ascontiguousarray(vertices), np.ascontiguousarray(faces, np.int64), detect_only=True
+    )
+    return len(np.unique(found[2]))
