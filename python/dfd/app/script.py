@@ -23,7 +23,7 @@ AT_REST = {
     "reach": 1.0,
     "falloff": "linear",
     "strength": 1.0,
-    "instances": "together",
+    "instances": "own",
     "level": False,
 }
 WHOLE = {"overlap": "add", "blend": "linear", "arrive": True}

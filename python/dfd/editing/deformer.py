@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Deformer"]
 
+# What a handle starts with: wheels turn about their own axles, and legs grow where they stand. All else is the paper's.
+NEW_HANDLE = Controls(instances="own")
+
 
 class Deformer(WholeShape):
     """One editing session of one shape.
@@ -139,8 +142,8 @@ class Deformer(WholeShape):
         strength
             In [0, 1], a factor for all of its weights; 1 if left out.
         instances
-            "together" (if left out): all look-alikes move about one pivot, as in the paper; "own": each about its own;
-            "only": this one alone.
+            "own" (if left out): each look-alike moves about its own counterpart of the pivot, mirrored where a plane of
+            symmetry lies between; "together": all move about the one pivot, as in the paper; "only": this one alone.
         level
             Whether all instances follow with full weight.
         within
@@ -161,7 +164,7 @@ class Deformer(WholeShape):
                 self._next_id,
                 place,
                 self._transform(Transform(), place.vertex, translation, rotation, scale, pivot, axes),
-                Controls().changed(
+                NEW_HANDLE.changed(
                     **controls_on(
                         self.mesh,
                         {

@@ -34,7 +34,7 @@ LEAST_PERSISTENCE = 0.05  # of weight: below, the field's own ripples have peaks
 LEAST_WEIGHT = 0.15  # of a peak; lower ones go with the instance that is nearest
 MOST_INSTANCES = 64  # the highest peaks; every one costs a column of weights
 SHARPNESS = 2  # of the passage from one instance to the next: shares fall with this power of the distance
-CLEAR = 0.03  # a share below this is none, so that an instance is moved by itself alone
+CLEAR = 0.03  # a share below this part of the largest is none, so that an instance is moved by itself alone
 AS_ALIKE = 0.05  # of weight: by so much less alike, the mirror image of the handle is still preferred to a peak
 
 Float32 = NDArray[np.float32]
@@ -69,6 +69,8 @@ class Instance:
 
     def transform(self, affine: Float64, position: Sequence[float]) -> Float64:
         """The (3, 4) map that does here what `affine` does at a handle at `position` (3,)."""
+        if np.array_equal(affine, np.eye(3, 4)):  # to the bit: a handle at rest changes nothing anywhere
+            return np.eye(3, 4)
         here, there = np.asarray(self.position), np.asarray(position, np.float64)
         linear = self.frame @ affine[:, :3] @ self.frame.T
         moved = affine[:, :3] @ there + affine[:, 3] - there  # what the handle itself is moved by
@@ -164,8 +166,8 @@ class InstanceFinder:
                 straight = cKDTree(self._nodes.center[core]).query(self._nodes.center)[0] + self._mesh.diagonal
                 distance = np.where(np.isinf(distance), straight, distance)
             closeness[row] = (distance / self._mesh.diagonal + 1e-4) ** -SHARPNESS
-        closeness /= closeness.sum(axis=0)
-        smooth = self._nodes.to_vertices(np.clip((closeness - CLEAR) / (1 - 2 * CLEAR), 0, 1))
+        closeness /= closeness.max(axis=0)  # of the nearest one 1, however many there are
+        smooth = self._nodes.to_vertices(np.maximum(closeness - CLEAR, 0) / (1 - CLEAR))
         shares: Float32 = smooth / smooth.sum(axis=0)
         return shares
 

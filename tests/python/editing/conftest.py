@@ -8,6 +8,7 @@ from made_field import made_field
 
 import dfd
 from dfd.editing import handle_weights, posed_shape
+from dfd.editing.controls import Controls
 
 
 @pytest.fixture(scope="session")
@@ -81,3 +82,9 @@ def folds():
 
     with mock.patch.object(posed_shape, "pose", whole), mock.patch.object(posed_shape, "Drag", drag):
         yield counts
+
+
+@pytest.fixture
+def about_one_pivot(monkeypatch):
+    """New handles as the paper has them: all that look alike moves about one pivot."""
+    monkeypatch.setattr("dfd.editing.deformer.NEW_HANDLE", Controls())

@@ -40,6 +40,7 @@ def foot(chair, mesh):
 # --- what shapes a column
 
 
+@pytest.mark.usefixtures("about_one_pivot")
 def test_reach_and_falloff_are_those_of_bind(session, labeled, foot):
     handle = session.add(foot, reach=0.5, falloff="sharp")
     np.testing.assert_array_equal(session.weights, dfd.bind(labeled, [foot], reach=0.5, falloff="sharp"))
@@ -62,6 +63,7 @@ def test_a_reach_can_find_itself(session, chair, labeled, foot):
     np.testing.assert_array_equal(session.weights[:, 0] > 0, leg)
 
 
+@pytest.mark.usefixtures("about_one_pivot")
 def test_a_radius_ends_smoothly_where_it_says(session, geodesics_of, labeled, foot):
     lengths = geodesics_of(session).lengths([foot])
     handle = session.add(foot, radius=0.3)
@@ -183,6 +185,7 @@ def test_nothing_left_of_a_handle_is_said_at_once(session, foot):
 # --- how handles are put together
 
 
+@pytest.mark.usefixtures("about_one_pivot")
 def test_overlap_and_blend_are_those_of_pose(session, foot, mesh):
     session.add(foot, rotation=(0, 0, 100))
     session.add(int(mesh.vertices[:, 1].argmax()), translation=(0, 0.1, 0), scale=2)

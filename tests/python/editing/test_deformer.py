@@ -22,6 +22,7 @@ def test_without_handles_the_shape_rests(deformer, mesh):
 
 
 @pytest.mark.parametrize("symmetry", [None, "x"])
+@pytest.mark.usefixtures("about_one_pivot")
 def test_untransformed_handles_change_nothing_at_all(deformer, mesh, folds, symmetry):
     handles = [deformer.add(vertex) for vertex in (5, 6, 7)]
     deformer.add((0.1, 0.2, 0.3))
@@ -54,6 +55,7 @@ def test_handles_at_look_alikes_add_up(deformer, mesh):
     np.testing.assert_allclose(deformer.vertices, mesh.vertices + np.outer(shift, (0, 1, 0)), atol=1e-6)
 
 
+@pytest.mark.usefixtures("about_one_pivot")
 def test_the_session_is_bind_and_pose(deformer, mesh, features):
     deformer.add(5, translation=(0, 0.2, 0), rotation=(0, 30, 0))
     deformer.add(900, scale=(1, 2, 1))
@@ -130,6 +132,7 @@ def test_a_symmetric_edit_of_a_symmetric_shape_is_symmetric(mesh, field):
     assert np.abs(deformer.vertices[mirror] - deformer.vertices * [-1, 1, 1]).max() > 0.05
 
 
+@pytest.mark.usefixtures("about_one_pivot")
 def test_a_band_of_zero_is_equation_8(deformer, mesh):
     handle = deformer.add(5, translation=(0.3, 0, 0))
     deformer.set_symmetry("x", band=0)

@@ -89,6 +89,7 @@ def test_features_are_asked_for_once_and_only_when_needed(mesh, field):
         asked.assert_called_once()
 
 
+@pytest.mark.usefixtures("about_one_pivot")
 def test_a_drag_costs_what_moves_and_gives_what_a_pose_gives(mesh, field, features, folds):
     for symmetry, default in ((None, None), ("x", None), (None, (0, 0, 5)), ("x", (0, 0, 5))):
         deformer = dfd.Deformer(mesh, field, features=features)
@@ -112,6 +113,7 @@ def test_a_drag_costs_what_moves_and_gives_what_a_pose_gives(mesh, field, featur
         np.testing.assert_allclose(deformer.vertices, dragged, rtol=0, atol=1e-12)
 
 
+@pytest.mark.usefixtures("about_one_pivot")
 def test_a_drag_ends_with_whatever_else_changes(deformer, mesh, field, features, folds):
     handles = [deformer.add(vertex) for vertex in (5, 6, 7, 8, 9)]
     deformer.add(900, translation=(0.1, 0, 0))
@@ -171,6 +173,7 @@ def test_handles_that_rest_come_and_go_for_nothing(deformer, folds, bound):
     assert np.abs(deformer.vertices - held).max() > 0.05
 
 
+@pytest.mark.usefixtures("about_one_pivot")
 def test_several_handles_can_be_dragged_at_once(deformer, mesh, field, features, folds):
     handles = [deformer.add(vertex) for vertex in (5, 6, 900, 8, 9)]
     deformer.move(handles[4], translation=(0.1, 0, 0))

@@ -5,6 +5,7 @@ import pytest
 
 import dfd
 from dfd.editing import instance_columns
+from dfd.editing.controls import Controls
 from dfd.editing.instances import Instance
 from dfd.posing.transforms import affine, rotation_matrix
 
@@ -106,6 +107,16 @@ def test_level_brings_all_instances_to_full_weight(session, sample, mesh, asked,
     np.testing.assert_allclose(session.vertices[back] - mesh.vertices[back], half, atol=1e-12)
 
 
+def test_a_new_handle_has_instances_of_its_own(session, mesh, foot):
+    handle = session.add(foot, scale=1.5)
+    assert session.handle(handle).controls == Controls(instances="own")
+    by_default = session.vertices
+    session.change(handle, instances="own")
+    np.testing.assert_array_equal(session.vertices, by_default)
+    session.change(handle, instances="together")
+    assert (session.vertices != by_default).any()
+
+
 def test_together_is_the_paper_and_asks_nobody(session, mesh, asked, foot):
     session.add(foot, rotation=(0, 40, 0), instances="together")
     wanted = dfd.pose(mesh.vertices, session.weights, [affine(rotation=(0, 40, 0), pivot=mesh.vertices[foot])])
@@ -115,9 +126,9 @@ def test_together_is_the_paper_and_asks_nobody(session, mesh, asked, foot):
 
 def test_instances_are_found_once_for_a_drag(session, mesh, field, asked, foot):
     handle = session.add(foot, instances="own")
-    other = session.add(5, translation=(0, 0.01, 0))
-    session.add(6)
-    session.add(7)
+    other = session.add(5, translation=(0, 0.01, 0), instances="together")
+    session.add(6, instances="together")
+    session.add(7, instances="together")
     _ = session.vertices
     for frame in range(5):
         session.move(handle, rotation=(0, 10 * frame, 0), merge=frame > 0)

@@ -149,6 +149,15 @@ def test_a_handle_that_holds_nothing_has_only_itself():
     assert (only.vertex, only.weight, only.share) == (7, 0.0, None)
 
 
+def test_many_instances_still_share_everything():
+    mesh = sheet()
+    steps = np.linspace(-0.9, 0.9, 8)
+    weights = np.max([hill(mesh, x, z, 1, 0.08) for x in steps for z in steps], axis=0)
+    found = find(mesh, weights, vertex_at(mesh, steps[0], steps[0]))
+    assert len(found) > 32
+    np.testing.assert_allclose(sum(each.share for each in found), 1, atol=1e-5)
+
+
 def test_there_are_no_more_instances_than_columns_are_worth():
     mesh = sheet()
     weights = np.sum([hill(mesh, x, z, 1, 0.1) for x in (-0.8, 0, 0.8) for z in (-0.8, 0, 0.8)], axis=0)

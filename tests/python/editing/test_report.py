@@ -6,6 +6,7 @@ import pytest
 import dfd
 
 
+@pytest.mark.usefixtures("about_one_pivot")
 def test_it_says_how_much_moved_how_far_and_whether_the_handle_arrived(deformer, mesh):
     deformer.add(5, translation=(0, 0.48, 0), name="ear")
     report = deformer.report()
