@@ -140,7 +140,7 @@ def test_a_fine_mesh_is_gathered_into_nodes_and_has_the_same_instances():
     assert [each.vertex for each in gathered] == [each.vertex for each in exact]
     np.testing.assert_allclose(sum(each.share for each in gathered), 1, atol=1e-5)
     for one, other in zip(gathered, exact, strict=True):
-        assert np.abs(one.share - other.share).mean() < 0.03
+        assert np.abs(one.share - other.share).mean() < 0.04
 
 
 def test_a_handle_that_holds_nothing_has_only_itself():
