@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: demo test lint bench quality clean
+.PHONY: demo test lint bench quality gallery clean
 
 demo: $(VENV)/installed
 	$(BIN)/dfd demo
@@ -26,6 +26,9 @@ bench: $(VENV)/installed-bench
 quality: $(VENV)/installed-bench
 	$(BIN)/python -m bench.quality --quick
 
+gallery: $(VENV)/installed
+	$(BIN)/python docs/gallery.py gallery
+
 # Rebuilt whenever a source that ends up in the package changes.
 SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find cpp python -name '*.[chp]*' -not -name '*.pyc')
 
@@ -45,4 +48,4 @@ $(VENV)/installed-bench: $(SOURCES) | $(VENV)/bin/python
 	touch $(VENV)/installed $@
 
 clean:
-	rm -rf $(VENV) build dist demo
+	rm -rf $(VENV) build dist demo gallery
