@@ -86,7 +86,7 @@ def _cell(output: Path, stem: str, shape: Shape, variant: Variant, azimuth: floa
         "resolution": CELL,
         "fixed": fixed,
     }
-    heat = session.weights.max(axis=1, initial=0.0)
+    heat = session.following.max(axis=1, initial=0.0)
     save_png(output / f"{stem}_weights.png", picture(shape.mesh, weights=heat, handles=places, **where))
     landed = np.array([handle.landed for handle in told.handles])
     save_png(output / f"{stem}_after.png", picture(shape.mesh, vertices=moved, handles=landed, **where))
@@ -120,7 +120,7 @@ def _stories(shape: Callable[[str, str], Shape]) -> list[tuple[str, Shape, list[
         down = {"translation": (0, -0.2 * chair.mesh.extents[1], 0)}
         return also(put("overlap", overlap), *(add(foot, **down) for foot in feet))
 
-    twist = {"rotation": (150, 0, 0), "reach": 1.0}
+    twist = {"rotation": (0, 150, 0)}
     return [
         (
             "Instances: a wheel is scaled",

@@ -326,6 +326,15 @@ class Deformer(WholeShape):
         return self._weights.of(self.edit)
 
     @property
+    def following(self) -> NDArray[np.float32]:
+        """(V, H) how much vertices follow each handle: `weights`, less what `instances` and `level` change of them."""
+        weights, columns = self._weights.posing(self.edit)
+        followed = np.zeros((len(weights), len(self.handles)), np.float32)
+        for index, column in enumerate(columns):
+            followed[:, column.handle] += weights[:, index]
+        return followed
+
+    @property
     def transforms(self) -> NDArray[np.float64]:
         """(H, 3, 4) affine transforms of the handles, mesh units, in the order of `handles`."""
         return np.array([handle.matrix for handle in self.handles]).reshape(-1, 3, 4)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from dfd.views.cameras import Camera
@@ -48,8 +48,8 @@ class ViewDocument(_Document):
     @property
     def camera(self) -> Camera:
         """The camera, in mesh units."""
-        axes = (np.array(each) for each in (self.position, self.right, self.up, self.back))
-        return Camera(*axes, self.field_of_view)
+        position, right, up, back = (np.array(each) for each in (self.position, self.right, self.up, self.back))
+        return Camera(position, right, up, back, self.field_of_view)
 
 
 class PictureDocument(_Document):
@@ -72,11 +72,13 @@ class PictureDocument(_Document):
         moved: str | os.PathLike[str] | None = None,
     ) -> PictureDocument:
         """What a picture of `mesh` says, and the files in which the mesh and the moved one are."""
-        named = {
-            name: None if path is None else os.fspath(path)
-            for name, path in (("mesh", file if file is not None else mesh.source), ("moved", moved))
-        }
-        return cls(hash=mesh.content_hash, views=list(views), **named)
+        named = file if file is not None else mesh.source
+        return cls(
+            mesh=None if named is None else os.fspath(named),
+            moved=None if moved is None else os.fspath(moved),
+            hash=mesh.content_hash,
+            views=list(views),
+        )
 
 
 def read_document(path: str | os.PathLike[str]) -> PictureDocument:
@@ -94,7 +96,7 @@ def read_document(path: str | os.PathLike[str]) -> PictureDocument:
         with Image.open(path, formats=["PNG"]) as image:
             image.load()
             text = image.info.get(KEY)
-    except (SyntaxError, Image.DecompressionBombError, Image.UnidentifiedImageError) as error:
+    except (SyntaxError, Image.DecompressionBombError, UnidentifiedImageError) as error:
         raise ValueError(f"{name}: no PNG file that can be read: {error}") from None
     if not isinstance(text, str):
         raise ValueError(
