@@ -25,6 +25,7 @@ if _typing.TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.geometry.geodesics import Geodesics
     from dfd.mesh.mesh import Mesh, load
+    from dfd.pictures.notebook import show
     from dfd.symmetry.plane import SymmetryPlane
     from dfd.symmetry.search import symmetry_planes
 
@@ -46,6 +47,7 @@ __all__ = [
     "reference",
     "samples",
     "set_num_threads",
+    "show",
     "symmetry_planes",
 ]
 
@@ -60,6 +62,7 @@ _LATER = {
     "distill": "dfd.distillation.distill",
     "edit_schema": "dfd.editing.document",
     "load": "dfd.mesh.mesh",
+    "show": "dfd.pictures.notebook",
     "symmetry_planes": "dfd.symmetry.search",
 }
 

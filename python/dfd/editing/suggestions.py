@@ -78,24 +78,26 @@ def suggest_handles(
     most = check.whole("suggest_handles", "count", count, minimum=1)
     random = np.random.default_rng(0)
     area = _areas(mesh)
-    seen = int((area > 0).sum())
-    if seen == 0:
+    if not area.any():
         raise ValueError("suggest_handles: `mesh` must have a face with an area, got none")
-    some = random.choice(len(area), min(SAMPLE, seen), replace=False, p=area / area.sum())
+    # Drawn with repeats, so that each vertex counts by its area, however few there are.
+    drawn, counts = np.unique(random.choice(len(area), SAMPLE, p=area / area.sum()), return_counts=True)
+    order = random.permutation(len(drawn))
+    some, weight = drawn[order], counts[order] / SAMPLE
     rows = features.rows(some) if isinstance(features, CompactFeatures) else features[some]
     candidates = np.arange(min(CANDIDATES, len(some)))
     # With a reach of 2 no distance of unit features is cut off.
     apart = 2.0 * (1.0 - bind(rows, candidates, reach=2.0))  # (sample, candidates)
-    part = (apart < REACH).mean(axis=0) >= LEAST_PART
+    part = weight @ (apart < REACH) >= LEAST_PART
     candidates = candidates[part] if part.any() else candidates
     apart = apart[:, candidates]
-    chosen = [int(apart.mean(axis=0).argmax())]
+    chosen = [int((weight @ apart).argmax())]
     while len(chosen) < most:
         nearest = apart[candidates][:, chosen].min(axis=1)
         if nearest.max() < ALIKE:
             break
         chosen.append(int(nearest.argmax()))
-    shares = np.bincount(apart[:, chosen].argmin(axis=1), minlength=len(chosen)) / len(some)
+    shares = np.bincount(apart[:, chosen].argmin(axis=1), weight, minlength=len(chosen))
     finder = finder or InstanceFinder(mesh)
     found = []
     for column, share in zip(chosen, shares, strict=True):

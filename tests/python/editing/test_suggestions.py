@@ -67,7 +67,7 @@ def test_the_smallest_mesh_has_a_handle() -> None:
 
 @pytest.mark.parametrize("count", [0, -1, 1.5])
 def test_odd_counts_are_refused(sample, count) -> None:
-    with pytest.raises(ValueError, match="`count` must be a whole number of at least 1"):
+    with pytest.raises(ValueError, match="`count` must be a whole number"):
         suggest_handles(sample.mesh, features_of(sample.labels), count=count)
 
 
