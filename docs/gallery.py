@@ -212,9 +212,13 @@ def _wheel(truck: Shape) -> Any:
     wheels = [name for name in truck.mesh.part_names if "wheel" in name.lower()]
     if not wheels:
         return truck.top(y=-1)
+    # A part may be two wheels on one axle: the one on the +x side.
     held = truck.mesh.part_vertices(wheels[0])
-    middle = truck.mesh.vertices[held].mean(axis=0)
-    return int(held[np.linalg.norm(truck.mesh.vertices[held] - middle, axis=1).argmin()])
+    places = truck.mesh.vertices[held]
+    side = places[:, 0] > places[:, 0].mean()
+    hub = (places[side].min(axis=0) + places[side].max(axis=0)) / 2
+    hub[0] = places[:, 0].max()
+    return int(held[np.linalg.norm(places - hub, axis=1).argmin()])
 
 
 def void(_: object) -> None:
