@@ -99,8 +99,6 @@ def test_a_handle_is_marked_without_a_field(run):
         ("--locality", 6),
         ("--radius", "15%"),
         ("--strength", 0.2),
-        ("--instances", "only"),
-        ("--level", "--instances", "own"),
         ("--within", "y>0.5"),
         ("--fix", 900),
         ("--fix", "900:0.3"),
