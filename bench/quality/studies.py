@@ -11,13 +11,13 @@ import numpy as np
 
 import dfd
 from bench.quality.baselines import PeerError, biharmonic, euclidean, geodesic
-from bench.quality.judge import Draw, Method, handles, judge, mean
-from bench.quality.lab import Lab
+from bench.quality.evaluate import Draw, Method, handles, judge, mean
+from bench.quality.fields import Lab
 from bench.quality.measures import difference
 from bench.quality.shapes import Shape
 from dfd.encoders.presets import PRESETS
 
-Settings = Mapping[str, Any]  # by their names in `dfd.distill`, and those of `bench.quality.lab`
+Settings = Mapping[str, Any]  # by their names in `dfd.distill`, and those of `bench.quality.fields`
 BARYCENTRIC, PLAIN, VERTEX = "barycentric", "plain barycentric", "plain vertex"
 TEXTURED, GREY = "textured", "grey"
 

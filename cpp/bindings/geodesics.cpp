@@ -2,6 +2,7 @@
 
 #include "arrays.hpp"
 #include "dfd/components.hpp"
+#include "dfd/faces.hpp"
 #include "module.hpp"
 
 #include <algorithm>
@@ -33,6 +34,17 @@ void init_geodesics(nb::module_& m)
           nb::sig("def components(vertex_count: int, faces: numpy.typing.NDArray[numpy.int32], "
                   "links: numpy.typing.NDArray[numpy.int32]) -> numpy.typing.NDArray[numpy.int32]"),
           "Connected component (V) of each vertex, by faces (F, 3) and links (L, 2).");
+    m.def(
+        "face_sizes",
+        [](InputMatrix<double> vertices, Indices faces, OutputMatrix<double> out, int threads) {
+            nb::gil_scoped_release release;
+            dfd::face_sizes(matrix(vertices), matrix(faces), matrix(out), threads);
+        },
+        "vertices"_a.noconvert(), "faces"_a.noconvert(), "out"_a.noconvert(), "threads"_a,
+        nb::sig("def face_sizes(vertices: numpy.typing.NDArray[numpy.float64], "
+                "faces: numpy.typing.NDArray[numpy.int32], out: numpy.typing.NDArray[numpy.float64], threads: int) "
+                "-> None"),
+        "Longest side and area of every face (F, 3) of vertices (V, 3), to `out` (F, 2).");
     nb::class_<dfd::Geodesics>(m, "Geodesics", "Distances along a surface of vertices (V, 3), faces and links.")
         .def(
             "__init__",

@@ -11,12 +11,6 @@ using namespace nb::literals;
 NB_MODULE(_core, m)
 {
     m.doc() = "Kernels of dfd. Arguments have exact types and contiguous rows; `dfd.bind` and `dfd.pose` coerce.";
-    m.attr("openmp") =
-#ifdef _OPENMP
-        true;
-#else
-        false;
-#endif
     dfd::kernels();  // fails here, at import, when DFD_ISA names no instruction set of this machine
     m.def("instruction_set", [] { return dfd::kernels().name; }, "The instruction set whose kernels run.");
     m.def("instruction_sets", &dfd::instruction_sets, "Those that this machine has kernels for, the slowest first.");

@@ -26,8 +26,9 @@ using Plane = std::tuple<std::array<double, 3>, double, double>;  // normal, off
 
 template <class T>
 void pose(InputMatrix<T> vertices, StridedInput<float> weights, Transforms transforms, Transform rest,
-          std::optional<Plane> plane, std::optional<InputVector<bool>> positive, std::optional<InputMatrix<double>> places,
-          std::optional<InputMatrix<double>> mixing, int overlap, int blend, std::optional<InputMatrix<T>> base,
+          std::optional<Plane> plane, std::optional<InputVector<bool>> positive,
+          std::optional<InputMatrix<double>> places, std::optional<InputMatrix<double>> mixing, int overlap,
+          int blend, std::optional<InputMatrix<T>> base,
           std::optional<InputMatrix<T>> normals, OutputMatrix<T> out, std::optional<OutputMatrix<T>> out_normals,
           int threads)
 {

@@ -26,11 +26,11 @@ struct Features {
 
 /// Handles or fixed points: feature rows of their own, or vertices of the shape.
 struct Points {
-    Matrix<const float> rows = {};                  // (N, D); for bytes whole numbers of steps within ±127
-    std::span<const float> offsets = {};            // (N) squared distance >= 0 that the stored dimensions miss, or empty
-    std::span<const std::int64_t> vertices = {};    // (N) in place of rows
-    std::span<const std::uint32_t> members = {};    // (H) how many of them, one after another, are a handle that is a
-                                                    // region and weighs by the nearest; empty where each is a handle
+    Matrix<const float> rows = {};                // (N, D); for bytes whole numbers of steps within ±127
+    std::span<const float> offsets = {};          // (N) squared distance >= 0 that the stored dimensions miss, or empty
+    std::span<const std::int64_t> vertices = {};  // (N) in place of rows
+    std::span<const std::uint32_t> members = {};  // (H) how many of them, one after another, are a handle that is a
+                                                  // region and weighs by the nearest; empty where each is a handle
 
     std::size_t count() const { return vertices.empty() ? rows.rows : vertices.size(); }
     std::size_t handle_count() const { return members.empty() ? count() : members.size(); }

@@ -254,7 +254,7 @@ void require_finite_transforms(const Motion& motion)
 {
     for (std::size_t k = 0; k < motion.transforms.size(); ++k) {
         const Affine& transform = motion.transforms[k];
-        const auto found = std::find_if_not(transform.begin(), transform.end(), [](double x) { return std::isfinite(x); });
+        const auto found = std::find_if(transform.begin(), transform.end(), [](double x) { return !std::isfinite(x); });
         if (found == transform.end()) continue;
         const auto entry = static_cast<std::size_t>(found - transform.begin());
         throw std::invalid_argument("pose: `transforms` must be finite, got " + std::to_string(*found) + " at [" +

@@ -28,7 +28,7 @@ struct Motion {
     std::optional<Mirror> mirror;
     Overlap overlap = Overlap::add;
     Blend blend = Blend::linear;
-    std::span<const std::array<double, 3>> places = {};  // (H) where each handle stands, for other blends than linear
+    std::span<const std::array<double, 3>> places = {};  // (H) where handles stand, for other blends than linear
     std::span<const double> mixing = {};  // (H, H) row-major: the weights are multiplied by it; empty for the identity
 };
 

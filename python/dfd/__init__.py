@@ -27,6 +27,7 @@ if _typing.TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh, load
     from dfd.pictures.notebook import show
     from dfd.symmetry.plane import SymmetryPlane
+    from dfd.symmetry.rotation import RotationalSymmetry, rotational_symmetries
     from dfd.symmetry.search import symmetry_planes
 
 __all__ = [
@@ -36,6 +37,7 @@ __all__ = [
     "Field",
     "Geodesics",
     "Mesh",
+    "RotationalSymmetry",
     "SymmetryPlane",
     "bind",
     "compact",
@@ -45,6 +47,7 @@ __all__ = [
     "load",
     "pose",
     "reference",
+    "rotational_symmetries",
     "samples",
     "set_num_threads",
     "show",
@@ -58,10 +61,12 @@ _LATER = {
     "Field": "dfd.field.field",
     "Geodesics": "dfd.geometry.geodesics",
     "Mesh": "dfd.mesh.mesh",
+    "RotationalSymmetry": "dfd.symmetry.rotation",
     "SymmetryPlane": "dfd.symmetry.plane",
     "distill": "dfd.distillation.distill",
     "edit_schema": "dfd.editing.document",
     "load": "dfd.mesh.mesh",
+    "rotational_symmetries": "dfd.symmetry.rotation",
     "show": "dfd.pictures.notebook",
     "symmetry_planes": "dfd.symmetry.search",
 }

@@ -2,6 +2,7 @@
 
 #include "check.hpp"
 #include "dfd/components.hpp"
+#include "dfd/faces.hpp"
 #include "dfd/surface/march.hpp"
 
 #include <cmath>
@@ -101,6 +102,16 @@ CASE("components are numbered by their first vertices")
     const auto found = dfd::components(7, {faces.data(), 2, 3}, {links.data(), 1, 2});
     CHECK((found == std::vector<std::int32_t>{0, 1, 0, 2, 1, 1, 1}));
     CHECK_THROWS(dfd::components(6, {faces.data(), 2, 3}, {}), "components: `faces` must be (F, 3) vertex indices");
+END
+
+CASE("faces have their longest sides and areas")
+    const std::vector<double> points = {0, 0, 0, 3, 0, 0, 3, 4, 0};
+    const std::vector<std::int32_t> faces = {2, 0, 1, 1, 1, 0};
+    std::vector<double> out(4);
+    dfd::face_sizes({points.data(), 3, 3}, {faces.data(), 2, 3}, {out.data(), 2, 2}, 2);
+    CHECK((out == std::vector<double>{5, 6, 3, 0}));
+    CHECK_THROWS(dfd::face_sizes({points.data(), 2, 3}, {faces.data(), 2, 3}, {out.data(), 2, 2}, 1), "`faces` must be");
+    CHECK_THROWS(dfd::face_sizes({points.data(), 3, 3}, {faces.data(), 2, 3}, {out.data(), 1, 2}, 1), "`out` must have");
 END
 
 CASE("bad input is refused")

@@ -40,3 +40,11 @@ CASE("a poll that says so stops the work")
         CHECK(visited == count);
     }
 END
+
+CASE("threads of our own take every number below the count once")
+    for (const std::size_t workers : {1u, 2u, 5u}) {
+        std::vector<std::atomic<int>> calls(workers);
+        dfd::run_own_threads(workers, [&](std::size_t worker) { ++calls[worker]; });
+        CHECK(std::all_of(calls.begin(), calls.end(), [](const auto& call) { return call == 1; }));
+    }
+END

@@ -1,18 +1,12 @@
 #pragma once
 
+#include "dfd/common/runtime.hpp"
+
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
 #include <exception>
 #include <functional>
-
-#ifdef _OPENMP
-#include <omp.h>
-#else
-#include <system_error>
-#include <thread>
-#include <vector>
-#endif
 
 namespace dfd {
 
@@ -52,19 +46,7 @@ void parallel_ranges(std::size_t count, std::size_t grain, int threads, const Wo
     if (workers == 1) {
         take_ranges(0);
     } else {
-#ifdef _OPENMP
-#pragma omp parallel num_threads(static_cast<int>(workers))
-        take_ranges(static_cast<std::size_t>(omp_get_thread_num()));
-#else
-        std::vector<std::thread> others;
-        others.reserve(workers - 1);
-        try {
-            for (std::size_t worker = 1; worker < workers; ++worker) others.emplace_back(take_ranges, worker);
-        } catch (const std::system_error&) {  // those that have started, and this one, do the work
-        }
-        take_ranges(0);
-        for (std::thread& other : others) other.join();
-#endif
+        run_workers(workers, take_ranges);
     }
     if (stopped) throw Stopped();
 }

@@ -133,7 +133,8 @@ Polar polar_decomposition(const Matrix3d& change)
         Vector3d agreement;  // of R's columns with the axes: their sum is R's trace
         for (std::size_t j = 0; j < 3; ++j) agreement[j] = dot(svd.u[j], svd.v[j]);
         const double trace = agreement[0] + agreement[1] + agreement[2];
-        const auto flipped = static_cast<std::size_t>(std::min_element(agreement.begin(), agreement.end()) - agreement.begin());
+        const auto least = std::min_element(agreement.begin(), agreement.end());
+        const auto flipped = static_cast<std::size_t>(least - agreement.begin());
         for (std::size_t j = 0; j < 3; ++j) {
             if (j != flipped && -trace <= trace - 2 * agreement[flipped]) continue;
             svd.u[j] = combined(-1, svd.u[j], 0, svd.u[j]);
@@ -141,9 +142,9 @@ Polar polar_decomposition(const Matrix3d& change)
         }
     }
     Polar result{quaternion_of(svd.u, svd.v), {}};
-    constexpr std::array<std::pair<std::size_t, std::size_t>, 6> places{{{0, 0}, {1, 1}, {2, 2}, {1, 2}, {2, 0}, {0, 1}}};
+    constexpr std::array<std::size_t, 6> rows{0, 1, 2, 1, 2, 0}, columns{0, 1, 2, 2, 0, 1};
     for (std::size_t e = 0; e < 6; ++e) {
-        const auto [row, column] = places[e];
+        const std::size_t row = rows[e], column = columns[e];
         for (std::size_t j = 0; j < 3; ++j) result.stretch[e] += (svd.sizes[j] - 1) * svd.v[j][row] * svd.v[j][column];
         if (std::abs(result.stretch[e]) < rounding) result.stretch[e] = 0;
     }

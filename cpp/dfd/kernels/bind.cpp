@@ -147,7 +147,8 @@ DFD_INLINE void bind_shaped_block(const BindJob& job, const Panel& panel, const 
                 continue;
             }
             for (std::size_t part = 0; part < parts; ++part)
-                nearest.part[part] = member == 0 ? squares[j].part[part] : minimum(nearest.part[part], squares[j].part[part]);
+                nearest.part[part] =
+                    member == 0 ? squares[j].part[part] : minimum(nearest.part[part], squares[j].part[part]);
             if (++member < job.members[handle]) continue;
             member = 0;
             const auto [inverse, falloff] = job.reaches[handle];

@@ -171,7 +171,8 @@ struct DualQuaternionBlend {
         const auto translated = [&](Vector<T> d, Vector<T> v, Vector<T> c) __attribute__((always_inline)) {
             return T(2) * (multiply_add(rotation.w, d, c) - dual_w * v);
         };
-        const Vector3<T> translation{translated(dual.x, rotation.v.x, across.x), translated(dual.y, rotation.v.y, across.y),
+        const Vector3<T> translation{translated(dual.x, rotation.v.x, across.x),
+                                     translated(dual.y, rotation.v.y, across.y),
                                      translated(dual.z, rotation.v.z, across.z)};
         return sum<T>(stretch, sum<T>(rotation.displacement(from), translation));
     }

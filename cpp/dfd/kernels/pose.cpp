@@ -196,8 +196,8 @@ DFD_INLINE std::size_t pose_single(const PoseJob<T>& job, std::size_t begin, std
         const Vector<T> weight = normalize ? minimum(one, given) : given;
         const Vector3<T> p{vertex.x - center.x, vertex.y - center.y, vertex.z - center.z};
         const auto moved = [&](std::size_t e, Vector<T> from) __attribute__((always_inline)) {
-            return multiply_add(weight,
-                         multiply_add(entry[e], p.x, multiply_add(entry[e + 1], p.y, multiply_add(entry[e + 2], p.z, entry[e + 3]))), from);
+            const Vector<T> near = multiply_add(entry[e + 1], p.y, multiply_add(entry[e + 2], p.z, entry[e + 3]));
+            return multiply_add(weight, multiply_add(entry[e], p.x, near), from);
         };
         Vector3<T> posed;
         if (own.base != nullptr) {
@@ -208,7 +208,8 @@ DFD_INLINE std::size_t pose_single(const PoseJob<T>& job, std::size_t begin, std
             posed = {moved(0, vertex.x), moved(4, vertex.y), moved(8, vertex.z)};
         } else {
             const Vector<T> excess = maximum(weight - one, zero);
-            posed = {moved(0, multiply_add(excess, vertex.x, vertex.x)), moved(4, multiply_add(excess, vertex.y, vertex.y)),
+            posed = {moved(0, multiply_add(excess, vertex.x, vertex.x)),
+                     moved(4, multiply_add(excess, vertex.y, vertex.y)),
                      moved(8, multiply_add(excess, vertex.z, vertex.z))};
         }
         nonfinite = multiply_add(posed.x, zero, multiply_add(posed.y, zero, multiply_add(posed.z, zero, nonfinite)));
@@ -225,7 +226,8 @@ DFD_INLINE bool pose_blocks(const PoseJob<T>& shared_job, std::size_t begin, std
     Vector<T> check{};
     const bool columns = job.row_stride == 1;
     const bool single =
-        job.blend == Blend::linear && job.handle_count == 1 && columns && job.negative == nullptr && job.rest == nullptr && job.normals == nullptr;
+        job.blend == Blend::linear && job.handle_count == 1 && columns && job.negative == nullptr &&
+        job.rest == nullptr && job.normals == nullptr;
     if (single) begin = pose_single(job, begin, begin + (end - begin) / block_size * block_size, check);
     for (std::size_t i = begin; i < end; i += block_size) {
         const std::size_t count = end - i < block_size ? end - i : block_size;
@@ -245,7 +247,8 @@ DFD_INLINE bool pose_blocks(const PoseJob<T>& shared_job, std::size_t begin, std
         const T *base = advanced(job.base, 3 * i), *normals = advanced(job.normals, 3 * i);
         T* posed_normals = advanced(job.posed_normals, 3 * i);
         if (count == block_size) {
-            pose_block<Kind>(job, {job.vertices + 3 * i, base, normals, job.posed + 3 * i, posed_normals}, weights, check);
+            const Lanes<T> here{job.vertices + 3 * i, base, normals, job.posed + 3 * i, posed_normals};
+            pose_block<Kind>(job, here, weights, check);
         } else {
             T padded[5][3 * block_size];
             for (std::size_t lane = 0; lane < 3 * block_size; ++lane) {

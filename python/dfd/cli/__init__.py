@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from dfd.cli.app import app as app_command
 from dfd.cli.deform import deform
 from dfd.cli.demo import demo
 from dfd.cli.distill import distill
@@ -56,6 +57,7 @@ app.command(cls=HandlesCommand)(deform)
 app.command()(show)
 app.command()(inspect)
 app.command()(pick)
+app.command("app")(app_command)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

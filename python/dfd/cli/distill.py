@@ -41,6 +41,9 @@ def distill(
     simplify_to: Annotated[
         int | None, typer.Option(metavar="FACES", help="Take the pictures of a copy of at most so many faces.")
     ] = DEFAULTS.simplify_to,
+    up: Annotated[
+        str, typer.Option(metavar="DIRECTION", help="Which way is up: auto, file, +y, -z, …, or numbers such as 0,0,1.")
+    ] = DEFAULTS.up,  # type: ignore[assignment]
     supervision: Annotated[
         str, typer.Option(help="barycentric: fit every pixel; vertex: only those that hold a vertex.")
     ] = DEFAULTS.supervision,

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from dfd.distillation.up import Up
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
@@ -39,14 +40,21 @@ def inspect(
         Path | None,
         typer.Option(metavar="PNG", help="With --field, --against: draw suggested handles, how areas changed."),
     ] = None,
+    up: Annotated[
+        str, typer.Option(metavar="DIRECTION", help="Which way is up: auto, file, +y, -z, …, or numbers such as 0,0,1.")
+    ] = "auto",
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")] = False,
 ) -> None:
-    """Say what MESH is made of, what is odd about it, and how much of it the pictures of `dfd distill` do not show."""
+    """Say what MESH is made of, what is odd about it, which way is up, and how much of it pictures do not show.
+
+    The pictures are those that `dfd distill` takes.
+    """
     if picture is not None and field is None and against is None:
         raise ValueError("`--field` or `--against` must be given: `--picture` draws what comes of them")
     check_output("--picture", picture, (".png",))
 
     from dfd import Field, load, symmetry_planes
+    from dfd.distillation.up import check_up, said_up
     from dfd.geometry import topology
     from dfd.geometry.findings import findings
     from dfd.views.visibility import unseen
@@ -54,8 +62,15 @@ def inspect(
     shape = load(mesh)
     moved = None if against is None else _moved(shape, load(against))
     counts = topology.inspect(shape)
-    report: dict[str, Any] = {"file": str(mesh), **asdict(counts), "unseen": asdict(unseen(shape))}
-    report["findings"] = [asdict(finding) for finding in findings(shape, counts)]
+    said = check_up(up)
+    found = _found_up(shape) if said == "auto" else said_up(shape, said)
+    report: dict[str, Any] = {
+        "file": str(mesh),
+        **asdict(counts),
+        "up": {"axis": str(found), **found.settings},
+        "unseen": asdict(unseen(shape, frame=found.frame)),
+        "findings": [asdict(finding) for finding in findings(shape, counts)],
+    }
     rows: list[tuple[str, dict[str, Any]]] = []
     if field is not None:
         opened = Field.load(field, mesh=shape)
@@ -83,6 +98,19 @@ def inspect(
         typer.echo(json.dumps(report, indent=2, default=_plain))
     else:
         _print_table(report)
+
+
+def _found_up(shape: Mesh) -> Up:
+    from dfd.distillation.distill import DEFAULT_ENCODER
+    from dfd.distillation.up import file_up
+    from dfd.distillation.upright import find_up
+    from dfd.encoders.encode import load_encoder
+
+    try:
+        encoder = load_encoder(DEFAULT_ENCODER)
+    except OSError:  # no weights at hand: all else can be told
+        return file_up()
+    return find_up(shape, encoder)
 
 
 def _moved(shape: Mesh, other: Mesh) -> NDArray[np.float64]:
@@ -143,6 +171,8 @@ def _print_table(report: dict[str, Any]) -> None:
                 for plane in value
             ]
             table.add_row("symmetry planes", "\n".join(found) or "none")
+        elif name == "up":
+            table.add_row("up", _up(value["axis"], value["up_confidence"], value["up_source"]))
         elif name == "suggestions":
             table.add_row("handles", "\n".join(_suggestion(number, **each) for number, each in enumerate(value, 1)))
         elif name == "findings":
@@ -155,6 +185,12 @@ def _print_table(report: dict[str, Any]) -> None:
         else:
             table.add_row(name.replace("_", " "), _shown(value))
     Console(highlight=False, markup=False).print(table)
+
+
+def _up(axis: str, confidence: float, source: str) -> str:
+    if source == "found":
+        return f"{axis}, {confidence:.0%} sure"
+    return axis if source == "said" else f"{axis} by the file's convention: there was nothing to tell it by"
 
 
 def _suggestion(number: int, vertex: int, position: Any, share: float, alike: list[int]) -> str:

@@ -1,7 +1,7 @@
 """How many threads the kernels use.
 
-The kernels run on the OpenMP runtime that torch loads as well. Its pool of threads does not survive a fork, so a forked
-child computes on one thread; start workers with the method "spawn" to give them more.
+The kernels run on the OpenMP runtime that torch loads as well, where there is one. Its pool of threads does not survive
+a fork, so a forked child computes on one thread; start workers with the method "spawn" to give them more.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from dfd import _core
 from dfd.common import check
 
 __all__ = ["get_num_threads", "one_blas_thread", "set_num_threads"]
@@ -23,20 +22,18 @@ def set_num_threads(count: int) -> None:
     Raises
     ------
     ValueError
-        If `count` is not a whole number of at least 1.
+        If `count` is not a whole number from 1 to 1024.
     RuntimeError
         If `count` is above 1 in a forked process.
     """
     global _threads
-    wanted = check.number("set_num_threads", "count", count, minimum=1, maximum=1024)
-    if wanted != int(wanted) or isinstance(count, bool):
-        raise ValueError(f"set_num_threads: `count` must be a whole number, got {count}")
+    wanted = check.whole("set_num_threads", "count", count, minimum=1, maximum=1024)
     if _forked and wanted > 1:
         raise RuntimeError(
             "set_num_threads: a forked process computes on one thread, since OpenMP does not survive a fork; "
             'start it with the method "spawn" instead'
         )
-    _threads = int(wanted)
+    _threads = wanted
 
 
 def get_num_threads() -> int:
@@ -99,9 +96,8 @@ def _quota(most: int) -> int:
 
 def _after_fork() -> None:
     global _forked, _threads
-    _forked = _core.openmp
-    if _forked:
-        _threads = 1
+    _forked = True
+    _threads = 1
 
 
 _forked = False

@@ -12,6 +12,7 @@ from dfd.distillation.fit import fit, widen
 from dfd.distillation.settings import DistillSettings
 from dfd.distillation.smoothing import spread
 from dfd.distillation.targets import PixelTargets, PointTargets
+from dfd.distillation.upright import said_or_found
 from dfd.encoders.encode import Encoder
 from dfd.field.field import Field
 from dfd.views.render import render
@@ -27,7 +28,8 @@ def distill_pictures(
     mesh: Mesh, encoder: Encoder, settings: DistillSettings, *, stages: Stages, kept: Checkpoint | None = None
 ) -> Field:
     """Return the field around `mesh` of what `encoder` sees in its pictures; `kept` is where a stopped run goes on."""
-    views = render(mesh, **settings.of_pictures(), stages=stages)
+    up = said_or_found(mesh, encoder, settings.up, stages=stages)
+    views = render(mesh, **settings.of_pictures(), frame=up.frame, stages=stages)
     tokens = encoder.encode(views.images, covered=views.covered, store=kept, stages=stages)
     pixels = PixelTargets(views, tokens, encoder.device)
     targets: PixelTargets | PointTargets = pixels  # as the paper has it, without smoothing
@@ -39,4 +41,4 @@ def distill_pictures(
     )
     if targets.directions is not None:
         field = widen(field, targets.directions)
-    return field.with_settings({**encoder.settings(), **settings.as_dict(), **field.settings})
+    return field.with_settings({**encoder.settings(), **settings.as_dict(), **up.settings, **field.settings})

@@ -38,6 +38,7 @@ _PICTURES = "the pictures: lower `resolution` or `views`"
 _FIT = "the fit: lower `batch`, `resolution` or `views`"
 _ADVICE = {
     "load": _PICTURES,
+    "up": _PICTURES,
     "simplify": _PICTURES,
     "render": _PICTURES,
     "encode": "the tokens: lower `resolution` or `views`, or take a smaller encoder",
@@ -76,6 +77,10 @@ def distill(
     simplify_to
         Take the pictures of a copy of at most so many faces, as the paper does above 50,000; None casts rays at the
         mesh itself, as fast below half a million faces and faster above.
+    up
+        Which way is up: "+y", "-z" and the like, a direction, "file" for the +y that files have by convention, or
+        "auto", which looks (see `dfd.distillation.upright.find_up`). Cameras stand upright and mirror each other in a
+        frame with this up; mesh and field keep their own coordinates.
     supervision
         "barycentric" fits every covered pixel (Eq. 2); "vertex" only pixels that hold a vertex, the paper's ablation.
     mirrored

@@ -8,6 +8,7 @@ from typing import Any, TypedDict
 import numpy as np
 
 from dfd.common import check
+from dfd.distillation.up import check_up
 from dfd.views.cameras import Framing
 from dfd.views.render import LARGEST_RESOLUTION, LARGEST_VIEWS, Supervision
 
@@ -28,6 +29,7 @@ class DistillSettings:
     resolution: int = 518
     framing: Framing = "shape"
     simplify_to: int | None = None
+    up: str | tuple[float, float, float] = "auto"
     supervision: Supervision = "barycentric"
     mirrored: bool = True
     smoothing: float = 0.3
@@ -49,6 +51,7 @@ class DistillSettings:
             "resolution": whole("resolution", 1, LARGEST_RESOLUTION),
             "framing": check.choice("distill", "framing", self.framing, Framing),
             "simplify_to": None if self.simplify_to is None else whole("simplify_to", 4),
+            "up": check_up(self.up),
             "supervision": check.choice("distill", "supervision", self.supervision, Supervision),
             "mirrored": bool(self.mirrored),
             # The ablation is of the paper's own loss.
@@ -83,6 +86,7 @@ class DistillOptions(TypedDict, total=False):
     resolution: int
     framing: Framing
     simplify_to: int | None
+    up: str | tuple[float, float, float]
     supervision: Supervision
     mirrored: bool
     smoothing: float

@@ -42,7 +42,7 @@ from dfd.common.threads import get_num_threads, one_blas_thread
 from dfd.distillation.targets import PixelTargets, PointTargets
 from dfd.geometry.topology import face_areas, face_components
 from dfd.mesh.weld import weld
-from dfd.views.render import Views
+from dfd.views.render import Views, used_vertices
 
 __all__ = ["spread"]
 
@@ -99,7 +99,7 @@ def spread(views: Views, pixels: PixelTargets, *, smoothing: float, seed: int, s
         strength = smoothing**2 / 2 * ENOUGH
         links = _surface_links(points, component[face], seen > 0, area)
         looks = _unit(_smooth(main[:, :ALIKE_DIRECTIONS], confidence, area, strength * _laplacian(links)))
-        links = links + _mirror_links(points, looks, float(np.median(links.data)), generator)
+        links = links + _mirror_links(_centered(points, views), looks, float(np.median(links.data)), generator)
         smooth = _smooth(main, confidence, area, strength * _laplacian(links))
         reached = np.linalg.norm(smooth, axis=1) > 1e-4
         pairs = generator.integers(0, len(views.points), (2, PAIRS))
@@ -249,6 +249,13 @@ def _mirror_links(
         links = _symmetric(2 * TIE * strength * alike, one, other, len(points))
         best = max(best, links, key=lambda links: float(links.sum()))
     return best
+
+
+def _centered(points: NDArray[np.float64], views: Views) -> NDArray[np.float64]:
+    """Return `points` (N, 3) along the axes of the pictures' frame, from the middle of the shape's box along them."""
+    corners = used_vertices(views.vertices, views.faces) @ views.frame.T
+    turned: NDArray[np.float64] = points @ views.frame.T - (corners.min(axis=0) + corners.max(axis=0)) / 2
+    return turned
 
 
 def _symmetric(

@@ -20,6 +20,8 @@ Instances = Literal["own", "together", "only"]
 Overlap = Literal["add", "interpolate", "normalize", "paper"]
 Blend = Literal["linear", "dual_quaternion", "polar"]
 
+LARGEST = 1e38  # what the kernels compute with are 32-bit floats
+
 
 @dataclass(frozen=True)
 class Controls:
@@ -62,9 +64,10 @@ class Controls:
         if isinstance(self.reach, str) and self.reach != "auto":
             raise ValueError(f'Controls: `reach` must be "auto" or a number above 0, got {self.reach!r}')
         if self.reach != "auto":
-            keep(self, "reach", check.number("Controls", "reach", self.reach, minimum=0.0, exclusive=True))
+            reach = check.number("Controls", "reach", self.reach, minimum=0.0, maximum=LARGEST, exclusive=True)
+            keep(self, "reach", reach)
         choice("falloff", self.falloff, get_args(Falloff))
-        keep(self, "locality", check.number("Controls", "locality", self.locality, minimum=0.0))
+        keep(self, "locality", check.number("Controls", "locality", self.locality, minimum=0.0, maximum=LARGEST))
         if self.radius is not None:
             keep(self, "radius", check.number("Controls", "radius", self.radius, minimum=0.0, exclusive=True))
             if self.locality != 0.0:

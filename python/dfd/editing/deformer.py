@@ -335,6 +335,11 @@ class Deformer(WholeShape):
         return followed
 
     @property
+    def bound(self) -> HandleWeights:
+        """The weights with all that they are made of, for programs that show them."""
+        return self._weights
+
+    @property
     def transforms(self) -> NDArray[np.float64]:
         """(H, 3, 4) affine transforms of the handles, mesh units, in the order of `handles`."""
         return np.array([handle.matrix for handle in self.handles]).reshape(-1, 3, 4)
@@ -347,6 +352,12 @@ class Deformer(WholeShape):
     def report(self) -> Report:
         """What the present edit does to the shape, for people: how much moved, how far, and whether handles arrived."""
         return report(self.mesh, self.edit, self._weights, self.vertices)
+
+    def show(self, *, height: int = 640) -> Any:
+        """Show the session in a cell of a notebook, where it can be gone on with; see `dfd.app.show`."""
+        from dfd.app import show  # the one thing here that leads to a later room, and only when it is asked for
+
+        return show(self, height=height)
 
     # --- files
 

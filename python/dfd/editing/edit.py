@@ -64,6 +64,8 @@ class Handle:
         name: object = self.name
         if name is not None and not (isinstance(name, str) and name):
             raise ValueError(f"Handle: `name` must be a text that is not empty, got {self.name!r}")
+        if name is not None and any("\ud800" <= letter <= "\udfff" for letter in name):
+            raise ValueError(f"Handle: `name` must be text that can be written to a file, got {self.name!r}")
         _ = self.matrix
 
     @property

@@ -107,6 +107,25 @@ class HandleWeights:
         """The number that the handle's `reach` is."""
         return self._reach(handle.place, handle.controls)
 
+    def locality(self, edit: Edit, handle: Handle) -> tuple[tuple[int, ...], Float32 | None, float]:
+        """Where the distances over the surface of a handle start, (V,) those in [0, 1] or None, and λ of Eq. 7."""
+        key = self._key(handle, edit)
+        distances, power = self._distances.falloff(key.sources, key.controls)
+        return key.sources, None if distances is None else distances[0], power
+
+    def held(self, edit: Edit) -> Float32:
+        """(V,) max_p s_p W_p of Eq. 6: what the fixed points of `edit` take away."""
+        self._follow(edit)
+        return self._held_weights()
+
+    def gain(self, edit: Edit, handle: Handle) -> float:
+        """What a handle's weights are multiplied by so that it arrives in spite of fixed points (`Deformer.arrive`)."""
+        if not edit.fixed or not edit.arrive:
+            return 1.0
+        vertex = handle.place.vertex
+        left = self.left(edit, handle) if vertex is None else 1.0 - float(self.held(edit)[vertex])
+        return 1.0 / left if left >= LEAST_LEFT else 1.0
+
     def left(self, edit: Edit, handle: Handle) -> float:
         """What the fixed points of `edit` leave of the weight of `handle` at the handle itself, in [0, 1] (Eq. 6)."""
         held = 0.0

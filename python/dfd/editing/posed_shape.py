@@ -80,7 +80,8 @@ class PosedShape:
         }
 
     def _matrix(self, edit: Edit, column: Column) -> NDArray[np.float64]:
-        return column.matrix(edit.handles[column.handle])
+        handle = edit.handles[column.handle]
+        return handle.matrix if column.instance is None else column.matrix(handle)
 
 
 def _moved(before: Edit, after: Edit) -> list[int] | None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.geometry.topology import face_sizes
+
 __all__ = ["split_long_edges"]
 
 _ROUNDS = 16  # each halves the longest edges
@@ -30,9 +32,8 @@ def split_long_edges(
     -------
     The vertices, new ones after the old, and the faces.
     """
-    corners = vertices[faces]
-    lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
-    long = lengths[lengths > longest]
+    sizes = face_sizes(vertices, faces)[0]
+    long = sizes[sizes > longest]
     while len(long) and _needed(long, longest) > most:
         longest *= 1.5
         long = long[long > longest]
@@ -45,9 +46,9 @@ def split_long_edges(
 
 
 def _needed(lengths: NDArray[np.float64], longest: float) -> float:
-    """Return roughly how many vertices it takes to halve sides of such `lengths`, each of two faces, often enough."""
-    pieces = lengths / longest
-    return float((pieces / 2 + pieces**2 / 6).sum())
+    """Return roughly how many vertices it takes to halve the sides of faces whose longest have such `lengths`."""
+    parts = lengths / longest
+    return float((parts + parts**2 / 2).sum())
 
 
 def _halved(

@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from dfd.geometry.spread import points_on_faces
-from dfd.geometry.topology import face_areas
+from dfd.geometry.topology import face_sizes
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.weld import weld
 
@@ -133,19 +133,20 @@ def _samples(
     Those are the vertices themselves, and points on edges and faces that are longer than `spacing`.
     """
     points, vertex = [vertices[own]], [own]
+    longest, areas = face_sizes(vertices, faces)
+    large = longest > spacing
+    faces, areas = faces[large], areas[large]
     corners = vertices[faces]
-    lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
-    large = lengths.max(axis=1) > spacing
-    sides = faces[large][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    per_side = _capped(lengths[large].ravel() / spacing)
+    sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    per_side = _capped(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).ravel() / spacing)
     side = np.repeat(np.arange(len(sides)), per_side)
     place = np.arange(len(side)) - (np.cumsum(per_side) - per_side)[side]
     share = ((place + 0.5) / per_side[side])[:, None]
     points.append((1 - share) * vertices[sides[side, 0]] + share * vertices[sides[side, 1]])
     vertex.append(sides[side, (share[:, 0] > 0.5).astype(int)])
-    face, weights = points_on_faces(_capped(face_areas(vertices, faces[large]) / spacing**2))
-    points.append(np.einsum("nk,nkd->nd", weights, corners[large][face]))
-    vertex.append(faces[large][face, weights.argmax(axis=1)])
+    face, weights = points_on_faces(_capped(areas / spacing**2))
+    points.append(np.einsum("nk,nkd->nd", weights, corners[face]))
+    vertex.append(faces[face, weights.argmax(axis=1)])
     return np.concatenate(points), np.concatenate(vertex).astype(np.int64)
 
 

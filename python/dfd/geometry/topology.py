@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd import _core
+from dfd.common.threads import get_num_threads
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.weld import weld
 
-__all__ = ["Topology", "face_areas", "face_components", "first_at_place", "inspect"]
-
-_FACES_AT_ONCE = 1 << 16  # to bound memory
+__all__ = ["Topology", "face_areas", "face_components", "face_sizes", "first_at_place", "inspect"]
 
 
 @dataclass(frozen=True)
@@ -74,14 +73,19 @@ def face_components(faces: NDArray[np.int32]) -> NDArray[np.int32]:
     return np.unique(numbers[faces[:, 0]], return_inverse=True)[1].astype(np.int32)
 
 
+def face_sizes(
+    vertices: NDArray[np.floating], faces: NDArray[np.int32]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the longest side and the area of every face, (F,) each, in units of `vertices` (V, 3) and their square."""
+    sizes = np.empty((len(faces), 2))
+    points, corners = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int32)
+    _core.face_sizes(points, corners, sizes, get_num_threads())
+    return sizes[:, 0], sizes[:, 1]
+
+
 def face_areas(vertices: NDArray[np.floating], faces: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return the area of every face (F,), in squared units of `vertices` (V, 3)."""
-    doubled = np.empty(len(faces))
-    for start in range(0, len(faces), _FACES_AT_ONCE):
-        some = slice(start, start + _FACES_AT_ONCE)
-        first, second, third = (vertices[faces[some, corner]].astype(np.float64) for corner in range(3))
-        doubled[some] = np.linalg.norm(np.cross(second - first, third - first), axis=1)
-    return doubled / 2
+    return face_sizes(vertices, faces)[1]
 
 
 def _three_corners(faces: NDArray[np.int32]) -> NDArray[np.bool_]:

@@ -94,10 +94,12 @@ class Mesh:
 
     @cached_property
     def bounds(self) -> NDArray[np.float64]:
-        """(2, 3) smallest and largest coordinates of the vertices that faces use."""
-        used = np.zeros(len(self.vertices), bool)
-        used[self.faces] = True
-        places = self.vertices if used.all() else self.vertices[used]
+        """(2, 3) smallest and largest coordinates; vertices of a file that no face uses do not count."""
+        places = self.vertices
+        if self._scene is not None:  # of arrays every row is meant
+            used = np.zeros(len(self.vertices), bool)
+            used[self.faces] = True
+            places = self.vertices if used.all() else self.vertices[used]
         return _frozen(np.stack([places.min(axis=0), places.max(axis=0)]))
 
     @cached_property
@@ -120,6 +122,11 @@ class Mesh:
             MeshPart(name, slice(start, stop), _frozen(np.unique(self.faces[start:stop]).astype(np.int64)))
             for name, start, stop in found
         )
+
+    @property
+    def scene(self) -> SceneFile | None:
+        """The scene of the file it was read from; None for a mesh made from arrays."""
+        return self._scene
 
     @property
     def part_count(self) -> int:
@@ -261,10 +268,8 @@ def load(source: str | os.PathLike[str] | trimesh.Trimesh | trimesh.Scene | Sequ
     OSError
         If the file cannot be opened, or is a pipe or a device.
     ValueError
-        If the file is empty, malformed, cut off, in an unknown format or compressed in a way that cannot be read, or
-        it holds no faces, a face index out of range or a coordinate that is not finite.
-    TypeError
-        If `source` is none of these.
+        If `source` is none of these; or the file is empty, malformed, cut off, in an unknown format or compressed in a
+        way that cannot be read; or there are no faces, a face index out of range or a coordinate that is not finite.
 
     Warns
     -----
@@ -279,7 +284,7 @@ def load(source: str | os.PathLike[str] | trimesh.Trimesh | trimesh.Scene | Sequ
     elif isinstance(source, tuple | list) and len(source) == 2:
         return Mesh(*source)
     else:
-        raise TypeError(
+        raise ValueError(
             "load: `source` must be a path, a trimesh.Trimesh, a trimesh.Scene or a pair (vertices, faces), "
             f"got {type(source).__name__}"
         )

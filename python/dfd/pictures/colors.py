@@ -55,7 +55,7 @@ def weight_colors(weights: ArrayLike) -> NDArray[np.float32]:
 
 
 def ratio_colors(ratios: ArrayLike) -> NDArray[np.float32]:
-    """Return sRGB colours (V, 3) in [0, 1] of `ratios` (V,): blue up to a half, clay at 1, red from twice on.
+    """Return sRGB colors (V, 3) in [0, 1] of `ratios` (V,), at least 0: blue at a half or less, clay at 1, red at 2.
 
     Raises
     ------

@@ -72,12 +72,12 @@ class PictureDocument(_Document):
         moved: str | os.PathLike[str] | None = None,
     ) -> PictureDocument:
         """What a picture of `mesh` says, and the files in which the mesh and the moved one are."""
-        named = file if file is not None else mesh.source
+        source = file if file is not None else mesh.source
         return cls(
-            mesh=None if named is None else os.fspath(named),
-            moved=None if moved is None else os.fspath(moved),
             hash=mesh.content_hash,
             views=list(views),
+            mesh=None if source is None else os.fspath(source),
+            moved=None if moved is None else os.fspath(moved),
         )
 
 

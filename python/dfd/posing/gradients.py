@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import torch
 from torch.autograd.function import once_differentiable
 
 from dfd.common import tensors
+from dfd.posing.arguments import read_affine, standing
 
 if TYPE_CHECKING:
     from dfd.symmetry.plane import SymmetryPlane
@@ -16,8 +18,10 @@ if TYPE_CHECKING:
 __all__ = ["posed_with_gradients"]
 
 
-def posed_with_gradients(vertices: Any, weights: Any, transforms: Any, options: dict[str, Any]) -> Any:
-    """What `dfd.pose` gives, as a tensor with gradients for `vertices`, `weights` and `transforms`.
+def posed_with_gradients(
+    pose: Callable[..., Any], vertices: Any, weights: Any, transforms: Any, options: dict[str, Any]
+) -> Any:
+    """What `pose`, the kernel's, gives: a tensor with gradients for `vertices`, `weights` and `transforms`.
 
     Raises
     ------
@@ -39,16 +43,19 @@ def posed_with_gradients(vertices: Any, weights: Any, transforms: Any, options: 
             raise ValueError(f"pose: `{name}` must be float32 or float64 to have gradients, got {value.dtype}")
     arguments = [torch.as_tensor(tensors.shared("pose", "", value)) if not tensors.is_tensor(value) else value
                  for value in (vertices, weights, transforms)]  # fmt: skip
-    return _Pose.apply(*arguments, options)  # type: ignore[no-untyped-call]
+    return _Pose.apply(*arguments, pose, options)  # type: ignore[no-untyped-call]
 
 
 class _Pose(torch.autograd.Function):
     @staticmethod
     def forward(
-        ctx: Any, vertices: torch.Tensor, weights: torch.Tensor, transforms: torch.Tensor, options: dict[str, Any]
+        ctx: Any,
+        vertices: torch.Tensor,
+        weights: torch.Tensor,
+        transforms: torch.Tensor,
+        pose: Callable[..., Any],
+        options: dict[str, Any],
     ) -> torch.Tensor:
-        from dfd.posing.pose import pose
-
         ctx.save_for_backward(vertices, weights, transforms)
         ctx.options = options
         posed: torch.Tensor = pose(vertices.detach(), weights.detach(), transforms.detach(), **options)
@@ -64,18 +71,16 @@ class _Pose(torch.autograd.Function):
             posed = _posed(vertices, weights, transforms, ctx.options)
         wanted = [value for value in inputs if value.requires_grad]
         found = iter(torch.autograd.grad(posed, wanted, gradient.to(torch.float64), allow_unused=True))
-        return *(next(found) if value.requires_grad else None for value in inputs), None
+        return *(next(found) if value.requires_grad else None for value in inputs), None, None
 
 
 def _posed(
     vertices: torch.Tensor, weights: torch.Tensor, transforms: torch.Tensor, options: dict[str, Any]
 ) -> torch.Tensor:
     """(V, 3) by Eq. 1 and 8, in float64 and with torch's own operations."""
-    from dfd.posing.pose import _affine, _standing  # what `dfd.pose` makes of the same arguments
-
     rest = torch.eye(3, 4, dtype=torch.float64)
     if options["default"] is not None:
-        rest = torch.from_numpy(_affine("pose", "default", options["default"], None)[0])
+        rest = torch.from_numpy(read_affine("pose", "default", options["default"], None)[0])
     total = weights.sum(dim=1, keepdim=True)
     excess = torch.clamp(total - 1, min=0) if options["overlap"] == "paper" else torch.zeros_like(total)
     if options["overlap"] == "normalize":
@@ -93,7 +98,7 @@ def _posed(
     if plane is None:
         return moved(affine)
     normal = torch.tensor(plane.normal, dtype=torch.float64)
-    _, places = _standing("pose", options["handles"], vertices.detach().numpy(), weights.detach().float().numpy())
+    _, places = standing("pose", options["handles"], vertices.detach().numpy(), weights.detach().float().numpy())
     positive = torch.from_numpy(places @ np.asarray(plane.normal) >= plane.offset)[:, None, None]
     reflection = torch.eye(4, dtype=torch.float64)
     reflection[:3, :3] -= 2 * torch.outer(normal, normal)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from dfd import _core
 from dfd.common import check, tensors, threads
+from dfd.posing.arguments import among, empty_like, read_affine, read_points, read_weights, standing, target
 from dfd.posing.overlap import interpolating
 
 if TYPE_CHECKING:
@@ -105,16 +106,16 @@ def pose(
 
         options = {"symmetry": symmetry, "handles": handles, "handle_weights": handle_weights, "normals": normals}
         options |= {"default": default, "overlap": overlap, "blend": blend, "out": out}
-        return posed_with_gradients(vertices, weights, transforms, options)
-    points = _points("pose", vertices)
-    matrix = _weights("pose", weights, len(points))
-    affine = _affine("pose", "transforms", transforms, matrix.shape[1])
+        return posed_with_gradients(pose, vertices, weights, transforms, options)
+    points = read_points("pose", vertices)
+    matrix = read_weights("pose", weights, len(points))
+    affine = read_affine("pose", "transforms", transforms, matrix.shape[1])
     rule = _rule("pose", points, matrix, default, symmetry, handles, handle_weights, overlap, blend)
     directions = turned = None
     if normals is not None:
         directions = check.array("pose", "normals", normals, points.shape, dtype=points.dtype, finite=False)
-        turned = _empty_like(points)
-    posed = _target("pose", out, points, {"vertices": points, "weights": matrix, "normals": directions})
+        turned = empty_like(points)
+    posed = target("pose", out, points, {"vertices": points, "weights": matrix, "normals": directions})
     _run(rule, points, matrix, affine, posed, normals=directions, turned=turned)
     result = tensors.like(vertices, posed) if out is None else out
     return result if turned is None else (result, tensors.like(vertices, turned))
@@ -151,9 +152,9 @@ class Drag:
         """
         if tensors.tracked(vertices, weights, transforms, default, handle_weights):
             raise ValueError("Drag: a drag has no gradients: detach the tensors that require them")
-        self._points = _points("Drag", vertices).copy()
-        matrix = _weights("Drag", weights, len(self._points))
-        affine = _affine("Drag", "transforms", transforms, matrix.shape[1])
+        self._points = read_points("Drag", vertices).copy()
+        matrix = read_weights("Drag", weights, len(self._points))
+        affine = read_affine("Drag", "transforms", transforms, matrix.shape[1])
         self._moving = check.vertex_indices("Drag", "moving", np.atleast_1d(moving), matrix.shape[1], unique=True)
         rule = _rule("Drag", self._points, matrix, default, symmetry, handles, handle_weights, overlap, blend)
         self._like = vertices if tensors.is_tensor(vertices) else None
@@ -164,7 +165,7 @@ class Drag:
         # Handles that do nothing add nothing, so posing with the movers at rest leaves what they add to.
         resting = affine.copy()
         resting[self._moving] = IDENTITY
-        self._base = _empty_like(self._points)
+        self._base = empty_like(self._points)
         _run(rule, self._points, matrix, resting, self._base)
         self._weights = np.asfortranarray(_effective(rule, matrix)(self._moving), np.float32)
         positive = None if rule.positive is None else np.ascontiguousarray(rule.positive[self._moving])
@@ -180,8 +181,8 @@ class Drag:
         """
         if tensors.tracked(transforms, out):
             raise ValueError("Drag.pose: a drag has no gradients: detach the tensors that require them")
-        affine = _affine("Drag.pose", "transforms", transforms, len(self._moving))
-        posed = _target("Drag.pose", out, self._points, {"vertices": self._points, "base": self._base})
+        affine = read_affine("Drag.pose", "transforms", transforms, len(self._moving))
+        posed = target("Drag.pose", out, self._points, {"vertices": self._points, "base": self._base})
         if self._base is None:
             self._transforms[self._moving] = affine
             affine = self._transforms
@@ -215,17 +216,26 @@ def _rule(
 ) -> _Rule:
     check.choice(function, "overlap", overlap, Overlap)
     check.choice(function, "blend", blend, Blend)
-    rest = IDENTITY if default is None else _affine(function, "default", default, None)[0]
+    if symmetry is not None:
+        _check_plane(function, symmetry)
+    rest = IDENTITY if default is None else read_affine(function, "default", default, None)[0]
     indices = places = positive = mixing = None
     if symmetry is not None or blend != "linear" or overlap == "interpolate":
-        indices, places = _standing(function, handles, points, weights)
+        indices, places = standing(function, handles, points, weights)
     if symmetry is not None:
         assert places is not None
         positive = places @ np.asarray(symmetry.normal, np.float64) - symmetry.offset >= 0
     if overlap == "interpolate":
-        mixing = np.ascontiguousarray(interpolating(function, _among(function, handle_weights, weights, indices)))
+        mixing = np.ascontiguousarray(interpolating(function, among(function, handle_weights, weights, indices)))
     plane = None if symmetry is None else (symmetry.normal, symmetry.offset, symmetry.band)
     return _Rule(rest, plane, positive, None if blend == "linear" else places, mixing, overlap, blend)
+
+
+def _check_plane(function: str, plane: Any) -> None:
+    from dfd.symmetry.plane import SymmetryPlane
+
+    if not isinstance(plane, SymmetryPlane):
+        raise ValueError(f"{function}: `symmetry` must be a SymmetryPlane, got {type(plane).__name__}")
 
 
 def _run(
@@ -267,89 +277,3 @@ def _effective(rule: _Rule, weights: NDArray[np.float32]) -> Any:
         sums = np.maximum(weights.sum(axis=1, dtype=np.float64), 1.0)
         return lambda moving: weights[:, moving] / sums[:, None]
     return lambda moving: weights[:, moving]
-
-
-def _points(function: str, vertices: Any) -> NDArray[Any]:
-    points = tensors.shared(function, "vertices", vertices)
-    dtype = np.float32 if getattr(points, "dtype", None) in (np.float32, np.float16) else np.float64
-    return check.array(function, "vertices", points, ("V", 3), dtype=dtype, finite=False)
-
-
-def _weights(function: str, weights: Any, vertex_count: int) -> NDArray[np.float32]:
-    """(V, H) in place if rows or columns are contiguous."""
-    matrix = tensors.shared(function, "weights", weights)
-    if (
-        isinstance(matrix, np.ndarray)
-        and matrix.dtype == np.float32
-        and matrix.ndim == 2
-        and len(matrix) == vertex_count
-        and tensors.lines_contiguous(matrix)
-    ):
-        return matrix
-    return check.array(function, "weights", matrix, (vertex_count, "H"), finite=False)
-
-
-def _empty_like(points: NDArray[Any]) -> NDArray[Any]:
-    return (_core.empty_float32 if points.dtype == np.float32 else _core.empty_float64)(*points.shape)
-
-
-def _target(function: str, out: Any, points: NDArray[Any], inputs: dict[str, NDArray[Any] | None]) -> NDArray[Any]:
-    """Where the vertices go."""
-    if out is None:
-        return _empty_like(points)
-    return tensors.output(function, out, points.shape, points.dtype, inputs)
-
-
-def _affine(function: str, name: str, value: Any, count: int | None) -> Float64:
-    """(H, 3, 4) transforms, or (1, 3, 4) when `count` is None and `value` is a single one."""
-    array = np.asarray(tensors.shared(function, name, value))
-    if array.shape == (count, 3, 4) and array.dtype == np.float64 and array.flags.c_contiguous:
-        return array  # whose finiteness the kernel checks
-    if count is None:
-        array = array[np.newaxis] if array.ndim == 2 else array
-    elif array.size == 0 and count == 0:
-        return np.zeros((0, 3, 4))
-    if array.ndim != 3 or array.shape[1:] not in ((3, 4), (4, 4)) or len(array) != (1 if count is None else count):
-        leading = "" if count is None else f"{count}, "
-        shape = np.shape(value) if count is None else array.shape
-        raise ValueError(f"{function}: `{name}` must have shape ({leading}3, 4) or ({leading}4, 4), got {shape}")
-    result = check.array(function, name, array, (None, None, 4), dtype=np.float64)
-    if result.shape[1] == 4 and np.abs(result[:, 3] - (0.0, 0.0, 0.0, 1.0)).max(initial=0.0) > 1e-6:
-        wrong = np.abs(result[:, 3] - (0.0, 0.0, 0.0, 1.0)).max(axis=1).argmax()
-        raise ValueError(f"{function}: `{name}` must have the bottom row [0, 0, 0, 1], got {result[wrong, 3].tolist()}")
-    return np.ascontiguousarray(result[:, :3])
-
-
-def _standing(
-    function: str, handles: Any, vertices: NDArray[Any], weights: NDArray[np.float32]
-) -> tuple[NDArray[np.int64] | None, Float64]:
-    """(H,) the vertices at which handles stand, None for positions, and (H, 3) where that is."""
-    count = weights.shape[1]
-    if handles is None:
-        if len(vertices) == 0:
-            return None, np.zeros((count, 3))
-        indices = weights.argmax(axis=0)
-    else:
-        array = np.asarray(tensors.shared(function, "handles", handles))
-        if array.ndim == 2:
-            return None, check.array(function, "handles", array, (count, 3), dtype=np.float64)
-        indices = check.vertex_indices(function, "handles", array, len(vertices))
-        if len(indices) != count:
-            raise ValueError(
-                f"{function}: `handles` must name {count} handles, as many as `weights` has, got {len(indices)}"
-            )
-    return indices, np.ascontiguousarray(vertices[indices], np.float64)
-
-
-def _among(
-    function: str, handle_weights: Any, weights: NDArray[np.float32], indices: NDArray[np.int64] | None
-) -> Float64:
-    """(H, H) weights among handles, row j at the place of handle j."""
-    count = weights.shape[1]
-    if handle_weights is not None:
-        return check.array(function, "handle_weights", handle_weights, (count, count), dtype=np.float64)
-    if indices is None:
-        if len(weights) == 0:
-            return np.eye(count)
-        raise ValueError(f"{function}: `handle_weights` must be given to interpolate handles that are no vertices")
-    return check.array(function, "weights", weights[indices], (count, count), dtype=np.float64)

@@ -64,10 +64,11 @@ def hash_arrays(*arrays: NDArray[Any]) -> str:
 
 @cache
 def hash_code(rooms: tuple[str, ...], package: Path = Path(__file__).parents[1]) -> str:
-    """SHA-256 of the modules in some `rooms` of the package, and of its version, which alone counts in an archive."""
+    """SHA-256 of modules and learned numbers in some `rooms`, and of the version, which alone counts in an archive."""
     sha256 = hashlib.sha256(_version("dfd").encode())
     for room in rooms:
-        for path in sorted((package / room).rglob("*.py")):
+        own = (path for path in (package / room).rglob("*") if path.suffix in (".py", ".safetensors"))
+        for path in sorted(own):
             sha256.update(path.relative_to(package).as_posix().encode() + path.read_bytes())
     return sha256.hexdigest()
 

@@ -18,6 +18,7 @@ from dfd.samples.polygonize import polygonize
 __all__ = ["Sample", "chair", "quadruped", "robot"]
 
 _FEWEST_FACES = 4000  # fewer would cut off horns and tails
+_MOST_FACES = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -108,8 +109,8 @@ def _pair(part: str, instance: int, distances: list[Distance], blend: float) -> 
 
 
 def _sample(name: str, pieces: list[Piece], faces: int) -> Sample:
-    count = check.number(f"samples.{name}", "faces", faces, minimum=_FEWEST_FACES)
+    count = check.whole(f"samples.{name}", "faces", faces, minimum=_FEWEST_FACES, maximum=_MOST_FACES)
     shape = Shape(pieces)
-    vertices, triangles = polygonize(shape, (-0.4, -0.05, -0.7), (0.4, 1.2, 0.8), int(count))
+    vertices, triangles = polygonize(shape, (-0.4, -0.05, -0.7), (0.4, 1.2, 0.8), count)
     labels, instances = shape.labels(vertices)
     return Sample(Mesh(vertices, triangles), labels, instances, shape.parts)

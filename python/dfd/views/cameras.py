@@ -57,6 +57,11 @@ class Camera:
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         return np.asarray(directions, np.float32)
 
+    def in_mesh(self, frame: NDArray[np.float64]) -> Camera:
+        """Return this camera, whose coordinates lie along the rows of `frame` (3, 3), in the coordinates of those."""
+        axes = (self.position @ frame, self.right @ frame, self.up @ frame, self.back @ frame)
+        return Camera(*axes, self.field_of_view)
+
     def project(
         self, points: NDArray[np.floating[Any]], resolution: int
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -53,6 +53,8 @@ class Views:
         (V, 3) float32 normalized and (F, 3): the surface that the rays met, the mesh's own or a simplified copy's.
     center, scale
         The normalization: the middle of the bounding box comes to the origin, its longest side to [−1, 1].
+    frame
+        (3, 3) the directions, in the mesh's coordinates, that count as right, up and front.
     """
 
     images: NDArray[np.uint8]
@@ -67,6 +69,7 @@ class Views:
     faces: NDArray[np.int32]
     center: NDArray[np.float64]
     scale: float
+    frame: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
 
 
 def render(
@@ -78,6 +81,7 @@ def render(
     mirrored: bool = False,
     simplify_to: int | None = None,
     supervision: Supervision = "barycentric",
+    frame: NDArray[np.float64] | None = None,
     stages: Stages | None = None,
 ) -> Views:
     """Take pictures of `mesh` from all around.
@@ -97,6 +101,9 @@ def render(
         Cast rays at a copy of about so many faces (quadric error simplification) instead of the mesh itself.
     supervision
         Which points are returned: "barycentric" for those behind all covered pixels, "vertex" for the visible vertices.
+    frame
+        (3, 3) rotation: the directions, in the mesh's coordinates, that count as right, up and front when cameras are
+        placed; None takes the mesh's own axes.
 
     Raises
     ------
@@ -121,7 +128,9 @@ def render(
         scene = Scene(vertices, mesh.faces)
         shading = Shading(scene, mesh, vertices)
         used = used_vertices(vertices, mesh.faces)
-        cameras = place_cameras(views, used, framing=framing, mirrored=mirrored)
+        axes = np.eye(3) if frame is None else frame
+        placed = place_cameras(views, used @ axes.T, framing=framing, mirrored=mirrored)
+        cameras = [camera.in_mesh(axes) for camera in placed]
         images = np.empty((views, resolution, resolution, 3), np.uint8)
         covered = np.zeros((views, resolution, resolution), bool)
         met = np.zeros(views, bool)  # pictures in which some ray met the surface
@@ -150,7 +159,7 @@ def render(
     points, view, row, column, face = (np.concatenate(parts) for parts in zip(*seen, strict=True))
     if not met.any() or len(points) == 0:
         raise ValueError("render: `mesh` is seen by no camera: all its faces are without area, or smaller than a pixel")
-    return Views(images, covered, cameras, points, view, row, column, face, vertices, mesh.faces, center, scale)
+    return Views(images, covered, cameras, points, view, row, column, face, vertices, mesh.faces, center, scale, axes)
 
 
 def used_vertices(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float32]:

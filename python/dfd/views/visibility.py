@@ -42,7 +42,7 @@ class Unseen:
     component_count: int  # all components that have an area
 
 
-def unseen(mesh: Mesh, *, views: int = 24) -> Unseen:
+def unseen(mesh: Mesh, *, views: int = 24, frame: NDArray[np.float64] | None = None) -> Unseen:
     """Measure which part of `mesh` is hidden from all cameras that `dfd.distill` places with its defaults.
 
     Points spread over all faces count as seen when the straight line from some camera to them meets nothing before,
@@ -53,6 +53,8 @@ def unseen(mesh: Mesh, *, views: int = 24) -> Unseen:
     ----------
     views
         How many cameras.
+    frame
+        (3, 3) what counts as right, up and front; see `dfd.views.render.render`.
 
     Raises
     ------
@@ -72,7 +74,7 @@ def unseen(mesh: Mesh, *, views: int = 24) -> Unseen:
     areas = areas[has_area]
     # Even where every face is large there are many points, and even the smallest face has one.
     counts = np.ceil(areas / areas.sum() * POINTS).astype(np.int64)
-    seen = _seen(vertices, mesh.faces[has_area], counts, views)
+    seen = _seen(vertices, mesh.faces[has_area], counts, views, np.eye(3) if frame is None else frame)
     of_face = np.add.reduceat(seen, np.concatenate([[0], np.cumsum(counts)[:-1]]), dtype=np.int64)
     component = face_components(first_at_place(mesh)[mesh.faces[has_area]])
     of_component = np.bincount(component, of_face)
@@ -85,11 +87,16 @@ def unseen(mesh: Mesh, *, views: int = 24) -> Unseen:
 
 
 def _seen(
-    vertices: NDArray[np.float32], faces: NDArray[np.int32], counts: NDArray[np.int64], views: int
+    vertices: NDArray[np.float32],
+    faces: NDArray[np.int32],
+    counts: NDArray[np.int64],
+    views: int,
+    axes: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
     """Return which points are seen, face by face, `counts` (F,) of them on each."""
     scene = Scene(vertices, faces)
-    cameras = place_cameras(views, used_vertices(vertices, faces), mirrored=True)
+    placed = place_cameras(views, used_vertices(vertices, faces) @ axes.T, mirrored=True)
+    cameras = [camera.in_mesh(axes) for camera in placed]
     # Mirrored cameras come one half after the other: taken by turns, few of them soon see nearly everything.
     eyes = [cameras[number].position for number in sorted(range(views), key=lambda i: i % max(views // 2, 1))]
     ends = np.cumsum(counts)

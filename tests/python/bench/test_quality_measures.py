@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bench.quality.baselines import PeerError, biharmonic, euclidean, geodesic, in_child, rounds
-from bench.quality.judge import Draw, judge
+from bench.quality.evaluate import Draw, judge
 from bench.quality.measures import (
     average_precision,
     difference,

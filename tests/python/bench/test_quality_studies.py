@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from bench.quality import studies
+from bench.quality.evaluate import Draw
+from bench.quality.fields import Lab
 from bench.quality.findings import compared, in_words
-from bench.quality.judge import Draw
-from bench.quality.lab import Lab
 from bench.quality.report import to_markdown
 from bench.quality.shapes import Shape
 from bench.quality.studies import BARYCENTRIC, GREY, PLAIN, TEXTURED, VERTEX, Bench, Row, compare

@@ -54,6 +54,6 @@ def test_the_ablation_is_never_smoothed() -> None:
     assert DistillSettings(supervision="vertex", smoothing=0.5).smoothing == 0
 
 
-def test_every_setting_belongs_to_the_pictures_the_spreading_or_the_fit() -> None:
+def test_every_setting_belongs_to_up_the_pictures_the_spreading_or_the_fit() -> None:
     settings = DistillSettings()
-    assert {**settings.of_pictures(), "smoothing": 0.3, **settings.of_fit()} == settings.as_dict()
+    assert {**settings.of_pictures(), "up": "auto", "smoothing": 0.3, **settings.of_fit()} == settings.as_dict()

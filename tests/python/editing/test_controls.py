@@ -198,6 +198,20 @@ def test_overlap_and_blend_are_those_of_pose(session, foot, mesh):
     assert (session.overlap, session.blend) == ("interpolate", "dual_quaternion")
 
 
+@pytest.mark.parametrize("overlap", ["add", "normalize", "paper", "interpolate"])
+@pytest.mark.parametrize("blend", ["linear", "dual_quaternion", "polar"])
+def test_a_drag_gives_what_a_whole_pose_gives_however_handles_are_put_together(mesh, field, features, overlap, blend):
+    session = dfd.Deformer(mesh, field, features=features)
+    handles = [session.add(vertex, rotation=(0, 9, vertex % 50)) for vertex in (5, 300, 900, 1500)]
+    session.overlap, session.blend, session.symmetry = overlap, blend, "x"
+    for angle in (30, 60):
+        session.move(handles[1], rotation=(angle, 0, 0), merge=True)
+        dragged = session.vertices
+    whole = dfd.Deformer(mesh, field, features=features)
+    whole.apply(session.edit)
+    np.testing.assert_allclose(dragged, whole.vertices, atol=1e-6)
+
+
 def test_interpolated_handles_land_where_they_were_sent(session, chair, mesh):
     leg = chair.vertices_of("leg", 0)
     heights = mesh.vertices[leg, 1]

@@ -3,7 +3,6 @@
 import copy
 import json
 import math
-import os
 import re
 from dataclasses import replace
 
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sheet import grid
+from sheet import full_edit, grid
 
 import dfd.editing.document
 from dfd.editing.controls import Controls
@@ -19,7 +18,6 @@ from dfd.editing.document import EditDocument, edit_schema
 from dfd.editing.edit import Edit, Fixed, Handle, symmetry_on
 from dfd.editing.edit_file import from_document, read_edit, to_document, write_edit
 from dfd.editing.place import Place, place_on
-from dfd.editing.regions import Ball, Box, HalfSpace
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
@@ -32,30 +30,7 @@ def mesh():
 
 @pytest.fixture
 def edit(mesh):
-    """An edit that uses everything an edit can hold."""
-    axes = ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
-    turned = Transform((0.0, 0.25, 0.0), (0.0, 0.0, 30.0), (1.0, 2.0, 0.5), (0.5, 0.5, 0.5), axes)
-    near = Controls(
-        0.8, "smooth", radius=0.25, strength=0.5, instances="own", level=True, within=Ball((0.01, 0.0, 0.0), 0.7)
-    )
-    return Edit(
-        handles=(
-            Handle(3, place_on(mesh, 40), turned, Controls(locality=2.5), name="ear, links ◔"),
-            Handle(1, Place((0.1, 0.2, 1 / 3)), controls=Controls(reach="auto")),
-            Handle(7, place_on(mesh, np.array([3, 4, 5])), controls=near),
-        ),
-        fixed=(
-            Fixed(place_on(mesh, 7)),
-            Fixed(Place((9.0, 9.0, 9.0)), 0.25),
-            Fixed(place_on(mesh, Box((-1, -1, 0.9), (-0.4, 1, 1)))),
-            Fixed(place_on(mesh, HalfSpace((0.0, 0.0, -2.0), -0.02)), 0.5),
-        ),
-        symmetry=SymmetryPlane((1.0, 0.0, 0.0), 0.01, band=0.05),
-        default=Transform(scale=(2.0, 2.0, 2.0)),
-        overlap="interpolate",
-        blend="dual_quaternion",
-        arrive=False,
-    )
+    return full_edit(mesh)
 
 
 @pytest.fixture
@@ -364,65 +339,3 @@ def test_an_index_out_of_range_is_named(mesh):
 def test_what_is_no_object_is_no_edit(document, mesh):
     with pytest.raises(ValueError, match="`document` must be an edit, got"):
         from_document(document, mesh)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "no whole JSON document: Expecting value: line 1 column 1"),
-        ("{}", "`format` must be"),
-        ('{"version": 1, "version": 1}', "`version` is given twice"),
-        ('{"version": NaN}', "numbers must be finite, got NaN"),
-        ('{"version": -Infinity}', "numbers must be finite, got -Infinity"),
-        ("[" * 100_000, "nested too deeply|no whole JSON document"),
-    ],
-)
-def test_odd_files_are_refused_in_the_name_of_their_path(mesh, tmp_path, text, message):
-    path = tmp_path / "odd.json"
-    path.write_text(text)
-    with pytest.raises(ValueError, match=message) as caught:
-        read_edit(path, mesh)
-    assert str(caught.value).startswith(f"{path}: ")
-
-
-def test_a_number_too_large_for_a_float_is_refused(document, mesh, tmp_path):
-    path = tmp_path / "large.json"
-    path.write_text(json.dumps(document).replace("0.25", "1e999"))
-    with pytest.raises(ValueError, match=r"`handles\[0\].translation\[1\]` must be a finite number"):
-        read_edit(path, mesh)
-
-
-def test_a_file_cut_short_anywhere_is_refused(document, mesh, tmp_path):
-    text = json.dumps(document)
-    path = tmp_path / "cut.json"
-    for length in range(0, len(text) - 1, 17):
-        path.write_text(text[:length])
-        with pytest.raises(ValueError, match="no whole JSON document"):
-            read_edit(path, mesh)
-
-
-def test_bytes_that_are_no_text_are_refused(mesh, tmp_path):
-    path = tmp_path / "edit.json"
-    path.write_bytes(b'{"format": "\xff"}')
-    with pytest.raises(ValueError, match="must be UTF-8 text, but byte 12 is none"):
-        read_edit(path, mesh)
-
-
-def test_a_missing_file_and_a_folder_are_named(mesh, tmp_path):
-    for path in (tmp_path / "none.json", tmp_path):
-        with pytest.raises(OSError, match=f"{re.escape(str(path))}: the edit could not be read"):
-            read_edit(path, mesh)
-
-
-def test_a_failed_write_leaves_the_old_file_and_nothing_else(edit, mesh, tmp_path, monkeypatch):
-    path = tmp_path / "edit.json"
-    path.write_text("precious")
-
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(OSError, match=r"edit.json could not be written: No space left on device"):
-        write_edit(path, edit, mesh)
-    assert path.read_text() == "precious"
-    assert list(tmp_path.iterdir()) == [path]

@@ -88,7 +88,7 @@ def test_handles_that_another_thread_changes_are_read_once():
     thread = threading.Thread(target=change)
     thread.start()
     try:
-        for _ in range(200):
+        for _ in range(30):
             try:
                 weights = dfd.bind(features, handles)
             except ValueError as error:

@@ -77,7 +77,11 @@ def remembering(encoder: Encoder) -> Encoder:
 
     # With what `dfd.distill` asks for and no more: whatever else tokens depend on would belong to the key.
     def encode(
-        images: NDArray[np.uint8], *, covered: NDArray[np.bool_], store: TokenStore | None, stages: Stages
+        images: NDArray[np.uint8],
+        *,
+        covered: NDArray[np.bool_],
+        store: TokenStore | None = None,
+        stages: Stages | None = None,
     ) -> NDArray[np.float32]:
         key = hash_arrays(images, covered)
         if key not in kept:

@@ -1,0 +1,73 @@
+"""What a session leaves on disk, so that it can go on after a reload, a crash or a rest: shape, field, edit, poses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pydantic import BaseModel, ConfigDict, TypeAdapter
+
+from dfd.app.options import OpenedFile, Source
+from dfd.app.protocol.parts import KeyPose
+from dfd.common.files import atomic_write
+from dfd.editing.edit_file import write_edit
+
+if TYPE_CHECKING:
+    from dfd.editing.edit import Edit
+    from dfd.mesh.mesh import Mesh
+
+__all__ = ["Autosave", "Saved"]
+
+_POSES: TypeAdapter[tuple[KeyPose, ...]] = TypeAdapter(tuple[KeyPose, ...])
+
+
+class Saved(BaseModel):
+    """What was open: nothing where `source` is None, the start page."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    version: int = 1
+    source: Source | None = None
+    field: OpenedFile | None = None
+
+
+class Autosave:
+    """The files of one session in its folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self._manifest = folder / "session.json"
+        self.edit = folder / "edit.json"
+        self._poses = folder / "poses.json"
+
+    def saved(self) -> Saved | None:
+        """What was open when the session ended; None for a new one, or where the file cannot be read."""
+        try:
+            return Saved.model_validate_json(self._manifest.read_bytes())
+        except (OSError, ValueError):
+            return None
+
+    def keep_open(self, saved: Saved) -> None:
+        """Note what is open; with another shape, its edit and poses begin anew."""
+        before = self.saved()
+        if before is None or before.source != saved.source:
+            self.edit.unlink(missing_ok=True)
+            self._poses.unlink(missing_ok=True)
+        with atomic_write(self._manifest) as temporary:
+            temporary.write_text(saved.model_dump_json())
+
+    def keep_edit(self, edit: Edit, mesh: Mesh) -> None:
+        """Write the edit."""
+        write_edit(self.edit, edit, mesh)
+
+    def keep_poses(self, poses: tuple[KeyPose, ...]) -> None:
+        """Write the key poses."""
+        with atomic_write(self._poses) as temporary:
+            temporary.write_bytes(_POSES.dump_json(poses))
+
+    def poses(self) -> tuple[KeyPose, ...]:
+        """The key poses that were written; none where there are none to read."""
+        try:
+            # JSON has lists where the models have tuples; `validate_json` knows that.
+            return _POSES.validate_json(self._poses.read_bytes())
+        except (OSError, ValueError):
+            return ()

@@ -1,0 +1,95 @@
+/** Files in and out: uploads, exports, and what was done as Python or as a command. */
+
+import { store } from "../store/state";
+import { ask } from "./server";
+import { note, problem } from "./toasts";
+
+export type ExportFormat = "glb" | "obj" | "ply" | "stl" | "edit" | "field";
+
+export async function upload(files: readonly File[]): Promise<void> {
+  const { session } = store.get();
+  if (files.length === 0) return;
+  if (!session) {
+    problem("There is no connection to the server yet: try again in a moment.");
+    return;
+  }
+  const bytes = files.reduce((sum, file) => sum + file.size, 0);
+  if (bytes > session.upload_bytes) {
+    problem(`That is ${megabytes(bytes)}; the server takes up to ${megabytes(session.upload_bytes)} at once.`);
+    return;
+  }
+  const form = new FormData();
+  for (const file of files) form.append("files", file, file.name);
+  store.set({ uploading: files[0].name });
+  try {
+    const address = new URL("upload", location.href);
+    address.search = new URLSearchParams({ session: session.session }).toString();
+    const response = await fetch(address, { method: "POST", body: form });
+    const answer = (await response.json().catch(() => ({}))) as { message?: string };
+    if (!response.ok) problem(answer.message ?? `The server refused the file (${response.status}).`);
+  } catch {
+    problem("The file did not reach the server: the connection was lost.");
+  } finally {
+    store.set({ uploading: null });
+  }
+}
+
+/** Ask for files with the browser's own dialog. */
+export function chooseFiles(): void {
+  const input = document.createElement("input");
+  input.type = "file";
+  input.multiple = true;
+  const formats = store.get().session?.formats ?? [];
+  input.accept = [...formats, ".json", ".safetensors", ".zip"].map((ending) => ending.replace(/^\.?/, ".")).join(",");
+  input.onchange = () => void upload([...(input.files ?? [])]);
+  input.click();
+}
+
+export function openSample(name: string): void {
+  void ask({ type: "open_sample", name });
+}
+
+export function closeMesh(): void {
+  void ask({ type: "close_mesh" });
+}
+
+export async function exportAs(format: ExportFormat): Promise<void> {
+  const received = await ask({ type: "export", format });
+  if (received?.message.type !== "download") return;
+  save(new URL(received.message.url, location.href).href, received.message.name);
+}
+
+export async function copyScript(as: "python" | "command"): Promise<void> {
+  const received = await ask({ type: "script" });
+  if (received?.message.type !== "script") return;
+  const text = received.message[as];
+  try {
+    await navigator.clipboard.writeText(text);
+    note(as === "python" ? "Copied as Python." : "Copied as a command.");
+  } catch {
+    problem("The browser does not let this page copy. Open it at localhost, or over https.");
+  }
+}
+
+export function save(address: string, name: string): void {
+  const anchor = document.createElement("a");
+  anchor.href = address;
+  anchor.download = name;
+  anchor.click();
+}
+
+export function saveBlob(blob: Blob, name: string): void {
+  const address = URL.createObjectURL(blob);
+  save(address, name);
+  setTimeout(() => URL.revokeObjectURL(address), 10_000);
+}
+
+export function megabytes(bytes: number): string {
+  if (bytes >= 1e9) return `${(bytes / 1e9).toFixed(1)} GB`;
+  return bytes < 1e6 ? `${Math.ceil(bytes / 1e3)} kB` : `${(bytes / 1e6).toFixed(bytes < 1e7 ? 1 : 0)} MB`;
+}
+
+/** The shape's name without its ending, for files made of it. */
+export function stem(): string {
+  return (store.get().mesh?.name ?? "shape").replace(/\.[^.]+$/, "");
+}

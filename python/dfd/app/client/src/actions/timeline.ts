@@ -1,0 +1,108 @@
+/** Key poses: stored, scrubbed and played on the page alone; the edit is touched only when a pose is applied. */
+
+import type { KeyPose, PoseTransform } from "../protocol/messages";
+import { store } from "../store/state";
+import { interpolate, REST, type Transform } from "../viewer/affine";
+import { moveTo } from "./edit";
+import { ask } from "./server";
+import { note } from "./toasts";
+
+const SECONDS_BETWEEN = 1;
+
+export function storePose(): void {
+  const { edit, playhead } = store.get();
+  if (!edit) return;
+  if (edit.handles.length === 0) {
+    note("Take hold of the shape first: a pose is where its handles are.");
+    return;
+  }
+  const transforms = edit.handles.map((handle): PoseTransform => {
+    const { translation, rotation, scale, axes } = handle;
+    return { handle: handle.handle, translation, rotation, scale, axes, pivot: handle.own_pivot ? handle.pivot : null };
+  });
+  const taken = edit.poses.some((pose) => Math.abs(pose.seconds - playhead) < 0.05);
+  const last = Math.max(-SECONDS_BETWEEN, ...edit.poses.map((pose) => pose.seconds));
+  const seconds = edit.poses.length === 0 ? 0 : taken ? last + SECONDS_BETWEEN : playhead;
+  const pose: KeyPose = { name: `Pose ${edit.poses.length + 1}`, seconds, transforms };
+  set([...edit.poses, pose]);
+  store.set({ playhead: seconds, moment: null });
+}
+
+export function removePose(index: number): void {
+  set((store.get().edit?.poses ?? []).filter((_, i) => i !== index));
+  store.set({ moment: null, playing: false });
+}
+
+export function retime(index: number, seconds: number): void {
+  const poses = store.get().edit?.poses ?? [];
+  set(poses.map((pose, i) => (i === index ? { ...pose, seconds: Math.max(seconds, 0) } : pose)));
+}
+
+export function renamePose(index: number, name: string): void {
+  if (!name.trim()) return;
+  set((store.get().edit?.poses ?? []).map((pose, i) => (i === index ? { ...pose, name: name.trim() } : pose)));
+}
+
+function set(poses: KeyPose[]): void {
+  void ask({ type: "set_poses", poses: [...poses].sort((a, b) => a.seconds - b.seconds) });
+}
+
+/** Transforms by handle at a moment; handles that a pose does not name rest there. */
+export function momentAt(poses: readonly KeyPose[], seconds: number): Map<number, Transform> {
+  const after = poses.findIndex((pose) => pose.seconds > seconds);
+  const last = poses.length - 1;
+  const [from, to] = after < 0 ? [last, last] : [Math.max(after - 1, 0), after];
+  const [a, b] = [poses[from], poses[to]];
+  const span = b.seconds - a.seconds;
+  const part = span > 0 ? Math.min(Math.max((seconds - a.seconds) / span, 0), 1) : 0;
+  const handles = new Set(poses.flatMap((pose) => pose.transforms.map((own) => own.handle)));
+  const of = (pose: KeyPose, handle: number): Transform => {
+    const own = pose.transforms.find((transform) => transform.handle === handle);
+    return own ? { ...own, pivot: own.pivot ?? null, axes: own.axes ?? null } : REST;
+  };
+  return new Map([...handles].map((handle) => [handle, interpolate(of(a, handle), of(b, handle), part)]));
+}
+
+export function scrub(seconds: number): void {
+  const poses = store.get().edit?.poses ?? [];
+  store.set({ playhead: seconds, moment: poses.length > 0 ? momentAt(poses, seconds) : null });
+}
+
+/** Show the edit again. */
+export function leave(): void {
+  store.set({ moment: null, playing: false });
+}
+
+/** Make the moment that is shown the edit. */
+export function applyMoment(): void {
+  const { moment, edit } = store.get();
+  if (!moment || !edit) return;
+  for (const handle of edit.handles) {
+    const transform = moment.get(handle.handle);
+    if (transform) moveTo(handle.handle, transform);
+  }
+  leave();
+}
+
+export function play(): void {
+  const { playing, edit } = store.get();
+  const poses = edit?.poses ?? [];
+  if (playing || poses.length < 2) {
+    store.set({ playing: false });
+    if (poses.length < 2) note("Store at least two poses to play between them.");
+    return;
+  }
+  const end = poses[poses.length - 1].seconds;
+  const start = poses[0].seconds;
+  const from = store.get().playhead >= end ? start : store.get().playhead;
+  store.set({ playing: true });
+  const begun = performance.now();
+  const frame = () => {
+    if (!store.get().playing) return;
+    // Round and round until somebody stops it.
+    const gone = from - start + (performance.now() - begun) / 1000;
+    scrub(start + (gone % Math.max(end - start, 1e-3)));
+    requestAnimationFrame(frame);
+  };
+  requestAnimationFrame(frame);
+}

@@ -1,0 +1,26 @@
+/** Plain sentences that come and go. */
+
+import { store, type Toast } from "../store/state";
+
+const SECONDS = { note: 5, problem: 10 } as const;
+const MOST = 4;
+let next = 1;
+
+export function note(text: string): void {
+  show(text, "note");
+}
+
+export function problem(text: string): void {
+  show(text, "problem");
+}
+
+export function dismiss(key: number): void {
+  store.set({ toasts: store.get().toasts.filter((toast) => toast.key !== key) });
+}
+
+function show(text: string, kind: Toast["kind"]): void {
+  const others = store.get().toasts.filter((toast) => toast.text !== text);
+  const toast = { key: next++, text, kind };
+  store.set({ toasts: [...others, toast].slice(-MOST) });
+  setTimeout(() => dismiss(toast.key), 1000 * SECONDS[kind]);
+}

@@ -1,0 +1,51 @@
+import { chooseFiles, megabytes, openSample } from "../actions/files";
+import { store } from "../store/state";
+import { useStore } from "../store/use";
+import { Icon } from "./icons";
+
+const count = new Intl.NumberFormat("en");
+
+const BESIDE = [".zip", ".json", ".safetensors"];
+
+function meshFormats(endings: readonly string[]): string {
+  const shapes = endings.filter((ending) => !BESIDE.includes(ending));
+  return shapes.map((ending) => ending.replace(".", "").toUpperCase()).join(", ");
+}
+
+/** What to begin with, while there is no shape. */
+export function Start() {
+  const session = useStore(store, (state) => state.session);
+  const uploading = useStore(store, (state) => state.uploading);
+  return (
+    <main class="start">
+      <div class="start-card">
+        <h1>Take hold of a shape</h1>
+        <p class="lead">Point at a mesh, drag, and everything that looks alike follows.</p>
+        <button type="button" class="drop" onClick={chooseFiles} disabled={!session || uploading !== null}>
+          <Icon name="open" />
+          <strong>{uploading ? `Sending ${uploading}…` : "Drop a mesh here, or choose a file"}</strong>
+          <small>
+            {session
+              ? `${meshFormats(session.formats)}, with its textures or as one ZIP, up to ${megabytes(session.upload_bytes)}. A saved session goes with its mesh.`
+              : "Waiting for the server…"}
+          </small>
+        </button>
+        {session && session.samples.length > 0 && (
+          <section aria-label="Samples">
+            <h2>Or begin with a sample</h2>
+            <ul class="samples">
+              {session.samples.map((sample) => (
+                <li key={sample.name}>
+                  <button type="button" onClick={() => openSample(sample.name)}>
+                    <strong>{sample.title}</strong>
+                    <small>{count.format(sample.faces)} faces</small>
+                  </button>
+                </li>
+              ))}
+            </ul>
+          </section>
+        )}
+      </div>
+    </main>
+  );
+}

@@ -1,0 +1,76 @@
+/** What tests look at, on pages opened with `?test` alone. */
+
+import { ask } from "./actions/server";
+import { store } from "./store/state";
+import { posePoint } from "./viewer/twin";
+import { sceneOf } from "./viewer/scene";
+import type { Viewer } from "./viewer/viewer";
+
+export interface TestHook {
+  readonly store: typeof store;
+  /** (R, 4) posed positions relative to the mesh's center, and heat, as the shader has them. */
+  positions(): Float32Array;
+  /** The same of one row by the shader's twin. */
+  twin(row: number): { position: readonly number[]; heat: number };
+  /** (V, 3) positions relative to the mesh's center, as the server's kernel has them. */
+  computed(): Promise<Float32Array>;
+  /** (R) the vertex of each row. */
+  vertices(): Uint32Array;
+  /** The vertex under a pixel of the view. */
+  pick(x: number, y: number): number | null;
+  /** Where a vertex appears, in pixels of the page. */
+  project(vertex: number): readonly [number, number] | null;
+  /** Draw now, so that the canvas can be read in the same task. */
+  draw(): void;
+  /** Pictures drawn in that many seconds when each asks for the next. */
+  framesPerSecond(seconds: number): Promise<number>;
+}
+
+declare global {
+  interface Window {
+    dfd?: TestHook;
+  }
+}
+
+export function exposeForTests(viewer: Viewer): void {
+  if (!new URLSearchParams(location.search).has("test")) return;
+  const shape = () => {
+    if (!viewer.shape || !viewer.picker) throw new Error("There is no shape yet.");
+    return { shape: viewer.shape, picker: viewer.picker };
+  };
+  const rowOf = (vertex: number) => shape().shape.vertexOf.indexOf(vertex);
+  const twin = (row: number) => posePoint(sceneOf(store.get()), shape().shape.at(row), shape().shape.vertexOf[row]);
+  window.dfd = {
+    store,
+    twin,
+    positions: () => shape().picker.readBack(viewer.stage.camera),
+    computed: async () => {
+      const received = await ask({ type: "compute" });
+      if (!received?.payload) throw new Error("The server computed nothing.");
+      return received.payload.get("positions", "float32");
+    },
+    vertices: () => shape().shape.vertexOf,
+    pick: (x, y) => viewer.pick(x, y)?.vertex ?? null,
+    project: (vertex) => {
+      const at = viewer.stage.project(twin(rowOf(vertex)).position);
+      const box = viewer.stage.canvas.getBoundingClientRect();
+      return at && [at[0] + box.left, at[1] + box.top];
+    },
+    draw: () => viewer.stage.draw(),
+    framesPerSecond: (seconds) =>
+      new Promise((resolve) => {
+        const begun = performance.now();
+        let count = 0;
+        const frame = (now: number) => {
+          viewer.stage.step(now);
+          // Without reading a pixel, frames would only queue up.
+          viewer.stage.renderer.getContext().finish();
+          count++;
+          const gone = (performance.now() - begun) / 1000;
+          if (gone < seconds) requestAnimationFrame(frame);
+          else resolve(count / gone);
+        };
+        requestAnimationFrame(frame);
+      }),
+  };
+}

@@ -1,0 +1,109 @@
+/** The gizmo that moves, turns and scales the selected handle, or moves its pivot. */
+
+import { MathUtils, Matrix4, Object3D, Quaternion, Vector3, type Camera } from "three";
+import { TransformControls } from "three/addons/controls/TransformControls.js";
+
+import type { GizmoMode } from "../store/state";
+import { quaternionOf, rotationOf, type Transform, type Vec3 } from "./affine";
+import { gripOf } from "./scene";
+
+export interface GizmoEvents {
+  started(): void;
+  moved(transform: Transform): void;
+  ended(): void;
+}
+
+export interface Held {
+  readonly transform: Transform;
+  readonly position: Vec3;
+  readonly center: Vec3;
+}
+
+const SNAP_ANGLE = MathUtils.degToRad(15);
+const SNAP_SCALE = 0.1;
+
+export class Gizmo {
+  readonly helper: Object3D;
+  /** What the controls hold on to; it has to be in the scene. */
+  readonly proxy = new Object3D();
+  private readonly controls: TransformControls;
+  private held: Held | null = null;
+  private pivoting = false;
+
+  constructor(camera: Camera, canvas: HTMLElement, events: GizmoEvents, redraw: () => void) {
+    this.controls = new TransformControls(camera, canvas);
+    this.controls.setSize(0.85);
+    this.controls.setColors(0xd64545, 0x3f9b4a, 0x3b6fd8, 0xf2b632);
+    this.helper = this.controls.getHelper();
+    this.controls.addEventListener("change", redraw);
+    this.controls.addEventListener("dragging-changed", (event) => (event.value ? events.started() : events.ended()));
+    this.controls.addEventListener("objectChange", () => {
+      if (this.held) events.moved(this.read(this.held));
+    });
+  }
+
+  get dragging(): boolean {
+    return this.controls.dragging;
+  }
+
+  /** Whether the pointer is over one of its arms. */
+  get hovered(): boolean {
+    return this.controls.axis !== null;
+  }
+
+  hold(held: Held | null): void {
+    if (this.controls.dragging) return;
+    this.held = held;
+    if (!held) {
+      this.controls.detach();
+      return;
+    }
+    this.proxy.position.set(...gripOf(held.transform, held.position, held.center));
+    this.proxy.quaternion.set(...quaternionOf(held.transform.rotation)).multiply(axesTurn(held.transform));
+    this.proxy.scale.set(...held.transform.scale);
+    this.proxy.updateMatrixWorld();
+    this.controls.attach(this.proxy);
+  }
+
+  configure(mode: GizmoMode, space: "local" | "world", snap: number | null, pivoting: boolean): void {
+    this.pivoting = pivoting;
+    this.controls.setMode(pivoting ? "translate" : mode);
+    this.controls.setSpace(space);
+    this.controls.setTranslationSnap(snap);
+    this.controls.setRotationSnap(snap === null ? null : SNAP_ANGLE);
+    this.controls.setScaleSnap(snap === null ? null : SNAP_SCALE);
+  }
+
+  dispose(): void {
+    this.controls.detach();
+    this.controls.dispose();
+  }
+
+  private read(held: Held): Transform {
+    const { x, y, z } = this.proxy.position;
+    const grip: Vec3 = [x + held.center[0], y + held.center[1], z + held.center[2]];
+    const { transform, position } = held;
+    if (this.pivoting) {
+      // Where the pivot goes, the translation keeps what the shape does as it is while nothing turns.
+      const [tx, ty, tz] = transform.translation;
+      return { ...transform, pivot: [grip[0] - tx, grip[1] - ty, grip[2] - tz] };
+    }
+    const pivot = transform.pivot ?? position;
+    const q = this.proxy.quaternion.clone().multiply(axesTurn(transform).invert()).normalize();
+    const { scale } = this.proxy;
+    return {
+      translation: [grip[0] - pivot[0], grip[1] - pivot[1], grip[2] - pivot[2]],
+      rotation: rotationOf([q.x, q.y, q.z, q.w]),
+      scale: [scale.x, scale.y, scale.z],
+      pivot: transform.pivot,
+      axes: transform.axes,
+    };
+  }
+}
+
+/** From the mesh's axes to those along which the handle scales. */
+function axesTurn({ axes }: Transform): Quaternion {
+  if (!axes) return new Quaternion();
+  const [x, y, z] = axes.map((axis) => new Vector3(...axis));
+  return new Quaternion().setFromRotationMatrix(new Matrix4().makeBasis(x, y, z));
+}

@@ -1,0 +1,104 @@
+/** Marks over the canvas: handles, fixed places, instances, suggestions, the point under the pointer, the ring of reach. */
+
+import type { Vec3 } from "./affine";
+
+export interface Mark {
+  readonly key: string;
+  readonly kind: "handle" | "fixed" | "instance" | "suggestion" | "hover";
+  readonly at: Vec3;
+  readonly label: string;
+  readonly selected?: boolean;
+  readonly off?: boolean;
+  readonly press?: () => void;
+}
+
+export interface Ring {
+  readonly at: Vec3;
+  /** Part of the vertices that are held, in [0, 1]. */
+  readonly held: number;
+  readonly text: string;
+}
+
+const SVG = "http://www.w3.org/2000/svg";
+const RADIUS = 92;
+
+export class Markers {
+  private readonly elements = new Map<string, HTMLElement>();
+  private marks: readonly Mark[] = [];
+  private ring: Ring | null = null;
+  private readonly ringBox = document.createElement("div");
+  private readonly arc = document.createElementNS(SVG, "circle");
+  private readonly ringText = document.createElement("span");
+
+  constructor(
+    private readonly layer: HTMLElement,
+    private readonly project: (point: Vec3) => readonly [number, number] | null,
+  ) {
+    this.ringBox.className = "ring";
+    this.ringBox.hidden = true;
+    const picture = document.createElementNS(SVG, "svg");
+    picture.setAttribute("viewBox", "-100 -100 200 200");
+    const track = document.createElementNS(SVG, "circle");
+    for (const circle of [track, this.arc]) {
+      circle.setAttribute("r", String(RADIUS));
+      circle.setAttribute("pathLength", "1");
+    }
+    track.setAttribute("class", "track");
+    this.arc.setAttribute("class", "arc");
+    picture.append(track, this.arc);
+    this.ringBox.append(picture, this.ringText);
+    layer.append(this.ringBox);
+  }
+
+  show(marks: readonly Mark[]): void {
+    this.marks = marks;
+    const wanted = new Set(marks.map((mark) => mark.key));
+    for (const [key, element] of this.elements) {
+      if (wanted.has(key)) continue;
+      element.remove();
+      this.elements.delete(key);
+    }
+    for (const mark of marks) this.update(mark);
+    this.place();
+  }
+
+  showRing(ring: Ring | null): void {
+    this.ring = ring;
+    this.ringBox.hidden = ring === null;
+    if (ring) {
+      this.arc.setAttribute("stroke-dasharray", `${ring.held.toFixed(4)} 1`);
+      this.ringText.textContent = ring.text;
+    }
+    this.place();
+  }
+
+  /** Put everything where its point appears now. */
+  place(): void {
+    for (const mark of this.marks) {
+      const element = this.elements.get(mark.key);
+      if (element) move(element, this.project(mark.at));
+    }
+    if (this.ring) move(this.ringBox, this.project(this.ring.at));
+  }
+
+  private update(mark: Mark): void {
+    let element = this.elements.get(mark.key);
+    if (!element) {
+      element = document.createElement(mark.press ? "button" : "div");
+      if (mark.press) element.setAttribute("type", "button");
+      this.elements.set(mark.key, element);
+      this.layer.append(element);
+    }
+    element.className = `mark ${mark.kind}`;
+    element.classList.toggle("selected", mark.selected ?? false);
+    element.classList.toggle("off", mark.off ?? false);
+    element.title = mark.label;
+    element.setAttribute("aria-label", mark.label);
+    if (mark.press) element.onclick = mark.press;
+  }
+}
+
+function move(element: HTMLElement, at: readonly [number, number] | null): void {
+  element.style.visibility = at ? "visible" : "hidden";
+  if (at) element.style.transform = `translate(${at[0].toFixed(1)}px, ${at[1].toFixed(1)}px)`;
+}

@@ -1,0 +1,105 @@
+/** Which marks and which ring lie over the shape. */
+
+import { select, switchInstance, release, hold } from "../actions/edit";
+import { present, selectedHandle, type Instance, type State } from "../store/state";
+import { apply, matrixOf, subtract, type Vec3 } from "./affine";
+import type { Scene } from "./columns";
+import { isFalloff } from "./columns";
+import type { Mark, Ring } from "./markers";
+import { heldPart } from "./measure";
+import { gripOf, instanceMatrix, instancePivot } from "./scene";
+import type { Shape } from "./shape";
+import { posePoint } from "./twin";
+
+export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
+  const { edit, mesh } = state;
+  if (!edit || !mesh) return [];
+  const { center } = mesh;
+  const posed = (vertex: number | null, position: Vec3): Vec3 => {
+    const at = subtract(position, center);
+    return vertex === null ? at : posePoint(scene, at, vertex).position;
+  };
+  const marks: Mark[] = [];
+  edit.fixed.forEach((fixed, index) => {
+    marks.push({
+      key: `fixed ${index}`,
+      kind: "fixed",
+      at: posed(fixed.vertex, fixed.position),
+      label: `Fixed ${place(fixed.vertex, fixed.region)}: press to release`,
+      press: () => release(index),
+    });
+  });
+  for (const known of edit.handles) {
+    if (state.hidden.has(known.handle)) continue;
+    const handle = present(state, known);
+    const selected = state.selected === handle.handle;
+    if (selected && state.showGhosts) marks.push(...instanceMarks(state, known));
+    const at =
+      handle.vertex === null
+        ? subtract(apply(matrixOf(handle.transform, handle.position), handle.position), center)
+        : posed(handle.vertex, handle.position);
+    const label = handleName(handle);
+    marks.push({
+      key: `handle ${handle.handle}`,
+      kind: "handle",
+      at,
+      label,
+      selected,
+      press: () => select(handle.handle),
+    });
+  }
+  for (const { vertex, position, name } of state.suggestions) {
+    const label = `Take hold of ${name}`;
+    const at = posed(vertex, position);
+    marks.push({ key: `suggestion ${vertex}`, kind: "suggestion", at, label, press: () => hold(vertex) });
+  }
+  const { hover } = state;
+  if (hover && !state.dragging && state.tool !== "pivot") {
+    const at = posePoint(scene, shape.at(hover.row), hover.vertex).position;
+    marks.push({ key: "hover", kind: "hover", at, label: `Vertex ${hover.vertex}` });
+  }
+  return marks;
+}
+
+/** Ghosts of the selected handle: where else it acts, each to be switched. */
+function instanceMarks(state: State, known: NonNullable<ReturnType<typeof selectedHandle>>): Mark[] {
+  const { mesh } = state;
+  const data = state.columns.get(known.column);
+  if (!mesh || !data) return [];
+  const handle = present(state, known);
+  const pivot = handle.transform.pivot ?? handle.position;
+  const matrix = matrixOf(handle.transform, handle.position);
+  const moved = (instance: Instance) =>
+    instanceMatrix(matrix, pivot, instance, instancePivot(handle.transform, handle.position, instance));
+  return data.instances
+    .filter(({ position }) => position.some((x, i) => Math.abs(x - handle.position[i]) > 1e-6 * mesh.diagonal))
+    .map((instance) => ({
+      key: `instance ${handle.handle} ${instance.instance}`,
+      kind: "instance" as const,
+      at: subtract(instance.on ? apply(moved(instance), instance.position) : instance.position, mesh.center),
+      label: `Look-alike ${instance.instance + 1}: ${instance.on ? "follows, press to leave it" : "stays, press to let it follow"}`,
+      off: !instance.on,
+      press: () => switchInstance(handle.handle, instance.instance, !instance.on),
+    }));
+}
+
+export function ringOf(state: State): Ring | null {
+  const known = selectedHandle(state);
+  if (!state.dragging || !known || !state.mesh) return null;
+  const handle = present(state, known);
+  const data = state.columns.get(handle.column);
+  if (!data) return null;
+  const kind = isFalloff(handle.falloff) ? handle.falloff : "linear";
+  const held = heldPart(data.layer, handle.reach, kind);
+  const at = gripOf(handle.transform, handle.position, state.mesh.center);
+  return { at, held, text: `reach ${handle.reach.toFixed(2)} · holds ${Math.round(100 * held)} %` };
+}
+
+export function handleName(handle: { readonly name: string | null; readonly handle: number }): string {
+  return handle.name ?? `Handle ${handle.handle}`;
+}
+
+function place(vertex: number | null, region: number): string {
+  if (region > 0) return `region of ${region} vertices`;
+  return vertex === null ? "point" : `vertex ${vertex}`;
+}

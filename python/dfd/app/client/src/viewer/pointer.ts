@@ -1,0 +1,136 @@
+/** Mouse, pen and touch on the canvas: hovering, clicks apart from orbits, the wheel in a drag, strokes of the brush. */
+
+import { store } from "../store/state";
+import type { Pick } from "./picker";
+
+export interface PointerEvents {
+  /** Whether the gizmo has the pointer. */
+  busy(): boolean;
+  dragging(): boolean;
+  pick(x: number, y: number): Pick | null;
+  click(picked: Pick | null): void;
+  /** Whether the wheel was used up. */
+  wheel(delta: number): boolean;
+  paint(picked: Pick, erase: boolean): void;
+  /** The pointer has rested on a point. */
+  rest(picked: Pick | null): void;
+}
+
+const CLICK_DISTANCE = 5;
+const REST_MILLISECONDS = 100;
+/** A pick that takes longer than this is made only where the pointer rests. */
+const SLOW_MILLISECONDS = 40;
+
+export class Pointer {
+  private down: { x: number; y: number; id: number; moved: boolean } | null = null;
+  private painting = false;
+  private frame = 0;
+  private timer = 0;
+  private last: PointerEvent | null = null;
+  private slowness = 0;
+
+  constructor(
+    private readonly canvas: HTMLCanvasElement,
+    private readonly events: PointerEvents,
+  ) {
+    canvas.addEventListener("pointerdown", (event) => this.pressed(event));
+    canvas.addEventListener("pointermove", (event) => this.moved(event));
+    canvas.addEventListener("pointerup", (event) => this.released(event));
+    canvas.addEventListener("pointercancel", () => this.forget());
+    canvas.addEventListener("pointerleave", () => this.unhover());
+    // Before the orbit's own listener, which would zoom.
+    canvas.addEventListener("wheel", (event) => this.turned(event), { capture: true, passive: false });
+    canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+  }
+
+  private pressed(event: PointerEvent): void {
+    if (!event.isPrimary) {
+      // A second finger zooms: that was no click.
+      if (this.down) this.down.moved = true;
+      return;
+    }
+    if (event.button !== 0 || this.events.busy()) return;
+    const [x, y] = this.at(event);
+    this.down = { x, y, id: event.pointerId, moved: false };
+    if (store.get().tool !== "paint") return;
+    this.painting = true;
+    this.canvas.setPointerCapture(event.pointerId);
+    this.stroke(event);
+  }
+
+  private moved(event: PointerEvent): void {
+    this.last = event;
+    const [x, y] = this.at(event);
+    if (this.down && Math.hypot(x - this.down.x, y - this.down.y) > CLICK_DISTANCE) this.down.moved = true;
+    if (this.frame !== 0) return;
+    this.frame = requestAnimationFrame(() => {
+      this.frame = 0;
+      if (!this.last) return;
+      if (this.painting) this.stroke(this.last);
+      else if (!this.down && this.last.buttons === 0) this.hover(this.last);
+    });
+  }
+
+  private released(event: PointerEvent): void {
+    const { down } = this;
+    if (down?.id !== event.pointerId) return;
+    const painted = this.painting;
+    this.forget();
+    if (painted || down.moved || this.events.dragging()) return;
+    const [x, y] = this.at(event);
+    this.events.click(this.events.pick(x, y));
+  }
+
+  private stroke(event: PointerEvent): void {
+    const picked = this.events.pick(...this.at(event));
+    if (picked) this.events.paint(picked, event.shiftKey);
+  }
+
+  private hover(event: PointerEvent): void {
+    clearTimeout(this.timer);
+    if (this.events.busy()) this.unhover();
+    else if (this.slowness < SLOW_MILLISECONDS) this.look(event);
+    else this.timer = window.setTimeout(() => this.look(event), REST_MILLISECONDS);
+  }
+
+  private look(event: PointerEvent): void {
+    const begun = performance.now();
+    const [x, y] = this.at(event);
+    const picked = this.events.pick(x, y);
+    this.slowness = 0.5 * (this.slowness + performance.now() - begun);
+    const { hover, probe } = store.get();
+    if (!picked) {
+      if (hover || probe) store.set({ hover: null, probe: null });
+      return;
+    }
+    const same = probe?.vertex === picked.vertex;
+    store.set({
+      hover: { vertex: picked.vertex, row: picked.row },
+      probe: same ? probe : null,
+    });
+    if (!same) this.timer = window.setTimeout(() => this.events.rest(picked), REST_MILLISECONDS);
+  }
+
+  private turned(event: WheelEvent): void {
+    if (!(this.events.dragging() || event.altKey)) return;
+    if (!this.events.wheel(event.deltaY || event.deltaX)) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+  }
+
+  private unhover(): void {
+    clearTimeout(this.timer);
+    this.last = null;
+    if (store.get().hover ?? store.get().probe) store.set({ hover: null, probe: null });
+  }
+
+  private forget(): void {
+    this.down = null;
+    this.painting = false;
+  }
+
+  private at(event: PointerEvent): [number, number] {
+    const box = this.canvas.getBoundingClientRect();
+    return [event.clientX - box.left, event.clientY - box.top];
+  }
+}

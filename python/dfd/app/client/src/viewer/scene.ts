@@ -1,0 +1,133 @@
+/** From what the store says to what the shader poses by, in coordinates relative to the mesh's center. */
+
+import type { Plane } from "../protocol/messages";
+import { present, type ColumnData, type Instance, type State } from "../store/state";
+import { add, apply, IDENTITY, matrixOf, multiply, subtract, type Affine, type Transform, type Vec3 } from "./affine";
+import { EMPTY_SCENE, isFalloff, type Column, type Mirror, type Scene } from "./columns";
+
+/** The map that does to p − center what `transform` does to p. */
+export function relative(transform: Affine, center: Vec3): Affine {
+  const moved = subtract(apply(transform, center), center);
+  return transform.map((entry, i) => (i % 4 === 3 ? moved[(i - 3) / 4] : entry));
+}
+
+/** The handle's motion about the instance's own pivot, turned or mirrored into its frame. */
+export function instanceMatrix(transform: Affine, pivot: Vec3, instance: Instance, own: Vec3): Affine {
+  const [x, y, z] = instance.frame;
+  const frame: Affine = [...x, 0, ...y, 0, ...z, 0];
+  const back: Affine = [x[0], y[0], z[0], 0, x[1], y[1], z[1], 0, x[2], y[2], z[2], 0];
+  const about: Affine = relative(transform, pivot);
+  const turned = multiply(frame, multiply(about, back));
+  return relative(turned, subtract([0, 0, 0], own));
+}
+
+/** About what an instance turns: with a pivot of the handle's own, what lies from the counterpart as that from it. */
+export function instancePivot(transform: Transform, position: Vec3, instance: Instance): Vec3 {
+  if (!transform.pivot) return instance.pivot;
+  const offset = subtract(transform.pivot, position);
+  const turned = instance.frame.map((row) => row[0] * offset[0] + row[1] * offset[1] + row[2] * offset[2]);
+  return add(instance.position, turned as unknown as Vec3);
+}
+
+export function mirrorOf(plane: Plane, center: Vec3): Mirror {
+  const [x, y, z] = plane.normal;
+  const offset = plane.offset - (x * center[0] + y * center[1] + z * center[2]);
+  return { normal: plane.normal, offset, band: plane.band ?? 0 };
+}
+
+export function sceneOf(state: State): Scene {
+  const { edit, mesh } = state;
+  if (!edit || !mesh) return EMPTY_SCENE;
+  const { center } = mesh;
+  const fixed = state.columns.get(edit.fixed_column)?.layer ?? null;
+  const columns: Column[] = [];
+  for (const known of edit.handles) {
+    const data = state.columns.get(known.column);
+    if (!data) continue;
+    const handle = present(state, known);
+    const matrix = state.comparing ? IDENTITY : matrixOf(handle.transform, handle.position);
+    const column = {
+      handle: handle.handle,
+      layer: data.layer,
+      fixed: data.layer.kind === "weight" ? null : fixed,
+      reach: handle.reach,
+      falloff: isFalloff(handle.falloff) ? handle.falloff : ("linear" as const),
+      exponent: handle.exponent,
+      gain: handle.gain,
+      strength: handle.strength,
+      positive: isPositive(edit.symmetry, handle.position),
+      heat: !state.probe && !state.painted && state.selected === handle.handle ? 1 : 0,
+      acts: true,
+    };
+    columns.push(...ofInstances(column, data, { matrix, handle, symmetry: edit.symmetry, center }));
+  }
+  const shown = state.painted?.layer ?? state.probe?.layer;
+  if (shown) columns.push(shownColumn(shown, state.painted ? null : fixed));
+  const d0 = edit.default && !state.comparing ? edit.default : null;
+  const rest = d0 ? matrixOf({ ...d0, pivot: d0.pivot ?? null, axes: d0.axes ?? null }, center) : null;
+  return {
+    columns,
+    defaultTransform: rest && relative(rest, center),
+    mirror: edit.symmetry && mirrorOf(edit.symmetry, center),
+  };
+}
+
+type Shared = Omit<Column, "share" | "shareGain" | "transform">;
+
+interface Motion {
+  readonly matrix: Affine;
+  readonly handle: ReturnType<typeof present>;
+  readonly symmetry: Plane | null;
+  readonly center: Vec3;
+}
+
+function ofInstances(column: Shared, data: ColumnData, { matrix, handle, symmetry, center }: Motion): Column[] {
+  if (data.instances.length === 0) {
+    return [{ ...column, share: null, shareGain: 1, transform: relative(matrix, center) }];
+  }
+  const pivot = handle.transform.pivot ?? handle.position;
+  return data.instances
+    .filter((instance) => instance.on)
+    .map((instance) => {
+      const own = instancePivot(handle.transform, handle.position, instance);
+      return {
+        ...column,
+        share: instance.share,
+        shareGain: instance.gain,
+        positive: isPositive(symmetry, instance.position),
+        transform: relative(instanceMatrix(matrix, pivot, instance, own), center),
+      };
+    });
+}
+
+/** A column that only the heat map shows. */
+function shownColumn(layer: Column["layer"], fixed: Column["fixed"]): Column {
+  return {
+    handle: 0,
+    layer,
+    fixed,
+    share: null,
+    shareGain: 1,
+    reach: 1,
+    falloff: "linear",
+    exponent: 0,
+    gain: 1,
+    strength: 1,
+    positive: true,
+    heat: 1,
+    transform: IDENTITY,
+    acts: false,
+  };
+}
+
+function isPositive(plane: Plane | null, position: Vec3): boolean {
+  if (!plane) return true;
+  const [x, y, z] = plane.normal;
+  return x * position[0] + y * position[1] + z * position[2] - plane.offset >= 0;
+}
+
+/** Where a handle's gizmo stands: its pivot, carried along by its own translation, relative to the center. */
+export function gripOf(transform: Transform, position: Vec3, center: Vec3): Vec3 {
+  const pivot = transform.pivot ?? position;
+  return [0, 1, 2].map((i) => pivot[i] + transform.translation[i] - center[i]) as unknown as Vec3;
+}

@@ -1,0 +1,140 @@
+/** The picture: renderer, camera and orbit; it draws only when something changed. */
+
+import { PerspectiveCamera, Scene as ThreeScene, Vector3, WebGLRenderer } from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+
+import type { Vec3 } from "./affine";
+
+const FIELD_OF_VIEW = 38;
+
+/** Milliseconds: frames within this belong to one movement; above that they are too slow. */
+const MOVING = 400;
+const SLOW = 55;
+/** Steps by which a picture becomes coarser, each of half as many pixels. */
+const COARSEST = 2;
+
+export class Stage {
+  readonly renderer: WebGLRenderer;
+  readonly scene = new ThreeScene();
+  readonly camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 100);
+  readonly orbit: OrbitControls;
+  /** Called after every picture, for what lies over the canvas. */
+  drawn: () => void = () => undefined;
+  private frame = 0;
+  private timer = 0;
+  private last = 0;
+  private slowness = 0;
+  private coarseness = 0;
+  private radius = 1;
+  width = 1;
+  height = 1;
+
+  constructor(readonly canvas: HTMLCanvasElement) {
+    // Where a processor draws, smooth edges cost more than all else together.
+    const antialias = !drawsInSoftware();
+    this.renderer = new WebGLRenderer({ canvas, antialias, alpha: true, powerPreference: "high-performance" });
+    this.renderer.setClearColor(0, 0);
+    this.orbit = new OrbitControls(this.camera, canvas);
+    this.orbit.addEventListener("change", () => this.invalidate());
+    this.orbit.zoomToCursor = true;
+    canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
+    canvas.addEventListener("webglcontextrestored", () => this.invalidate());
+    new ResizeObserver(() => this.resize()).observe(canvas.parentElement ?? canvas);
+    this.resize();
+  }
+
+  /** Draw at the screen's next frame. */
+  invalidate(): void {
+    if (this.frame !== 0) return;
+    this.frame = requestAnimationFrame((now) => {
+      this.frame = 0;
+      this.step(now);
+    });
+  }
+
+  /** One frame of a movement, at the time that the browser gave it. */
+  step(now: number): void {
+    this.pace(now);
+    this.draw();
+  }
+
+  draw(): void {
+    this.renderer.render(this.scene, this.camera);
+    this.drawn();
+  }
+
+  /** Look at a shape about the origin, of that radius, from the front and a little above. */
+  frameShape(radius: number): void {
+    this.radius = radius;
+    this.camera.near = radius / 100;
+    this.camera.far = radius * 60;
+    this.orbit.target.set(0, 0, 0);
+    this.orbit.minDistance = radius / 20;
+    this.orbit.maxDistance = radius * 20;
+    this.look(0.62, 0.3);
+  }
+
+  /** From an azimuth and an elevation in radians; the distance shows all of the shape. */
+  look(azimuth: number, elevation: number): void {
+    const half = (FIELD_OF_VIEW * Math.PI) / 360;
+    const narrow = Math.atan(Math.tan(half) * Math.min(this.camera.aspect, 1));
+    const distance = (1.02 * this.radius) / Math.sin(narrow);
+    const flat = Math.cos(elevation) * distance;
+    this.camera.position
+      .set(flat * Math.sin(azimuth), Math.sin(elevation) * distance, flat * Math.cos(azimuth))
+      .add(this.orbit.target);
+    this.camera.updateProjectionMatrix();
+    this.orbit.update();
+    this.invalidate();
+  }
+
+  /** Where a point of the scene appears, in pixels of the page from the view's top left; null behind the eye. */
+  project(point: Vec3): readonly [number, number] | null {
+    const at = new Vector3(...point).project(this.camera);
+    if (at.z > 1) return null;
+    return [((at.x + 1) / 2) * this.width, ((1 - at.y) / 2) * this.height];
+  }
+
+  /** Draw coarser while frames come too slowly, and in full as soon as nothing moves. */
+  private pace(now: number): void {
+    const gone = now - this.last;
+    this.last = now;
+    // After a pause it is not the drawing that took so long.
+    if (gone < MOVING) this.slowness += 0.3 * (gone - this.slowness);
+    if (this.slowness > SLOW && this.coarseness < COARSEST) this.coarsen(this.coarseness + 1);
+    clearTimeout(this.timer);
+    if (this.coarseness > 0) this.timer = window.setTimeout(() => this.refine(), MOVING);
+  }
+
+  private refine(): void {
+    this.slowness = 0;
+    this.coarsen(0);
+    this.draw();
+  }
+
+  private coarsen(coarseness: number): void {
+    this.coarseness = coarseness;
+    this.slowness = 0;
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2) / 2 ** (coarseness / 2));
+  }
+
+  private resize(): void {
+    const box = (this.canvas.parentElement ?? this.canvas).getBoundingClientRect();
+    this.width = Math.max(Math.round(box.width), 1);
+    this.height = Math.max(Math.round(box.height), 1);
+    this.coarsen(0);
+    this.renderer.setSize(this.width, this.height, false);
+    this.camera.aspect = this.width / this.height;
+    this.camera.updateProjectionMatrix();
+    // At once: a resized canvas is empty until something is drawn.
+    this.draw();
+  }
+}
+
+function drawsInSoftware(): boolean {
+  const context = document.createElement("canvas").getContext("webgl2");
+  const names = context?.getExtension("WEBGL_debug_renderer_info");
+  const name = context && names ? String(context.getParameter(names.UNMASKED_RENDERER_WEBGL)) : "";
+  context?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|software|basic render/i.test(name);
+}

@@ -1,0 +1,163 @@
+// The page in a real browser, as the tests use it. From the environment: DFD_URL, the address with its token;
+// DFD_CHROMIUM, the browser; DFD_SHOTS, a folder for pictures.
+import { mkdirSync } from "node:fs";
+import { join } from "node:path";
+import { chromium } from "playwright-core";
+
+const URL_WITH_TOKEN = process.env.DFD_URL;
+const SHOTS = process.env.DFD_SHOTS ?? "shots";
+export const PATIENCE = 120_000;
+
+// SwiftShader needs no display; Mesa's llvmpipe under Xvfb draws about twice as fast, where there is one.
+const FLAGS = [
+  "--no-sandbox",
+  "--disable-quic",
+  "--no-first-run",
+  "--disable-background-networking",
+  "--disable-component-update",
+  "--disable-sync",
+  "--use-angle=swiftshader",
+  "--enable-unsafe-swiftshader",
+];
+
+export function launch() {
+  return chromium.launch({ executablePath: process.env.DFD_CHROMIUM ?? "/usr/bin/chromium", args: FLAGS });
+}
+
+/** A tab that keeps what went wrong in it in `problems`. */
+export async function openTab(browser, options = {}) {
+  const context = await browser.newContext({ viewport: { width: 1440, height: 900 }, ...options });
+  const page = await context.newPage();
+  page.setDefaultTimeout(PATIENCE);
+  const problems = [];
+  page.on("pageerror", (error) => problems.push(error.message));
+  page.on("console", (message) => {
+    if (message.type() === "error") problems.push(message.text());
+  });
+  await page.goto(URL_WITH_TOKEN);
+  await page.goto(new URL("/?test", URL_WITH_TOKEN).href);
+  await until(page, (s) => s.page !== "waiting");
+  return { context, page, problems };
+}
+
+export const state = (page, read) => page.evaluate(`(${read})(window.dfd.store.get())`);
+
+/** Ask again and again from here: the page's own policy lets nobody evaluate texts in it. */
+export async function until(page, read, argument = null) {
+  const end = Date.now() + PATIENCE;
+  for (;;) {
+    const text = `window.dfd ? (${read})(window.dfd.store.get(), ${JSON.stringify(argument)}) : false`;
+    // While the page is exchanged there is nothing to ask.
+    const found = await page.evaluate(text).catch((error) => {
+      if (/destroyed|navigat/i.test(error.message)) return false;
+      throw error;
+    });
+    if (found) return found;
+    if (Date.now() > end) {
+      const shown = await state(page, (s) => ({ toasts: s.toasts, field: s.edit?.field.status, link: s.link }));
+      throw new Error(`It never became true: ${read} of ${JSON.stringify(argument)}; ${JSON.stringify(shown)}`);
+    }
+    await new Promise((resolve) => setTimeout(resolve, 40));
+  }
+}
+
+export async function alive(page) {
+  await until(page, (s) => s.edit?.field.status === "ready");
+}
+
+/** Have the features learned, unless they are there or on their way: a known shape has them in a moment. */
+export async function learn(page) {
+  const button = page.getByRole("button", { name: "Learn features" });
+  const end = Date.now() + PATIENCE;
+  while ((await state(page, (s) => s.edit?.field.status)) === "none" && Date.now() < end) {
+    if (await button.isVisible()) await button.click({ timeout: 1000 }).catch(() => undefined);
+    await new Promise((resolve) => setTimeout(resolve, 100));
+  }
+  await until(page, (s) => s.edit?.field.status !== "none");
+}
+
+/** The pixel, in the page, of a vertex that can be seen there. */
+export async function visibleVertex(page, among = null) {
+  const found = await page.evaluate((wanted) => {
+    const canvas = document.querySelector("canvas").getBoundingClientRect();
+    const count = window.dfd.store.get().mesh.vertices;
+    const vertices = wanted ?? Array.from({ length: 60 }, (_, i) => Math.floor(((i + 0.5) / 60) * count));
+    for (const vertex of vertices) {
+      const at = window.dfd.project(vertex);
+      if (at && window.dfd.pick(at[0] - canvas.left, at[1] - canvas.top) === vertex) return { vertex, at };
+    }
+    return null;
+  }, among);
+  if (!found) throw new Error("No vertex can be seen.");
+  return found;
+}
+
+/** Pull an arm of the gizmo of the selected handle: (x, y) is the way from its center, in pixels. */
+export async function drag(page, [x, y], distance, during = async () => {}) {
+  const center = await page.evaluate(() => {
+    const { selected, edit } = window.dfd.store.get();
+    return window.dfd.project(edit.handles.find((handle) => handle.handle === selected).vertex);
+  });
+  const size = Math.hypot(x, y);
+  const to = (pixels) => [center[0] + (x / size) * pixels, center[1] + (y / size) * pixels];
+  await page.mouse.move(...to(size - 4));
+  await page.mouse.move(...to(size));
+  await page.waitForTimeout(50);
+  await page.mouse.down();
+  for (let i = 1; i <= 6; i++) await page.mouse.move(...to(size + (distance * i) / 6));
+  await during();
+  await page.mouse.up();
+  await until(page, (s) => !s.dragging && s.ahead.size === 0);
+}
+
+export function shot(page, name) {
+  mkdirSync(SHOTS, { recursive: true });
+  return page.screenshot({ path: join(SHOTS, `${name}.png`) });
+}
+
+/** Part of the canvas's pixels that are not empty, and how many shades they have: a blank canvas has none of either. */
+export function drawn(page) {
+  return page.evaluate(
+    () =>
+      new Promise((resolve) => {
+        requestAnimationFrame(() => {
+          const canvas = document.querySelector("canvas");
+          const { width, height } = canvas;
+          window.dfd.draw();
+          const copy = document.createElement("canvas");
+          copy.width = width;
+          copy.height = height;
+          const context = copy.getContext("2d");
+          context.drawImage(canvas, 0, 0);
+          const pixels = context.getImageData(0, 0, width, height).data;
+          const shades = new Set();
+          let covered = 0;
+          for (let i = 0; i < pixels.length; i += 4) {
+            if (pixels[i + 3] < 128) continue;
+            covered++;
+            shades.add((pixels[i] << 16) | (pixels[i + 1] << 8) | pixels[i + 2]);
+          }
+          resolve({ covered: covered / (width * height), shades: shades.size });
+        });
+      }),
+  );
+}
+
+/** Largest difference between the shader's positions and the kernel's, over the shape's diagonal. */
+export function shaderError(page) {
+  return page.evaluate(async () => {
+    const kernel = await window.dfd.computed();
+    const shader = window.dfd.positions();
+    const vertices = window.dfd.vertices();
+    const { diagonal } = window.dfd.store.get().mesh;
+    let worst = 0;
+    vertices.forEach((vertex, row) => {
+      for (let i = 0; i < 3; i++) {
+        const off = Math.abs(kernel[3 * vertex + i] - shader[4 * row + i]) / diagonal;
+        // Also what is no number is an error.
+        if (!(off <= worst)) worst = off;
+      }
+    });
+    return worst;
+  });
+}

@@ -1,0 +1,62 @@
+import { describe, expect, it } from "vitest";
+
+import { IDENTITY, matrixOf, REST } from "../../src/viewer/affine";
+import { EMPTY_SCENE, type Column, type Layer } from "../../src/viewer/columns";
+import { PoseTextures } from "../../src/viewer/pose_textures";
+
+const layer = (value: number): Layer => ({
+  values: Uint16Array.of(value, value + 1),
+  scale: 2,
+  kind: "distance",
+  geodesic: null,
+});
+const column = (own: Layer): Column => ({
+  handle: 1,
+  layer: own,
+  fixed: null,
+  share: null,
+  shareGain: 1,
+  reach: 1,
+  falloff: "linear",
+  exponent: 0,
+  gain: 1,
+  strength: 1,
+  positive: true,
+  heat: 0,
+  transform: matrixOf({ ...REST, translation: [1, 2, 3] }, [0, 0, 0]),
+  acts: true,
+});
+const stored = (textures: PoseTextures) => textures.uniforms.distances.value.image.data as Uint16Array;
+
+describe("PoseTextures", () => {
+  it("keeps a layer in its place as long as it is shown, and gives the place away after", () => {
+    const textures = new PoseTextures(2);
+    const [a, b, c] = [layer(10), layer(20), layer(30)];
+    textures.show({ ...EMPTY_SCENE, columns: [column(a), column(b)] });
+    textures.show({ ...EMPTY_SCENE, columns: [column(b), column(c)] });
+    const data = stored(textures);
+    const size = 2 * 4096;
+    expect([data[0], data[2], data[size], data[size + 2]]).toEqual([30, 31, 20, 21]);
+  });
+
+  it("grows when there are more columns than places, and loses none", () => {
+    const textures = new PoseTextures(2);
+    const layers = Array.from({ length: 40 }, (_, i) => layer(100 * (i + 1)));
+    textures.show({ ...EMPTY_SCENE, columns: layers.slice(0, 3).map(column) });
+    textures.show({ ...EMPTY_SCENE, columns: layers.map(column) });
+    const places = textures.uniforms.columns.value.image.data as Float32Array;
+    layers.forEach((own, k) => {
+      const place = places[40 * k + 28];
+      expect(stored(textures)[2 * 4096 * place]).toBe(own.values[0]);
+    });
+    expect(textures.uniforms.columnCount.value).toBe(40);
+  });
+
+  it("writes what a transform adds to a point", () => {
+    const textures = new PoseTextures(2);
+    textures.show({ ...EMPTY_SCENE, columns: [column(layer(0)), { ...column(layer(0)), transform: IDENTITY }] });
+    const table = textures.uniforms.columns.value.image.data as Float32Array;
+    expect([...table.slice(0, 12)]).toEqual([0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 3]);
+    expect([...table.slice(40, 52)].every((entry) => entry === 0)).toBe(true);
+  });
+});

@@ -1,0 +1,43 @@
+import { describe, expect, it, vi } from "vitest";
+
+import { createStore } from "../../src/store/store";
+
+describe("createStore", () => {
+  it("tells those who watch a part when it becomes another value, and nobody else", () => {
+    const store = createStore({ a: 1, b: "x" });
+    const a = vi.fn();
+    const b = vi.fn();
+    store.watch((state) => state.a, a);
+    store.watch((state) => state.b, b);
+    store.set({ a: 2 });
+    store.set({ a: 2 });
+    expect(a.mock.calls).toEqual([[2, 1]]);
+    expect(b).not.toHaveBeenCalled();
+  });
+
+  it("never changes a state that somebody has", () => {
+    const store = createStore({ a: 1 });
+    const before = store.get();
+    store.set({ a: 2 });
+    expect(before).toEqual({ a: 1 });
+    expect(store.get()).toEqual({ a: 2 });
+  });
+
+  it("lets a watcher stop itself and others, and set something itself", () => {
+    const store = createStore({ a: 0, b: 0 });
+    const later = vi.fn();
+    const stopFirst = store.watch(
+      (state) => state.a,
+      () => {
+        stopFirst();
+        stopLater();
+        store.set({ b: 1 });
+      },
+    );
+    const stopLater = store.watch((state) => state.a, later);
+    store.set({ a: 1 });
+    store.set({ a: 2 });
+    expect(later).not.toHaveBeenCalled();
+    expect(store.get()).toEqual({ a: 2, b: 1 });
+  });
+});

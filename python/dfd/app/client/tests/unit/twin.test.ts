@@ -1,0 +1,181 @@
+import { describe, expect, it } from "vitest";
+
+import { apply, IDENTITY, matrixOf, REST, type Frame, type Vec3 } from "../../src/viewer/affine";
+import { falloff, FALLOFFS, weightOf, type Column, type Layer, type Scene } from "../../src/viewer/columns";
+import { heldPart } from "../../src/viewer/measure";
+import { instanceMatrix, instancePivot, relative } from "../../src/viewer/scene";
+import { mirrored, posePoint } from "../../src/viewer/twin";
+
+const layer = (values: number[], scale = 2, geodesic: number[] | null = null): Layer => ({
+  values: Uint16Array.from(values, (value) => Math.round((value / scale) * 65535)),
+  scale,
+  kind: "distance",
+  geodesic: geodesic && Uint16Array.from(geodesic, (value) => Math.round(value * 65535)),
+});
+const weights = (values: number[]): Layer => ({ ...layer(values, 1), kind: "weight" });
+
+function column(part: Partial<Column>): Column {
+  return {
+    handle: 1,
+    layer: layer([0, 0.25, 1, 1.5]),
+    fixed: null,
+    share: null,
+    shareGain: 1,
+    reach: 1,
+    falloff: "linear",
+    exponent: 0,
+    gain: 1,
+    strength: 1,
+    positive: true,
+    heat: 0,
+    transform: IDENTITY,
+    acts: true,
+    ...part,
+  };
+}
+
+const scene = (columns: Column[], part: Partial<Scene> = {}): Scene => ({
+  columns,
+  defaultTransform: null,
+  mirror: null,
+  ...part,
+});
+const up = matrixOf({ ...REST, translation: [0, 1, 0] }, [0, 0, 0]);
+
+describe("weightOf", () => {
+  it("is 1 − d within reach, and 0 beyond (Eq. 5)", () => {
+    [1, 0.75, 0, 0].forEach((weight, i) => expect(weightOf(column({}), i)).toBeCloseTo(weight, 4));
+    expect(weightOf(column({ reach: 0.5 }), 1)).toBeCloseTo(0.5, 4);
+    expect(weightOf(column({ reach: 2 }), 2)).toBeCloseTo(0.5, 4);
+  });
+
+  it("loses what fixed places hold, and is brought back to 1 at the handle (Eq. 6)", () => {
+    const held = column({ fixed: weights([0.4, 0.6, 1, 1]), gain: 1 / 0.6 });
+    [1, (0.75 - 0.6) / 0.6, 0].forEach((weight, i) => expect(weightOf(held, i)).toBeCloseTo(weight, 3));
+  });
+
+  it("never exceeds the strength by the gain", () => {
+    expect(weightOf(column({ fixed: weights([0, 0]), gain: 2 }), 1)).toBe(1);
+    expect(weightOf(column({ fixed: weights([0, 0]), gain: 2, strength: 0.5 }), 1)).toBe(0.5);
+  });
+
+  it("fades along the surface (Eq. 7)", () => {
+    const local = column({ layer: layer([0, 0], 2, [0, 0.5]), exponent: 2 });
+    expect(weightOf(local, 0)).toBeCloseTo(1, 4);
+    expect(weightOf(local, 1)).toBeCloseTo(0.25, 4);
+  });
+
+  it("is shared among instances, and taken as it is where it is a weight", () => {
+    expect(weightOf(column({ share: weights([0.5]) }), 0)).toBeCloseTo(0.5, 4);
+    expect(weightOf(column({ share: weights([0.5]), shareGain: 4 }), 0)).toBe(1);
+    expect(weightOf(column({ layer: weights([0.3]), reach: 0.1 }), 0)).toBeCloseTo(0.3, 4);
+  });
+});
+
+describe("falloff", () => {
+  it.each(FALLOFFS)("%s goes from 0 to 1 and never down", (kind) => {
+    const values = Array.from({ length: 101 }, (_, i) => falloff(i / 100, kind));
+    expect(values[0]).toBe(0);
+    expect(values[100]).toBe(1);
+    values.slice(1).forEach((value, i) => expect(value).toBeGreaterThanOrEqual(values[i]));
+  });
+});
+
+describe("posePoint", () => {
+  const point: Vec3 = [1, 2, 3];
+
+  it("leaves everything in place while all rests", () => {
+    expect(posePoint(scene([column({}), column({})]), point, 0).position).toEqual(point);
+  });
+
+  it("moves by the weight, and adds up", () => {
+    expect(posePoint(scene([column({ transform: up })]), point, 1).position[1]).toBeCloseTo(2.75, 4);
+    const both = scene([column({ transform: up }), column({ transform: up })]);
+    expect(posePoint(both, point, 1).position[1]).toBeCloseTo(3.5, 4);
+  });
+
+  it("gives D₀ what the weights leave of 1 (Eq. 1)", () => {
+    const down = scene([column({})], { defaultTransform: matrixOf({ ...REST, translation: [0, -1, 0] }, [0, 0, 0]) });
+    expect(posePoint(down, point, 0).position[1]).toBeCloseTo(2, 4);
+    expect(posePoint(down, point, 1).position[1]).toBeCloseTo(1.75, 4);
+    expect(posePoint(down, point, 2).position[1]).toBeCloseTo(1, 4);
+  });
+
+  it("mirrors on the other side of the plane (Eq. 8), smoothly within the band", () => {
+    const mirror = { normal: [1, 0, 0] as Vec3, offset: 0, band: 0.5 };
+    const right = column({ layer: weights([1]), transform: matrixOf({ ...REST, translation: [1, 0, 0] }, [0, 0, 0]) });
+    const x = (at: number) => posePoint(scene([right], { mirror }), [at, 0, 0], 0).position[0];
+    expect(x(2)).toBeCloseTo(3, 6);
+    expect(x(-2)).toBeCloseTo(-3, 6);
+    expect(x(0)).toBeCloseTo(0, 6);
+    expect(x(0.25)).toBeCloseTo(0.25 + (2 * 0.84375 - 1), 6);
+  });
+
+  it("says how warm a point is", () => {
+    expect(posePoint(scene([column({ heat: 1 })]), point, 1).heat).toBeCloseTo(0.75, 4);
+    expect(posePoint(scene([column({})]), point, 1).heat).toBe(0);
+  });
+});
+
+describe("transforms of places", () => {
+  it("act relative to a center", () => {
+    const turn = matrixOf({ ...REST, rotation: [0, 0, 90] }, [10, 0, 0]);
+    const moved = apply(relative(turn, [10, 0, 0]), [1, 0, 0]);
+    [0, 1, 0].forEach((x, i) => expect(moved[i]).toBeCloseTo(x, 10));
+  });
+
+  it("mirror a motion as the mirrored point moves", () => {
+    const mirror = { normal: [0, 0, 1] as Vec3, offset: 1, band: 0 };
+    const turn = matrixOf({ ...REST, rotation: [20, 30, 40], translation: [1, 2, 3] }, [1, 1, 1]);
+    const flip = (p: Vec3): Vec3 => [p[0], p[1], 2 - p[2]];
+    const [a, b] = [apply(mirrored(turn, mirror), [0.3, 0.7, 2]), flip(apply(turn, flip([0.3, 0.7, 2])))];
+    a.forEach((x, i) => expect(x).toBeCloseTo(b[i], 10));
+  });
+
+  it("do at an instance, in its frame, what they do at the handle", () => {
+    const pivot: Vec3 = [1, 0, 0];
+    const at: Vec3 = [-1, 0, 0];
+    const instance = { instance: 1, on: true, pivot: at, position: at, gain: 1, share: weights([1]) };
+    const turn = matrixOf({ ...REST, rotation: [0, 0, 90], translation: [1, 0, 0] }, pivot);
+    const frame: [Vec3, Vec3, Vec3] = [
+      [-1, 0, 0],
+      [0, 1, 0],
+      [0, 0, 1],
+    ];
+    const other = instanceMatrix(turn, pivot, { ...instance, frame }, [-1, 0, 0]);
+    // The pivot's translation, mirrored, and the turn the other way round.
+    [-2, 0, 0].forEach((x, i) => expect(apply(other, [-1, 0, 0])[i]).toBeCloseTo(x, 10));
+    [-2, 1, 0].forEach((x, i) => expect(apply(other, [-2, 0, 0])[i]).toBeCloseTo(x, 10));
+  });
+});
+
+describe("instancePivot", () => {
+  it("lies from the counterpart as the handle's own pivot lies from the handle", () => {
+    const frame: Frame = [
+      [-1, 0, 0],
+      [0, 1, 0],
+      [0, 0, 1],
+    ];
+    const share = weights([1]);
+    const instance = {
+      instance: 1,
+      on: true,
+      pivot: [-9, 0, 0] as Vec3,
+      position: [-2, 0, 0] as Vec3,
+      gain: 1,
+      share,
+      frame,
+    };
+    expect(instancePivot(REST, [2, 0, 0], instance)).toEqual([-9, 0, 0]);
+    expect(instancePivot({ ...REST, pivot: [3, 1, 0] }, [2, 0, 0], instance)).toEqual([-3, 1, 0]);
+  });
+});
+
+describe("heldPart", () => {
+  it("counts the vertices that follow", () => {
+    const some = layer([0, 0.5, 0.9, 1.2]);
+    expect(heldPart(some, 1, "linear")).toBe(0.75);
+    expect(heldPart(some, 0.4, "linear")).toBe(0.25);
+    expect(heldPart(weights([1, 0.01]), 1, "linear")).toBe(0.5);
+  });
+});

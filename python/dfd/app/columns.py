@@ -1,0 +1,188 @@
+"""What the page makes weights of: a column of distances for each handle, sent once and again when it changes."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.app.framing import pack
+from dfd.app.protocol.binaries import ColumnEntry, ColumnsMessage, HeatMessage, InstanceEntry
+from dfd.weights.bind import bind
+
+if TYPE_CHECKING:
+    from dfd.editing.deformer import Deformer
+    from dfd.editing.edit import Handle
+    from dfd.editing.instance_columns import Column
+    from dfd.editing.place import Place
+
+__all__ = ["Columns", "column_kind", "heat_message", "nearest"]
+
+FARTHEST = 2.0  # unit rows are never farther apart
+STEPS = 65535  # that a column's numbers have
+
+Arrays = dict[str, NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class Key:
+    """What a column depends on besides mesh and field; equal keys are the same column."""
+
+    of: Literal["distance", "weight", "fixed"]
+    about: Hashable
+
+
+class Columns:
+    """The columns of one session, numbered, and which of them the page has."""
+
+    def __init__(self, deformer: Deformer) -> None:
+        self._deformer = deformer
+        self._numbers: dict[Hashable, int] = {}
+        self._sent: set[int] = set()
+
+    def of_handle(self, handle: Handle) -> int:
+        """The number of a handle's column."""
+        return self._number(self._key(handle))
+
+    def of_fixed(self) -> int:
+        """The number of the column of fixed places; 0 where nothing is fixed."""
+        fixed = self._deformer.fixed
+        return self._number(Key("fixed", fixed)) if fixed else 0
+
+    def forget(self) -> None:
+        """Know of a page that has none."""
+        self._sent.clear()
+
+    def message(self) -> bytes | None:
+        """The columns of the present edit that the page has not got; None where it has them all."""
+        deformer = self._deformer
+        wanted: dict[int, int | None] = {self.of_handle(handle): i for i, handle in enumerate(deformer.handles)}
+        if deformer.fixed:
+            wanted[self.of_fixed()] = None
+        self._sent &= set(wanted)
+        missing = {number: handle for number, handle in wanted.items() if number not in self._sent}
+        if not missing:
+            return None
+        arrays: Arrays = {}
+        entries = []
+        for number, handle in missing.items():
+            if handle is None:
+                arrays[f"values{number}"] = _packed(deformer.bound.held(deformer.edit), 1.0)
+                entries.append(_entry(number, "weight"))
+            else:
+                entries.append(self._handle_entry(number, handle, arrays))
+        message = pack(ColumnsMessage, arrays, columns=tuple(entries))
+        self._sent |= set(missing)
+        return message
+
+    def _handle_entry(self, number: int, index: int, arrays: Arrays) -> ColumnEntry:
+        """The column of the handle at `index`; its buffers go into `arrays`."""
+        deformer = self._deformer
+        handle = deformer.handles[index]
+        kind = column_kind(handle)
+        instances: tuple[InstanceEntry, ...] = ()
+        if kind == "weight" or _instanced(handle):
+            weights, columns = deformer.bound.posing(deformer.edit)
+            own = [i for i, column in enumerate(columns) if column.handle == index]
+            instances = tuple(
+                self._instance(number, order, columns[i], handle, arrays)
+                for order, i in enumerate(own)
+                if columns[i].instance is not None
+            )
+        geodesic = None
+        if kind == "weight":
+            whole = deformer.weights[:, index] if instances else weights[:, own[0]]
+            arrays[f"values{number}"] = _packed(whole, 1.0)
+        else:
+            arrays[f"values{number}"] = _packed(nearest(deformer, handle.place), FARTHEST)
+            _, along, _ = deformer.bound.locality(deformer.edit, handle)
+            if along is not None:
+                geodesic = f"geodesic{number}"
+                arrays[geodesic] = _packed(along, 1.0)
+        return _entry(number, kind, geodesic, instances)
+
+    def _instance(self, number: int, index: int, column: Column, handle: Handle, arrays: Arrays) -> InstanceEntry:
+        instance = column.instance
+        assert instance is not None
+        share = f"share{number}_{index}"
+        count = len(self._deformer.mesh.vertices)
+        own = np.ones(count, np.float32) if instance.share is None else instance.share
+        arrays[share] = np.rint(own * 255).astype(np.uint8)
+        top = 1.0
+        if handle.controls.level:
+            top = float(self._deformer.weights[instance.vertex, self._deformer.handles.index(handle)])
+        frame: Any = tuple(tuple(float(x) for x in row) for row in np.asarray(instance.frame))
+        return InstanceEntry(
+            instance=index,
+            on=True,
+            pivot=instance.position,
+            frame=frame,
+            position=instance.position,
+            gain=1.0 / top if top > 0 else 1.0,
+            share=share,
+        )
+
+    def _key(self, handle: Handle) -> Key:
+        edit = self._deformer.edit
+        controls = handle.controls
+        sources, _, _ = self._deformer.bound.locality(edit, handle)
+        kind = column_kind(handle)
+        if kind == "distance" and not _instanced(handle):
+            return Key(kind, (handle.place, sources, controls.radius))
+        # What instances there are, and what weights are when they are sent as such, depends on all that shapes them.
+        return Key(kind, (handle.place, sources, controls, edit.fixed, edit.arrive, edit.symmetry))
+
+    def _number(self, key: Hashable) -> int:
+        return self._numbers.setdefault(key, len(self._numbers) + 1)
+
+
+def column_kind(handle: Handle) -> Literal["distance", "weight"]:
+    """What travels of a handle: weights where they are more than a curve over distances."""
+    controls = handle.controls
+    leveled = controls.level and controls.instances == "together"
+    return "weight" if handle.place.region is not None or controls.within is not None or leveled else "distance"
+
+
+def _instanced(handle: Handle) -> bool:
+    return handle.controls.instances != "together"
+
+
+def heat_message(deformer: Deformer, place: Place, *, request: int) -> bytes:
+    """The answer to `probe`."""
+    values = _packed(nearest(deformer, place), FARTHEST)
+    return pack(HeatMessage, {"values": values}, id=request, vertex=place.vertex, scale=FARTHEST)
+
+
+def nearest(deformer: Deformer, place: Place) -> NDArray[np.float32]:
+    """(V,) in [0, 2], the distance of each vertex from `place` in feature space."""
+    at: Any = deformer.field(np.array([place.position])) if place.vertex is None else np.array([place.vertex])
+    distances: NDArray[np.float32] = bind(deformer.features, at, reach=FARTHEST)[:, 0]
+    np.subtract(1.0, distances, out=distances)
+    distances *= FARTHEST
+    return distances
+
+
+def _entry(
+    number: int,
+    kind: Literal["distance", "weight"],
+    geodesic: str | None = None,
+    instances: Sequence[InstanceEntry] = (),
+) -> ColumnEntry:
+    return ColumnEntry(
+        column=number,
+        kind=kind,
+        values=f"values{number}",
+        scale=FARTHEST if kind == "distance" else 1.0,
+        geodesic=geodesic,
+        instances=tuple(instances),
+    )
+
+
+def _packed(values: NDArray[np.floating[Any]], scale: float) -> NDArray[np.uint16]:
+    """Numbers in [0, `scale`] as steps."""
+    scaled = values * np.float32(STEPS / scale)
+    np.rint(scaled, out=scaled)
+    return scaled.clip(0, STEPS, out=scaled).astype(np.uint16)

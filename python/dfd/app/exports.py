@@ -1,0 +1,72 @@
+"""Files that a person takes along: the posed mesh from the C++ kernel, the edit, the field. Each is served once."""
+
+from __future__ import annotations
+
+import re
+import secrets
+import shutil
+import zipfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dfd.editing.deformer import Deformer
+
+__all__ = ["EXPORTS", "export", "file_stem"]
+
+EXPORTS = "exports"  # the folder, inside that of the session
+LONGEST_STEM = 80
+
+
+def export(deformer: Deformer, kind: str, name: str, folder: Path, field: Path | None) -> tuple[str, str]:
+    """Write what `kind` says (glb, obj, ply, stl, edit, field) and return its address, relative to the page, and name.
+
+    `name` is the shape's, `folder` the session's.
+
+    Raises
+    ------
+    ValueError
+        If the field is asked for and is in no file.
+    OSError
+        If it cannot be written.
+    """
+    number = secrets.token_hex(16)
+    place = folder / EXPORTS / number
+    place.mkdir(parents=True)
+    stem = file_stem(name)
+    try:
+        if kind == "edit":
+            path = place / f"{stem}_edit.json"
+            deformer.save(path)
+        elif kind == "field":
+            path = place / f"{stem}.field.safetensors"
+            deformer.field.save(path)
+        else:
+            path = _mesh(deformer, place, f"{stem}_edited", kind)
+    except BaseException:
+        shutil.rmtree(place, ignore_errors=True)
+        raise
+    return f"download/{folder.name}/{number}", path.name
+
+
+def file_stem(name: str) -> str:
+    """A file's name without its ending, made of what every system takes."""
+    stem = re.sub(r"\.[A-Za-z0-9]{1,8}$", "", name)
+    return re.sub(r"[^\w-]+", "_", stem)[:LONGEST_STEM].strip("_") or "mesh"
+
+
+def _mesh(deformer: Deformer, place: Path, stem: str, kind: str) -> Path:
+    """The posed mesh as one file: a zip where the format needs others beside it."""
+    written = place / "files"
+    written.mkdir()
+    deformer.mesh.save(written / f"{stem}.{kind}", deformer.vertices)
+    files = sorted(written.iterdir())
+    path = place / (f"{stem}.{kind}" if len(files) == 1 else f"{stem}.zip")
+    if len(files) == 1:
+        files[0].rename(path)
+    else:
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+            for file in files:
+                archive.write(file, file.name)
+    shutil.rmtree(written)
+    return path

@@ -1,0 +1,56 @@
+"""What a session is started with, as it travels to its process."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, JsonValue
+
+__all__ = ["OpenedFile", "SessionOptions", "Source"]
+
+
+class Source(BaseModel):
+    """Where a shape comes from: a sample of that name, or a file, under the name that a person knows it by."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: str
+    sample: str | None = None
+    path: Path | None = None
+
+
+class OpenedFile(BaseModel):
+    """A field or an edit on disk, under the name that a person knows it by."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: str
+    path: Path
+
+
+class SessionOptions(BaseModel):
+    """What every new session opens, and how it makes fields.
+
+    Attributes
+    ----------
+    mesh, field, edit
+        What a new tab shows; None is the start page, no field of its own, no edit.
+    encoder, distill
+        The encoder's name or folder, and further keywords of `dfd.distill`.
+    memory_bytes
+        What one session may take; None sets no limit.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    mesh: Source | None = None
+    field: OpenedFile | None = None
+    edit: OpenedFile | None = None
+    encoder: str = "dinov2-small"
+    distill: dict[str, JsonValue] = {}
+    memory_bytes: int | None = None
+
+    def distill_arguments(self) -> dict[str, Any]:
+        """The keywords for `dfd.distill` and `find_distilled`."""
+        return {"encoder": self.encoder, **self.distill}

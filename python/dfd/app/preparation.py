@@ -1,0 +1,171 @@
+"""The field of one shape: found, opened or made in the background, and asked for the features of all vertices."""
+
+from __future__ import annotations
+
+import threading
+import time
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from dfd.app.distill_process import DistillProcess
+from dfd.app.options import SessionOptions, Source
+from dfd.app.time_left import TimeLeft
+
+if TYPE_CHECKING:
+    from dfd.editing.deformer import Deformer
+    from dfd.mesh.mesh import Mesh
+    from dfd.symmetry.plane import SymmetryPlane
+
+__all__ = ["Listener", "Preparation"]
+
+
+class Listener(Protocol):
+    """Who hears how it goes; always called on the session's own thread."""
+
+    def field_missing(self) -> None:
+        """Neither a file nor the cache has one."""
+
+    def field_progress(self, task: str, stage: str, done: int, total: int | None, seconds_left: float | None) -> None:
+        """How far it is."""
+
+    def field_ready(self, deformer: Deformer, path: Path, origin: str, told: list[str]) -> None:
+        """It is there, and so are the features; `told` are warnings."""
+
+    def field_planes(self, planes: list[SymmetryPlane]) -> None:
+        """The planes across which the shape looks alike."""
+
+    def field_failed(self, task: str, message: str) -> None:
+        """There will be none."""
+
+    def field_cancelled(self) -> None:
+        """The distillation was stopped."""
+
+
+class Preparation:
+    """The background work for one shape.
+
+    Parameters
+    ----------
+    mesh, source
+        The shape, and where another process can read it.
+    options
+        The encoder and the settings of a distillation.
+    folder
+        Of the session, for the field's file.
+    lock
+        A file that one distillation at a time holds.
+    listener, post
+        Who hears of it, and what carries a call to the listener's thread.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        source: Source,
+        options: SessionOptions,
+        folder: Path,
+        lock: Path | None,
+        listener: Listener,
+        post: Callable[[Callable[[], None]], None],
+    ) -> None:
+        self._mesh, self._source, self._options, self._folder, self._lock = mesh, source, options, folder, lock
+        self._listener, self._post = listener, post
+        self._dropped = False
+        self._process: DistillProcess | None = None
+
+    def look(self) -> None:
+        """Look into the cache for a field of the shape, and open it."""
+        self._start("prepare", self._find)
+
+    def open(self, path: Path, origin: str) -> None:
+        """Open the field in a file."""
+        self._start("prepare", lambda: self._prepare(path, origin))
+
+    def distill(self) -> None:
+        """Make the field."""
+        self._process = DistillProcess(self._source, self._options, self._folder, self._lock)
+        self._start("distill", self._distill)
+
+    def cancel(self) -> None:
+        """Stop a distillation."""
+        if self._process is not None:
+            self._process.cancel()
+
+    def drop(self) -> None:
+        """Stop what can be stopped, and be silent about the rest."""
+        self._dropped = True
+        self.cancel()
+
+    def _start(self, task: str, work: Callable[[], None]) -> None:
+        def run() -> None:
+            try:
+                work()
+            except MemoryError:
+                self._tell("field_failed", task, "Memory ran out: take a smaller mesh, or close other programs")
+            except Exception as error:
+                self._tell("field_failed", task, str(error) or type(error).__name__)
+
+        threading.Thread(target=run, name=f"dfd-{task}", daemon=True).start()
+
+    def _tell(self, name: str, *arguments: Any) -> None:
+        def call() -> None:
+            if not self._dropped:
+                getattr(self._listener, name)(*arguments)
+
+        self._post(call)
+
+    def _find(self) -> None:
+        from dfd.distillation.distill import find_distilled
+        from dfd.distillation.settings import DistillSettings
+
+        given = dict(self._options.distill)
+        look, device = given.pop("cache", True), given.pop("device", None)
+        settings, place = DistillSettings(**given), None if device is None else str(device)  # type: ignore[arg-type]
+        found = find_distilled(self._mesh, self._options.encoder, settings, device=place) if look else None
+        if found is None:
+            self._tell("field_missing")
+            return
+        path = self._folder / "cached.field.safetensors"
+        found.save(path)
+        self._prepare(path, "cache")
+
+    def _distill(self) -> None:
+        assert self._process is not None
+        left = TimeLeft()
+
+        def tell(stage: str, done: int, total: int | None) -> None:
+            seconds = left.after(stage, done, total, time.monotonic())
+            self._tell("field_progress", "distill", stage, done, total, seconds)
+
+        path = self._process.run(tell)
+        self._process = None
+        if path is None:
+            self._tell("field_cancelled")
+        else:
+            self._prepare(path, "distilled")
+
+    def _prepare(self, path: Path, origin: str) -> None:
+        self._tell("field_progress", "prepare", "load", 0, None, None)
+        from dfd.editing.deformer import Deformer
+        from dfd.field.field import Field
+        from dfd.symmetry.search import symmetry_planes
+
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", UserWarning)
+            field = Field.load(path, mesh=self._mesh)
+            deformer = Deformer(self._mesh, field)
+        told = [str(each.message) for each in caught if issubclass(each.category, UserWarning)]
+        count, done, said = len(self._mesh.vertices), 0, 0.0
+
+        def advance(rows: int) -> None:
+            nonlocal done, said
+            done += rows
+            if time.monotonic() - said > 0.1:
+                said = time.monotonic()
+                self._tell("field_progress", "prepare", "features", done, count, None)
+
+        deformer.prepare(advance)
+        self._tell("field_ready", deformer, path, origin, told)
+        self._tell("field_planes", symmetry_planes(field, self._mesh))

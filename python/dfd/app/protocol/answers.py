@@ -1,0 +1,186 @@
+"""What the server sends as text."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import JsonValue
+
+from dfd.app.protocol.parts import Frame, Identifier, KeyPose, Model, Number, Plane, PoseTransform, Vector
+
+__all__ = ["Answer"]
+
+VERSION = 1
+
+
+class Answer(Model):
+    """Every message of the server: `id` is that of the request it answers, 0 where it comes unasked."""
+
+    id: int = 0
+
+
+class SampleEntry(Model):
+    """A sample of the start page."""
+
+    name: str
+    title: str
+    faces: int
+
+
+class SessionMessage(Answer):
+    """Who the tab is, and what the server can do."""
+
+    type: Literal["session"] = "session"
+    version: int = VERSION
+    session: Identifier
+    resumed: bool  # whether it is the session that the tab asked for
+    dfd: str  # version of the package
+    samples: tuple[SampleEntry, ...]
+    upload_bytes: int  # the largest upload, all files together
+    formats: tuple[str, ...]  # endings that `POST /upload` takes
+
+
+class StartMessage(Answer):
+    """There is no mesh: the start page."""
+
+    type: Literal["start"] = "start"
+
+
+class HandleState(Model):
+    """A live handle: the numbers of the edit, and how the page turns its column into weights."""
+
+    handle: int
+    name: str | None
+    vertex: int | None  # null where it sits at a point of space or holds a region
+    position: Vector  # where it rests
+    translation: Vector
+    rotation: Vector  # rotation vector in degrees
+    scale: Vector
+    pivot: Vector  # what it turns and scales about
+    own_pivot: bool  # whether that was set; otherwise it is `position`
+    axes: Frame | None  # along which it scales, one a row; null is the mesh's own
+    reach: Number  # what "auto" found, where `controls` says so
+    falloff: str
+    locality: Number
+    radius: Number | None  # mesh units, in place of the locality
+    exponent: Number  # λ of the formula: the locality, or what makes the radius's falloff
+    strength: Number
+    instances: str  # a name of `state.instances`
+    region: int  # how many vertices it holds as one; 0 where it is no region
+    kind: Literal["distance", "weight"]
+    gain: Number  # what Eq. 6 left at the handle, undone
+    column: int  # the number of its column; the same number is the same data
+    moved: bool  # whether its transform does anything
+    controls: dict[str, JsonValue]  # everything that the edit document says of it
+
+
+class FixedState(Model):
+    """A fixed place."""
+
+    vertex: int | None
+    position: Vector
+    strength: Number
+    region: int
+
+
+class FieldState(Model):
+    """Whether the shape has a field, where it came from, and what its distillation does."""
+
+    status: Literal["none", "distilling", "preparing", "ready"]
+    origin: str | None  # "file", "cache", "distilled"
+    settings: dict[str, JsonValue]
+
+
+class StateMessage(Answer):
+    """The whole present state, after every change."""
+
+    type: Literal["state"] = "state"
+    after: int  # the number of the newest request that it includes
+    edit: dict[str, JsonValue]  # the document that `dfd deform --edit` takes
+    handles: tuple[HandleState, ...]
+    fixed: tuple[FixedState, ...]
+    fixed_column: int  # the number of the column of fixed places; 0 where nothing is fixed
+    symmetry: Plane | None
+    planes: tuple[Plane, ...]  # that were found
+    default: PoseTransform | None  # D₀, with handle 0 … and its pivot
+    overlap: str
+    overlaps: tuple[str, ...]
+    blend: str
+    blends: tuple[str, ...]
+    falloffs: tuple[str, ...]
+    instances: tuple[str, ...]
+    controls: tuple[str, ...]  # those of `Controls` that this server's sessions have
+    posing: Literal["shader", "server"]  # who poses: "server" asks for `compute` after every change
+    can_undo: bool
+    can_redo: bool
+    field: FieldState
+    poses: tuple[KeyPose, ...]
+
+
+class DoneMessage(Answer):
+    """It was done."""
+
+    type: Literal["done"] = "done"
+    handle: int | None = None  # the new one
+
+
+class FailureMessage(Answer):
+    """It was not done, and nothing changed; `message` is a sentence for people."""
+
+    type: Literal["failure"] = "failure"
+    message: str
+    fatal: bool = False  # whether the session has ended with it
+
+
+class ProgressMessage(Answer):
+    """How far the long work in the background is."""
+
+    type: Literal["progress"] = "progress"
+    task: Literal["open", "distill", "prepare", "export"]
+    stage: str  # as the command line names it; "done", "cancelled" and "failed" are the last ones
+    done: int
+    total: int | None
+    seconds_left: Number | None  # of the whole task, as far as that can be told
+
+
+class ReportMessage(Answer):
+    """What the edit does to the shape, in numbers and as a sentence."""
+
+    type: Literal["report"] = "report"
+    moved: Number  # part of the vertices, in [0, 1]
+    largest: Number  # mesh units
+    missed: Number  # largest distance between where a handle was sent and where it landed, mesh units
+    text: str
+
+
+class Suggestion(Model):
+    """A place worth taking hold of."""
+
+    vertex: int
+    position: Vector
+    name: str
+    group: int  # look-alikes share one
+    share: Number  # part of the vertices that it would hold
+
+
+class SuggestionsMessage(Answer):
+    """Answer to `suggest`."""
+
+    type: Literal["suggestions"] = "suggestions"
+    suggestions: tuple[Suggestion, ...]
+
+
+class DownloadMessage(Answer):
+    """A file that is served once."""
+
+    type: Literal["download"] = "download"
+    url: str
+    name: str
+
+
+class ScriptMessage(Answer):
+    """Answer to `script`."""
+
+    type: Literal["script"] = "script"
+    python: str
+    command: str

@@ -1,0 +1,119 @@
+"""What the server sends with arrays: the headers of its binary messages."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from dfd.app.protocol.answers import Answer
+from dfd.app.protocol.parts import Frame, Model, Number, Vector
+
+
+class Buffer(Model):
+    """An array of a binary message; `offset` counts bytes from the end of the header."""
+
+    name: str
+    dtype: Literal["uint8", "int8", "uint16", "int16", "uint32", "int32", "float32"]
+    shape: tuple[int, ...]
+    offset: int
+
+
+class Binary(Answer):
+    """The header of a binary message."""
+
+    buffers: tuple[Buffer, ...]
+
+
+class MaterialEntry(Model):
+    """What one kind of surface looks like; colors are display-referred (sRGB)."""
+
+    color: tuple[Number, Number, Number, Number]
+    texture: str | None  # name of the buffer that holds the picture's file
+    media_type: str | None
+    wrap: tuple[Literal["repeat", "mirror", "clamp"], Literal["repeat", "mirror", "clamp"]]
+    alpha_mode: Literal["OPAQUE", "MASK", "BLEND"]
+    alpha_cutoff: Number
+
+
+class Group(Model):
+    """A run of triangles of one part and one material."""
+
+    part: int  # index into `parts`
+    material: int  # index into `materials`
+    start: int  # first triangle
+    count: int
+
+
+class MeshMessage(Binary):
+    """The resting shape. A row is a vertex as the file has it, split at seams; weights belong to vertices.
+
+    Buffers: `positions` float32 (R, 3), relative to `center`; `triangles` uint32 (F, 3), corners as rows; `vertex`
+    uint32 (R,), the vertex of each row; `normals` int16 (R, 4), of length 32767, the fourth 0; where the file has them,
+    `uv` float32 (R, 2), v upwards, and `colors` uint8 (R, 4), display-referred; and the textures' files.
+    """
+
+    type: Literal["mesh"] = "mesh"
+    mesh: int  # counts the meshes of this session; 0 is none
+    name: str
+    vertices: int
+    faces: int
+    rows: int
+    center: Vector
+    bounds: tuple[Vector, Vector]
+    diagonal: Number
+    parts: tuple[str, ...]
+    groups: tuple[Group, ...]
+    materials: tuple[MaterialEntry, ...]
+    warnings: tuple[str, ...]  # of reading the file, sentences
+
+
+class InstanceEntry(Model):
+    """One of the places where a handle acts: `share` names the buffer uint8 (V,) of how much of a vertex is its own."""
+
+    instance: int
+    on: bool
+    pivot: Vector
+    frame: Frame  # rows of the matrix that turns or mirrors the handle's motion into its own
+    position: Vector  # of its counterpart of the handle
+    gain: Number
+    share: str
+
+
+class ColumnEntry(Model):
+    """One column: `values` names a buffer uint16 (V,); its number times `scale` / 65535 is the distance or weight."""
+
+    column: int
+    kind: Literal["distance", "weight"]
+    values: str
+    scale: Number
+    geodesic: str | None  # buffer uint16 (V,): 65535 is the largest distance along the surface
+    instances: tuple[InstanceEntry, ...]
+
+
+class ColumnsMessage(Binary):
+    """Columns that `state` names and the page has not got; it may forget those that `state` no longer names.
+
+    That of the fixed places has the kind "weight": F of Eq. 6.
+    """
+
+    type: Literal["columns"] = "columns"
+    columns: tuple[ColumnEntry, ...]
+
+
+class HeatMessage(Binary):
+    """Answer to `probe`: buffer `values` uint16 (V,), distances as in a column."""
+
+    type: Literal["heat"] = "heat"
+    vertex: int | None
+    scale: Number
+
+
+class PositionsMessage(Binary):
+    """Answer to `compute`: `positions` float32 (V, 3), relative to the mesh's center, and `normals` int16 (V, 4)."""
+
+    type: Literal["positions"] = "positions"
+
+
+class ColorsMessage(Binary):
+    """Answer to `features`: `colors` uint8 (V, 4)."""
+
+    type: Literal["colors"] = "colors"

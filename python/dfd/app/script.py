@@ -1,0 +1,127 @@
+"""What was done, as Python and as a command, for people to go on without the page."""
+
+from __future__ import annotations
+
+import shlex
+from typing import TYPE_CHECKING, Any
+
+from dfd.app.exports import file_stem
+from dfd.editing.edit_file import to_document
+
+if TYPE_CHECKING:
+    from dfd.editing.deformer import Deformer
+
+__all__ = ["as_command", "as_python"]
+
+# Keys of the edit document that `Deformer.add` takes under other names or not at all.
+NOT_CONTROLS = ("id", "vertex", "position")
+AT_REST = {
+    "translation": [0.0] * 3,
+    "rotation": [0.0] * 3,
+    "scale": [1.0] * 3,
+    "locality": 0.0,
+    "reach": 1.0,
+    "falloff": "linear",
+    "strength": 1.0,
+    "instances": "together",
+    "level": False,
+}
+WHOLE = {"overlap": "add", "blend": "linear", "arrive": True}
+
+
+def as_python(deformer: Deformer, name: str) -> str:
+    """A script that makes the same shape, given the mesh's file `name` and its field beside it."""
+    document = to_document(deformer.edit, deformer.mesh)
+    stem = file_stem(name)
+    lines = [
+        "import dfd",
+        "",
+        f"mesh = dfd.load({_mesh_file(name)!r})",
+        f'field = dfd.Field.load("{stem}.field.safetensors")',
+        "session = dfd.Deformer(mesh, field)",
+    ]
+    if any("region" in _said(entry) or "within" in _said(entry) for entry in _held(document)):
+        # Sets of vertices are too long for a script.
+        lines[-1] = f'session = dfd.Deformer.load("{stem}_edit.json", mesh, field)'
+        lines.append(f'mesh.save("{stem}_edited.glb", session.vertices)')
+        return "\n".join(lines) + "\n"
+    for handle in document["handles"]:
+        lines.append(f"session.add({_arguments(_place(handle), _said(handle))})")
+    lines += [f"session.fix({_arguments(_place(fixed), _said(fixed))})" for fixed in document["fixed"]]
+    lines += [f"session.{key} = {document[key]!r}" for key, usual in WHOLE.items() if document[key] != usual]
+    plane = document["symmetry"]
+    if plane is not None:
+        shown = f"dfd.SymmetryPlane({_tuple(plane['normal'])}, {plane['offset']!r}, band={plane['band']!r})"
+        lines.append(f"session.set_symmetry({shown})")
+    if document["default"] is not None:
+        lines.append(f"session.set_default({_arguments('', _said(document['default']))})")
+    lines.append(f'mesh.save("{stem}_edited.glb", session.vertices)')
+    return "\n".join(lines) + "\n"
+
+
+def as_command(deformer: Deformer, name: str) -> str:
+    """The command that makes the same shape: of one handle by options, of more by the exported edit."""
+    document = to_document(deformer.edit, deformer.mesh)
+    stem = file_stem(name)
+    words = ["dfd", "deform", _mesh_file(name), "--field", f"{stem}.field.safetensors"]
+    options = _options(document)
+    words += ["--edit", f"{stem}_edit.json"] if options is None else options
+    return shlex.join([*words, "-o", f"{stem}_edited.glb"])
+
+
+def _options(document: dict[str, Any]) -> list[str] | None:
+    """The options of `dfd deform` that say the whole edit; None where they cannot."""
+    usual = all(document[key] == value for key, value in WHOLE.items())
+    if len(document["handles"]) != 1 or not usual or document["symmetry"] or document["default"]:
+        return None
+    (handle,) = document["handles"]
+    said = _said(handle)
+    said.pop("name", None)
+    flags = {"translation": "--translate", "rotation": "--rotate", "pivot": "--pivot", "scale": "--scale"}
+    words = [f"--handle={_point(handle)}"]
+    for key, value in said.items():
+        if key in flags:
+            words += [flags[key], *(repr(number) for number in value)]
+        elif key == "locality":
+            words += ["--locality", repr(value)]
+        else:
+            return None
+    if any(_said(fixed) for fixed in document["fixed"]):
+        return None
+    if any(entry["vertex"] is None for entry in _held(document)):  # the command takes the nearest point of the surface
+        return None
+    return words + [f"--fix={_point(fixed)}" for fixed in document["fixed"]]
+
+
+def _held(document: dict[str, Any]) -> list[dict[str, Any]]:
+    return [*document["handles"], *document["fixed"]]
+
+
+def _said(entry: dict[str, Any]) -> dict[str, Any]:
+    """What of a handle is not as it is by itself."""
+    return {
+        key: value
+        for key, value in entry.items()
+        if key not in NOT_CONTROLS and value is not None and AT_REST.get(key, ...) != value
+    }
+
+
+def _place(entry: dict[str, Any]) -> str:
+    return _tuple(entry["position"]) if entry["vertex"] is None else str(entry["vertex"])
+
+
+def _point(entry: dict[str, Any]) -> str:
+    return ",".join(map(repr, entry["position"])) if entry["vertex"] is None else str(entry["vertex"])
+
+
+def _arguments(first: str, keywords: dict[str, Any]) -> str:
+    shown = [f"{key}={value!r}" for key, value in keywords.items()]
+    return ", ".join([first, *shown] if first else shown)
+
+
+def _tuple(numbers: list[float]) -> str:
+    return f"({', '.join(map(repr, numbers))})"
+
+
+def _mesh_file(name: str) -> str:
+    return name if "." in name else f"{file_stem(name)}.glb"

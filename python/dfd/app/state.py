@@ -1,0 +1,149 @@
+"""The present state of a session, as the page shows it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, get_args
+
+from dfd.app.columns import Columns, column_kind
+from dfd.app.protocol.answers import FieldState, FixedState, HandleState, StateMessage
+from dfd.app.protocol.parts import KeyPose, Plane, PoseTransform
+from dfd.editing.controls import Blend, Falloff, Instances, Overlap
+from dfd.editing.edit import box_center
+from dfd.editing.edit_file import to_document
+from dfd.editing.regions import members
+from dfd.symmetry.plane import axis_name
+
+if TYPE_CHECKING:
+    from dfd.editing.deformer import Deformer
+    from dfd.editing.edit import Handle
+    from dfd.editing.place import Place
+    from dfd.posing.transforms import Transform
+    from dfd.symmetry.plane import SymmetryPlane
+
+__all__ = ["Looks", "empty_state", "state_message"]
+
+
+CONTROLS = ("name", "reach", "falloff", "locality", "radius", "strength", "instances", "level")
+NO_FIELD = FieldState(status="none", origin=None, settings={})
+
+
+@dataclass
+class Looks:
+    """What a state says besides the edit."""
+
+    field: FieldState = NO_FIELD
+    planes: Sequence[SymmetryPlane] = ()
+    poses: tuple[KeyPose, ...] = ()
+
+
+def empty_state(looks: Looks, *, after: int) -> StateMessage:
+    """The state of a shape whose field is still missing: it can be looked at and nothing else."""
+    return _state(looks, after=after, edit={}, posing="shader", can_undo=False, can_redo=False)
+
+
+def state_message(deformer: Deformer, columns: Columns, looks: Looks, *, after: int) -> StateMessage:
+    """The state of an editing session."""
+    document = to_document(deformer.edit, deformer.mesh)
+    return _state(
+        looks,
+        after=after,
+        edit=document,
+        handles=tuple(
+            _handle(deformer, columns, handle, document["handles"][index])
+            for index, handle in enumerate(deformer.handles)
+        ),
+        fixed=tuple(
+            FixedState(
+                vertex=fixed.vertex,
+                position=fixed.position,
+                strength=fixed.strength,
+                region=_region_size(deformer, fixed.place),
+            )
+            for fixed in deformer.fixed
+        ),
+        fixed_column=columns.of_fixed(),
+        symmetry=None if deformer.symmetry is None else _plane(deformer.symmetry),
+        default=None if deformer.default is None else _default(deformer.default, box_center(deformer.mesh)),
+        overlap=deformer.overlap,
+        blend=deformer.blend,
+        posing="shader" if (deformer.overlap, deformer.blend) == ("add", "linear") else "server",
+        can_undo=deformer.can_undo,
+        can_redo=deformer.can_redo,
+    )
+
+
+def _state(looks: Looks, **fields: Any) -> StateMessage:
+    base: dict[str, Any] = {
+        "handles": (),
+        "fixed": (),
+        "fixed_column": 0,
+        "symmetry": None,
+        "planes": tuple(_plane(plane) for plane in looks.planes),
+        "default": None,
+        "overlap": "add",
+        "overlaps": get_args(Overlap),
+        "blend": "linear",
+        "blends": get_args(Blend),
+        "falloffs": get_args(Falloff),
+        "instances": get_args(Instances),
+        "controls": CONTROLS,
+        "field": looks.field,
+        "poses": looks.poses,
+    }
+    return StateMessage(**{**base, **fields})
+
+
+def _handle(deformer: Deformer, columns: Columns, handle: Handle, controls: dict[str, Any]) -> HandleState:
+    transform = handle.transform
+    bound, edit = deformer.bound, deformer.edit
+    return HandleState(
+        handle=handle.id,
+        name=handle.name,
+        vertex=handle.place.vertex,
+        position=handle.place.position,
+        translation=transform.translation,
+        rotation=transform.rotation,
+        scale=transform.scale,
+        pivot=handle.pivot,
+        own_pivot=transform.pivot is not None,
+        axes=transform.axes,
+        reach=bound.reach(handle),
+        falloff=handle.controls.falloff,
+        locality=handle.controls.locality,
+        radius=handle.controls.radius,
+        exponent=bound.locality(edit, handle)[2],
+        strength=handle.controls.strength,
+        instances=handle.controls.instances,
+        region=_region_size(deformer, handle.place),
+        kind=column_kind(handle),
+        gain=bound.gain(edit, handle),
+        column=columns.of_handle(handle),
+        moved=not transform.rests,
+        controls=controls,
+    )
+
+
+def _region_size(deformer: Deformer, place: Place) -> int:
+    return 0 if place.region is None else len(members(deformer.mesh, place.region))
+
+
+def _plane(plane: SymmetryPlane) -> Plane:
+    return Plane(
+        normal=plane.normal,
+        offset=plane.offset,
+        band=plane.band,
+        score=plane.score or None,
+        name=axis_name(plane.normal) or None,
+    )
+
+
+def _default(transform: Transform, center: tuple[float, float, float]) -> PoseTransform:
+    return PoseTransform(
+        handle=0,
+        translation=transform.translation,
+        rotation=transform.rotation,
+        scale=transform.scale,
+        pivot=center if transform.pivot is None else transform.pivot,
+    )

@@ -1,0 +1,68 @@
+"""`dfd app`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+__all__ = ["app"]
+
+
+def app(
+    mesh: Annotated[
+        Path | None,
+        typer.Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file; none is the start page."),
+    ] = None,
+    field: Annotated[
+        Path | None, typer.Option(metavar="FIELD", help="The shape's field; without it, it is found or made.")
+    ] = None,
+    edit: Annotated[Path | None, typer.Option(metavar="JSON", help="Begin with this edit.")] = None,
+    sample: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Open a made shape: quadruped, chair or robot.")
+    ] = None,
+    encoder: Annotated[
+        str, typer.Option(metavar="NAME", help="What makes fields: a preset's name, a folder, or a hub name.")
+    ] = "dinov2-small",
+    port: Annotated[
+        int | None, typer.Option(min=0, max=65535, help="Where to listen; by default 8765, or any that is free.")
+    ] = None,
+    host: Annotated[
+        str, typer.Option(help="Whom to listen for; any address but the default lets other machines in.")
+    ] = "127.0.0.1",
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open a browser.")] = True,
+) -> None:
+    """Open MESH in a browser: grab it anywhere, and everything alike follows."""
+    for option, path in (("MESH", mesh), ("--field", field), ("--edit", edit)):
+        if path is not None and not path.is_file():
+            raise FileNotFoundError(f"`{option}`: {path} does not exist or is no file")
+    if mesh is not None and sample is not None:
+        raise ValueError("`--sample` must not be given beside MESH: a tab shows one shape")
+    if mesh is None and sample is None and (field or edit):
+        raise ValueError(f"MESH must be given: it is what `{'--field' if field else '--edit'}` is for")
+    try:
+        from dfd.app.launch import serve
+        from dfd.app.options import OpenedFile, SessionOptions, Source
+        from dfd.app.safety import loopback
+        from dfd.app.shapes import sample_source
+    except ImportError as error:
+        raise ValueError(f"the app needs more packages ({error.name}): pip install 'dfd[app]'") from None
+    source = None
+    if mesh is not None:
+        source = Source(name=mesh.name, path=mesh.resolve())
+    elif sample is not None:
+        source = sample_source(sample)
+    options = SessionOptions(
+        mesh=source,
+        field=None if field is None else OpenedFile(name=field.name, path=field.resolve()),
+        edit=None if edit is None else OpenedFile(name=edit.name, path=edit.resolve()),
+        encoder=encoder,
+    )
+    if not loopback(host):
+        typer.echo(
+            f"dfd: {host} lets other machines in, without encryption: whoever sees the address can open and change "
+            "everything in the app; an SSH tunnel to the default is safer",
+            err=True,
+        )
+    serve(options, host=host, port=port, browser=browser, tell=typer.echo)

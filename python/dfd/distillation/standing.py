@@ -1,0 +1,164 @@
+"""What the surface alone says about how a shape stands: on what it would rest, and across which planes it mirrors.
+
+Source: Fu, Cohen-Or, Dror, Sheffer, "Upright orientation of man-made objects" (SIGGRAPH 2008), for stability and base.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError, cKDTree
+
+from dfd.geometry.topology import face_areas
+
+__all__ = ["EVIDENCE", "Standing", "axis_frames"]
+
+EVIDENCE = ("stable", "facing up", "base", "near the base", "mirrors upright", "mirrors flat")
+POINTS = 2000  # on the surface
+REFLECTED = 500  # of them, whose mirror images are looked for
+BASE = 0.03  # of the diagonal: what lies so near to the lowest point touches the ground
+FACES_UP = 0.9  # cosine
+ALIGNED = 1.25  # an axis of the file is taken for the mirror plane's normal when it misses by so many times the least
+LEAST_MISS = 0.004  # of the diagonal: a mirror image as near as this is exact, for points that are drawn at random
+DIRECTIONS = 200  # over half the sphere, among which mirror planes are looked for
+_SHRINKING = (0.15, 0.07, 0.03, 0.015, 0.007)  # radians, steps of the search for a plane's exact direction
+
+
+class Standing:
+    """The surface of a shape, ready to be asked how it would stand.
+
+    Parameters
+    ----------
+    vertices
+        (V, 3) in any units.
+    faces
+        (F, 3); some of them have an area.
+    """
+
+    def __init__(self, vertices: NDArray[np.floating], faces: NDArray[np.int32]) -> None:
+        generator = np.random.default_rng(0)
+        corners = vertices[faces].astype(np.float64)
+        ends = np.cumsum(face_areas(vertices, faces))
+        # Evenly by area, and almost evenly along the list of faces: less left to chance than independent draws.
+        chosen = np.searchsorted(ends, (np.arange(POINTS) + generator.random(POINTS)) / POINTS * ends[-1], side="right")
+        corners = corners[chosen.clip(max=len(faces) - 1)]
+        root, share = np.sqrt(generator.random(POINTS)), generator.random(POINTS)
+        shares = np.stack([1 - root, root * (1 - share), root * share], axis=1)
+        self.points = np.einsum("nk,nkc->nc", shares, corners)
+        crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        self.normals = crossed / np.maximum(np.linalg.norm(crossed, axis=1, keepdims=True), np.finfo(np.float64).tiny)
+        self.rim = _hull_vertices(np.unique(vertices[np.unique(faces)].astype(np.float64), axis=0))
+        self.middle = self.points.mean(axis=0)
+        self.diagonal = float(np.linalg.norm(np.ptp(self.rim, axis=0)))
+        self._tree = cKDTree(self.points)
+        self._reflected = self.points[generator.permutation(POINTS)[:REFLECTED]]
+        self._misses: dict[tuple[float, ...], float] = {}
+
+    def evidence(self, frame: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How the shape would stand with `frame` (3, 3) as right, up and front: (6,), see `EVIDENCE`, all unitless."""
+        right, up, front = frame
+        height = self.rim @ up
+        feet = self.rim[height < height.min() + BASE * self.diagonal]
+        ground = np.stack([right, front], axis=1)
+        base = _hull_of(feet @ ground)
+        shadow = _hull_of(self.rim @ ground)
+        stable = base is not None and bool((base.equations @ [*(self.middle @ ground), 1.0]).max() < 0)
+        near = self.points @ up < height.min() + BASE * self.diagonal
+        mirrored = min(self.mirror_miss(right), self.mirror_miss(front))
+        return np.array(
+            [
+                float(stable),
+                float((self.normals @ up > FACES_UP).mean()),
+                base.volume / shadow.volume if base is not None and shadow is not None else 0.0,
+                float(near.mean()),
+                mirrored,
+                self.mirror_miss(up),
+            ]
+        )
+
+    def mirror_miss(self, normal: NDArray[np.float64]) -> float:
+        """Mean distance of mirror images to the surface, of the diagonal, across the plane through the middle."""
+        key = tuple(np.round(normal * np.sign(normal[np.abs(normal).argmax()]), 9))
+        if key not in self._misses:
+            across = (self._reflected - self.middle) @ normal
+            images = self._reflected - 2 * across[:, None] * normal
+            self._misses[key] = float(self._tree.query(images)[0].mean()) / self.diagonal
+        return self._misses[key]
+
+    def mirror_normal(self) -> NDArray[np.float64]:
+        """The unit normal (3,) of the plane across which the shape is most nearly its own mirror image."""
+        spread = self.points - self.middle
+        index = np.arange(DIRECTIONS) + 0.5
+        height, angle = 1 - index / DIRECTIONS, np.pi * (1 + np.sqrt(5)) * index
+        ring = np.sqrt(1 - height**2)
+        around = np.stack([ring * np.cos(angle), height, ring * np.sin(angle)], axis=1)
+        # The normal of an exact mirror plane is a principal axis.
+        candidates = np.concatenate([np.linalg.eigh(spread.T @ spread)[1].T, around])
+        ranked = sorted(candidates, key=self.mirror_miss)[:3]
+        return min((self._refined(normal) for normal in ranked), key=self.mirror_miss)
+
+    def _refined(self, normal: NDArray[np.float64]) -> NDArray[np.float64]:
+        for step in _SHRINKING:
+            for _ in range(3):
+                one = _across(normal)
+                other = np.cross(normal, one)
+                around = [normal, *(normal + step * side for side in (one, -one, other, -other))]
+                best = min((each / np.linalg.norm(each) for each in around), key=self.mirror_miss)
+                if np.allclose(best, normal):
+                    break
+                normal = best
+        return normal
+
+    def frame(self) -> NDArray[np.float64]:
+        """Three axes (3, 3) that suit the shape: the file's own where it mirrors or lies along them, else its own.
+
+        Those are the normal of its mirror plane and the two sides of the smallest box around it in that plane.
+        """
+        normal = self.mirror_normal()
+        least = max(self.mirror_miss(normal), LEAST_MISS)
+        if min(self.mirror_miss(axis) for axis in np.eye(3)) <= ALIGNED * least:
+            return np.eye(3)
+        one = _across(normal)
+        other = np.cross(normal, one)
+        flat = self.rim @ np.stack([one, other], axis=1)
+        angles = np.radians(np.arange(0, 90, 1.5))
+        turned = [np.array([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]]) for a in angles]
+        best = min(turned, key=lambda turn: float(np.prod(np.ptp(flat @ turn.T, axis=0))))
+        up, _ = best @ np.stack([one, other])
+        return np.stack([normal, up, np.cross(normal, up)])
+
+
+def axis_frames(frame: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """The frames, each (3, 3), in which an axis of `frame` points up, either way: +right, −right, +up, −up, …"""
+    found = []
+    for axis in range(3):
+        for sign in (1.0, -1.0):
+            up, right = sign * frame[axis], frame[0 if axis == 1 else (axis + 1) % 3]
+            found.append(np.stack([right, up, np.cross(right, up)]))
+    return found
+
+
+def _across(normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A unit vector at right angles."""
+    across = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+    unit: NDArray[np.float64] = across / np.linalg.norm(across)
+    return unit
+
+
+def _hull_of(points: NDArray[np.float64]) -> ConvexHull | None:
+    """The convex hull of points (N, 2) in the plane; None where they lie on a line."""
+    if len(points) < 3:
+        return None
+    try:
+        return ConvexHull(points)
+    except QhullError:
+        return None
+
+
+def _hull_vertices(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Those of `points` (N, 3) that lie on their convex hull; all of them where they lie in a plane."""
+    try:
+        on_hull: NDArray[np.float64] = points[ConvexHull(points).vertices]
+        return on_hull
+    except (QhullError, ValueError):
+        return points

@@ -1,0 +1,114 @@
+"""Which way is up, as it is said and as it is kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.distillation.standing import axis_frames
+
+if TYPE_CHECKING:
+    from dfd.mesh.mesh import Mesh
+
+__all__ = ["AXES", "UP_WORDS", "Up", "check_up", "file_up", "said_up"]
+
+AXES: dict[str, NDArray[np.float64]] = {
+    f"{sign}{name}": float(f"{sign}1") * np.eye(3)[axis] for axis, name in enumerate("xyz") for sign in "+-"
+}
+UP_WORDS = ("auto", "file", *AXES)
+LEAST_EXTENT = 1e-6  # of the longest side: what has less along an axis has none
+
+
+@dataclass(frozen=True, eq=False)
+class Up:
+    """Which way is up in a mesh.
+
+    Attributes
+    ----------
+    frame
+        (3, 3) rotation, rows in the mesh's coordinates: right, up, front.
+    confidence
+        How sure that is, 0 … 1; 1 when it was said.
+    source
+        "said", "file" (its own +y, because nothing could be found), or "found".
+    """
+
+    frame: NDArray[np.float64]
+    confidence: float
+    source: Literal["said", "file", "found"]
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What a field says of it, as JSON holds it."""
+        return {"up_direction": self.direction.tolist(), "up_confidence": self.confidence, "up_source": self.source}
+
+    @property
+    def direction(self) -> NDArray[np.float64]:
+        """(3,) unit, in the mesh's coordinates."""
+        up: NDArray[np.float64] = self.frame[1]
+        return up
+
+    def __str__(self) -> str:
+        """As `up` takes it: an axis, or three numbers."""
+        named = next((name for name, axis in AXES.items() if np.allclose(axis, self.direction)), None)
+        return named or ", ".join(f"{part:.3f}" for part in self.direction)
+
+
+def check_up(up: Any) -> str | tuple[float, float, float]:
+    """Return `up` as one of `UP_WORDS`, or as a unit direction; "0, 0, 1" is one too.
+
+    Raises
+    ------
+    ValueError
+        If it is neither, nor three numbers with a length.
+    """
+    word = f"+{up}" if isinstance(up, str) and up in ("x", "y", "z") else up
+    if isinstance(word, str) and word in UP_WORDS:
+        return word
+    try:
+        vector = np.asarray(up.split(",") if isinstance(up, str) else up, np.float64)
+    except (TypeError, ValueError):
+        pass
+    else:
+        if vector.shape == (3,) and np.isfinite(vector).all() and np.abs(vector).max() > 0:
+            vector = vector / np.abs(vector).max()  # so that no square overflows or vanishes
+            x, y, z = (vector / np.linalg.norm(vector)).tolist()
+            return x, y, z
+    raise ValueError(f"distill: `up` must be one of {', '.join(UP_WORDS)}, or three numbers with a length, got {up!r}")
+
+
+def file_up() -> Up:
+    """The +y that files have by convention, where nothing better is known."""
+    return Up(np.eye(3), 0.0, "file")
+
+
+def said_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
+    """The frame for an `up` that `check_up` has let pass, other than "auto".
+
+    Raises
+    ------
+    ValueError
+        If `mesh` has no extent along `up`.
+    """
+    if up == "file":
+        return Up(np.eye(3), 1.0, "said")
+    direction = AXES[up] if isinstance(up, str) else np.array(up)
+    if np.ptp(mesh.vertices @ direction) <= LEAST_EXTENT * np.max(mesh.extents):
+        raise ValueError(f"distill: `up` must be a direction that `mesh` has some extent along, got {up!r}")
+    return Up(_upright_frame(direction), 1.0, "said")
+
+
+def _upright_frame(up: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The frame with `up` in which the other axes of the file are turned least."""
+    along = np.flatnonzero(up)
+    if len(along) == 1:
+        straight: NDArray[np.float64] = axis_frames(np.eye(3))[2 * int(along[0]) + int(up[along[0]] < 0)]
+        return straight
+    right = np.eye(3)[0] if abs(up[0]) < 0.9 else np.eye(3)[2]
+    right = right - (right @ up) * up
+    right /= np.linalg.norm(right)
+    frame: NDArray[np.float64] = np.stack([right, up, np.cross(right, up)])
+    return frame

@@ -1,0 +1,101 @@
+"""What `dfd.pose` and `dfd.Drag` are given, as the kernel takes it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd import _core
+from dfd.common import check, tensors
+
+__all__ = ["among", "empty_like", "read_affine", "read_points", "read_weights", "standing", "target"]
+
+Float64 = NDArray[np.float64]
+
+
+def read_points(function: str, vertices: Any) -> NDArray[Any]:
+    points = tensors.shared(function, "vertices", vertices)
+    dtype = np.float32 if getattr(points, "dtype", None) in (np.float32, np.float16) else np.float64
+    return check.array(function, "vertices", points, ("V", 3), dtype=dtype, finite=False)
+
+
+def read_weights(function: str, weights: Any, vertex_count: int) -> NDArray[np.float32]:
+    """(V, H) in place if rows or columns are contiguous."""
+    matrix = tensors.shared(function, "weights", weights)
+    if (
+        isinstance(matrix, np.ndarray)
+        and matrix.dtype == np.float32
+        and matrix.ndim == 2
+        and len(matrix) == vertex_count
+        and tensors.lines_contiguous(matrix)
+    ):
+        return matrix
+    return check.array(function, "weights", matrix, (vertex_count, "H"), finite=False)
+
+
+def empty_like(points: NDArray[Any]) -> NDArray[Any]:
+    return (_core.empty_float32 if points.dtype == np.float32 else _core.empty_float64)(*points.shape)
+
+
+def target(function: str, out: Any, points: NDArray[Any], inputs: dict[str, NDArray[Any] | None]) -> NDArray[Any]:
+    """Where the vertices go."""
+    if out is None:
+        return empty_like(points)
+    return tensors.output(function, out, points.shape, points.dtype, inputs)
+
+
+def read_affine(function: str, name: str, value: Any, count: int | None) -> Float64:
+    """(H, 3, 4) transforms, or (1, 3, 4) when `count` is None and `value` is a single one."""
+    array = np.asarray(tensors.shared(function, name, value))
+    if array.shape == (count, 3, 4) and array.dtype == np.float64 and array.flags.c_contiguous:
+        return array  # whose finiteness the kernel checks
+    if count is None:
+        array = array[np.newaxis] if array.ndim == 2 else array
+    elif array.size == 0 and count == 0:
+        return np.zeros((0, 3, 4))
+    if array.ndim != 3 or array.shape[1:] not in ((3, 4), (4, 4)) or len(array) != (1 if count is None else count):
+        leading = "" if count is None else f"{count}, "
+        shape = np.shape(value) if count is None else array.shape
+        raise ValueError(f"{function}: `{name}` must have shape ({leading}3, 4) or ({leading}4, 4), got {shape}")
+    result = check.array(function, name, array, (None, None, 4), dtype=np.float64)
+    if result.shape[1] == 4 and np.abs(result[:, 3] - (0.0, 0.0, 0.0, 1.0)).max(initial=0.0) > 1e-6:
+        wrong = np.abs(result[:, 3] - (0.0, 0.0, 0.0, 1.0)).max(axis=1).argmax()
+        raise ValueError(f"{function}: `{name}` must have the bottom row [0, 0, 0, 1], got {result[wrong, 3].tolist()}")
+    return np.ascontiguousarray(result[:, :3])
+
+
+def standing(
+    function: str, handles: Any, vertices: NDArray[Any], weights: NDArray[np.float32]
+) -> tuple[NDArray[np.int64] | None, Float64]:
+    """(H,) the vertices at which handles stand, None for positions, and (H, 3) where that is."""
+    count = weights.shape[1]
+    if handles is None:
+        if len(vertices) == 0:
+            return None, np.zeros((count, 3))
+        indices = weights.argmax(axis=0)
+    else:
+        array = np.asarray(tensors.shared(function, "handles", handles))
+        if array.ndim == 2:
+            return None, check.array(function, "handles", array, (count, 3), dtype=np.float64)
+        indices = check.vertex_indices(function, "handles", array, len(vertices))
+        if len(indices) != count:
+            raise ValueError(
+                f"{function}: `handles` must name {count} handles, as many as `weights` has, got {len(indices)}"
+            )
+    return indices, np.ascontiguousarray(vertices[indices], np.float64)
+
+
+def among(
+    function: str, handle_weights: Any, weights: NDArray[np.float32], indices: NDArray[np.int64] | None
+) -> Float64:
+    """(H, H) weights among handles, row j at the place of handle j."""
+    count = weights.shape[1]
+    if handle_weights is not None:
+        return check.array(function, "handle_weights", handle_weights, (count, count), dtype=np.float64)
+    if indices is None:
+        if len(weights) == 0:
+            return np.eye(count)
+        raise ValueError(f"{function}: `handle_weights` must be given to interpolate handles that are no vertices")
+    return check.array(function, "weights", weights[indices], (count, count), dtype=np.float64)

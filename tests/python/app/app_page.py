@@ -1,0 +1,136 @@
+"""A page as tests play it: a WebSocket that speaks the protocol, and the files that a session needs."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import httpx2 as httpx
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+
+from dfd.app.framing import unpack
+from dfd.app.launch import RunningApp
+from dfd.app.protocol import VERSION
+
+PATIENCE = 400.0  # seconds; a busy machine imports torch slowly
+
+
+@dataclass
+class Page:
+    """One tab; `heard` is everything that came, binary messages with their arrays under "arrays"."""
+
+    app: RunningApp
+    session: str | None = None
+    heard: list[dict[str, Any]] = field(default_factory=list)
+    _count: int = 0
+    _open: ExitStack = field(default_factory=ExitStack)
+    _socket: ClientConnection | None = None
+
+    def open(self) -> dict[str, Any]:
+        """Connect and say hello."""
+        self.connect()
+        answer = self.ask("hello", version=VERSION, session=self.session)
+        self.session = answer.get("session")
+        return answer
+
+    def connect(self) -> None:
+        """Connect, and say nothing."""
+        self._open = ExitStack()
+        self._socket = self._open.enter_context(
+            connect(
+                f"ws://127.0.0.1:{self.app.port}/ws",
+                origin=f"http://127.0.0.1:{self.app.port}",  # type: ignore[arg-type]
+                additional_headers={"Cookie": f"{self.app.rules.cookie}={self.app.rules.token}"},
+                max_size=None,
+                compression=None,
+                proxy=None,
+            )
+        )
+
+    def close(self) -> None:
+        """Go."""
+        self._open.close()
+
+    def closed_with(self) -> int:
+        """The code with which the server ends the connection."""
+        with suppress(ConnectionClosed):
+            while True:
+                self.hear()
+        assert self._socket is not None
+        assert self._socket.close_code is not None
+        return self._socket.close_code
+
+    def write(self, text: str | bytes) -> None:
+        """Send as it is."""
+        assert self._socket is not None
+        self._socket.send(text)
+
+    def say(self, type: str, **fields: Any) -> int:  # noqa: A002
+        """Send a request; its number."""
+        self._count += 1
+        self.write(json.dumps({"type": type, "id": self._count, **fields}))
+        return self._count
+
+    def ask(self, type: str, **fields: Any) -> dict[str, Any]:  # noqa: A002
+        """Send a request and wait for its answer."""
+        number = self.say(type, **fields)
+        return self.until(lambda message: message["id"] == number)
+
+    def until(self, wanted: Callable[[dict[str, Any]], bool], patience: float = PATIENCE) -> dict[str, Any]:
+        """The next message that is wanted."""
+        end = time.monotonic() + patience
+        while True:
+            message = self.hear(max(end - time.monotonic(), 0.0))
+            if wanted(message):
+                return message
+
+    def hear(self, patience: float = PATIENCE) -> dict[str, Any]:
+        """The next message."""
+        assert self._socket is not None
+        data = self._socket.recv(timeout=patience)
+        if isinstance(data, str):
+            message = json.loads(data)
+        else:
+            message, arrays = unpack(data)
+            message["arrays"] = arrays
+        self.heard.append(message)
+        return message
+
+    def alive(self) -> dict[str, Any]:
+        """Wait for the state of a shape that has its field."""
+        return self.until(lambda each: each["type"] == "state" and each["field"]["status"] == "ready")
+
+    def last(self, type: str) -> dict[str, Any]:  # noqa: A002
+        """The newest message of that type."""
+        return next(message for message in reversed(self.heard) if message["type"] == type)
+
+    def http(self) -> httpx.Client:
+        """The same browser's other requests."""
+        return httpx.Client(
+            base_url=f"http://127.0.0.1:{self.app.port}",
+            headers={"Origin": f"http://127.0.0.1:{self.app.port}"},
+            cookies={self.app.rules.cookie: self.app.rules.token},
+            trust_env=False,
+        )
+
+    def upload(self, files: dict[str, bytes]) -> httpx.Response:
+        """Drop files on the page."""
+        with self.http() as http:
+            parts = [("files", (name, content)) for name, content in files.items()]
+            return http.post("/upload", params={"session": self.session}, files=parts)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A small shape with its field, on disk."""
+
+    mesh: Path
+    field: Path
+    encoder: Path
+    settings: dict[str, Any]  # of a distillation that takes a second

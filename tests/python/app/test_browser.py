@@ -1,0 +1,73 @@
+"""The page in a real browser against the real server: the client's own stories, told to both.
+
+They need Node with the client's packages (`npm ci`), the built page, and Chromium or Chrome; what is missing is said.
+Pictures of what was seen are in build/screens.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from app_page import Shape
+
+from dfd.app.launch import RunningApp
+from dfd.app.options import SessionOptions
+from dfd.app.server import STATIC
+
+ROOT = Path(__file__).parents[3]
+CLIENT = ROOT / "python" / "dfd" / "app" / "client"
+SCREENS = ROOT / "build" / "screens"
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+MINUTES = 20
+
+
+@pytest.fixture(scope="module")
+def browser() -> str:
+    """The browser, or the reason why there is no test."""
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if shutil.which("node") is None:
+        pytest.skip("Node is not installed: the page was not tested in a browser")
+    if not (CLIENT / "node_modules" / "playwright-core").is_dir():
+        pytest.skip("the client's packages are not installed (npm ci): the page was not tested in a browser")
+    if not (STATIC / "index.html").is_file():
+        pytest.skip("the page is not built (npm run build): it was not tested in a browser")
+    if found is None:
+        pytest.skip("neither Chromium nor Chrome is installed: the page was not tested in a browser")
+    return found
+
+
+@pytest.fixture
+def start_page(shape: Shape) -> Iterator[RunningApp]:
+    """A server without a mesh: a story begins by opening one."""
+    settings = {**shape.settings, "cache": False}
+    running = RunningApp(SessionOptions(encoder=str(shape.encoder), distill=settings))
+    running.start()
+    yield running
+    running.stop()
+
+
+@pytest.mark.parametrize("story", sorted(path.name for path in (CLIENT / "tests" / "browser").glob("*.test.mjs")))
+def test_story(story: str, browser: str, start_page: RunningApp, shape: Shape) -> None:
+    environment = {
+        **os.environ,
+        "DFD_URL": start_page.url,
+        "DFD_CHROMIUM": browser,
+        "DFD_SHOTS": str(SCREENS),
+        "DFD_MESH": str(shape.mesh),
+    }
+    done = subprocess.run(
+        ["node", "--test", f"tests/browser/{story}"],
+        cwd=CLIENT,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=60 * MINUTES,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout

@@ -1,0 +1,182 @@
+"""Columns: what the page makes of them, by the protocol's formula, are the weights that the kernel binds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from dfd.app.columns import Columns, heat_message
+from dfd.app.framing import unpack
+from dfd.app.state import Looks, state_message
+from dfd.editing.deformer import Deformer
+from dfd.editing.place import place_on
+
+
+class Client:
+    """Keeps columns as the page does, and makes weights and positions of them."""
+
+    def __init__(self, deformer: Deformer) -> None:
+        self.deformer, self.columns = deformer, Columns(deformer)
+        self.entries: dict[int, dict[str, Any]] = {}
+        self.received = 0
+
+    def listen(self) -> dict[str, Any]:
+        message = self.columns.message()
+        self.received = 0
+        if message is not None:
+            header, arrays = unpack(message)
+            self.received = len(header["columns"])
+            for entry in header["columns"]:
+                values = arrays[entry["values"]] * (entry["scale"] / 65535)
+                geodesic = None if entry["geodesic"] is None else arrays[entry["geodesic"]] / 65535
+                for instance in entry["instances"]:
+                    instance["share"] = arrays[instance["share"]] / 255
+                self.entries[entry["column"]] = {**entry, "values": values, "geodesic": geodesic}
+        return state_message(self.deformer, self.columns, Looks(), after=0).model_dump()
+
+    def weights(self) -> NDArray[np.float64]:
+        """(V, H) by the protocol's formula."""
+        state = self.listen()
+        held = self.entries[state["fixed_column"]]["values"] if state["fixed_column"] else 0.0
+        columns = []
+        for handle in state["handles"]:
+            entry = self.entries[handle["column"]]
+            assert handle["kind"] == entry["kind"]
+            weight = entry["values"]
+            if entry["kind"] == "distance":
+                weight = CURVES[handle["falloff"]](np.maximum(1 - weight / handle["reach"], 0))
+                weight = np.maximum(weight - held, 0)
+                if entry["geodesic"] is not None:
+                    weight = weight * (1 - entry["geodesic"]) ** handle["exponent"]
+                weight = handle["strength"] * np.minimum(handle["gain"] * weight, 1)
+            columns.append(weight)
+        return np.stack(columns, axis=1)
+
+
+CURVES: dict[str, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {
+    "linear": lambda x: x,
+    "smooth": lambda x: x * x * (3 - 2 * x),
+    "sharp": np.square,
+    "root": np.sqrt,
+    "sphere": lambda x: np.sqrt(x * (2 - x)),
+    "constant": lambda x: (x > 0) * 1.0,
+}
+
+
+@pytest.fixture
+def client(deformer: Deformer) -> Client:
+    return Client(deformer)
+
+
+def test_the_formula_gives_the_bound_weights(client: Client) -> None:
+    deformer = client.deformer
+    deformer.add(3)
+    deformer.add([0.1, 0.4, 0.1])
+    np.testing.assert_allclose(client.weights(), deformer.weights, atol=5e-5)
+    deformer.fix(900, strength=0.5)
+    deformer.fix([0.0, 0.9, -0.2], strength=0.3)
+    assert client.listen()["handles"][0]["gain"] > 1
+    np.testing.assert_allclose(client.weights(), deformer.weights, atol=3e-4)
+    deformer.change(1, locality=3.0)
+    deformer.change(2, radius="40%")
+    deformer.set_symmetry("x")
+    np.testing.assert_allclose(client.weights(), deformer.weights, atol=1e-3)
+    deformer.arrive = False
+    np.testing.assert_allclose(client.weights(), deformer.weights, atol=5e-4)
+
+
+@pytest.mark.parametrize("falloff", ["linear", "smooth", "sharp", "sphere"])
+@pytest.mark.parametrize("reach", [0.5, 1.7, "auto"])
+def test_reach_and_falloff_are_the_pages_own(client: Client, falloff: Any, reach: float | str) -> None:
+    deformer = client.deformer
+    deformer.add(3)
+    client.listen()
+    deformer.change(1, reach=reach, falloff=falloff, strength=0.7)
+    # An end of the reach is a place where the square root of what is left has no slope to speak of.
+    atol = 2e-2 if falloff == "sphere" else 3e-4
+    np.testing.assert_allclose(client.weights(), deformer.weights, atol=atol)
+    assert client.received == 0
+
+
+def test_regions_and_limits_travel_as_weights(client: Client) -> None:
+    deformer = client.deformer
+    deformer.add(np.arange(40))
+    deformer.add(700, within=np.arange(600, 900))
+    deformer.fix(np.arange(100, 140), strength=0.8)
+    np.testing.assert_allclose(client.weights(), deformer.weights, atol=2e-5)
+    assert [handle["kind"] for handle in client.listen()["handles"]] == ["weight", "weight"]
+    assert client.listen()["handles"][0]["region"] == 40
+    deformer.change(2, reach=0.5)
+    np.testing.assert_allclose(client.weights(), deformer.weights, atol=2e-5)
+
+
+@pytest.mark.parametrize("level", [False, True])
+@pytest.mark.parametrize("mode", ["own", "only"])
+@pytest.mark.parametrize("pivot", [None, (0.3, 0.2, 0.1)])
+def test_instances_act_as_the_kernel_poses_them(client: Client, level: bool, mode: Any, pivot: Any) -> None:
+    deformer = client.deformer
+    vertices = deformer.mesh.vertices
+    foot = int(np.argmin(vertices[:, 1] - vertices[:, 0] - vertices[:, 2]))
+    deformer.add(foot, translation=(0.1, 0.2, 0), rotation=(0, 0, 30), pivot=pivot, instances=mode, level=level)
+    (weights,) = client.weights().T
+    (handle,) = client.listen()["handles"]
+    transform = deformer.handles[0].transform
+    moved = vertices.copy()
+    instances = client.entries[handle["column"]]["instances"]
+    assert len(instances) >= 1
+    for entry in instances:
+        frame, center = np.array(entry["frame"]), np.array(entry["pivot"])
+        if handle["own_pivot"]:
+            center = np.array(entry["position"]) + frame @ np.subtract(handle["pivot"], handle["position"])
+        linear = frame @ transform.linear @ frame.T
+        goal = (vertices - center) @ linear.T + center + frame @ transform.translation
+        moved += np.minimum(entry["gain"] * entry["share"] * weights, 1)[:, None] * (goal - vertices)
+    np.testing.assert_allclose(moved, deformer.vertices, atol=4e-3)  # a share has 256 steps
+
+
+def test_a_column_travels_once(client: Client) -> None:
+    deformer = client.deformer
+    deformer.add(3)
+    client.listen()
+    assert client.received == 1
+    deformer.move(1, translation=(0, 1, 0))
+    deformer.change(1, name="a name")
+    client.listen()
+    assert client.received == 0
+    deformer.add(10)
+    client.listen()
+    assert client.received == 1
+
+
+def test_a_page_that_comes_anew_gets_all(client: Client) -> None:
+    client.deformer.add(3)
+    client.deformer.fix(50)
+    client.listen()
+    client.columns.forget()
+    client.listen()
+    assert client.received == 2
+
+
+def test_what_came_back_by_undo_is_the_same_column(client: Client) -> None:
+    deformer = client.deformer
+    deformer.add(3)
+    (first,) = client.listen()["handles"]
+    deformer.change(1, at=20)
+    (second,) = client.listen()["handles"]
+    deformer.undo()
+    (third,) = client.listen()["handles"]
+    assert first["column"] == third["column"] != second["column"]
+
+
+def test_the_heat_of_a_probe_is_the_column_of_a_handle_there(client: Client) -> None:
+    deformer = client.deformer
+    header, arrays = unpack(heat_message(deformer, place_on(deformer.mesh, 3), request=9))
+    assert (header["id"], header["vertex"]) == (9, 3)
+    deformer.add(3)
+    weights = np.maximum(1 - arrays["values"] * (header["scale"] / 65535), 0)
+    np.testing.assert_allclose(weights, deformer.weights[:, 0], atol=5e-5)
+    assert arrays["values"][3] == 0

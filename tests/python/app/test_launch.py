@@ -1,0 +1,156 @@
+"""The command and the notebook: one line that says where the page is, or what to do."""
+
+from __future__ import annotations
+
+import re
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx2 as httpx
+import numpy as np
+import pytest
+from app_page import Page, Shape
+
+from dfd.app import launch, show
+from dfd.app.launch import RunningApp, check_built, serve
+from dfd.app.options import SessionOptions
+from dfd.cli import main
+from dfd.editing.deformer import Deformer
+
+
+def run(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
+    with pytest.raises(SystemExit) as done:
+        main(["app", *arguments])
+    assert isinstance(done.value.code, int)
+    return done.value.code, capsys.readouterr().err
+
+
+def test_a_page_that_is_not_built_is_said_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(launch, "STATIC", tmp_path / "static")
+    monkeypatch.setattr(launch, "check_built", lambda: check_built(tmp_path / "static"))
+    code, said = run(["--no-browser"], capsys)
+    assert code == 2
+    assert said.count("\n") == 1
+    assert "npm ci && npm run build" in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["nothing.glb"], "nothing.glb does not exist"),
+        (["--field", "nothing"], "nothing does not exist"),
+        (["--field", __file__], "MESH must be given"),
+        ([__file__, "--sample", "chair"], "`--sample` must not be given beside MESH"),
+        (["--sample", "sofa"], "no sample 'sofa'"),
+    ],
+)
+def test_what_cannot_be_opened_is_said_in_one_line(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, said = run(["--no-browser", *arguments], capsys)
+    assert code == 2
+    assert message in said
+    assert said.count("\n") == 1
+
+
+def test_a_port_that_is_taken_is_said(static: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(launch, "check_built", lambda: None)
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(OSError, match=f"127.0.0.1:{port} cannot be listened at"):
+            serve(SessionOptions(), host="127.0.0.1", port=port, browser=False, tell=print)
+
+
+PROGRAM = """
+import sys
+from pathlib import Path
+from dfd.app import launch
+launch.check_built = lambda: None
+create = launch.create
+launch.create = lambda *args, **options: create(*args, **{**options, "static": Path(sys.argv[1])})
+from dfd.cli import main
+main(["app", sys.argv[2], "--field", sys.argv[3], "--no-browser", "--port", "0"])
+"""
+
+
+def test_the_command_prints_an_address_serves_it_and_leaves_nothing(shape: Shape, static: Path, tmp_path: Path) -> None:
+    arguments = [sys.executable, "-c", PROGRAM, str(static), str(shape.mesh), str(shape.field)]
+    import os
+
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    process = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True, env=environment)
+    assert process.stdout is not None
+    with process, process.stdout:
+        line = process.stdout.readline()
+        assert re.fullmatch(r"http://127\.0\.0\.1:\d+/\?token=[\w-]{32,}\n", line)
+        with httpx.Client(follow_redirects=True, trust_env=False) as http:
+            while True:
+                try:
+                    response = http.get(line.strip())
+                    break
+                except httpx.ConnectError:
+                    assert process.poll() is None
+        assert "<title>dfd</title>" in response.text
+        assert any(tmp_path.glob("dfd-app-*"))
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) in (0, 130)
+    assert not any(tmp_path.glob("dfd-app-*"))
+
+
+@pytest.fixture
+def shown(deformer: Deformer, static: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[RunningApp]:
+    monkeypatch.setattr(launch, "check_built", lambda: None)
+    monkeypatch.setattr(
+        launch.RunningApp.__init__, "__kwdefaults__", {**launch.RunningApp.__init__.__kwdefaults__, "static": static}
+    )
+    frame = show(deformer)
+    yield frame.app
+    frame.app.stop()
+
+
+def test_a_notebook_and_its_page_share_the_session(shown: RunningApp, deformer: Deformer) -> None:
+    page = Page(shown)
+    page.open()
+    page.alive()
+    page.ask("add", at={"vertex": 5}, transform={"translation": [0, -0.3, 0]})
+    assert deformer.handles[0].transform.translation == (0, -0.3, 0)
+    deformer.move(1, translation=(0, 0.2, 0))
+    state = page.until(lambda message: message["type"] == "state")
+    assert state["handles"][0]["translation"] == [0, 0.2, 0]
+    positions = page.ask("compute")["arrays"]["positions"]
+    np.testing.assert_allclose(positions + page.last("mesh")["center"], deformer.vertices, atol=1e-6)
+    page.close()
+    assert page.open()["resumed"]
+    assert page.alive()["handles"]
+    page.close()
+
+
+def test_a_frame_goes_by_the_notebooks_name(shown: RunningApp, deformer: Deformer) -> None:
+    frame = show(deformer, height=300)
+    assert frame.app is shown, "one server for one session"
+    text = frame._repr_html_()
+    assert f'src="{shown.url}"' in text
+    assert 'height="300"' in text
+    with Page(shown).http() as http:
+        assert (
+            "frame-ancestors http://localhost:* http://127.0.0.1:*" in http.get("/").headers["content-security-policy"]
+        )
+
+
+def test_other_machines_are_let_in_with_a_warning(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    served: list[str] = []
+    monkeypatch.setattr(launch, "serve", lambda options, *, host, **_: served.append(host))
+    code, said = run(["--no-browser", "--host", "0.0.0.0"], capsys)
+    assert (code, served) == (0, ["0.0.0.0"])
+    assert "lets other machines in" in said
+    assert run(["--no-browser"], capsys) == (0, "")

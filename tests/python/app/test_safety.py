@@ -1,0 +1,170 @@
+"""The guard: nobody but the page that this server gave to its own person gets through, over HTTP or WebSocket."""
+
+from __future__ import annotations
+
+import pytest
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.testclient import TestClient
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from dfd.app.safety import NOT_ALLOWED, Guard, Rules, loopback
+
+HOST = "127.0.0.1:8765"
+ORIGIN = f"http://{HOST}"
+
+
+async def secret(request: Request) -> Response:
+    return PlainTextResponse("secret")
+
+
+async def echo(socket: WebSocket) -> None:
+    await socket.accept()
+    await socket.send_text("secret")
+    await socket.close()
+
+
+def client(rules: Rules | None = None, *, known: bool = True, host: str = HOST) -> TestClient:
+    rules = rules or Rules(token="the-token")
+    app = Starlette(
+        routes=[Route("/", secret, methods=["GET", "POST"]), WebSocketRoute("/ws", echo)],
+        middleware=[Middleware(Guard, rules=rules)],
+    )
+    cookies = {rules.cookie: rules.token} if known else {}
+    return TestClient(app, base_url=f"http://{host}", cookies=cookies, follow_redirects=False)
+
+
+def test_the_address_with_the_token_gives_a_cookie_and_goes_on_without_it() -> None:
+    browser = client(known=False)
+    response = browser.get("/?token=the-token&look=clay")
+    assert response.status_code == 303
+    assert response.headers["location"] == "/?look=clay"
+    cookie = response.headers["set-cookie"].lower()
+    assert "httponly" in cookie
+    assert "samesite=strict" in cookie
+    assert browser.get("/").text == "secret"
+
+
+@pytest.mark.parametrize("query", ["", "?token=", "?token=another", "?token=the-token2", "?token=th%C3%A9"])
+def test_without_the_token_there_is_nothing(query: str) -> None:
+    response = client(known=False).get(f"/{query}")
+    assert response.status_code == 403
+    assert "secret" not in response.text
+    assert "set-cookie" not in response.headers
+
+
+def test_a_wrong_cookie_is_none() -> None:
+    browser = client(known=False)
+    browser.cookies.set("dfd", "another")
+    assert browser.get("/").status_code == 403
+
+
+def test_the_token_opens_no_other_door() -> None:
+    browser = client(known=False)
+    assert browser.post("/?token=the-token", headers={"Origin": ORIGIN}).status_code == 403
+    with (
+        pytest.raises(WebSocketDisconnect),
+        browser.websocket_connect("/ws?token=the-token", headers={"Host": HOST, "Origin": ORIGIN}),
+    ):
+        pass
+
+
+def test_who_followed_a_link_takes_one_more_step() -> None:
+    """A strict cookie does not come with a redirect that began on another site."""
+    headers = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate"}
+    response = client(known=False).get("/", headers=headers)
+    assert response.headers["refresh"] == "0; url=/"
+    assert response.text == ""
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:8765", "127.0.0.1.evil.example:8765", "10.0.0.1:8765", ""]
+)
+def test_another_host_is_refused(host: str) -> None:
+    assert client().get("/", headers={"Host": host}).status_code == 421
+    with (
+        pytest.raises(WebSocketDisconnect) as refused,
+        client().websocket_connect("/ws", headers={"Host": host, "Origin": f"http://{host}"}),
+    ):
+        pass
+    assert refused.value.code == NOT_ALLOWED
+
+
+@pytest.mark.parametrize("host", [HOST, "localhost:8765", "LOCALHOST:9000", "[::1]:8765", "127.0.0.1"])
+def test_names_of_this_machine_are_known(host: str) -> None:
+    assert client(host=host).get("/").text == "secret"
+
+
+@pytest.mark.parametrize(
+    "origin",
+    ["null", "http://evil.example", "https://127.0.0.1:8765", "http://127.0.0.1:1", "http://localhost:8765", "", None],
+)
+def test_a_page_of_another_origin_is_refused(origin: str | None) -> None:
+    headers = {} if origin is None else {"Origin": origin}
+    assert client().post("/", headers=headers).status_code == 403
+    with (
+        pytest.raises(WebSocketDisconnect) as refused,
+        client().websocket_connect("/ws", headers={"Host": HOST, **headers}),
+    ):
+        pass
+    assert refused.value.code == NOT_ALLOWED
+    if origin is not None:
+        assert client().get("/", headers=headers).status_code == 403
+
+
+def test_its_own_page_gets_through() -> None:
+    assert client().post("/", headers={"Origin": ORIGIN}).text == "secret"
+    with client().websocket_connect("/ws", headers={"Host": HOST, "Origin": ORIGIN}) as socket:
+        assert socket.receive_text() == "secret"
+
+
+def test_a_websocket_needs_the_cookie() -> None:
+    with (
+        pytest.raises(WebSocketDisconnect) as refused,
+        client(known=False).websocket_connect("/ws", headers={"Host": HOST, "Origin": ORIGIN}),
+    ):
+        pass
+    assert refused.value.code == NOT_ALLOWED
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_every_answer_holds_the_page_to_itself(known: bool) -> None:
+    headers = client(known=known).get("/").headers
+    policy = dict(part.split(" ", 1) for part in headers["content-security-policy"].split("; "))
+    assert policy["default-src"] == "'none'"
+    assert policy["script-src"] == policy["style-src"] == policy["connect-src"] == "'self'"
+    assert policy["frame-ancestors"] == "'none'"
+    assert "unsafe" not in headers["content-security-policy"]
+    assert headers["x-content-type-options"] == "nosniff"
+    assert headers["referrer-policy"] == "no-referrer"
+    assert headers["x-frame-options"] == "DENY"
+    assert headers["cross-origin-resource-policy"] == "same-origin"
+    assert headers["cache-control"] == "no-store"
+
+
+def test_frames_are_for_who_was_named() -> None:
+    headers = client(Rules(token="t", frames=("http://localhost:*",))).get("/").headers
+    assert headers["content-security-policy"].endswith("frame-ancestors http://localhost:*")
+    assert "x-frame-options" not in headers
+
+
+def test_a_server_for_other_machines_goes_by_numbers_and_not_by_any_name() -> None:
+    rules = Rules(host="0.0.0.0")
+    assert rules.knows_host("192.168.3.4")
+    assert rules.knows_host("localhost")
+    assert not rules.knows_host("evil.example")
+    assert not Rules(host="127.0.0.1").knows_host("192.168.3.4")
+    assert Rules(host="workstation.lab").knows_host("workstation.lab")
+
+
+def test_loopback() -> None:
+    assert all(map(loopback, ["127.0.0.1", "127.1.2.3", "::1", "localhost"]))
+    assert not any(map(loopback, ["0.0.0.0", "::", "192.168.0.1", "example.org"]))
+
+
+def test_tokens_are_long_and_differ() -> None:
+    assert len({Rules().token for _ in range(10)}) == 10
+    assert len(Rules().token) >= 32

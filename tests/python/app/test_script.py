@@ -1,0 +1,121 @@
+"""What was done, as Python and as a command: both make the same shape."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from app_page import Shape
+
+import dfd
+from dfd.app.exports import export, file_stem
+from dfd.app.script import as_command, as_python
+from dfd.cli import main
+from dfd.editing.deformer import Deformer
+
+
+def one_handle(deformer: Deformer) -> None:
+    deformer.add(5, translation=(0, -0.3, 0.1), rotation=(0, 20, 0), scale=(1, 2, 1), pivot=(0, 0.5, 0), locality=2.0)
+    deformer.fix(900)
+
+
+def several(deformer: Deformer) -> None:
+    one_handle(deformer)
+    deformer.fix((-0.1, 0.5, 0.0))
+    deformer.add((-0.2, 0.9, 0.1), scale=1.5, name='the "back"')
+    deformer.set_symmetry("x")
+    deformer.set_default(rotation=(0, 5, 0))
+
+
+def nothing(deformer: Deformer) -> None:
+    pass
+
+
+def negative(deformer: Deformer) -> None:
+    deformer.add((-0.2, 0.9, 0.1), translation=(-0.1, -0.2, -1e-7))
+
+
+def controls(deformer: Deformer) -> None:
+    deformer.add(5, translation=(0, -0.3, 0), reach=0.6, falloff="smooth", strength=0.5, radius="50%")
+    deformer.fix(900, strength=0.25)
+    deformer.overlap = "normalize"
+
+
+def regions(deformer: Deformer) -> None:
+    deformer.add(np.arange(50), translation=(0, -0.3, 0))
+    deformer.fix(np.arange(300, 350))
+
+
+EDITS = [controls, regions, one_handle, several, nothing, negative]
+
+
+@pytest.fixture
+def beside(shape: Shape, deformer: Deformer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder as a person would have it, and the process in it."""
+    (tmp_path / "chair.glb").write_bytes(shape.mesh.read_bytes())
+    (tmp_path / "chair.field.safetensors").write_bytes(shape.field.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_the_python_makes_the_same_shape(edit: Callable[[Deformer], None], deformer: Deformer, beside: Path) -> None:
+    edit(deformer)
+    deformer.save(beside / "chair_edit.json")
+    exec(as_python(deformer, "chair.glb"), {})
+    made = dfd.load(beside / "chair_edited.glb")
+    np.testing.assert_allclose(made.vertices, deformer.vertices, atol=2e-6)
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_the_command_makes_the_same_shape(edit: Callable[[Deformer], None], deformer: Deformer, beside: Path) -> None:
+    edit(deformer)
+    deformer.save(beside / "chair_edit.json")
+    program, *arguments = shlex.split(as_command(deformer, "chair.glb"))
+    assert program == "dfd"
+    with pytest.raises(SystemExit) as done:
+        main(arguments)
+    assert done.value.code == 0
+    made = dfd.load(beside / "chair_edited.glb")
+    np.testing.assert_allclose(made.vertices, deformer.vertices, atol=2e-6)
+
+
+def test_one_handle_needs_no_file(deformer: Deformer) -> None:
+    one_handle(deformer)
+    assert "--edit" not in as_command(deformer, "chair.glb")
+
+
+def test_a_name_with_quotes_stays_one_word(deformer: Deformer) -> None:
+    name = "my \"chair\"; rm -rf '$HOME'.glb"
+    deformer.add(5, name='"); import os; ("')
+    assert shlex.split(as_command(deformer, name))[2] == name
+    compile(as_python(deformer, name), "script", "exec")
+    assert file_stem(name) == "my_chair_rm_-rf_HOME"
+
+
+@pytest.mark.parametrize("kind", ["glb", "obj", "ply", "stl"])
+def test_an_export_is_the_kernels_shape(kind: str, deformer: Deformer, tmp_path: Path) -> None:
+    several(deformer)
+    folder = tmp_path / ("0" * 32)
+    url, name = export(deformer, kind, "chair.glb", folder, None)
+    assert name == f"chair_edited.{kind}"
+    (file,) = (folder / "exports" / url.rsplit("/", 1)[1]).iterdir()
+    made = dfd.load(file)
+    atol = 1e-5 if kind == "stl" else 2e-6
+    np.testing.assert_allclose(made.vertices[made.faces], deformer.vertices[deformer.mesh.faces], atol=atol)
+
+
+def test_edit_and_field_can_be_taken_along(deformer: Deformer, tmp_path: Path) -> None:
+    several(deformer)
+    folder = tmp_path / ("0" * 32)
+    for kind, ending in (("edit", "_edit.json"), ("field", ".field.safetensors")):
+        url, name = export(deformer, kind, "../../chair.glb", folder, None)
+        assert name == f"chair{ending}"
+        (file,) = (folder / "exports" / url.rsplit("/", 1)[1]).iterdir()
+        if kind == "edit":
+            assert Deformer.load(file, deformer.mesh, deformer.field).edit == deformer.edit
+        else:
+            np.testing.assert_array_equal(dfd.Field.load(file)([[0, 0, 0]]), deformer.field([[0, 0, 0]]))

@@ -1,0 +1,282 @@
+"""Which way is up: what may be said, what a surface tells, what was learned, and that pictures follow it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+from tiny_encoder import save_tiny_encoder
+
+import dfd
+from dfd.distillation.settings import DistillSettings
+from dfd.distillation.side_views import look_from_sides
+from dfd.distillation.standing import EVIDENCE, Standing, axis_frames
+from dfd.distillation.up import UP_WORDS, Up, check_up, said_up
+from dfd.distillation.up_probe import FOLDER, TERMS, UpProbe, directions, find_probe
+from dfd.distillation.upright import candidates, find_up, prior
+from dfd.encoders.encode import load_encoder
+from dfd.views.render import render
+
+TABLE_LEGS = ((-0.9, -0.4), (-0.9, 0.4), (0.9, -0.4), (0.9, 0.4))
+
+
+def box(low, high):
+    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+    return corners, np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]])
+
+
+def table():
+    """A table: upright, longer than it is deep, y up."""
+    parts = [box((-1, 0.9, -0.5), (1, 1.0, 0.5))]
+    parts += [box((x - 0.05, 0, z - 0.05), (x + 0.05, 0.9, z + 0.05)) for x, z in TABLE_LEGS]
+    vertices = np.concatenate([corners for corners, _ in parts])
+    faces = np.concatenate([faces + 8 * number for number, (_, faces) in enumerate(parts)])
+    return dfd.Mesh(vertices, faces)
+
+
+@pytest.fixture(scope="module")
+def encoder(tmp_path_factory):
+    return load_encoder(save_tiny_encoder(tmp_path_factory.mktemp("encoder")), device="cpu", precision="float32")
+
+
+def probe_of(encoder, **changes):
+    """A probe that goes by the surface alone: what stands stably and shows the least of its sides is upright."""
+    width = encoder.dimension + 1
+    odds = np.zeros(len(TERMS))
+    odds[[TERMS.index("stable"), TERMS.index("facing up"), TERMS.index("mirrors flat")]] = 10.0, 5.0, 20.0
+    own = encoder.settings()
+    plain = UpProbe(
+        np.zeros((width, 3), np.float32),
+        np.zeros(width, np.float32),
+        odds,
+        0.0,
+        0.0,
+        str(own["encoder_weights"]),
+        int(own["encoder_block"]),
+    )
+    return replace(plain, **changes)
+
+
+@pytest.mark.parametrize("up", UP_WORDS)
+def test_words_pass(up):
+    assert check_up(up) == up
+
+
+@pytest.mark.parametrize(
+    ("up", "direction"),
+    [("y", "+y"), ((0, 0, 2), (0, 0, 1)), ([0.0, -3.0, 0.0], (0, -1, 0)), ("0, 3, 4", (0, 0.6, 0.8))],
+)
+def test_directions_pass_at_unit_length(up, direction):
+    assert check_up(up) == pytest.approx(direction) if isinstance(direction, tuple) else check_up(up) == direction
+
+
+@pytest.mark.parametrize("up", ["up", "", "+w", "1,2", (0, 0, 0), (1, 2), (np.nan, 0, 1), None, 3, ["a", "b", "c"]])
+def test_what_is_no_direction_is_refused(up):
+    with pytest.raises(ValueError, match=re.escape("distill: `up` must be one of auto, file, +x, -x")) as raised:
+        DistillSettings(up=up)
+    assert repr(up) in str(raised.value)
+
+
+def test_a_mesh_without_extent_along_up_is_refused():
+    sheet = dfd.Mesh([[0, 0, 0], [1, 0, 0], [0, 0, 1]], [[0, 1, 2]])
+    with pytest.raises(ValueError, match=r"`up` must be a direction that `mesh` has some extent along, got '\+y'"):
+        said_up(sheet, "+y")
+    assert said_up(sheet, "file").direction.tolist() == [0, 1, 0]  # as before there was anything to say
+
+
+@given(st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda up: np.linalg.norm(up) > 1e-3))
+@settings(max_examples=50, deadline=None)
+def test_frames_are_rotations_with_that_up(up):
+    frame = said_up(table(), check_up(up)).frame
+    assert np.allclose(frame @ frame.T, np.eye(3))
+    assert np.linalg.det(frame) == pytest.approx(1)
+    assert np.allclose(frame[1], np.array(up) / np.linalg.norm(up))
+
+
+def test_the_files_own_up_is_no_turn_at_all():
+    assert np.array_equal(said_up(table(), "+y").frame, np.eye(3))
+    assert str(said_up(table(), "+y")) == "+y"
+    assert str(Up(said_up(table(), (0.0, 0.6, 0.8)).frame, 1.0, "said")) == "0.000, 0.600, 0.800"
+
+
+def test_six_frames_of_an_axis_each():
+    frames = np.stack(axis_frames(np.eye(3)))
+    assert sorted(frames[:, 1].tolist()) == sorted(np.concatenate([np.eye(3), -np.eye(3)]).tolist())
+    assert np.allclose(np.linalg.det(frames), 1)
+    assert np.array_equal(frames[2], np.eye(3))
+
+
+def test_evidence_of_a_table():
+    mesh = table()
+    standing = Standing(mesh.vertices, mesh.faces)
+    upright, upside_down = (
+        dict(zip(EVIDENCE, standing.evidence(frame), strict=True)) for frame in axis_frames(np.eye(3))[2:4]
+    )
+    assert upright["stable"] == upside_down["stable"] == 1
+    assert upright["base"] == pytest.approx(1.9 * 0.9 / (2 * 1), rel=1e-6)
+    assert upside_down["base"] == pytest.approx(1, rel=1e-6)
+    assert upright["near the base"] < upside_down["near the base"]
+    assert upright["mirrors upright"] < 0.02 < upright["mirrors flat"]
+
+
+def test_a_table_on_two_of_its_legs_would_fall():
+    mesh = table()
+    angle = np.radians(20)
+    frame = np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    assert Standing(mesh.vertices, mesh.faces).evidence(frame)[EVIDENCE.index("stable")] == 0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_tilted_shape_gets_axes_of_its_own(seed):
+    mesh = table()
+    assert np.array_equal(Standing(mesh.vertices, mesh.faces).frame(), np.eye(3))
+    rotation = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+    frame = Standing(mesh.vertices @ rotation.T, mesh.faces).frame()
+    assert np.linalg.det(frame) == pytest.approx(1)
+    assert np.abs(frame @ rotation[:, 1]).max() > np.cos(np.radians(3))
+
+
+def test_a_tilted_shape_has_the_files_axes_first_among_its_candidates():
+    assert len(candidates(np.eye(3))) == 6
+    frame = Rotation.random(rng=np.random.default_rng(0)).as_matrix()
+    found = candidates(frame)
+    assert len(found) == 20
+    assert np.allclose(found[:6], axis_frames(np.eye(3)))
+    assert np.allclose(np.linalg.det(found), 1)
+
+
+def test_side_views_are_the_same_whichever_axis_is_up(encoder):
+    mesh = table()
+    seen = look_from_sides(mesh, encoder, np.eye(3))
+    other = look_from_sides(mesh, encoder, axis_frames(np.eye(3))[4])
+    assert len(seen.axes) == 24
+    assert np.allclose(np.linalg.det(seen.axes), 1)
+    assert seen.weight.sum() == pytest.approx(1)
+    assert np.abs(seen.place).max() == pytest.approx(1)
+    maps = np.random.default_rng(0).normal(size=(2, encoder.dimension + 1, 3))
+    for one, two in zip(
+        directions(seen, maps[0], maps[1, :, 0]), directions(other, maps[0], maps[1, :, 0]), strict=True
+    ):
+        assert np.allclose(one, two, atol=1e-3 * np.abs(one).max())
+
+
+def test_directions_of_made_tokens(encoder):
+    """Tokens that are their own height rise along up; tokens that know where up is point there."""
+    seen = look_from_sides(table(), encoder, np.eye(3))
+    up_in_picture = seen.axes[seen.picture, :, 1]
+    tokens = np.concatenate([up_in_picture, seen.place[:, 1:2]], axis=1).astype(np.float32)
+    pointing, rising = directions(replace(seen, tokens=tokens), np.eye(4)[:, :3], np.eye(4)[3])
+    assert np.allclose(pointing, [0, 1, 0], atol=1e-5)
+    assert rising[1] / np.linalg.norm(rising) > 0.999
+
+
+@pytest.mark.parametrize("up", range(6))
+def test_a_table_is_found_whichever_way_it_lies(encoder, up):
+    rotation = axis_frames(np.eye(3))[up].T  # takes +y to that axis
+    mesh = table()
+    lying = dfd.Mesh(mesh.vertices @ rotation.T, mesh.faces)
+    before = lying.vertices.copy()
+    found = find_up(lying, encoder, probe=probe_of(encoder))
+    assert found.source == "found"
+    assert 0 < found.confidence <= 1
+    assert abs(found.direction @ rotation[:, 1]) == pytest.approx(1)
+    assert np.array_equal(lying.vertices, before)
+
+
+def test_the_prior_decides_where_nothing_else_does(encoder):
+    silent = probe_of(encoder, odds=np.zeros(len(TERMS)), file_up=2.0, file_z=1.0)
+    found = find_up(table(), encoder, probe=silent)
+    assert np.array_equal(found.frame, np.eye(3))
+    odds = np.exp([0, 0, 2, 0, 1, 1])
+    assert found.confidence == pytest.approx(odds[2] / odds.sum())
+    assert [prior(silent, frame) for frame in axis_frames(np.eye(3))] == [0, 0, 2, 0, 1, 1]
+
+
+def test_another_encoders_probe_is_refused_and_without_one_the_files_up_stays(encoder):
+    with pytest.raises(ValueError, match="`probe` was learned from another encoder"):
+        find_up(table(), encoder, probe=probe_of(encoder, encoder_block=encoder.block + 1))
+    assert find_probe(encoder) is None
+    found = find_up(table(), encoder)
+    assert (found.source, found.confidence) == ("file", 0)
+    assert np.array_equal(found.frame, np.eye(3))
+
+
+@pytest.mark.parametrize("vertices", [[[0, 0, 0]] * 3, [[0, 0, 0], [1, 0, 0], [2, 0, 0]]])
+def test_meshes_without_area_keep_the_files_up(encoder, vertices):
+    assert find_up(dfd.Mesh(vertices, [[0, 1, 2]]), encoder, probe=probe_of(encoder)).source == "file"
+
+
+def test_a_flat_sheet_is_looked_at_like_anything_else(encoder):
+    sheet = dfd.Mesh([[0, 0, 0], [1, 0, 0], [0, 0, 1], [1, 0, 1]], [[0, 1, 2], [1, 3, 2]])
+    found = find_up(sheet, encoder, probe=probe_of(encoder))
+    assert np.isfinite(found.confidence)
+    assert np.allclose(found.frame @ found.frame.T, np.eye(3))
+
+
+def test_probes_come_back_from_their_files(encoder, tmp_path):
+    probe = probe_of(encoder, file_up=1.5)
+    probe.save(tmp_path / "probe.safetensors")
+    again = UpProbe.load(tmp_path / "probe.safetensors")
+    assert again.fits(encoder)
+    assert again.file_up == 1.5
+    assert np.array_equal(again.odds, probe.odds)
+
+
+def test_damaged_and_foreign_probes_are_refused(encoder, tmp_path):
+    whole, cut, other = (tmp_path / f"{name}.safetensors" for name in ("whole", "cut", "other"))
+    probe_of(encoder).save(whole)
+    cut.write_bytes(whole.read_bytes()[:-10])
+    with pytest.raises(ValueError, match=r"is no whole \.safetensors file"):
+        UpProbe.load(cut)
+    from safetensors.numpy import save_file
+
+    save_file({"height": np.zeros(3, np.float32)}, other)
+    with pytest.raises(ValueError, match="holds no probe"):
+        UpProbe.load(other)
+    probe_of(encoder, odds=np.full(len(TERMS), np.nan)).save(whole)
+    with pytest.raises(ValueError, match="`odds` in .* must be finite"):
+        UpProbe.load(whole)
+
+
+def test_the_packages_own_probes_are_whole():
+    found = [UpProbe.load(path) for path in sorted(FOLDER.glob("*.safetensors"))]
+    assert found
+    assert all(probe.file_up > probe.file_z >= 0 for probe in found)
+
+
+def test_pictures_in_a_frame_are_those_of_the_turned_mesh():
+    """A mesh that lies on its side, in the frame in which it stands, looks like the same mesh standing."""
+    mesh = table()
+    z_up = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    lying = dfd.Mesh(mesh.vertices @ z_up.T, mesh.faces)
+    frame = said_up(lying, "+z").frame
+    assert np.allclose(frame, z_up.T)
+    standing = render(mesh, views=8, resolution=64, mirrored=True)
+    seen = render(lying, views=8, resolution=64, mirrored=True, frame=frame)
+    assert (seen.covered == standing.covered).mean() > 0.999
+    assert (render(lying, views=8, resolution=64, mirrored=True).covered == standing.covered).mean() < 0.95
+    both = (seen.covered & standing.covered)[..., None]
+    assert np.abs(np.where(both, seen.images.astype(int) - standing.images, 0)).mean() < 0.5
+    assert np.array_equal(seen.frame, frame)
+    back = seen.points @ z_up  # the points are in the mesh's own coordinates
+    assert np.allclose(
+        [back.min(axis=0), back.max(axis=0)], [standing.points.min(axis=0), standing.points.max(axis=0)], atol=0.05
+    )
+
+
+def test_a_field_says_which_way_was_up(encoder):
+    few = {"views": 4, "resolution": 56, "steps": 2, "batch": 8, "progress": False, "cache": False}
+    field = dfd.distill(table(), encoder, up="-z", **few)
+    assert field.settings["up"] == "-z"
+    assert field.settings["up_direction"] == [0, 0, -1]
+    assert field.settings["up_source"] == "said"
+    auto = dfd.distill(table(), encoder, **few)
+    plain = dfd.distill(table(), encoder, up="file", **few)
+    assert (auto.settings["up"], auto.settings["up_source"]) == ("auto", "file")
+    assert np.array_equal(auto(table().vertices), plain(table().vertices))

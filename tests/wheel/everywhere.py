@@ -1,0 +1,104 @@
+"""Build the wheel, repair it, and try it in a fresh environment of every Python ≥ 3.10 that is to be found.
+
+python tests/wheel/everywhere.py [FOLDER], FOLDER being where the wheel goes. Each environment holds the wheel and the
+packages of `ALONE`, without torch; that of the newest Python that torch can be installed for is then given torch too.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+ALONE = ["numpy", "nanobind-backend", "safetensors"]
+OLDEST = (3, 10)
+
+
+def main(folder: Path) -> int:
+    """Return the number of environments that the wheel fails in, or 1 where there is none."""
+    wheel = repaired(folder)
+    print(f"{wheel.name}: {wheel.stat().st_size / 1e6:.1f} MB", flush=True)
+    found = sorted(pythons().items(), reverse=True)
+    failed = 0
+    torch_tried = False
+    for version, python in found:
+        with tempfile.TemporaryDirectory() as place:
+            environment = Path(place)
+            run(python, "-m", "venv", environment)
+            inside = environment / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+            install(inside, *ALONE)
+            install(inside, "--no-deps", wheel)
+            passed = smoke(inside)
+            if not torch_tried and install(inside, "torch", wanted=False):
+                torch_tried = True
+                passed = smoke(inside) and passed
+        print(f"Python {'.'.join(map(str, version))}: {'passed' if passed else 'FAILED'}", flush=True)
+        failed += not passed
+    return failed if found else 1
+
+
+def repaired(folder: Path) -> Path:
+    """The wheel as it can be uploaded: on Linux with the tag of the oldest system that it runs on."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as place:
+        run(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "-c", "constraints.txt", "-w", place, ".")
+        (built,) = Path(place).glob("*.whl")
+        if not sys.platform.startswith("linux"):
+            return built.rename(folder / built.name)
+        run(sys.executable, "-m", "auditwheel", "repair", "-w", place + "/repaired", built)
+        (whole,) = Path(place, "repaired").glob("*.whl")
+        target = folder / whole.name
+        target.write_bytes(whole.read_bytes())
+        return target
+
+
+def pythons() -> dict[tuple[int, int], str]:
+    """Every Python that the wheel is for, by version: on the path, and of pyenv."""
+    found: dict[tuple[int, int], str] = {}
+    for path in candidates():
+        done = subprocess.run(
+            [path, "-c", "import sys, venv, ensurepip; print(*sys.version_info[:2])"],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if done.returncode == 0:  # pyenv's names on the path answer only where their version is chosen
+            major, minor = map(int, done.stdout.split())
+            if (major, minor) >= OLDEST:
+                found.setdefault((major, minor), str(path))
+    return found
+
+
+def candidates() -> Iterator[Path]:
+    for folder in map(Path, os.get_exec_path()):
+        if folder.is_dir():
+            yield from sorted(path for path in folder.iterdir() if re.fullmatch(r"python3\.\d+(\.exe)?", path.name))
+    root = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv"))
+    yield from sorted(root.glob("versions/*/bin/python"))
+    yield Path(sys.executable)
+
+
+def smoke(python: Path) -> bool:
+    """Run the smoke test away from the sources, so that what is installed is what is tried."""
+    with tempfile.TemporaryDirectory() as elsewhere:
+        bare = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+        command = [python, "-I", ROOT / "tests/wheel/smoke.py"]
+        return subprocess.run(command, cwd=elsewhere, env=bare, check=False).returncode == 0
+
+
+def install(python: Path, *what: str | Path, wanted: bool = True) -> bool:
+    command = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *what]
+    return subprocess.run(command, check=wanted, capture_output=not wanted).returncode == 0
+
+
+def run(*command: str | Path) -> None:
+    subprocess.run(command, cwd=ROOT, check=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1] if len(sys.argv) > 1 else ROOT / "dist")))
