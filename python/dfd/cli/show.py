@@ -12,6 +12,7 @@ from dfd.cli.options import (
     ArriveOption,
     FalloffOption,
     FixOption,
+    InstancesOption,
     LevelOption,
     LocalityOption,
     RadiusOption,
@@ -48,9 +49,7 @@ def show(
     locality: LocalityOption = None,
     radius: RadiusOption = None,
     strength: StrengthOption = None,
-    only: Annotated[
-        bool, typer.Option("--only", help="Show what would follow without the other instances: --instances only.")
-    ] = False,
+    instances: InstancesOption = None,
     level: LevelOption = None,
     within: WithinOption = None,
     fix: FixOption = None,
@@ -70,7 +69,7 @@ def show(
     resolution: Annotated[int, typer.Option(min=16, max=8192, help="Pixels along the side of each picture.")] = 768,
 ) -> None:
     """Draw MESH: by itself, in the colours of its features, or the weights of handles as heat."""
-    given = controls({**context.params, "instances": "only" if only else None})
+    given = controls(context.params)
     heat = field is not None and bool(handle)
     if field is None and (given or fix):
         raise ValueError("`--field` must be given: weights come from it")
@@ -145,7 +144,7 @@ def _rows(
         shown = features.principal(3) if isinstance(features, CompactFeatures) else features
         return [("features", {"colors": feature_colors(shown)})]
     with stages.stage("bind"):
-        weights: NDArray[Any] = deformer.weights
+        weights: NDArray[Any] = deformer.following
     fixed = [point.position for point in deformer.fixed] or None
     return [
         (

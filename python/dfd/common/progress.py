@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -56,4 +57,6 @@ def _bar() -> Progress:
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     ]
-    return Progress(*columns, console=Console(stderr=True))
+    # Rich warns at every bar of a notebook that lacks ipywidgets; plain text needs none.
+    plain = False if importlib.util.find_spec("ipywidgets") is None else None
+    return Progress(*columns, console=Console(stderr=True, force_jupyter=plain))

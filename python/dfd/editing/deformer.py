@@ -329,6 +329,15 @@ class Deformer(WholeShape):
         return self._weights.of(self.edit)
 
     @property
+    def following(self) -> NDArray[np.float32]:
+        """(V, H) how much vertices follow each handle: `weights`, less what `instances` and `level` change of them."""
+        weights, columns = self._weights.posing(self.edit)
+        followed = np.zeros((len(weights), len(self.handles)), np.float32)
+        for index, column in enumerate(columns):
+            followed[:, column.handle] += weights[:, index]
+        return followed
+
+    @property
     def bound(self) -> HandleWeights:
         """The weights with all that they are made of, for programs that show them."""
         return self._weights

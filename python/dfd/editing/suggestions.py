@@ -1,4 +1,4 @@
-"""Handles worth taking: a few vertices, one for each kind of part, that between them hold the whole shape."""
+"""Handles worth taking: a few vertices, one for each kind of part."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ if TYPE_CHECKING:
 
 __all__ = ["Suggestion", "suggest_handles"]
 
-SAMPLE, CANDIDATES = 4096, 512  # vertices that are to be held, and those that may hold them
+SAMPLE, CANDIDATES = 4096, 1024  # vertices that stand for the shape, and those that may be suggested
 REACH = 0.5  # so near in features a part's own vertices are to each other, and hardly those of another
-LEAST_GAIN = 0.02  # of the shape: a handle that would hold less that is not held yet is not worth its number
+LEAST_PART = 0.004  # of the shape: what looks like less of it than this is no part
+ALIKE = 0.35  # feature distance: what is nearer to a handle than this goes with it
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class Suggestion:
     vertex
         Where to hold.
     share
-        Part of the shape, by area, that it holds better than those before it.
+        Part of the shape, by area, that looks more like it than like any other suggested one.
     instances
         What would follow, its own place first.
     """
@@ -54,11 +55,11 @@ def suggest_handles(
     planes: Sequence[SymmetryPlane] = (),
     finder: InstanceFinder | None = None,
 ) -> list[Suggestion]:
-    """Suggest handles, the one that holds most of the shape first.
+    """Suggest handles, one for each kind of part: a hoof stands for all hooves, a horn for both.
 
-    Each next one is the vertex that adds most to what is held, the sum over the surface of the largest weight: the
-    greedy choice, which for such a sum is never far from the best (Nemhauser, Wolsey and Fisher, "An analysis of
-    approximations for maximizing submodular set functions", 1978). One leg stands for all legs.
+    The first is where the shape looks least like the rest of itself, and each next one where it looks least like those
+    before it: the tips that people take hold of, and in the end the body between them (Gonzalez, "Clustering to
+    minimize the maximum intercluster distance", 1985).
 
     Parameters
     ----------
@@ -72,31 +73,38 @@ def suggest_handles(
     Raises
     ------
     ValueError
-        If `count` is not at least 1.
+        If `count` is not at least 1, or no face has an area.
     """
     most = check.whole("suggest_handles", "count", count, minimum=1)
     random = np.random.default_rng(0)
     area = _areas(mesh)
-    chosen = area > 0
-    some = random.choice(
-        len(area), min(SAMPLE, int(chosen.sum())), replace=False, p=area / area.sum() if chosen.any() else None
-    )
+    if not area.any():
+        raise ValueError("suggest_handles: `mesh` must have a face with an area, got none")
+    # Drawn with repeats, so that each vertex counts by its area, however few there are.
+    drawn, counts = np.unique(random.choice(len(area), SAMPLE, p=area / area.sum()), return_counts=True)
+    order = random.permutation(len(drawn))
+    some, weight = drawn[order], counts[order] / SAMPLE
     rows = features.rows(some) if isinstance(features, CompactFeatures) else features[some]
     candidates = np.arange(min(CANDIDATES, len(some)))
-    weights = bind(rows, candidates, reach=REACH)  # (sample, candidates)
-    held = np.zeros(len(some), np.float32)
-    finder = finder or InstanceFinder(mesh)
-    found: list[Suggestion] = []
-    while len(found) < most:
-        gain = np.maximum(weights - held[:, None], 0).mean(axis=0)
-        best = int(gain.argmax())
-        if gain[best] < LEAST_GAIN and found:
+    # With a reach of 2 no distance of unit features is cut off.
+    apart = 2.0 * (1.0 - bind(rows, candidates, reach=2.0))  # (sample, candidates)
+    part = weight @ (apart < REACH) >= LEAST_PART
+    candidates = candidates[part] if part.any() else candidates
+    apart = apart[:, candidates]
+    chosen = [int((weight @ apart).argmax())]
+    while len(chosen) < most:
+        nearest = apart[candidates][:, chosen].min(axis=1)
+        if nearest.max() < ALIKE:
             break
-        held = np.maximum(held, weights[:, best])
-        vertex = int(some[best])
+        chosen.append(int(nearest.argmax()))
+    shares = np.bincount(apart[:, chosen].argmin(axis=1), weight, minlength=len(chosen))
+    finder = finder or InstanceFinder(mesh)
+    found = []
+    for column, share in zip(chosen, shares, strict=True):
+        vertex = int(some[candidates[column]])
         alike = bind(features, [vertex], reach=REACH)[:, 0]
         instances = finder.find(alike, vertex, mesh.vertices[vertex], planes=planes)
-        found.append(Suggestion(vertex, float(gain[best]), instances))
+        found.append(Suggestion(vertex, float(share), instances))
     return found
 
 

@@ -63,7 +63,7 @@ def save_before_after(
     handles = np.array([handle.place.position for handle in deformer.handles]).reshape(-1, 3)
     landed = np.array([handle.landed for handle in told]).reshape(-1, 3)
     fixed = np.array([place.position for place in deformer.fixed]).reshape(-1, 3)
-    heat = deformer.weights.max(axis=1, initial=0.0)
+    heat = deformer.following.max(axis=1, initial=0.0)
     where: dict[str, Any] = {
         "azimuth": azimuth_towards(mesh, handles) if azimuth is None else azimuth,
         "elevation": elevation,

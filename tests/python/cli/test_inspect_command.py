@@ -6,7 +6,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from command_runs import worked
+from command_runs import drawn, failed, worked
 from mesh_files import CORNERS, CUBE
 
 from dfd import Mesh
@@ -73,3 +73,46 @@ def test_inspect_says_when_there_is_no_plane(run):
     with mock.patch("dfd.symmetry.search.RELATIVE_THRESHOLD", 0.0), mock.patch("dfd.symmetry_planes", return_value=[]):
         result = run("inspect", "MESH", "--field", "FIELD")
     assert ["symmetry", "planes", "none"] in [line.split() for line in result.stdout.splitlines()]
+
+
+def test_inspect_suggests_handles_and_draws_them(run, chair):
+    result = run("inspect", "MESH", "--field", "FIELD", "--suggestions", 3, "--picture", "handles.png", "--json")
+    assert worked(result)
+    report = json.loads(result.stdout)
+    assert 1 <= len(report["suggestions"]) <= 3
+    first = report["suggestions"][0]
+    assert first["position"] == chair.vertices[first["vertex"]].tolist()
+    assert 0 < sum(each["share"] for each in report["suggestions"]) <= 1
+    assert drawn("handles.png").std() > 10
+    table = run("inspect", "MESH", "--field", "FIELD", "--suggestions", 3)
+    assert f"1: vertex {first['vertex']}, {first['share']:.0%} of the shape" in table.stdout
+
+
+def test_inspect_says_what_is_odd(run):
+    Mesh(CORNERS, CUBE[:-1]).save("open.obj")
+    result = run("inspect", "open.obj")
+    assert worked(result)
+    text = " ".join(result.stdout.split())
+    assert "odd The surface is open: 3 edges have one face only." in text
+    report = json.loads(run("inspect", "open.obj", "--json").stdout)
+    assert any("open" in each["what"] for each in report["findings"])
+
+
+def test_inspect_measures_what_was_done_to_the_surface(run, chair):
+    chair.save("tall.obj", chair.vertices * [1, 2, 1])
+    result = run("inspect", "MESH", "--against", "tall.obj", "--picture", "areas.png", "--json")
+    assert worked(result)
+    measured = json.loads(result.stdout)["against"]
+    assert measured["volume"] == pytest.approx(1, abs=1e-4)
+    assert 0.3 < measured["area"] < 1
+    assert measured["flipped_faces"] == 0
+    assert drawn("areas.png").std() > 10
+    table = run("inspect", "MESH", "--against", "tall.obj")
+    assert ["volume", "+100.0%"] in [line.split() for line in table.stdout.splitlines()]
+
+
+def test_inspect_refuses_what_it_cannot_compare_or_draw(run):
+    Mesh(CORNERS, CUBE).save("cube.obj")
+    assert failed(run("inspect", "MESH", "--against", "cube.obj"), "`--against` must have the faces of MESH")
+    assert failed(run("inspect", "MESH", "--picture", "out.png"), "`--field` or `--against` must be given")
+    assert failed(run("inspect", "MESH", "--field", "FIELD", "--picture", "out.jpg"), "`--picture` must end in .png")

@@ -1,0 +1,229 @@
+"""One page with every control on real meshes: `make gallery`, then look at it.
+
+Meshes come from the folder that DFD_MESHES names, where it holds them, and are made otherwise. Fields are distilled
+once and kept beside the page.
+"""
+
+from __future__ import annotations
+
+import argparse
+import html
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import dfd
+from dfd.pictures.before_after import azimuth_towards
+from dfd.pictures.picture import picture, save_png
+
+CELL = 380
+Session = dfd.Deformer
+Variant = tuple[str, Callable[[Session], None]]
+
+
+class Shape:
+    """A mesh with its field, and the pictures of edits of it."""
+
+    def __init__(self, mesh: dfd.Mesh, field: dfd.Field) -> None:
+        self.mesh, self.field = mesh, field
+        self.features = dfd.Deformer(mesh, field).features
+
+    def session(self) -> Session:
+        """A session without an edit."""
+        return dfd.Deformer(self.mesh, self.field, features=self.features)
+
+    def top(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> int:
+        """The vertex that lies farthest in a direction."""
+        return int((self.mesh.vertices @ [x, y, z]).argmax())
+
+
+def main() -> None:
+    """Draw the gallery."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("output", type=Path, nargs="?", default=Path("gallery"))
+    output: Path = parser.parse_args().output
+    (output / "fields").mkdir(parents=True, exist_ok=True)
+    made = {"chair": dfd.samples.chair, "quadruped": dfd.samples.quadruped, "robot": dfd.samples.robot}
+    shapes: dict[str, Shape] = {}
+
+    def shape(name: str, otherwise: str) -> Shape:
+        path = next(Path(os.environ.get("DFD_MESHES", "nowhere")).glob(f"{name}.*"), None)
+        stem = name if path else otherwise
+        if stem not in shapes:
+            mesh = dfd.load(path) if path else made[stem]().mesh
+            field = output / "fields" / f"{stem}.field.safetensors"
+            if not field.exists():
+                dfd.distill(mesh).save(field)
+            shapes[stem] = Shape(mesh, dfd.Field.load(field, mesh=mesh))
+        return shapes[stem]
+
+    page = ["<!doctype html><meta charset=utf-8><title>dfd: every control</title>", STYLE, "<h1>Every control</h1>"]
+    for number, (title, one, variants, azimuth) in enumerate(_stories(shape)):
+        cells = [_cell(output, f"{number}_{i}", one, variant, azimuth) for i, variant in enumerate(variants)]
+        page.append(f"<h2>{html.escape(title)}</h2><div>{''.join(cells)}</div>")
+    (output / "index.html").write_text("\n".join(page), encoding="utf-8")
+    print(output / "index.html")
+
+
+STYLE = """<style>body{font:15px sans-serif;max-width:1700px;margin:2em auto;color:#222}div{display:flex;flex-wrap:wrap}
+figure{margin:0 1em 1em 0;width:400px}img{width:190px}figcaption{color:#555}</style>"""
+
+
+def _cell(output: Path, stem: str, shape: Shape, variant: Variant, azimuth: float | None) -> str:
+    """Draw what follows and what comes of it, and say what the session reports."""
+    caption, edit = variant
+    session = shape.session()
+    edit(session)
+    moved, told = session.vertices, session.report()
+    places = np.array([handle.place.position for handle in session.handles])
+    fixed = np.array([one.position for one in session.fixed]).reshape(-1, 3)
+    where: dict[str, Any] = {
+        "azimuth": azimuth_towards(shape.mesh, places) if azimuth is None else azimuth,
+        "frame": [shape.mesh.vertices, moved],
+        "resolution": CELL,
+        "fixed": fixed,
+    }
+    heat = session.following.max(axis=1, initial=0.0)
+    save_png(output / f"{stem}_weights.png", picture(shape.mesh, weights=heat, handles=places, **where))
+    landed = np.array([handle.landed for handle in told.handles])
+    save_png(output / f"{stem}_after.png", picture(shape.mesh, vertices=moved, handles=landed, **where))
+    print(f"{caption}: {told}", flush=True)
+    images = f'<img src="{stem}_weights.png"><img src="{stem}_after.png">'
+    return (
+        f"<figure>{images}<figcaption><b>{html.escape(caption)}</b><br>{html.escape(str(told))}</figcaption></figure>"
+    )
+
+
+def _stories(shape: Callable[[str, str], Shape]) -> list[tuple[str, Shape, list[Variant], float | None]]:
+    """A title, a shape, its edits with their captions, and from where they are seen, for each row."""
+    truck, animal = shape("milk_truck_textured", "chair"), shape("spot", "quadruped")
+    chair, horned, robot = shape("chair", "chair"), shape("quadruped", "quadruped"), shape("robot", "robot")
+    wheel = _wheel(truck)
+    feet = [chair.top(x=x, y=-3, z=z) for x in (-1, 1) for z in (-1, 1)]
+    ear, horn, arm = animal.top(x=1, y=0.6), horned.top(x=0.3, y=1), robot.top(x=1)
+    turned = {"rotation": (0, 0, 60)}
+    lifted = {"translation": (0, 0.25 * animal.mesh.extents[1], 0)}
+
+    def add(at: Any, **options: Any) -> Callable[[Session], None]:
+        return lambda session: void(session.add(at, **options))
+
+    def also(*steps: Callable[[Session], object]) -> Callable[[Session], None]:
+        return lambda session: void([step(session) for step in steps])
+
+    def put(name: str, value: Any) -> Callable[[Session], None]:
+        return lambda session: setattr(session, name, value)
+
+    def four(overlap: str) -> Callable[[Session], None]:
+        down = {"translation": (0, -0.2 * chair.mesh.extents[1], 0)}
+        return also(put("overlap", overlap), *(add(foot, **down) for foot in feet))
+
+    twist = {"rotation": (0, 150, 0)}
+    return [
+        (
+            "Instances: a wheel is scaled",
+            truck,
+            [(kind, add(wheel, scale=1.5, reach=0.6, instances=kind)) for kind in ("together", "own", "only")],
+            60.0,
+        ),
+        (
+            "Instances: an ear is turned",
+            animal,
+            [(kind, add(ear, instances=kind, **turned)) for kind in ("together", "own", "only")]
+            + [("own, level", add(ear, instances="own", level=True, **turned))],
+            None,
+        ),
+        (
+            "Overlap: four feet are pulled down, each by a handle",
+            chair,
+            [(rule, four(rule)) for rule in ("add", "interpolate", "normalize", "paper")],
+            35.0,
+        ),
+        (
+            "Reach",
+            animal,
+            [(f"reach {reach}", add(ear, reach=reach, **lifted)) for reach in (1.0, 0.6, 0.3, "auto")],
+            None,
+        ),
+        (
+            "Falloff",
+            animal,
+            [
+                (curve, add(ear, falloff=curve, **lifted))
+                for curve in ("linear", "smooth", "sharp", "root", "sphere", "constant")
+            ],
+            None,
+        ),
+        (
+            "Locality and radius",
+            horned,
+            [(f"locality {value}", add(horn, locality=value, scale=1.8)) for value in (0.0, 2.0, 6.0)]
+            + [(f"radius {value}", add(horn, radius=value, scale=1.8)) for value in ("40%", "15%")],
+            None,
+        ),
+        (
+            "Fixed points: the muzzle holds while a horn is bent",
+            horned,
+            [
+                ("none", add(horn, rotation=(-50, 0, 0))),
+                ("fixed", also(add(horn, rotation=(-50, 0, 0)), lambda one: one.fix("front"))),
+                ("strength 0.5", also(add(horn, rotation=(-50, 0, 0)), lambda one: one.fix("front", strength=0.5))),
+                (
+                    "fixed, the paper's weights",
+                    also(put("arrive", False), add(horn, rotation=(-50, 0, 0)), lambda one: one.fix("front")),
+                ),
+            ],
+            None,
+        ),
+        (
+            "Symmetry: an arm is pulled to the side",
+            robot,
+            [
+                ("none", add(arm, translation=(0.2, 0.1, 0))),
+                ("auto", also(add(arm, translation=(0.2, 0.1, 0)), lambda one: one.set_symmetry("auto"))),
+            ],
+            10.0,
+        ),
+        (
+            "Blend: an arm is twisted by 150°",
+            robot,
+            [
+                (rule, also(put("blend", rule), add(arm, locality=1.5, **twist)))
+                for rule in ("linear", "dual_quaternion", "polar")
+            ],
+            30.0,
+        ),
+        (
+            "Regions: the side x > 0 alone",
+            horned,
+            [
+                ("everywhere", add("bottom", translation=(0, -0.3, 0))),
+                ("within x>0", add("bottom", translation=(0, -0.3, 0), within="x>0")),
+            ],
+            20.0,
+        ),
+    ]
+
+
+def _wheel(truck: Shape) -> Any:
+    """A vertex at the hub of a wheel, or the lowest one where there are no wheels."""
+    wheels = [name for name in truck.mesh.part_names if "wheel" in name.lower()]
+    if not wheels:
+        return truck.top(y=-1)
+    # A part may be two wheels on one axle: the one on the +x side.
+    held = truck.mesh.part_vertices(wheels[0])
+    places = truck.mesh.vertices[held]
+    side = places[:, 0] > places[:, 0].mean()
+    hub = (places[side].min(axis=0) + places[side].max(axis=0)) / 2
+    hub[0] = places[:, 0].max()
+    return int(held[np.linalg.norm(places - hub, axis=1).argmin()])
+
+
+def void(_: object) -> None:
+    """Steps of a story give nothing back."""
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,77 @@
+"""Pictures that notebooks show by themselves."""
+
+from __future__ import annotations
+
+import io
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from dfd.editing.deformer import Deformer
+from dfd.mesh.mesh import as_mesh
+from dfd.pictures.before_after import azimuth_towards
+from dfd.pictures.picture import picture, save_png
+
+if TYPE_CHECKING:
+    from dfd.mesh.mesh import MeshLike
+
+__all__ = ["Shown", "show"]
+
+
+class Shown:
+    """A picture, (R, R, 3) uint8 in `pixels`, that a notebook shows where it is a cell's result."""
+
+    def __init__(self, pixels: NDArray[np.uint8]) -> None:
+        self.pixels = pixels
+
+    def __repr__(self) -> str:
+        """Say how large it is."""
+        return f"Shown({self.pixels.shape[1]} x {self.pixels.shape[0]} pixels)"
+
+    def _repr_png_(self) -> bytes:
+        file = io.BytesIO()
+        Image.fromarray(self.pixels).save(file, format="PNG")
+        return file.getvalue()
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write it as a PNG file.
+
+        Raises
+        ------
+        ValueError
+            If the ending of `path` is not .png.
+        OSError
+            If `path` cannot be written.
+        """
+        save_png(path, self.pixels)
+
+
+def show(shape: MeshLike | Deformer, **options: Any) -> Shown:
+    """Draw a mesh, or the posed shape of a session with a dot where each handle landed.
+
+    Parameters
+    ----------
+    shape
+        A mesh, whatever `dfd.load` makes one of, or a `Deformer`.
+    options
+        As `dfd.pictures.picture.picture` takes them; a session is seen from where its handles show.
+
+    Raises
+    ------
+    ValueError
+        As `picture` does.
+    """
+    if not isinstance(shape, Deformer):
+        return Shown(picture(as_mesh(shape), **options))
+    held = np.array([handle.place.position for handle in shape.handles]).reshape(-1, 3)
+    given: dict[str, Any] = {
+        "vertices": shape.vertices,
+        "handles": np.array([handle.landed for handle in shape.report().handles]).reshape(-1, 3),
+        "fixed": np.array([fixed.position for fixed in shape.fixed]).reshape(-1, 3),
+        "azimuth": azimuth_towards(shape.mesh, held),
+        "frame": [shape.mesh.vertices],
+    }
+    return Shown(picture(shape.mesh, **{**given, **options}))

@@ -1,0 +1,83 @@
+"""What deformations do to surfaces."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+from mesh_files import CORNERS, CUBE
+
+import dfd
+from dfd import Mesh
+from dfd.geometry.metrics import area_ratios, surface_metrics
+
+BOX = Mesh(CORNERS, CUBE)
+
+
+def test_nothing_moved_is_nothing_changed() -> None:
+    mesh = dfd.samples.chair(4000).mesh
+    found = surface_metrics(mesh, mesh.vertices)
+    assert (found.area, found.angle, found.edge_length, found.volume, found.flipped_faces) == (0, 0, 0, 0, 0)
+    np.testing.assert_array_equal(area_ratios(mesh, mesh.vertices), 1)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_rigid_motion_changes_nothing(size) -> None:
+    turn = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0], [0.48, 0.64, 0.6]])
+    mesh = Mesh(size * BOX.vertices, CUBE)
+    found = surface_metrics(mesh, mesh.vertices @ turn.T + 3 * size)
+    assert max(found.area, found.angle, found.edge_length, abs(found.volume)) < 1e-6
+    assert found.flipped_faces == 0
+
+
+def test_a_box_stretched_along_one_axis() -> None:
+    found = surface_metrics(BOX, BOX.vertices * [2, 1, 1])
+    assert found.area == pytest.approx(4 / 6)  # four of six sides are doubled
+    assert found.volume == pytest.approx(1)
+    # A square's halves have angles of 45, 45 and 90 degrees; stretched, of 26.57, 63.43 and 90.
+    assert found.angle == pytest.approx(4 / 6 * 2 / 3 * 18.4349488)
+    np.testing.assert_allclose(surface_metrics(BOX, BOX.vertices * 3).edge_length, 2)
+    assert found.flipped_faces == 0
+    np.testing.assert_allclose(area_ratios(BOX, BOX.vertices * 3), 9)
+
+
+def test_a_face_that_is_folded_over_is_counted() -> None:
+    grid = np.stack([*np.meshgrid(np.arange(5.0), np.arange(5.0)), np.zeros((5, 5))], axis=-1).reshape(-1, 3)
+    quads = [(r * 5 + c, r * 5 + c + 1, r * 5 + c + 6, r * 5 + c + 5) for r in range(4) for c in range(4)]
+    mesh = Mesh(grid, [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))])
+    moved = grid.copy()
+    moved[12] += [1.6, 1.6, 0]  # the middle, drawn over its neighbors
+    found = surface_metrics(mesh, moved)
+    assert found.flipped_faces >= 2
+    assert found.volume is None
+    assert surface_metrics(mesh, grid[:, [1, 0, 2]]).flipped_faces == 0
+
+
+def test_surfaces_that_pass_through_each_other_are_counted() -> None:
+    pytest.importorskip("igl")
+    mesh = Mesh(np.vstack([CORNERS, CORNERS + [3, 0, 0]]), np.vstack([CUBE, CUBE + 8]))
+    found = surface_metrics(mesh, np.vstack([CORNERS, CORNERS + [0.5, 0.25, 0.25]]))
+    assert found.self_intersecting_before == 0
+    assert found.self_intersecting_faces > 4
+
+
+def test_without_libigl_they_are_not_counted(monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "igl.copyleft", None)
+    found = surface_metrics(BOX, BOX.vertices)
+    assert (found.self_intersecting_faces, found.self_intersecting_before) == (None, None)
+
+
+@pytest.mark.parametrize("measure", [surface_metrics, area_ratios])
+def test_positions_that_are_none_are_refused(measure) -> None:
+    with pytest.raises(ValueError, match="`vertices`"):
+        measure(BOX, BOX.vertices[:4])
+    with pytest.raises(ValueError, match="`vertices` must be finite"):
+        measure(BOX, np.full((8, 3), np.nan))
+
+
+def test_a_mesh_without_area_is_refused() -> None:
+    flat = Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]])
+    with pytest.raises(ValueError, match="`mesh` must have a face with an area"):
+        surface_metrics(flat, flat.vertices)
+    np.testing.assert_array_equal(area_ratios(flat, flat.vertices), 1)
