@@ -7,6 +7,7 @@ import math
 import os
 import re
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +26,7 @@ from dfd.editing.document import (
     parse,
 )
 from dfd.editing.edit import Edit, Fixed, Handle, box_center, symmetry_on
-from dfd.editing.place import Place, place_on
+from dfd.editing.place import Place, nearest_vertex, place_on
 from dfd.editing.region_document import region_from, region_to
 from dfd.editing.regions import SAME_POSITION, VertexSet, members
 from dfd.posing.transforms import Transform
@@ -163,6 +164,8 @@ class _Reading:
             default = self._transform(document.default, "default")
             self._named("default", default.matrix, box_center(self.mesh))
         self._same_shape()
+        self._near_the_shape("handles", [handle.place for handle in handles])
+        self._near_the_shape("fixed", [each.place for each in fixed])
         symmetry = self._symmetry()
         made = (handles, fixed, symmetry, default, document.overlap, document.blend, document.arrive)
         try:
@@ -246,6 +249,16 @@ class _Reading:
                 UserWarning,
                 stacklevel=4,
             )
+
+    def _near_the_shape(self, key: str, places: Sequence[Place]) -> None:
+        """Refuse points that no handle could be put at by hand."""
+        for i, place in enumerate(places):
+            if place.vertex is None and place.region is None:
+                try:
+                    nearest_vertex(self.mesh, place.position)
+                except ValueError as error:
+                    complaint = re.sub(r"^(\w+: )?`\w+`", f"`{key}[{i}].position`", str(error))
+                    raise self._error(complaint) from None
 
     def _transform(self, entry: DefaultDocument, path: str) -> Transform:
         made: Transform = self._named(path, Transform, **{key: getattr(entry, key) for key in TRANSFORM_KEYS})
