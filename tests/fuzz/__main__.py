@@ -1,7 +1,8 @@
-"""python -m tests.fuzz [--seconds N] [--seed N] [TARGET …]: each target gets its part of the time, in processes of its own.
+"""python -m tests.fuzz [--seconds N] [--seed N] [TARGET …]: each target gets its part of the time.
 
-The kernels are run with every instruction set of the machine. An input that fails is kept, as small as Hypothesis can
-make it, in tests/corpus under its target's name, where the tests find it from then on. Exits 1 if anything failed.
+The kernels are run with every instruction set of the machine, each in a process of its own. An input that fails is
+kept, as small as Hypothesis can make it, in tests/corpus under its target's name, where the tests find it from then on.
+Exits 1 if anything failed.
 """
 
 from __future__ import annotations

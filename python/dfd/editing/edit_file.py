@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dfd.common.files import atomic_write
-from dfd.editing.controls import Controls
+from dfd.editing.controls import LARGEST, Controls
 from dfd.editing.document import (
     DefaultDocument,
     EditDocument,
@@ -26,7 +26,7 @@ from dfd.editing.document import (
     parse,
 )
 from dfd.editing.edit import Edit, Fixed, Handle, box_center, symmetry_on
-from dfd.editing.place import Place, nearest_vertex, place_on
+from dfd.editing.place import Place, place_on
 from dfd.editing.region_document import region_from, region_to
 from dfd.editing.regions import SAME_POSITION, VertexSet, members
 from dfd.posing.transforms import Transform
@@ -164,8 +164,8 @@ class _Reading:
             default = self._transform(document.default, "default")
             self._named("default", default.matrix, box_center(self.mesh))
         self._same_shape()
-        self._near_the_shape("handles", [handle.place for handle in handles])
-        self._near_the_shape("fixed", [each.place for each in fixed])
+        self._check_points("handles", [handle.place for handle in handles])
+        self._check_points("fixed", [each.place for each in fixed])
         symmetry = self._symmetry()
         made = (handles, fixed, symmetry, default, document.overlap, document.blend, document.arrive)
         try:
@@ -250,15 +250,12 @@ class _Reading:
                 stacklevel=4,
             )
 
-    def _near_the_shape(self, key: str, places: Sequence[Place]) -> None:
-        """Refuse points that no handle could be put at by hand."""
+    def _check_points(self, key: str, places: Sequence[Place]) -> None:
+        """Refuse points that the kernels could not compute with."""
         for i, place in enumerate(places):
-            if place.vertex is None and place.region is None:
-                try:
-                    nearest_vertex(self.mesh, place.position)
-                except ValueError as error:
-                    complaint = re.sub(r"^(\w+: )?`\w+`", f"`{key}[{i}].position`", str(error))
-                    raise self._error(complaint) from None
+            if max(map(abs, place.position)) > LARGEST:
+                point = ",".join(f"{x:g}" for x in place.position)
+                raise self._error(f"`{key}[{i}].position` must be numbers of at most {LARGEST:g}, got {point}")
 
     def _transform(self, entry: DefaultDocument, path: str) -> Transform:
         made: Transform = self._named(path, Transform, **{key: getattr(entry, key) for key in TRANSFORM_KEYS})
