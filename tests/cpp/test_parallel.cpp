@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
+#include <thread>
 #include <vector>
 
 CASE("every index is visited once, whatever the number of threads")
@@ -27,7 +29,11 @@ CASE("a poll that says so stops the work")
         int asked = 0;
         bool stopped = false;
         constexpr std::size_t count = 10'000'000;
-        const auto visit = [&](std::size_t, std::size_t begin, std::size_t end) { visited += end - begin; };
+        const auto visit = [&](std::size_t worker, std::size_t begin, std::size_t end) {
+            // The others must not be through before the thread that asks has had its turn.
+            if (worker != 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+            visited += end - begin;
+        };
         try {
             dfd::parallel_ranges(count, 64, threads, visit, [&] { return ++asked == 3; });
         } catch (const dfd::Stopped&) {

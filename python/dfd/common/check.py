@@ -82,8 +82,14 @@ def number(
 ) -> float:
     """Return `value` as a finite float within [minimum, maximum] (or strictly above the minimum)."""
     try:
-        result = float(value)
-    except (TypeError, ValueError):
+        result = float(tensors.shared(function, name, value))
+    except TypeError:
+        raise ValueError(f"{function}: `{name}` must be a number, got {_kind(value)}") from None
+    except OverflowError:
+        raise ValueError(f"{function}: `{name}` must be finite, got a whole number too large for a float") from None
+    except ValueError as error:
+        if str(error).startswith(f"{function}: "):
+            raise
         raise ValueError(f"{function}: `{name}` must be a number, got {_kind(value)}") from None
     if not np.isfinite(result):
         raise ValueError(f"{function}: `{name}` must be finite, got {result}")

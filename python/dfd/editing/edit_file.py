@@ -7,13 +7,14 @@ import math
 import os
 import re
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dfd.common.files import atomic_write
-from dfd.editing.controls import Controls
+from dfd.editing.controls import LARGEST, Controls
 from dfd.editing.document import (
     DefaultDocument,
     EditDocument,
@@ -163,6 +164,8 @@ class _Reading:
             default = self._transform(document.default, "default")
             self._named("default", default.matrix, box_center(self.mesh))
         self._same_shape()
+        self._check_points("handles", [handle.place for handle in handles])
+        self._check_points("fixed", [each.place for each in fixed])
         symmetry = self._symmetry()
         made = (handles, fixed, symmetry, default, document.overlap, document.blend, document.arrive)
         try:
@@ -246,6 +249,13 @@ class _Reading:
                 UserWarning,
                 stacklevel=4,
             )
+
+    def _check_points(self, key: str, places: Sequence[Place]) -> None:
+        """Refuse points that the kernels could not compute with."""
+        for i, place in enumerate(places):
+            if max(map(abs, place.position)) > LARGEST:
+                point = ",".join(f"{x:g}" for x in place.position)
+                raise self._error(f"`{key}[{i}].position` must be numbers of at most {LARGEST:g}, got {point}")
 
     def _transform(self, entry: DefaultDocument, path: str) -> Transform:
         made: Transform = self._named(path, Transform, **{key: getattr(entry, key) for key in TRANSFORM_KEYS})

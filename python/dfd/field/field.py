@@ -130,6 +130,10 @@ class Field:
 
         from dfd.field.network import Network
 
+        if points.layout != torch.strided or points.dtype.is_complex:
+            raise ValueError(
+                f"Field: `points` must be a dense tensor of real numbers, got {points.layout}, {points.dtype}"
+            )
         if points.ndim != 2 or points.shape[1] != 3:
             raise ValueError(f"Field: `points` must have shape (N, 3), got {tuple(points.shape)}")
         network = Network.of(self.parameters, self.architecture).to(points.device)

@@ -14,7 +14,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from dfd.common import check
+from dfd.common import check, tensors
 from dfd.mesh.appearance import Appearance
 from dfd.mesh.file.read import of_trimesh, read
 from dfd.mesh.file.scene_file import SceneFile
@@ -297,7 +297,7 @@ def as_mesh(source: MeshLike) -> Mesh:
 
 
 def _checked_faces(faces: Any, vertex_count: int) -> NDArray[np.int32]:
-    indices = np.asarray(faces)
+    indices = np.asarray(tensors.shared("Mesh", "faces", faces))
     if indices.dtype.kind not in "iu" or indices.ndim != 2 or indices.shape[1] != 3:
         raise ValueError(
             f"Mesh: `faces` must be whole numbers of shape (F, 3), got {indices.dtype} of shape {indices.shape}"

@@ -7,7 +7,6 @@ from and carries a hash: one that does not belong here, or is damaged, is never 
 from __future__ import annotations
 
 import contextlib
-import io
 import json
 import os
 from collections.abc import Mapping
@@ -16,7 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import safetensors.numpy
 from numpy.typing import NDArray
+from safetensors import SafetensorError
 
 from dfd.common.files import atomic_write
 from dfd.common.warn import warn
@@ -28,6 +29,7 @@ __all__ = ["Checkpoint"]
 
 _RECIPE = "recipe.json"
 # With what an abrupt end left unfinished. The recipe goes last: it is what makes the folder ours.
+_TOKENS = "tokens"  # the name of the array in a piece
 _PIECES = ("tokens-*", ".tokens-*", "fit-*", ".fit-*", ".recipe.*.json", _RECIPE)
 
 
@@ -92,10 +94,10 @@ class Checkpoint:
         content = self._pieces.read(name)
         if content is None:
             return None
-        with contextlib.suppress(ValueError, EOFError):
-            tokens = np.load(io.BytesIO(content), allow_pickle=False)
-            if tokens.dtype == np.float32 and np.isfinite(tokens).all():
-                return np.asarray(tokens)
+        with contextlib.suppress(SafetensorError):
+            tokens = safetensors.numpy.load(content).get(_TOKENS)
+            if tokens is not None and tokens.dtype == np.float32 and np.isfinite(tokens).all():
+                return tokens
         self._pieces.reject(name)
         return None
 
@@ -103,9 +105,8 @@ class Checkpoint:
         self, image: NDArray[np.uint8], covered: NDArray[np.bool_] | None, tokens: NDArray[np.float32]
     ) -> None:
         """See `dfd.encoders.encode.TokenStore`."""
-        stream = io.BytesIO()
-        np.save(stream, tokens, allow_pickle=False)
-        self._pieces.write(self._tokens_name(image, covered), stream.getbuffer())
+        content = safetensors.numpy.save({_TOKENS: np.ascontiguousarray(tokens)})
+        self._pieces.write(self._tokens_name(image, covered), content)
 
     def fit_state(self, *made_from: NDArray[Any]) -> FitState:
         """Return where the state of a fit to the arrays `made_from` is kept."""

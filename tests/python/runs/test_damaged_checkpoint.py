@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import safetensors.numpy
 import torch
 from made_field import same
 from stopped_runs import RECIPE, SMALL, count_work, interrupted
@@ -62,12 +63,9 @@ def test_pieces_of_something_else_are_made_again(
     first, second, third, fourth, fifth, _ = sorted((tmp_path / "run").glob("tokens-*"))
     first.write_bytes(first.read_bytes()[:200])
     second.write_bytes(third.read_bytes())  # whole, but another picture's
-    stream = io.BytesIO()
-    np.save(stream, np.array([{}], dtype=object))
-    folder.write(third.name, stream.getvalue())
-    stream = io.BytesIO()
-    np.save(stream, np.full((4, 4, 16), np.nan, np.float32))
-    folder.write(fourth.name, stream.getvalue())
+    huge = b'{"tokens":{"dtype":"F32","shape":[16000000000],"data_offsets":[0,64000000000]}}'
+    folder.write(third.name, len(huge).to_bytes(8, "little") + huge)
+    folder.write(fourth.name, safetensors.numpy.save({"tokens": np.full((4, 4, 16), np.nan, np.float32)}))
     fifth.write_bytes(b"")
     (tmp_path / "run" / ".fit-0.1234").write_bytes(b"half")  # what a kill amid a write leaves
     assert same(goes_on(mesh, encoder, tmp_path / "run", anew=5), whole)

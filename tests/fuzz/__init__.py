@@ -1,0 +1,1 @@
+"""Made and damaged input for everything that reads what a stranger may have written (`make fuzz`)."""

@@ -1,0 +1,141 @@
+"""What is fuzzed: each target reads one input as a user's program would, and says what must hold of what comes back.
+
+A refusal is a ValueError or an OSError of one line, that quotes no more of the input than a person reads.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import warnings
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+from hypothesis import strategies as st
+from made_field import made_field
+from mesh_files import CORNERS, CUBE, obj_cube, scene_of_three, textured_quad
+
+import dfd
+from dfd import Field, Mesh
+from dfd.editing.edit_file import read_edit, write_edit
+from dfd.mesh.file import glb
+from dfd.runs.checkpoint import Checkpoint
+from dfd.runs.pieces import PieceFolder
+
+from .kernels import kernel_input, run_kernels
+from .mutation import damaged_bytes, damaged_json
+
+__all__ = ["TARGETS", "Target", "run"]
+
+LONGEST_MESSAGE = 700  # characters
+
+Target = tuple[st.SearchStrategy[bytes], Callable[[Path], None]]
+
+
+def run(check: Callable[[Path], None], path: Path) -> None:
+    """Let `check` read `path`, and hold what it raises to the promise."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            check(path)
+        except (ValueError, OSError) as error:
+            if isinstance(error, UnicodeError) or "\n" in str(error) or len(str(error)) > LONGEST_MESSAGE:
+                raise AssertionError(f"no message for people: {str(error)[:1000]!r}") from error
+
+
+def load_mesh(path: Path) -> None:
+    """A mesh that loads is sound, and moved it can be saved and loaded again."""
+    mesh = dfd.load(path)
+    assert np.isfinite(mesh.vertices).all()
+    assert 0 <= mesh.faces.min() <= mesh.faces.max() < len(mesh.vertices)
+    assert mesh.parts
+    assert np.isfinite(mesh.normals).all()
+    with tempfile.TemporaryDirectory() as folder:
+        for ending in {".glb", path.suffix}:
+            saved = Path(folder, f"saved{ending}")
+            mesh.save(saved, mesh.vertices * 0.5 + 1)
+            dfd.load(saved)
+
+
+def load_field(path: Path) -> None:
+    """A field that loads gives finite unit rows."""
+    field = Field.load(path)
+    rows = field(field.center + np.array([[0.0, 0, 0], [0.5, -1, 1]]) / field.scale)
+    assert np.isfinite(rows).all()
+
+
+def load_edit(path: Path) -> None:
+    """An edit that is read can be written, and read again as the same."""
+    mesh = Mesh(CORNERS, CUBE)
+    edit = read_edit(path, mesh)
+    with tempfile.TemporaryDirectory() as folder:
+        again = Path(folder, "again.json")
+        write_edit(again, edit, mesh)
+        assert read_edit(again, mesh) == edit
+
+
+def load_checkpoint(path: Path) -> None:
+    """A piece of a checkpoint, whole by its own hash, gives the array that it should hold, or none."""
+    image = np.zeros((2, 2, 3), np.uint8)
+    with tempfile.TemporaryDirectory() as folder:
+        checkpoint = Checkpoint(Path(folder, "run"), {})
+        checkpoint.write_tokens(image, None, np.ones((2, 2, 4), np.float32))
+        (piece,) = Path(folder, "run").glob("tokens-*")
+        PieceFolder(piece.parent).write(piece.name, path.read_bytes())
+        tokens = checkpoint.read_tokens(image, None)
+        assert tokens is None or (tokens.dtype == np.float32 and np.isfinite(tokens).all())
+        piece.write_bytes(path.read_bytes())
+        assert checkpoint.read_tokens(image, None) is None
+
+
+def seeds() -> Mapping[str, list[bytes]]:
+    """Good files, by ending."""
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        found = {".glb": [textured_quad(folder).glb(), scene_of_three(folder).read_bytes()]}
+        for ending in (".obj", ".ply", ".stl", ".off"):
+            Mesh(CORNERS, CUBE).save(folder / f"cube{ending}")
+            found[ending] = [(folder / f"cube{ending}").read_bytes()]
+        detailed = "mtllib a.mtl\no a\n" + obj_cube().replace(
+            "f ", "vn 0 0 1\nvt 0 0\ng x\nusemtl q\nf 1/1/1 2//1 -1/-1\nf ", 2
+        )
+        found[".obj"].append(detailed.encode())
+        made_field(4, width=8, layers=1, octaves=2).save(folder / "made.safetensors")
+        found[".safetensors"] = [(folder / "made.safetensors").read_bytes()]
+        deformer = dfd.Deformer(Mesh(CORNERS, CUBE), made_field(4, width=8, layers=1, center=(0.5,) * 3, scale=2.0))
+        deformer.add(0, translation=(0, 1, 0), name="left horn")
+        deformer.fix([1.0, 1.0, 0.5])
+        deformer.save(folder / "made.json")
+        found[".json"] = [(folder / "made.json").read_bytes()]
+        image = np.zeros((2, 2, 3), np.uint8)
+        Checkpoint(folder / "run", {}).write_tokens(image, None, np.ones((2, 2, 4), np.float32))
+        (piece,) = (folder / "run").glob("tokens-*")
+        found[".piece"] = [PieceFolder(piece.parent).read(piece.name) or b""]
+        return found
+
+
+def damaged_glb(good: bytes) -> st.SearchStrategy[bytes]:
+    """A GLB file whose JSON is damaged and whose chunks fit."""
+    text, data = glb.split(good)
+    return damaged_json(json.loads(text)).map(lambda header: glb.join(json.dumps(header).encode(), data or b""))
+
+
+def _targets() -> dict[str, Target]:
+    good = seeds()
+    made: dict[str, Target] = {}
+    for ending in (".glb", ".obj", ".ply", ".stl", ".off"):
+        damaged = [damaged_bytes(seed) for seed in good[ending]]
+        if ending == ".glb":
+            damaged += [damaged_glb(seed) for seed in good[ending]] * 3
+        made[f"mesh{ending}"] = (st.one_of(damaged), load_mesh)
+    made["field.safetensors"] = (damaged_bytes(good[".safetensors"][0]), load_field)
+    edit = json.loads(good[".json"][0])
+    texts = damaged_json(edit).map(lambda document: json.dumps(document).encode())
+    made["edit.json"] = (st.one_of(texts, texts, damaged_bytes(good[".json"][0])), load_edit)
+    made["checkpoint.piece"] = (damaged_bytes(good[".piece"][0]), load_checkpoint)
+    made["kernels.json"] = (kernel_input(), run_kernels)
+    return made
+
+
+TARGETS = _targets()  # by what their files are called

@@ -1,0 +1,113 @@
+"""Arrays and numbers of strange kinds at the public doors: each is a ValueError that names the argument."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import torch
+from made_field import made_field
+
+import dfd
+from dfd import samples
+from dfd.editing.controls import Controls
+from dfd.editing.edit import Handle
+from dfd.editing.place import Place
+from dfd.posing.transforms import Transform
+
+FEATURES = np.eye(4, dtype=np.float32)
+VERTICES = np.arange(12.0).reshape(4, 3)
+WEIGHTS = dfd.bind(FEATURES, [0])
+MOVE = np.eye(3, 4)[None]
+
+DOORS = {
+    "features": lambda value: dfd.bind(value((4, 4)), [0]),
+    "handles": lambda value: dfd.bind(FEATURES, value((2, 4))),
+    "fixed": lambda value: dfd.bind(FEATURES, [0], fixed=value((2, 4))),
+    "geodesic": lambda value: dfd.bind(FEATURES, [0], geodesic=value((1, 4))),
+    "reach": lambda value: dfd.bind(FEATURES, [0], reach=value((1,))),
+    "vertices": lambda value: dfd.pose(value((4, 3)), WEIGHTS, MOVE),
+    "weights": lambda value: dfd.pose(VERTICES, value((4, 1)), MOVE),
+    "transforms": lambda value: dfd.pose(VERTICES, WEIGHTS, value((1, 3, 4))),
+    "default": lambda value: dfd.pose(VERTICES, WEIGHTS, MOVE, default=value((3, 4))),
+    "out": lambda value: dfd.pose(VERTICES, WEIGHTS, MOVE, out=value((4, 3))),
+    "offset": lambda value: dfd.SymmetryPlane((1, 0, 0), value(())),
+}
+
+
+@pytest.mark.parametrize("name", DOORS)
+def test_tensors_without_numbers_are_refused(name):
+    with pytest.raises(ValueError, match=f"`{name}` must be on the CPU, got a tensor on meta"):
+        DOORS[name](lambda shape: torch.empty(shape, device="meta", dtype=torch.float64))
+
+
+@pytest.mark.parametrize("name", DOORS)
+def test_masks_are_refused(name):
+    with pytest.raises(ValueError, match=f"`{name}` must not be a masked array"):
+        DOORS[name](lambda shape: np.ma.masked_array(np.ones(shape), mask=np.ones(shape, bool)))
+
+
+def test_masks_of_faces_are_refused():
+    with pytest.raises(ValueError, match=r"^Mesh: `faces` must not be a masked array"):
+        dfd.Mesh(VERTICES, np.ma.masked_array([[0, 1, 2]], mask=[[1, 0, 0]]))
+
+
+def test_tensors_with_a_negative_bit_count_as_what_they_are():
+    negative = torch.full((4, 3), 1 + 2j, dtype=torch.complex128).conj().imag
+    assert negative.is_neg()
+    np.testing.assert_array_equal(dfd.pose(negative, WEIGHTS, MOVE), np.full((4, 3), -2.0))
+    field = made_field(4, width=8, layers=1)
+    np.testing.assert_allclose(field(negative), field(np.full((4, 3), -2.0)), atol=1e-5)
+
+
+@pytest.mark.parametrize("points", [torch.ones(4, 3).to_sparse(), torch.ones(4, 3, dtype=torch.complex64)])
+def test_fields_take_dense_real_tensors(points):
+    with pytest.raises(ValueError, match=r"^Field: `points` must be a dense tensor of real numbers"):
+        made_field(4, width=8, layers=1)(points)
+
+
+@pytest.mark.parametrize("plane", ["x", 5, (1, 0, 0)])
+def test_symmetry_must_be_a_plane(plane):
+    with pytest.raises(ValueError, match=r"^pose: `symmetry` must be a SymmetryPlane, got"):
+        dfd.pose(VERTICES, WEIGHTS, MOVE, symmetry=plane)
+
+
+@pytest.mark.parametrize("faces", [5000.0, 5000.5, True, 3999, 10**15, "many"])
+def test_samples_have_a_whole_number_of_faces_that_ends(faces):
+    with pytest.raises(ValueError, match=r"^samples\.chair: `faces` must be a whole number"):
+        samples.chair(faces)
+
+
+@pytest.mark.parametrize("name", ["locality", "reach"])
+def test_numbers_too_large_for_the_kernels_are_refused_early(name):
+    with pytest.raises(ValueError, match=f"`{name}` must be at most 1e\\+38, got 1e\\+39"):
+        Controls(**{name: 1e39})
+    with pytest.raises(ValueError, match=f"`{name}` must be finite, got a whole number too large"):
+        Controls(**{name: 10**400})
+
+
+def test_names_can_be_written():
+    with pytest.raises(ValueError, match=r"^Handle: `name` must be text that can be written"):
+        Handle(1, Place((0.0, 0.0, 0.0)), Transform(), Controls(), "\udc80")
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
+def test_a_field_loads_in_a_forked_child_without_torch(tmp_path):
+    made_field(8, width=32, layers=2).save(tmp_path / "made.safetensors")
+    code = f"""
+import os, sys, numpy as np, dfd
+dfd.set_num_threads(2)
+points = np.random.default_rng(0).uniform(-1, 1, (3000, 3))
+wanted = dfd.Field.load({str(tmp_path / "made.safetensors")!r})(points)
+dfd.bind(np.ones((4000, 16), np.float32), [0, 1])
+child = os.fork()
+if child == 0:
+    found = dfd.Field.load({str(tmp_path / "made.safetensors")!r})(points)
+    os._exit(0 if (found == wanted).all() and "torch" not in sys.modules else 3)
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+    done = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.stdout.split() == ["0"], done.stderr
