@@ -20,7 +20,8 @@ import dfd
 from bench.quality.families import family_of
 from dfd.common.files import atomic_write
 from dfd.distillation.side_views import SideViews, look_from_sides
-from dfd.distillation.standing import Standing, axis_frames
+from dfd.distillation.standing import Standing
+from dfd.distillation.up import axis_frames
 from dfd.distillation.up_probe import FOLDER, TERMS, UpProbe, directions
 from dfd.encoders.encode import Encoder, load_encoder
 from dfd.mesh.normalization import normalization

@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from dfd.geometry.topology import face_areas
 
-__all__ = ["EVIDENCE", "Standing", "axis_frames"]
+__all__ = ["EVIDENCE", "Standing"]
 
 EVIDENCE = ("stable", "facing up", "base", "near the base", "mirrors upright", "mirrors flat")
 POINTS = 2000  # on the surface
@@ -126,16 +126,6 @@ class Standing:
         best = min(turned, key=lambda turn: float(np.prod(np.ptp(flat @ turn.T, axis=0))))
         up, _ = best @ np.stack([one, other])
         return np.stack([normal, up, np.cross(normal, up)])
-
-
-def axis_frames(frame: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """The frames, each (3, 3), in which an axis of `frame` points up, either way: +right, −right, +up, −up, …"""
-    found = []
-    for axis in range(3):
-        for sign in (1.0, -1.0):
-            up, right = sign * frame[axis], frame[0 if axis == 1 else (axis + 1) % 3]
-            found.append(np.stack([right, up, np.cross(right, up)]))
-    return found
 
 
 def _across(normal: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.distillation.standing import axis_frames
-
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["AXES", "UP_WORDS", "Up", "check_up", "file_up", "said_up"]
+__all__ = ["AXES", "UP_WORDS", "Up", "axis_frames", "check_up", "file_up", "said_up"]
 
 AXES: dict[str, NDArray[np.float64]] = {
     f"{sign}{name}": float(f"{sign}1") * np.eye(3)[axis] for axis, name in enumerate("xyz") for sign in "+-"
@@ -55,6 +53,16 @@ class Up:
         """As `up` takes it: an axis, or three numbers."""
         named = next((name for name, axis in AXES.items() if np.allclose(axis, self.direction)), None)
         return named or ", ".join(f"{part:.3f}" for part in self.direction)
+
+
+def axis_frames(frame: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """The frames, each (3, 3), in which an axis of `frame` points up, either way: +right, −right, +up, −up, …"""
+    found = []
+    for axis in range(3):
+        for sign in (1.0, -1.0):
+            up, right = sign * frame[axis], frame[0 if axis == 1 else (axis + 1) % 3]
+            found.append(np.stack([right, up, np.cross(right, up)]))
+    return found
 
 
 def check_up(up: Any) -> str | tuple[float, float, float]:

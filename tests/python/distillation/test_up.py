@@ -15,8 +15,8 @@ from tiny_encoder import save_tiny_encoder
 import dfd
 from dfd.distillation.settings import DistillSettings
 from dfd.distillation.side_views import look_from_sides
-from dfd.distillation.standing import EVIDENCE, Standing, axis_frames
-from dfd.distillation.up import UP_WORDS, Up, check_up, said_up
+from dfd.distillation.standing import EVIDENCE, Standing
+from dfd.distillation.up import UP_WORDS, Up, axis_frames, check_up, said_up
 from dfd.distillation.up_probe import FOLDER, TERMS, UpProbe, directions, find_probe
 from dfd.distillation.upright import candidates, find_up, prior
 from dfd.encoders.encode import load_encoder

@@ -2,8 +2,8 @@
 
 from unittest import mock
 
-import numpy as np
 import pytest
+from counting import Counting
 from made_field import made_field
 
 import dfd
@@ -30,21 +30,6 @@ def features(mesh, field):
 @pytest.fixture
 def deformer(mesh, field, features):
     return dfd.Deformer(mesh, field, features=features)
-
-
-class Counting:
-    """Straight distances that note what they were asked for, and are cheap."""
-
-    def __init__(self, mesh):
-        self.mesh, self.asked, self.extent = mesh, [], mesh.diagonal
-
-    def lengths(self, handles):
-        self.asked.append(list(handles))
-        return np.linalg.norm(self.mesh.vertices[handles][:, None] - self.mesh.vertices, axis=2).astype(np.float32)
-
-    def distances(self, handles):
-        lengths = self.lengths(handles)
-        return lengths / np.float32(self.extent)
 
 
 @pytest.fixture

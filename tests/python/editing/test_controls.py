@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from counting import Counting
 
 import dfd
 from dfd.editing.controls import Controls, radius_on
@@ -81,8 +82,6 @@ def test_a_radius_ends_smoothly_where_it_says(session, geodesics_of, labeled, fo
 
 @pytest.fixture
 def geodesics_of():
-    from conftest import Counting
-
     def replaced(session):
         session._weights._distances.__dict__["_geodesics"] = Counting(session.mesh)
         return session._weights._distances._geodesics

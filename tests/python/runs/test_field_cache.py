@@ -220,7 +220,6 @@ def test_a_damaged_entry_is_made_again(encoder: Path, mesh: Mesh, work: list[str
 def test_an_entry_that_is_no_field_is_none(cache: Path, content: bytes) -> None:
     cache.mkdir(parents=True)
     (cache / f"{hash_recipe({})}-{hashlib.sha256(content).hexdigest()[:32]}.safetensors").write_bytes(content)
-    assert field_cache.find_file({}) is None
     assert field_cache.find({}) is None
 
 
