@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
+from dfd.app import requests
 from dfd.app.protocol import client_message
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ class Loop:
     def _answer(self, session: Session, message: Any) -> None:
         if message.type in OVERTAKEN and message.id != self._newest[message.type]:
             return
-        session.receive(message)
+        requests.receive(session, message)
 
 
 def _number_in(text: str) -> int:

@@ -27,9 +27,14 @@ from dfd.symmetry.plane import SymmetryPlane
 if TYPE_CHECKING:
     from dfd.app.session import Session
 
-__all__ = ["answer"]
+__all__ = ["answer", "receive"]
 
 TRANSFORM_PARTS = ("translation", "rotation", "scale", "pivot", "axes")
+
+
+def receive(session: Session, message: requests.Request) -> None:
+    """Do what the page asks, and answer; whatever goes wrong is said, and the session goes on."""
+    session.answering(message.id, lambda: answer(session, message))
 
 
 def answer(session: Session, message: requests.Request) -> None:

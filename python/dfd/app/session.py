@@ -8,13 +8,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from dfd.app import requests
 from dfd.app.autosave import Autosave, Saved
 from dfd.app.columns import Columns
 from dfd.app.options import OpenedFile, SessionOptions, Source
 from dfd.app.preparation import Preparation
 from dfd.app.protocol.answers import Answer, FailureMessage, FieldState, ProgressMessage, StartMessage
-from dfd.app.protocol.requests import Request
 from dfd.app.report import report
 from dfd.app.shapes import read_shape
 from dfd.app.state import Looks, empty_state, state_message
@@ -263,10 +261,10 @@ class Session:
         if self.deformer is not None:
             self.send(report(self.deformer))
 
-    def receive(self, message: Request) -> None:
-        """Do what the page asks, and answer; whatever goes wrong is said, and the session goes on."""
-        self._after = message.id
-        self.guarded(message.id, lambda: requests.answer(self, message))
+    def answering(self, number: int, work: Callable[[], None]) -> None:
+        """Do `work` for request `number`; whatever goes wrong is said, and the session goes on."""
+        self._after = number
+        self.guarded(number, work)
 
     def guarded(self, number: int, work: Callable[[], None]) -> None:
         """Do `work`; what goes wrong becomes a `failure` that answers request `number`."""
