@@ -130,9 +130,11 @@ class Columns:
         controls = handle.controls
         sources, _, _ = self._deformer.bound.locality(edit, handle)
         kind = column_kind(handle)
-        if kind == "distance" and not _instanced(handle):
-            return Key(kind, (handle.place, sources, controls.radius))
-        # What instances there are, and what weights are when they are sent as such, depends on all that shapes them.
+        if kind == "distance" and not controls.level:
+            # Instances are found by looks alone, so that reach and falloff stay the page's own.
+            instances = (controls.instances, edit.symmetry) if _instanced(handle) else None
+            return Key(kind, (handle.place, sources, controls.radius, instances))
+        # What weights are when they are sent as such, or are at the counterparts, depends on all that shapes them.
         return Key(kind, (handle.place, sources, controls, edit.fixed, edit.arrive, edit.symmetry))
 
     def _number(self, key: Hashable) -> int:
