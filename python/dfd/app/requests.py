@@ -128,10 +128,6 @@ def _change(session: Session, message: requests.Change) -> None:
     session.note_change(message.handle, options)
 
 
-def _switch(session: Session, message: requests.Switch) -> None:
-    raise ValueError("Instances cannot be switched in this version")
-
-
 def _remove(session: Session, message: requests.Remove) -> None:
     session.change(lambda deformer: deformer.remove(message.handle))
 
@@ -281,7 +277,6 @@ _DO: dict[type[requests.Request], Callable[[Session, Any], Answer | bytes | None
     requests.Add: _add,
     requests.Move: _move,
     requests.Change: _change,
-    requests.Switch: _switch,
     requests.Remove: _remove,
     requests.Reset: _reset,
     requests.Fix: _fix,

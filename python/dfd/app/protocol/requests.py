@@ -104,15 +104,6 @@ class Change(Request):
     merge: bool = False
 
 
-class Switch(Request):
-    """Switch one of a handle's instances on or off."""
-
-    type: Literal["switch_instance"]
-    handle: int
-    instance: Index
-    on: bool
-
-
 class Remove(Request):
     """Let go of a handle."""
 
@@ -245,7 +236,6 @@ ClientMessage = Annotated[
     | Add
     | Move
     | Change
-    | Switch
     | Remove
     | Fix
     | Release

@@ -187,10 +187,6 @@ export function setSymmetry(plane: Plane | "auto" | "x" | "y" | "z" | null): voi
   void ask({ type: "set_symmetry", plane });
 }
 
-export function switchInstance(handle: number, instance: number, on: boolean): void {
-  void ask({ type: "switch_instance", handle, instance, on });
-}
-
 export function setOverlap(mode: string): void {
   void ask({ type: "set_overlap", mode });
 }

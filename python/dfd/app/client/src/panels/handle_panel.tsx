@@ -1,4 +1,4 @@
-import { change, moveTo, setAxes, slide, switchInstance } from "../actions/edit";
+import { change, moveTo, setAxes, slide } from "../actions/edit";
 import type { HandleState } from "../protocol/messages";
 import { present, store } from "../store/state";
 import { useStore } from "../store/use";
@@ -104,18 +104,6 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
             checked={state.showGhosts}
             onChange={(showGhosts) => store.set({ showGhosts })}
           />
-          {column.instances.map(({ instance, on }) => (
-            <button
-              key={instance}
-              type="button"
-              class="chip"
-              aria-pressed={on}
-              title={`Look-alike ${instance + 1}: ${on ? "follows" : "stays"}`}
-              onClick={() => switchInstance(handle.handle, instance, !on)}
-            >
-              {instance + 1}
-            </button>
-          ))}
         </div>
       )}
     </>

@@ -20,7 +20,6 @@ export interface Client {
     | Add
     | Move
     | Change
-    | Switch
     | Remove
     | Fix
     | Release
@@ -202,16 +201,6 @@ export interface Controls1 {
   radius?: number | string | null;
   reach?: number | "auto" | null;
   strength?: number | null;
-}
-/**
- * Switch one of a handle's instances on or off.
- */
-export interface Switch {
-  handle: number;
-  id: number;
-  instance: number;
-  on: boolean;
-  type: "switch_instance";
 }
 /**
  * Let go of a handle.

@@ -1,6 +1,6 @@
 /** Which marks and which ring lie over the shape. */
 
-import { select, switchInstance, release, hold } from "../actions/edit";
+import { select, release, hold } from "../actions/edit";
 import { present, selectedHandle, type Instance, type State } from "../store/state";
 import { apply, matrixOf, subtract, type Vec3 } from "./affine";
 import type { Scene } from "./columns";
@@ -77,9 +77,9 @@ function instanceMarks(state: State, known: NonNullable<ReturnType<typeof select
       key: `instance ${handle.handle} ${instance.instance}`,
       kind: "instance" as const,
       at: subtract(instance.on ? apply(moved(instance), instance.position) : instance.position, mesh.center),
-      label: `Look-alike ${instance.instance + 1}: ${instance.on ? "follows, press to leave it" : "stays, press to let it follow"}`,
+      label: `Look-alike ${instance.instance + 1}`,
       off: !instance.on,
-      press: () => switchInstance(handle.handle, instance.instance, !instance.on),
+      press: () => select(handle.handle),
     }));
 }
 
