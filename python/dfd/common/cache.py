@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-import sys
 from pathlib import Path
+
+import platformdirs
 
 __all__ = ["cache_directory"]
 
@@ -16,12 +17,4 @@ def cache_directory() -> Path:
     XDG_CACHE_HOME or ~/.cache.
     """
     named = os.environ.get("DFD_CACHE")
-    if named:
-        return Path(named).expanduser()
-    if sys.platform == "win32":
-        base = os.environ.get("LOCALAPPDATA") or str(Path.home() / "AppData" / "Local")
-    elif sys.platform == "darwin":
-        base = str(Path.home() / "Library" / "Caches")
-    else:
-        base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base) / "dfd"
+    return Path(named).expanduser() if named else platformdirs.user_cache_path("dfd", appauthor=False)
