@@ -33,6 +33,8 @@ __all__ = ["Deformer"]
 
 # What a handle starts with: wheels turn about their own axles, and legs grow where they stand. All else is the paper's.
 NEW_HANDLE = Controls(instances="own")
+# What shows a session in a page: a room that comes after this one, looked up by name when somebody asks for it.
+PAGE = "dfd.app"
 
 
 class Deformer(WholeShape):
@@ -359,8 +361,7 @@ class Deformer(WholeShape):
 
     def show(self, *, height: int = 640) -> Any:
         """Show the session in a cell of a notebook, where it can be gone on with; see `dfd.app.show`."""
-        page = import_module("dfd.app")  # by its name: a session knows no room that comes after it
-        return page.show(self, height=height)
+        return import_module(PAGE).show(self, height=height)
 
     # --- files
 
