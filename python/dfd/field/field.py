@@ -130,9 +130,10 @@ class Field:
 
         from dfd.field.network import Network
 
-        if points.layout != torch.strided or points.dtype.is_complex:
+        if points.layout != torch.strided or points.dtype.is_complex or points.is_meta:
             raise ValueError(
-                f"Field: `points` must be a dense tensor of real numbers, got {points.layout}, {points.dtype}"
+                "Field: `points` must be a dense tensor of real numbers, "
+                f"got {points.layout}, {points.dtype} on {points.device}"
             )
         if points.ndim != 2 or points.shape[1] != 3:
             raise ValueError(f"Field: `points` must have shape (N, 3), got {tuple(points.shape)}")

@@ -38,12 +38,20 @@ def posed_with_gradients(
         raise ValueError(
             "pose: only a linear blend without interpolation has gradients: detach the tensors that require them"
         )
-    for name, value in (("vertices", vertices), ("weights", weights), ("transforms", transforms)):
+    given = {"vertices": vertices, "weights": weights, "transforms": transforms}
+    for name, value in given.items():
         if tensors.tracked(value) and value.dtype not in (torch.float32, torch.float64):
             raise ValueError(f"pose: `{name}` must be float32 or float64 to have gradients, got {value.dtype}")
-    arguments = [torch.as_tensor(tensors.shared("pose", "", value)) if not tensors.is_tensor(value) else value
-                 for value in (vertices, weights, transforms)]  # fmt: skip
+    arguments = (_tensor(name, value) for name, value in given.items())
     return _Pose.apply(*arguments, pose, options)  # type: ignore[no-untyped-call]
+
+
+def _tensor(name: str, value: Any) -> torch.Tensor:
+    if isinstance(value, torch.Tensor):
+        return value
+    array = np.asarray(tensors.shared("pose", name, value))
+    # A mesh's own vertices cannot be written to, which torch has no word for and warns about.
+    return torch.from_numpy(array if array.flags.writeable else array.copy())
 
 
 class _Pose(torch.autograd.Function):

@@ -100,3 +100,13 @@ def test_a_drag_refuses():
     drag = dfd.Drag(vertices.detach(), weights.detach(), transforms.detach(), [0])
     with pytest.raises(ValueError, match=r"^Drag.pose: a drag has no gradients: detach"):
         drag.pose(transforms[:1])
+
+
+def test_arrays_that_cannot_be_written_to_stand_beside_tensors():
+    vertices, weights, transforms = tensors()
+    fixed = vertices.detach().numpy()
+    fixed.flags.writeable = False
+    posed = dfd.pose(fixed, weights, transforms.detach().numpy())
+    posed.sum().backward()
+    assert weights.grad is not None
+    assert not np.shares_memory(posed.detach().numpy(), fixed)
