@@ -65,6 +65,11 @@ class CompactFeatures:
     tolerance: float
     error: float
 
+    def __repr__(self) -> str:
+        """Say what they stand for and how well."""
+        stored = f"{self.dimensions} dimensions as {self.precision}"
+        return f"CompactFeatures({self.shape[0]} × {self.shape[1]} in {stored}, error {self.error:.2g})"
+
     def __len__(self) -> int:
         return self.shape[0]
 

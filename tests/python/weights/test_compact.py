@@ -156,6 +156,11 @@ def test_a_row_out_of_all_proportion_is_refused_and_not_called_exact(count, tole
         dfd.compact(features, tolerance=tolerance)
 
 
+def test_a_line_says_what_they_are(compact):
+    assert "\n" not in repr(compact)
+    assert repr(compact).startswith(f"CompactFeatures({len(compact)} × ")
+
+
 def test_torch_tensors_are_taken():
     from_torch, from_numpy = dfd.compact(torch.from_numpy(FEATURES)), dfd.compact(FEATURES)
     np.testing.assert_array_equal(from_torch.blocks, from_numpy.blocks)
