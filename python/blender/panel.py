@@ -1,0 +1,45 @@
+"""The panel in the sidebar of the 3D view."""
+
+from __future__ import annotations
+
+import bpy
+
+__all__ = ["CLASSES"]
+
+
+class DFD_PT_weights(bpy.types.Panel):  # noqa: N801
+    """Field, handles and their sliders"""
+
+    bl_idname = "DFD_PT_weights"
+    bl_label = "Feature Weights"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "dfd"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Whether there is a mesh to work on."""
+        return context.object is not None and context.object.type == "MESH"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw it from top to bottom in the order of work."""
+        layout, settings = self.layout, context.object.dfd
+        layout.use_property_split = True
+        layout.prop(settings, "field")
+        if settings.field:
+            layout.prop(settings, "axes")
+        layout.operator("dfd.distill")
+        layout.operator("dfd.weigh")
+        for index, handle in enumerate(settings.handles):
+            box = layout.box()
+            row = box.row()
+            row.label(text=handle.name, icon="GROUP_VERTEX")
+            row.operator("dfd.remove", text="", icon="X").index = index
+            box.prop(handle, "reach", slider=True)
+            box.prop(handle, "falloff")
+            box.prop(handle, "locality", slider=True)
+            if handle.note:
+                box.label(text=handle.note, icon="ERROR")
+
+
+CLASSES = (DFD_PT_weights,)

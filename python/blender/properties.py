@@ -1,0 +1,79 @@
+"""What is kept with an object: its field, and the handles that its vertex groups came of."""
+
+from __future__ import annotations
+
+import bpy
+
+__all__ = ["CLASSES", "HandleSettings", "ObjectSettings", "Preferences"]
+
+FALLOFFS = [(name, name.capitalize(), "") for name in ("linear", "smooth", "sharp", "root", "sphere", "constant")]
+AXES = [
+    ("AUTO", "Whichever fits", "As the object's or as glTF's, by the box of the field's shape"),
+    ("SAME", "The object's own", "The field has the coordinates of the mesh as Blender shows them"),
+    ("Y_UP", "Y up, as glTF", "Blender turned the file by a quarter when it was imported"),
+]
+
+
+def _again(handle: HandleSettings, context: bpy.types.Context) -> None:
+    """A slider moved: the handle's vertex group follows."""
+    from . import operators
+
+    operators.refresh(handle.id_data, handle)
+
+
+def _another(settings: ObjectSettings, context: bpy.types.Context) -> None:
+    """Another field, or other axes: every group follows."""
+    from . import operators
+
+    for handle in settings.handles:
+        operators.refresh(settings.id_data, handle)
+
+
+class HandleSettings(bpy.types.PropertyGroup):
+    """One handle; its `name` is that of its vertex group."""
+
+    vertex: bpy.props.IntProperty(name="Vertex", min=0)
+    reach: bpy.props.FloatProperty(
+        name="Reach",
+        description="Distance between features at which the weight is 0: less takes fewer look-alikes along",
+        default=1.0,
+        min=0.01,
+        soft_max=1.5,
+        update=_again,
+    )
+    falloff: bpy.props.EnumProperty(name="Falloff", items=FALLOFFS, default="linear", update=_again)
+    locality: bpy.props.FloatProperty(
+        name="Locality",
+        description="How much faster the weight falls off along the surface; 0 for not at all",
+        default=0.0,
+        min=0.0,
+        soft_max=10.0,
+        update=_again,
+    )
+    note: bpy.props.StringProperty(description="What went wrong with the last change")
+
+
+class ObjectSettings(bpy.types.PropertyGroup):
+    """What dfd knows of an object."""
+
+    field: bpy.props.StringProperty(
+        name="Field", description="A .field.safetensors of this shape", subtype="FILE_PATH", update=_another
+    )
+    axes: bpy.props.EnumProperty(name="Axes", items=AXES, default="AUTO", update=_another)
+    handles: bpy.props.CollectionProperty(type=HandleSettings)
+
+
+class Preferences(bpy.types.AddonPreferences):
+    """Where dfd's command is: distilling needs the whole package, which Blender has not."""
+
+    bl_idname = __package__
+    command: bpy.props.StringProperty(
+        name="dfd command", description="What starts dfd distill", default="dfd", subtype="FILE_PATH"
+    )
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Show it."""
+        self.layout.prop(self, "command")
+
+
+CLASSES = (HandleSettings, ObjectSettings, Preferences)

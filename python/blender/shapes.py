@@ -1,0 +1,84 @@
+"""A mesh of Blender with its features: what is computed once per shape, and the weights that come of it.
+
+It imports nothing of Blender's, and of dfd what needs no torch.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+import dfd
+from dfd.editing.compatibility import check_compatible
+
+__all__ = ["Axes", "Shape"]
+
+Axes = Literal["AUTO", "SAME", "Y_UP"]
+
+FULL_FEATURES = 16_384  # vertices up to which features are kept in full
+SAME_BOX = 1e-3  # of the longest side: boxes of one shape, once simplified, differ by less
+
+
+class Shape:
+    """A mesh and the field that was distilled from it.
+
+    Parameters
+    ----------
+    vertices
+        (V, 3) in the object's own coordinates.
+    triangles
+        (F, 3) vertex indices.
+    field
+        Path of a `.field.safetensors`.
+    axes
+        How the field's coordinates lie: "SAME" as the object's, "Y_UP" as those of a glTF file, which Blender turns
+        by a quarter when it imports one, or "AUTO" for whichever of the two the field's shape fits better.
+
+    Raises
+    ------
+    ValueError
+        If the field cannot be read, or is that of a shape of another size or place.
+    OSError
+        If there is no such file.
+    """
+
+    def __init__(self, vertices: np.ndarray, triangles: np.ndarray, field: Path, axes: Axes) -> None:
+        self.field = dfd.Field.load(field)
+        mesh = dfd.Mesh(vertices, triangles)
+        self.axes: Axes = ("Y_UP" if _fits_turned(self.field, mesh) else "SAME") if axes == "AUTO" else axes
+        self.mesh = dfd.Mesh(_turned(vertices), triangles) if self.axes == "Y_UP" else mesh
+        check_compatible(self.field, self.mesh)
+        few = len(vertices) <= FULL_FEATURES
+        self.features = self.field.features(self.mesh) if few else dfd.compact(self.field, self.mesh.vertices)
+        self.geodesics = dfd.Geodesics(self.mesh)
+
+    def weights(self, vertex: int, *, reach: float = 1.0, falloff: str = "linear", locality: float = 0.0) -> np.ndarray:
+        """Weights (V,) float32 in [0, 1] of all vertices for a handle at `vertex`, as `dfd.bind` gives them.
+
+        Raises
+        ------
+        ValueError
+            If `vertex` is none of the mesh, or a number is out of its range.
+        """
+        geodesic = self.geodesics.distances([vertex]) if locality > 0 else None
+        column = dfd.bind(self.features, [vertex], reach=reach, falloff=falloff, geodesic=geodesic, locality=locality)
+        return np.ascontiguousarray(column[:, 0])
+
+
+def _turned(vertices: np.ndarray) -> np.ndarray:
+    """What was (x, −z, y) in Blender is (x, y, z) in the file."""
+    return np.stack([vertices[:, 0], vertices[:, 2], -vertices[:, 1]], axis=1)
+
+
+def _miss(field: dfd.Field, mesh: dfd.Mesh) -> float:
+    """How far the mesh's box is from the one that the field knows, of the field's half longest side."""
+    low, high = (np.asarray(mesh.bounds) - field.center) * field.scale
+    return float(max(np.abs(low + high).max() / 2, abs((high - low).max() / 2 - 1)))
+
+
+def _fits_turned(field: dfd.Field, mesh: dfd.Mesh) -> bool:
+    """Whether the mesh lies as the field's shape does once it is turned; in doubt it does, as files have y up."""
+    same, turned = _miss(field, mesh), _miss(field, dfd.Mesh(_turned(mesh.vertices), mesh.faces))
+    return turned <= same + SAME_BOX

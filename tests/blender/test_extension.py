@@ -1,0 +1,227 @@
+"""The extension as Blender installs it: from its zip, with the wheels inside."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+MODULE = "bl_ext.user_default.dfd_weights"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _installed() -> None:
+    bpy.ops.extensions.package_install_files(
+        filepath=os.environ["DFD_EXTENSION"], repo="user_default", enable_on_install=True
+    )
+    assert MODULE in bpy.context.preferences.addons
+
+
+@pytest.fixture(scope="session")
+def field_file(tmp_path_factory) -> Path:
+    """A field of a small network of random weights, for a shape in the box [-1, 1]³."""
+    import dfd
+    from dfd.field.architecture import Architecture
+
+    random = np.random.default_rng(0)
+    parameters = {
+        name: (random.standard_normal(shape) / np.sqrt(shape[-1])).astype(np.float32)
+        for name, shape in Architecture(8, 32, 2, 4).shapes().items()
+    }
+    path = tmp_path_factory.mktemp("field") / "ball.field.safetensors"
+    dfd.Field(parameters, octaves=4).save(path)
+    return path
+
+
+@pytest.fixture
+def ball() -> bpy.types.Object:
+    """An egg that lies in the field's box, longest along Blender's z."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.preferences.addon_enable(module=MODULE)
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=24, ring_count=16, radius=1)
+    of = bpy.context.object
+    for vertex in of.data.vertices:
+        vertex.co.x *= 0.5
+        vertex.co.y *= 0.6 if vertex.co.y > 0 else 0.5
+    for each in (*of.data.vertices, *of.data.edges, *of.data.polygons):
+        each.select = False
+    return of
+
+
+def coordinates(of: bpy.types.Object) -> np.ndarray:
+    found = np.empty((len(of.data.vertices), 3), np.float32)
+    of.data.vertices.foreach_get("co", found.ravel())
+    return found.astype(float)
+
+
+def group_weights(of: bpy.types.Object, name: str) -> np.ndarray:
+    index = of.vertex_groups[name].index
+    found = np.zeros(len(of.data.vertices))
+    for vertex in of.data.vertices:
+        for each in vertex.groups:
+            if each.group == index:
+                found[vertex.index] = each.weight
+    return found
+
+
+def expected(of: bpy.types.Object, field_file: Path, vertex: int, **how) -> np.ndarray:
+    import dfd
+
+    features = dfd.Field.load(field_file)(coordinates(of))
+    return dfd.bind(features, [vertex], **how)[:, 0]
+
+
+def select(of: bpy.types.Object, *vertices: int) -> None:
+    for vertex in vertices:
+        of.data.vertices[vertex].select = True
+
+
+def test_each_selected_vertex_gets_a_group_of_its_weights(ball, field_file):
+    ball.dfd.axes, ball.dfd.field = "SAME", str(field_file)
+    select(ball, 3, 40)
+    assert bpy.ops.dfd.weigh() == {"FINISHED"}
+    assert [handle.vertex for handle in ball.dfd.handles] == [3, 40]
+    for handle in ball.dfd.handles:
+        np.testing.assert_allclose(
+            group_weights(ball, handle.name), expected(ball, field_file, handle.vertex), atol=1e-6
+        )
+        assert group_weights(ball, handle.name)[handle.vertex] == 1
+
+
+def test_sliders_weigh_anew(ball, field_file):
+    import dfd
+
+    ball.dfd.axes, ball.dfd.field = "SAME", str(field_file)
+    select(ball, 7)
+    bpy.ops.dfd.weigh()
+    (handle,) = ball.dfd.handles
+    before = group_weights(ball, handle.name)
+    handle.reach, handle.falloff = 0.6, "smooth"
+    wanted = expected(ball, field_file, 7, reach=handle.reach, falloff="smooth")
+    np.testing.assert_allclose(group_weights(ball, handle.name), wanted, atol=1e-6)
+    assert (wanted < before - 0.05).any()
+    handle.locality = 3
+    mesh = dfd.Mesh(coordinates(ball), triangles(ball))
+    wanted *= (1 - dfd.Geodesics(mesh).distances([7])[0]) ** 3
+    np.testing.assert_allclose(group_weights(ball, handle.name), wanted, atol=1e-5)
+
+
+def triangles(of: bpy.types.Object) -> np.ndarray:
+    of.data.calc_loop_triangles()
+    found = np.empty((len(of.data.loop_triangles), 3), np.int32)
+    of.data.loop_triangles.foreach_get("vertices", found.ravel())
+    return found
+
+
+def test_a_file_that_blender_turned_finds_its_field(ball, field_file, tmp_path):
+    """A glTF has y up and Blender z: the field knows the file's coordinates."""
+    import dfd
+
+    field = dfd.Field.load(field_file)
+    of_file = coordinates(ball)[:, [0, 2, 1]] * [1, 1, -1]
+    low, high = of_file.min(axis=0), of_file.max(axis=0)
+    turned = dfd.Field(field.parameters, octaves=4, center=(low + high) / 2, scale=2 / (high - low).max())
+    turned.save(tmp_path / "turned.field.safetensors")
+    ball.dfd.field = str(tmp_path / "turned.field.safetensors")
+    select(ball, 11)
+    bpy.ops.dfd.weigh()
+    wanted = dfd.bind(turned(of_file), [11])[:, 0]
+    np.testing.assert_allclose(group_weights(ball, "dfd 11"), wanted, atol=1e-6)
+
+
+def test_edit_mode_is_left_as_it_was(ball, field_file):
+    ball.dfd.axes, ball.dfd.field = "SAME", str(field_file)
+    select(ball, 5)
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert bpy.ops.dfd.weigh() == {"FINISHED"}
+    assert ball.mode == "EDIT"
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert group_weights(ball, "dfd 5").max() == 1
+
+
+def test_a_moved_mesh_is_weighed_as_it_is_now(ball, field_file):
+    ball.dfd.axes, ball.dfd.field = "SAME", str(field_file)
+    select(ball, 5)
+    bpy.ops.dfd.weigh()
+    for vertex in ball.data.vertices:
+        vertex.co.z *= 0.8
+    ball.dfd.handles[0].reach = 0.9
+    np.testing.assert_allclose(
+        group_weights(ball, "dfd 5"), expected(ball, field_file, 5, reach=ball.dfd.handles[0].reach), atol=1e-6
+    )
+
+
+def test_removed_handles_take_their_group_along(ball, field_file):
+    ball.dfd.axes, ball.dfd.field = "SAME", str(field_file)
+    select(ball, 5, 9)
+    bpy.ops.dfd.weigh()
+    bpy.ops.dfd.remove(index=0)
+    assert [group.name for group in ball.vertex_groups] == ["dfd 9"]
+    with pytest.raises(RuntimeError, match="There is no handle 4"):
+        bpy.ops.dfd.remove(index=4)
+
+
+def test_what_is_missing_is_said_and_nothing_is_left(ball, field_file, tmp_path):
+    select(ball, 5)
+    with pytest.raises(RuntimeError, match="Choose a field, or distill one"):
+        bpy.ops.dfd.weigh()
+    ball.dfd.field = str(tmp_path / "none.field.safetensors")
+    with pytest.raises(RuntimeError, match=r"none\.field"):
+        bpy.ops.dfd.weigh()
+    ball.dfd.axes, ball.dfd.field = "SAME", str(field_file)
+    ball.data.vertices[5].select = False
+    with pytest.raises(RuntimeError, match="Select one vertex or more"):
+        bpy.ops.dfd.weigh()
+    for vertex in ball.data.vertices:
+        vertex.co *= 100
+    select(ball, 5)
+    with pytest.raises(RuntimeError, match="must belong to this mesh"):
+        bpy.ops.dfd.weigh()
+    assert not ball.vertex_groups
+    assert not ball.dfd.handles
+
+
+def test_a_slider_without_a_field_says_so_beside_it(ball, field_file):
+    ball.dfd.axes, ball.dfd.field = "SAME", str(field_file)
+    select(ball, 5)
+    bpy.ops.dfd.weigh()
+    before = group_weights(ball, "dfd 5")
+    ball.dfd.field = ""
+    assert "Choose a field" in ball.dfd.handles[0].note
+    np.testing.assert_array_equal(group_weights(ball, "dfd 5"), before)
+    ball.dfd.field = str(field_file)
+    assert not ball.dfd.handles[0].note
+
+
+@pytest.mark.skipif("DFD_COMMAND" not in os.environ, reason="DFD_COMMAND is to be the path of dfd")
+def test_a_field_is_distilled_by_a_process(ball, tmp_path):
+    import dfd
+
+    ball.location = (5, 0, 0)
+    bpy.context.preferences.addons[MODULE].preferences.command = os.environ["DFD_COMMAND"]
+    path = tmp_path / "egg.field.safetensors"
+    small = "--views 4 --resolution 112 --steps 20 --no-cache"
+    assert bpy.ops.dfd.distill(output=str(path), options=small) == {"FINISHED"}
+    field = dfd.Field.load(path)
+    center = coordinates(ball)
+    np.testing.assert_allclose(field.center, (center.min(axis=0) + center.max(axis=0)) / 2, atol=1e-5)
+    assert ball.dfd.field == str(path)
+    select(ball, 5)
+    bpy.ops.dfd.weigh()
+    assert group_weights(ball, "dfd 5")[5] == 1
+    assert [each.name for each in bpy.data.objects] == [ball.name]
+
+
+def test_a_command_that_is_not_there_or_fails_is_told(ball, tmp_path):
+    preferences = bpy.context.preferences.addons[MODULE].preferences
+    preferences.command = str(tmp_path / "nothing")
+    with pytest.raises(RuntimeError, match="did not start"):
+        bpy.ops.dfd.distill(output=str(tmp_path / "x.field.safetensors"))
+    preferences.command = shutil.which("false")
+    with pytest.raises(RuntimeError, match="it said nothing"):
+        bpy.ops.dfd.distill(output=str(tmp_path / "x.field.safetensors"))
+    assert not list(tmp_path.iterdir())

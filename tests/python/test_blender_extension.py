@@ -1,0 +1,87 @@
+"""The parts of the Blender extension that need no Blender; `make test-blender` tests all of it inside one."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from importlib.metadata import version
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import dfd
+from dfd.field.architecture import Architecture
+
+FOLDER = Path(__file__).resolve().parents[2] / "python" / "blender"
+
+
+def part(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"blender_{name}", FOLDER / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def shape() -> dfd.Mesh:
+    """A chair that stands beside the middle, so that no turn leaves its box where it was."""
+    mesh = dfd.samples.chair(4000).mesh
+    return dfd.Mesh(mesh.vertices + [0, 1, 0], mesh.faces)
+
+
+@pytest.fixture
+def field_file(shape: dfd.Mesh, tmp_path: Path) -> Path:
+    random = np.random.default_rng(0)
+    parameters = {
+        name: (random.standard_normal(size) / np.sqrt(size[-1])).astype(np.float32)
+        for name, size in Architecture(8, 32, 2, 4).shapes().items()
+    }
+    low, high = shape.bounds
+    path = tmp_path / "chair.field.safetensors"
+    dfd.Field(parameters, octaves=4, center=(low + high) / 2, scale=2 / (high - low).max()).save(path)
+    return path
+
+
+def in_blender(vertices: np.ndarray) -> np.ndarray:
+    """As the importer of glTF files turns them."""
+    return np.stack([vertices[:, 0], -vertices[:, 2], vertices[:, 1]], axis=1)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_weights_are_those_of_bind_however_the_file_was_turned(shape, field_file, turned):
+    vertices = in_blender(shape.vertices) if turned else shape.vertices
+    found = part("shapes").Shape(vertices, shape.faces, field_file, "AUTO")
+    assert found.axes == ("Y_UP" if turned else "SAME")
+    features = dfd.Field.load(field_file).features(shape)
+    geodesic = dfd.Geodesics(shape).distances([5])
+    wanted = dfd.bind(features, [5], reach=0.7, falloff="smooth", geodesic=geodesic, locality=2.0)[:, 0]
+    weights = found.weights(5, reach=0.7, falloff="smooth", locality=2.0)
+    np.testing.assert_allclose(weights, wanted, atol=1e-5)
+    np.testing.assert_allclose(found.weights(5), dfd.bind(features, [5])[:, 0], atol=1e-5)
+
+
+def test_a_field_of_another_shape_is_refused(shape, field_file):
+    with pytest.raises(ValueError, match="`field` must belong to this mesh"):
+        part("shapes").Shape(10 * shape.vertices, shape.faces, field_file, "AUTO")
+
+
+def test_the_manifest_names_the_wheels_beside_it():
+    build = part("build")
+    try:
+        import tomllib
+    except ImportError:
+        pytest.skip("tomllib comes with Python 3.11")
+    manifest = tomllib.loads(build.with_wheels(["a-1-py3-none-any.whl", "b-2-py3-none-any.whl"]))
+    assert manifest["wheels"] == ["./wheels/a-1-py3-none-any.whl", "./wheels/b-2-py3-none-any.whl"]
+    assert manifest["permissions"]
+    assert manifest["version"] == version("dfd")
+
+
+def test_building_without_a_wheel_says_what_makes_one(tmp_path):
+    with pytest.raises(FileNotFoundError, match="make wheel"):
+        part("build").main(tmp_path)
