@@ -17,15 +17,12 @@ if TYPE_CHECKING:
     from dfd.editing.place import Place
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["PLACE", "FieldOption", "MeshArgument", "Places", "check_camera", "check_output", "plane_text"]
+__all__ = ["PLACE", "MeshArgument", "Places", "check_camera", "check_output", "given_besides", "plane_text"]
 
 # What a handle or a fixed point may be, in the help of every command.
 PLACE = "VERTEX|X,Y,Z|top|part:NAME|…"
 
 MeshArgument = Annotated[Path, typer.Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file.")]
-FieldOption = Annotated[
-    Path, typer.Option("--field", metavar="FIELD", help="The shape's field, as `dfd distill` wrote it.")
-]
 
 
 class Places:
@@ -96,6 +93,13 @@ def check_output(option: str, path: Path | None, endings: Sequence[str] = ()) ->
             pass
     except OSError as error:
         raise OSError(error.errno, f"`{option}`: {path} cannot be written: {error.strerror}") from error
+
+
+def given_besides(context: typer.Context, names: Sequence[str]) -> list[str]:
+    """The options that a command line gives besides those of these `names`, as they are spelled."""
+    given = (each for each in context.command.params if each.name not in names and each.name is not None)
+    sources = ((each, context.get_parameter_source(each.name or "")) for each in given)
+    return [each.opts[0] for each, source in sources if source is not None and source.name == "COMMANDLINE"]
 
 
 def check_camera(azimuth: float | None, elevation: float, zoom: float) -> None:

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from dfd.cli.arguments import PLACE, FieldOption, MeshArgument, Places, check_camera, check_output, plane_text
+from dfd.cli.arguments import PLACE, Places, check_camera, check_output, given_besides, plane_text
+from dfd.cli.deform_many import Asked, deform_many, is_many
 from dfd.cli.handles import handles
 from dfd.cli.options import (
     ArriveOption,
@@ -24,11 +25,26 @@ from dfd.cli.options import (
 
 __all__ = ["deform"]
 
+KEPT = ("output", "picture")
+
 
 def deform(
     context: typer.Context,
-    mesh: MeshArgument,
-    field: FieldOption,
+    meshes: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="MESH…", help="OBJ, PLY, STL, OFF, GLB or glTF file; with --edit also several, or 'chairs/*.glb'."
+        ),
+    ],
+    field: Annotated[
+        Path | None,
+        typer.Option(
+            "--field",
+            metavar="FIELD",
+            help="The shape's field, as `dfd distill` wrote it; for several shapes a folder with NAME.field.safetensors"
+            " (by default their own), and what is not there is found or made.",
+        ),
+    ] = None,
     handle: Annotated[
         str | None,
         typer.Option(metavar=PLACE, help="What to take hold of; repeatable, each with the options that follow it."),
@@ -82,8 +98,24 @@ def deform(
     edit: Annotated[
         Path | None, typer.Option(metavar="JSON", help="Start from an edit with any number of handles.")
     ] = None,
-    output: Annotated[Path | None, typer.Option("--output", "-o", metavar="MESH", help="The mesh to write.")] = None,
-    picture: Annotated[Path | None, typer.Option(metavar="PNG", help="Draw it before and after.")] = None,
+    made_on: Annotated[
+        Path | None,
+        typer.Option(metavar="MESH", help="The shape that --edit was made on, if it is none of several shapes."),
+    ] = None,
+    threshold: Annotated[
+        float | None,
+        typer.Option(min=0.0, max=1.0, help="Of several shapes, leave out those with less confidence; usually 0.45."),
+    ] = None,
+    encoder: Annotated[
+        str, typer.Option(metavar="NAME", help="What makes fields of several shapes that have none.")
+    ] = "dinov2-small",
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="MESH|FOLDER", help="The mesh to write; of several shapes the folder."),
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="PNG", help="Draw it before and after; several shapes on one sheet.")
+    ] = None,
     azimuth: Annotated[
         float | None,
         typer.Option(help="The picture's side, degrees from the front (+z) to +x; by default where handles show."),
@@ -92,8 +124,22 @@ def deform(
     zoom: Annotated[float, typer.Option(help="Above 1 nearer, at the handles.")] = 1.0,
     save_edit: Annotated[Path | None, typer.Option(metavar="JSON", help="Keep the edit, for --edit.")] = None,
 ) -> None:
-    """Deform MESH by handles, from options, an edit, or both."""
+    """Deform MESH by handles, from options, an edit, or both; or several shapes by one edit, made on another one.
+
+    On several shapes each handle goes to what looks most like what it held; a shape without such is left out, and named.
+    """
     held = handles(context.params, context.meta)
+    if is_many(meshes, made_on):
+        others = given_besides(context, ("meshes", "field", "edit", "made_on", "threshold", "encoder", *KEPT))
+        if others:
+            raise ValueError(f"`{others[0]}` is for one MESH: several shapes are deformed by `--edit` alone")
+        if edit is None or output is None:
+            raise ValueError(f"`--{'edit' if edit is None else 'output'}` must be given for several shapes")
+        deform_many(meshes, Asked(edit, output, field, made_on, encoder, threshold, picture))
+        return
+    mesh = Path(meshes[0])
+    if field is None:
+        raise ValueError("`--field` must be given: it says what looks alike (dfd distill MESH makes it)")
     if not held and edit is None:
         raise ValueError("`--handle` or `--edit` must be given: without them nothing moves")
     if band is not None and symmetry is None:

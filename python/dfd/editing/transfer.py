@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +16,7 @@ from dfd.editing.edit import Edit, Handle
 from dfd.editing.place import Place, place_on
 from dfd.editing.regions import Ball, Box, HalfSpace, Part, Region, VertexSet, members
 from dfd.editing.vertex_rows import VertexRows
+from dfd.geometry.topology import face_areas
 from dfd.posing.transforms import Transform, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.bind import bind
@@ -29,6 +31,9 @@ __all__ = ["Transferred", "transfer"]
 # features tell a leg from an arm, and hardly a left leg from a right one.
 AS_NEAR = 0.1
 MOST_POSITIONS = 2048  # of a set of vertices: more of them lie between these
+SAMPLE = 4096  # points of a surface, whose features have the mean of all of them to a percent
+OF_ENCODER = ("encoder_family", "encoder_weights", "encoder_block")  # of a field's settings: what features come from
+TOO_SHORT = 1e-4  # a feature nearer to the mean of its shape differs from it in no way that could be told
 
 Points = NDArray[np.float64]
 
@@ -42,7 +47,8 @@ class Transferred:
     edit
         On the other mesh.
     confidence
-        By handle id, in [0, 1]: the weight that the handle's old feature gives to where it is now, max(1 − d, 0).
+        By handle id, in [0, 1]: the cosine between what sets the old place and the new one apart from the rest of their
+        shapes, 0 below that. 1 is the same; right places on shapes of one class have 0.5 and more.
     fixed_confidence
         The same for the fixed points, in their order.
     """
@@ -52,40 +58,52 @@ class Transferred:
     fixed_confidence: tuple[float, ...]
 
 
-def transfer(edit: Edit, field_from: Field, mesh_to: Mesh, field_to: Field) -> Transferred:
-    """Carry `edit` from the shape of one field to another shape of its class.
+def transfer(edit: Edit, mesh_from: Mesh, field_from: Field, mesh_to: Mesh, field_to: Field) -> Transferred:
+    """Carry `edit` from one shape to another one of its class.
 
     A handle goes to the vertex whose feature is nearest to the handle's own, and among those that are about as near to
-    the one at the most similar position in the box around the shape. Lengths (translations, pivots, radii) are scaled
-    by the ratio of the longest sides; rotations and scales stay. Regions of space are carried from box to box, a set of
-    vertices goes vertex by vertex (at most 2,048 of them, evenly chosen), a part is looked up by its name.
+    the one at the most similar position in the box around the shape. Features are compared less the mean of their
+    shape's surface: that holds what the whole shape looks like, its style, and a leg is what differs from it as legs
+    do. Lengths (translations, pivots, radii) are scaled by the ratio of the longest sides; rotations and scales stay.
+    Regions of space are carried from box to box, a set of vertices goes vertex by vertex (at most 2,048 of them, evenly
+    chosen), a part is looked up by its name.
 
     Parameters
     ----------
     edit
-        Made on the shape of `field_from`, in whose units it is.
+        Made on `mesh_from`, in whose units it is.
+    mesh_from, mesh_to
+        The shape that it was made on, and the other one.
     field_from, field_to
-        Fields of the two shapes, of one encoder.
-    mesh_to
-        The other shape.
+        Their fields, of one encoder.
 
     Raises
     ------
     ValueError
-        If the fields have features of different widths, two handles go to one vertex, or a region is empty there.
+        If the fields are of two encoders, two handles go to one vertex, or a region is empty there.
     """
+    _check_encoders(field_from, field_to)
+    with door("transfer"):
+        return _Carrier(mesh_from, field_from, mesh_to, field_to).carried(edit)
+
+
+def _check_encoders(field_from: Field, field_to: Field) -> None:
+    """Refuse fields whose features cannot be compared."""
     if field_from.dimension != field_to.dimension:
         raise ValueError(
             f"transfer: `field_to` must have features of width {field_from.dimension} as `field_from` has, "
             f"got {field_to.dimension}"
         )
-    with door("transfer"):
-        return _Carrier(field_from, mesh_to, field_to).carried(edit)
+    before, now = ([field.settings.get(key) for key in OF_ENCODER] for field in (field_from, field_to))
+    for key, was, found in zip(OF_ENCODER, before, now, strict=True):
+        if was is not None and found is not None and was != found:
+            raise ValueError(f"transfer: `field_to` must be of the {key} {was} as `field_from` is, got {found}")
 
 
 class _Carrier:
-    def __init__(self, field_from: Field, mesh: Mesh, field_to: Field) -> None:
+    def __init__(self, mesh_from: Mesh, field_from: Field, mesh: Mesh, field_to: Field) -> None:
         self.field_from, self.mesh, self.field_to = field_from, mesh, field_to
+        self.mean_from, self.mean_to = _mean(mesh_from, field_from), _mean(mesh, field_to)
         self.center_from, self.center_to = (field.center for field in (field_from, field_to))
         self.rows = VertexRows(mesh, field_to)
         self.ratio = float(field_from.scale) / float(field_to.scale)
@@ -114,15 +132,15 @@ class _Carrier:
     def place(self, place: Place) -> tuple[Place, float]:
         """Where a place is on the other shape, and how sure that is."""
         if place.region is None:
-            vertices, apart = self.nearest(np.array([place.position]))
-            return place_on(self.mesh, int(vertices[0])), _sure(apart)
+            vertices, cosines = self.nearest(np.array([place.position]))
+            return place_on(self.mesh, int(vertices[0])), _sure(cosines)
         if isinstance(place.region, VertexSet):
-            vertices, apart = self.nearest(place.region.positions)
-            return place_on(self.mesh, VertexSet.of(self.mesh, np.unique(vertices))), _sure(apart)
+            vertices, cosines = self.nearest(place.region.positions)
+            return place_on(self.mesh, VertexSet.of(self.mesh, np.unique(vertices))), _sure(cosines)
         carried = self.region(place.region)
         held = self.mesh.vertices[members(self.mesh, carried)].mean(axis=0, keepdims=True)
-        apart = np.linalg.norm(self.field_from(np.array([place.position])) - self.field_to(held), axis=1)
-        return place_on(self.mesh, carried), _sure(apart)
+        before = _unit(self.field_from(np.array([place.position])) - self.mean_from)
+        return place_on(self.mesh, carried), _sure((before * _unit(self.field_to(held) - self.mean_to)).sum(axis=1))
 
     def region(self, region: Region) -> Region:
         """A region of the other shape."""
@@ -168,21 +186,58 @@ class _Carrier:
         offset = float(np.dot(on_plane, plane.normal))
         return SymmetryPlane(plane.normal, offset, band=self.ratio * plane.band)
 
-    def nearest(self, positions: Points) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """(N,) the vertices that look most like points of the first shape, and how far their features are apart."""
+    def nearest(self, positions: Points) -> tuple[NDArray[np.int64], Points]:
+        """(N,) the vertices that look most like points of the first shape, and the cosines between the two."""
         chosen = positions[:: -(-len(positions) // MOST_POSITIONS)]
-        wanted = self.field_from(chosen)
+        wanted = _unit(self.field_from(chosen) - self.mean_from)
         meant = self.center_to + self.ratio * (chosen - self.center_from)
-        vertices, apart = np.empty(len(chosen), np.int64), np.empty(len(chosen))
+        offset, length = self.mean_to, self.lengths
+        vertices, cosines = np.empty(len(chosen), np.int64), np.empty(len(chosen))
         for i, row in enumerate(wanted):
-            # With twice the paper's reach, no distance of unit features is cut off.
-            distances = 2.0 * (1.0 - bind(self.rows.features, row[None], reach=2.0)[:, 0])
-            alike = np.flatnonzero(distances <= distances.min() + AS_NEAR)
+            found = (self.products(row) - float(offset @ row)) / length
+            apart = np.sqrt(np.maximum(2.0 - 2.0 * found, 0.0))
+            alike = np.flatnonzero(apart <= apart.min() + AS_NEAR)
             vertices[i] = alike[np.linalg.norm(self.mesh.vertices[alike] - meant[i], axis=1).argmin()]
-            apart[i] = distances[vertices[i]]
-        return vertices, apart
+            cosines[i] = found[vertices[i]]
+        return vertices, cosines
+
+    @cached_property
+    def lengths(self) -> Points:
+        """(V,) how far vertices' features are from the mean of their shape; infinite where they are the mean itself."""
+        offset = self.mean_to
+        long = float(np.linalg.norm(offset))
+        along = long * self.products(offset / long) if long > 0 else 0.0
+        squares = 1.0 + long**2 - 2.0 * along
+        return np.where(squares > TOO_SHORT**2, np.sqrt(np.maximum(squares, 0.0)), np.inf)
+
+    def products(self, row: Points) -> Points:
+        """(V,) products of the vertices' features with a unit row, from the distances that `bind` knows."""
+        # With twice the paper's reach, no distance of unit features is cut off.
+        distances = 2.0 * (1.0 - bind(self.rows.features, row[None].astype(np.float32), reach=2.0)[:, 0])
+        return 1.0 - np.square(distances, dtype=np.float64) / 2.0
 
 
-def _sure(apart: NDArray[np.floating]) -> float:
-    """The confidence that features so far apart give: the mean of the weights that they make (Eq. 5)."""
-    return float(np.maximum(1.0 - apart, 0.0).mean())
+def _mean(mesh: Mesh, field: Field) -> Points:
+    """(D,) the mean of the features of a surface."""
+    areas = face_areas(mesh.vertices, mesh.faces)
+    total = np.cumsum(areas)
+    if not (len(areas) and total[-1] > 0):
+        return np.zeros(field.dimension)
+    generator = np.random.default_rng(0)
+    evenly = (np.arange(SAMPLE) + generator.random(SAMPLE)) / SAMPLE * total[-1]
+    corners = mesh.vertices[mesh.faces[np.minimum(np.searchsorted(total, evenly, side="right"), len(areas) - 1)]]
+    # Uniform in a triangle: Osada et al. 2002, Shape Distributions, equation 1.
+    first, second = np.sqrt(generator.random((SAMPLE, 1))), generator.random((SAMPLE, 1))
+    points = (1 - first) * corners[:, 0] + first * (1 - second) * corners[:, 1] + first * second * corners[:, 2]
+    return np.asarray(field(points), np.float64).mean(axis=0)
+
+
+def _unit(rows: NDArray[np.floating]) -> Points:
+    """Rows of length 1; of no length stay what has none to speak of."""
+    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
+    return np.where(lengths > TOO_SHORT, rows / np.maximum(lengths, TOO_SHORT), 0.0)
+
+
+def _sure(cosines: NDArray[np.floating]) -> float:
+    """The confidence that cosines between features give."""
+    return float(np.clip(cosines, 0.0, 1.0).mean())

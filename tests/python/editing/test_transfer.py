@@ -13,6 +13,7 @@ class Known:
     """A field that knows what it was distilled from: what a point was before its shape was stretched and moved."""
 
     dimension = 16
+    settings: dict = {}  # noqa: RUF012
 
     def __init__(self, scale=1.0, shift=(0.0, 0.0, 0.0), mesh=None, signature=None):
         self.factor, self.shift = scale, np.asarray(shift)
@@ -52,7 +53,7 @@ def test_handles_go_to_what_looks_like_what_they_held(mesh, moved, fields):
     session.symmetry = "x"
     session.set_default(translation=(0.1, 0, 0))
     session.overlap, session.blend = "normalize", "polar"
-    found = transfer(session.edit, fields[0], other, fields[1])
+    found = transfer(session.edit, mesh, fields[0], other, fields[1])
     first, second = found.edit.handles
     assert first.place.vertex == number[5]
     assert second.place.vertex == number[900]
@@ -75,7 +76,7 @@ def test_the_carried_edit_deforms_the_other_shape_as_the_first_one(mesh, moved, 
     other, number = moved
     session = dfd.Deformer(mesh, fields[0], features=fields[0].features(mesh))
     session.add(5, translation=(0, 0.2, 0), rotation=(0, 30, 0))
-    found = transfer(session.edit, fields[0], other, fields[1])
+    found = transfer(session.edit, mesh, fields[0], other, fields[1])
     there = dfd.Deformer(other, fields[1], features=fields[1].features(other))
     there.apply(found.edit)
     np.testing.assert_allclose(there.vertices[number], 3 * session.vertices + (5, 0, 0), atol=1e-4)
@@ -86,7 +87,7 @@ def test_a_stranger_gets_little_confidence(mesh, moved, fields):
     stranger.signature = made_field(16, seed=9, width=32, layers=2, center=mesh.bounds.mean(0), scale=2)
     session = dfd.Deformer(mesh, fields[0], features=fields[0].features(mesh))
     session.add(5)
-    assert transfer(session.edit, fields[0], moved[0], stranger).confidence[1] < 0.5
+    assert transfer(session.edit, mesh, fields[0], moved[0], stranger).confidence[1] < 0.5
 
 
 def test_regions_are_carried_from_box_to_box(mesh, moved, fields):
@@ -96,7 +97,7 @@ def test_regions_are_carried_from_box_to_box(mesh, moved, fields):
     session.add(held, within=Box((-1, 0, -1), (1, 2, 1)))
     session.fix(Ball((0.2, 0.1, 0.2), 0.2))
     session.fix(HalfSpace((0, 0, -1), 0.2), strength=0.5)
-    found = transfer(session.edit, fields[0], other, fields[1])
+    found = transfer(session.edit, mesh, fields[0], other, fields[1])
     assert isinstance(found.edit.handles[0].place.region, VertexSet)
     np.testing.assert_array_equal(found.edit.handles[0].place.region.indices, np.sort(number[held]))
     np.testing.assert_allclose(found.edit.handles[0].controls.within.low, (2, 0, -3), atol=1e-6)
@@ -109,7 +110,7 @@ def test_regions_are_carried_from_box_to_box(mesh, moved, fields):
 def test_fields_of_two_encoders_are_refused(mesh, moved, fields):
     session = dfd.Deformer(mesh, fields[0], features=fields[0].features(mesh))
     with pytest.raises(ValueError, match=r"transfer: `field_to` must have features of width 16 .*, got 8"):
-        transfer(session.edit, fields[0], moved[0], made_field(8, seed=0))
+        transfer(session.edit, mesh, fields[0], moved[0], made_field(8, seed=0))
 
 
 def test_a_region_that_is_not_there_is_refused(mesh, moved, fields):
@@ -117,4 +118,39 @@ def test_a_region_that_is_not_there_is_refused(mesh, moved, fields):
     session.add("y>0.9")
     flat = dfd.Mesh(moved[0].vertices * (1, 0.1, 1), moved[0].faces)
     with pytest.raises(ValueError, match=r"transfer: `region` must hold a vertex, but the side"):
-        transfer(session.edit, fields[0], flat, fields[1])
+        transfer(session.edit, mesh, fields[0], flat, fields[1])
+
+
+def test_the_style_of_a_shape_does_not_count(mesh, moved, fields):
+    """All its features lie another way, as those of a wooden chair do beside a white one's."""
+    other, number = moved
+
+    class Styled(Known):
+        def __call__(self, points):
+            rows = super().__call__(points) + 2.0 * np.eye(16, dtype=np.float32)[0]
+            return rows / np.linalg.norm(rows, axis=1, keepdims=True)
+
+    session = dfd.Deformer(mesh, fields[0], features=fields[0].features(mesh))
+    session.add(5)
+    found = transfer(session.edit, mesh, fields[0], other, Styled(3.0, (5, 0, 0), mesh, fields[0].signature))
+    apart = other.vertices[found.edit.handles[0].place.vertex] - other.vertices[number[5]]
+    assert np.linalg.norm(apart) < 0.15 * other.diagonal
+    assert found.confidence[1] > 0.6
+
+
+def test_one_width_of_two_encoders_is_refused(mesh, moved, fields):
+    session = dfd.Deformer(mesh, fields[0], features=fields[0].features(mesh))
+    one, two = (made_field(16, seed=0).with_settings({"encoder_weights": name}) for name in ("first", "second"))
+    with pytest.raises(ValueError, match=r"transfer: `field_to` must be of the encoder_weights first .*, got second"):
+        transfer(session.edit, mesh, one, moved[0], two)
+
+
+def test_a_field_that_is_the_same_everywhere_gives_no_confidence(mesh, moved, fields):
+    class Flat(Known):
+        def __call__(self, points):
+            return np.full((len(points), 16), 0.25, np.float32)
+
+    session = dfd.Deformer(mesh, fields[0], features=fields[0].features(mesh))
+    session.add(5)
+    flat = Flat(mesh=mesh)
+    assert transfer(session.edit, mesh, fields[0], moved[0], flat).confidence[1] == 0

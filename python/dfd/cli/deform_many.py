@@ -1,0 +1,185 @@
+"""`dfd deform` of several shapes: one edit, carried to each."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from dfd.batch.inputs import MESH_ENDINGS, has_magic, local_matches
+
+if TYPE_CHECKING:
+    from dfd.batch.one_edit import Original
+    from dfd.field.field import Field
+    from dfd.mesh.mesh import Mesh
+
+__all__ = ["Asked", "deform_many", "is_many"]
+
+CELL = 280  # pixels along a picture of the sheet
+SHAPES_BESIDE, SHAPES_ON_A_SHEET = 3, 60
+SOME_LEFT_OUT = 1  # exit code
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is to be done to the shapes."""
+
+    edit: Path
+    output: Path
+    fields: Path | None  # a folder
+    made_on: Path | None
+    encoder: str
+    threshold: float | None  # None is SURE_ENOUGH
+    sheet: Path | None
+
+
+@dataclass
+class _Sheet:
+    """Pictures of shapes on pages, in the order in which they come."""
+
+    path: Path
+    title: str
+    cells: list[list[tuple[Any, str]]] = field(default_factory=list)
+
+    def save(self) -> list[Path]:
+        """Write the pages, and say where."""
+        from dfd.pictures.contact_sheet import contact_sheet
+        from dfd.pictures.picture import save_png
+
+        written = []
+        for page, start in enumerate(range(0, len(self.cells), SHAPES_ON_A_SHEET), 1):
+            cells = self.cells[start : start + SHAPES_ON_A_SHEET]
+            beside = [cells[i : i + SHAPES_BESIDE] for i in range(0, len(cells), SHAPES_BESIDE)]
+            rows = [("", [picture for cell in row for picture in cell]) for row in beside]
+            path = self.path if page == 1 else self.path.with_stem(f"{self.path.stem}-{page}")
+            save_png(path, contact_sheet(rows, title=self.title, cell=CELL))
+            written.append(path)
+        return written
+
+
+def is_many(meshes: Sequence[str], made_on: Path | None) -> bool:
+    """Whether a command line speaks of several shapes rather than of one."""
+    return len(meshes) > 1 or made_on is not None or (has_magic(meshes[0]) and not Path(meshes[0]).exists())
+
+
+def deform_many(meshes: Sequence[str], asked: Asked) -> None:
+    """Carry the edit to every shape and write each that it fits; leave with code 1 if some were left out."""
+    files = _files(meshes)
+    _check(files, asked)
+
+    import dfd
+    from dfd.batch.one_edit import SURE_ENOUGH, UnlikeError, before_and_after, carry
+    from dfd.pictures.picture import picture
+
+    threshold = SURE_ENOUGH if asked.threshold is None else asked.threshold
+    original = _original(files, asked)
+    asked.output.mkdir(exist_ok=True)
+    sheet = _Sheet(asked.sheet or asked.output / "sheet.png", asked.edit.name)
+    left_out = 0
+    for file in files:
+        shape = None
+        try:
+            shape = dfd.load(file)
+            carried = carry(original, shape, _field(file, shape, asked), threshold=threshold)
+            shape.save(asked.output / file.name, carried.deformer.vertices)
+            carried.deformer.save(asked.output / f"{file.stem}.edit.json")
+            sure = _listed(carried.confidence)
+            before, after = before_and_after(carried.deformer, resolution=CELL)
+            sheet.cells.append([(before, file.name), (after, sure)])
+            typer.echo(f"{asked.output / file.name}: {sure}; {carried.deformer.report()}")
+        except (ValueError, OSError, MemoryError) as error:
+            left_out += 1
+            why = " ".join(str(error).split())
+            if isinstance(error, UnlikeError) and len(error.confidence) > 1:
+                why = f"{why} ({_listed(error.confidence)})"
+            if shape is not None:
+                drawn = picture(shape, resolution=CELL)
+                sheet.cells.append([(drawn, file.name), (drawn * 0 + 255, f"left out: {why}")])
+            typer.echo(f"dfd: {file} is left out: {why}", err=True)
+    written = sheet.save() if sheet.cells else []
+    told = f"{len(files) - left_out} of {len(files)} shapes"
+    typer.echo(f"{told}{f', {left_out} left out' if left_out else ''}; {', '.join(map(str, written))}", err=True)
+    if left_out:
+        raise typer.Exit(SOME_LEFT_OUT)
+
+
+def _files(patterns: Sequence[str]) -> list[Path]:
+    """The files that arguments name, each once."""
+    found: dict[Path, None] = {}
+    for pattern in patterns:
+        if has_magic(pattern) and not Path(pattern).exists():
+            found |= dict.fromkeys(local_matches(pattern))
+        elif not Path(pattern).is_file():
+            raise FileNotFoundError(f"MESH: {pattern} does not exist or is no file")
+        else:
+            found[Path(pattern)] = None
+    return list(found)
+
+
+def _check(files: Sequence[Path], asked: Asked) -> None:
+    """Refuse, before the work, what could not be written after it."""
+    from dfd.cli.arguments import check_output
+
+    for file in files:
+        if file.suffix.lower() not in MESH_ENDINGS:
+            raise ValueError(f"MESH must end in {', '.join(MESH_ENDINGS)}, got {file}")
+    taken: dict[str, Path] = {}
+    for file in files:
+        before = taken.setdefault(file.stem.lower(), file)
+        if before is not file:
+            raise ValueError(f"MESH: {before} and {file} would have one name in {asked.output}")
+        if file.resolve() == (asked.output / file.name).resolve():
+            raise ValueError(f"`--output` must be another folder than that of {file}, which stays as it is")
+    if asked.output.exists() and not asked.output.is_dir():
+        raise NotADirectoryError(f"`--output` must be a folder for several shapes, got {asked.output}")
+    check_output("--output", asked.output / "probe" if asked.output.is_dir() else asked.output)
+    if asked.sheet is not None:
+        inside = asked.sheet.parent == asked.output and not asked.output.exists()
+        check_output("--picture", Path(asked.sheet.name) if inside else asked.sheet, (".png",))
+    if asked.fields is not None and not asked.fields.is_dir():
+        raise NotADirectoryError(f"`--field` must be a folder for several shapes, got {asked.fields}")
+
+
+def _original(files: Sequence[Path], asked: Asked) -> Original:
+    """The edit and the shape that it was made on: the one that is named, or the one of the files that it fits."""
+    import dfd
+    from dfd.batch.one_edit import Original
+
+    if asked.made_on is not None:
+        shape = dfd.load(asked.made_on)
+        return Original.read(asked.edit, shape, _field(asked.made_on, shape, asked))
+    recorded = _recorded(asked.edit)
+    for file in files:
+        with suppress(ValueError, OSError):  # what cannot be read is told when its turn comes
+            shape = dfd.load(file)
+            if shape.content_hash == recorded:
+                return Original.read(asked.edit, shape, _field(file, shape, asked))
+    raise ValueError(
+        f"`--made-on` must name the mesh that {asked.edit} was made on: it is none of the {len(files)} shapes"
+    )
+
+
+def _recorded(edit: Path) -> str | None:
+    """The hash of the mesh that an edit was made on, where it says so."""
+    try:
+        return str(json.loads(edit.read_text("utf-8-sig"))["mesh"]["hash"])
+    except (KeyError, TypeError, ValueError):
+        return None
+
+
+def _field(file: Path, shape: Mesh, asked: Asked) -> Field:
+    """The field of a shape: from a file beside it or in `--field`, from the cache, or made now."""
+    import dfd
+    from dfd.batch.one_edit import field_path
+
+    path = field_path(file, asked.fields)
+    return dfd.Field.load(path, mesh=shape) if path.is_file() else dfd.distill(shape, asked.encoder)
+
+
+def _listed(confidence: dict[str, float]) -> str:
+    return ", ".join(f"{name} {sure:.2f}" for name, sure in confidence.items())

@@ -1,0 +1,78 @@
+"""An edit on other shapes of its class."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from made_field import made_field
+
+import dfd
+from dfd.batch.one_edit import Original, UnlikeError, before_and_after, carry
+
+
+def field_of(mesh: dfd.Mesh, seed: int = 3) -> dfd.Field:
+    """A field that gives shapes of one seed the same feature at the same place of their boxes."""
+    return made_field(16, seed=seed, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents))
+
+
+@pytest.fixture(scope="module")
+def chair():
+    return dfd.samples.chair(4000).mesh
+
+
+@pytest.fixture(scope="module")
+def other(chair):
+    """The chair, three times as large and elsewhere."""
+    return dfd.Mesh(3.0 * chair.vertices + (5, 0, 0), chair.faces)
+
+
+@pytest.fixture
+def original(chair, tmp_path):
+    session = dfd.Deformer(chair, field_of(chair))
+    session.add(5, translation=(0, 0.2, 0), name="leg")
+    session.fix(900)
+    session.save(tmp_path / "edit.json")
+    return Original.read(tmp_path / "edit.json", chair, field_of(chair))
+
+
+def test_another_shape_of_the_class_is_deformed_alike(chair, other, original):
+    found = carry(original, other, field_of(other))
+    assert found.confidence == pytest.approx({"leg": 1.0, "fixed 1": 1.0}, abs=1e-3)
+    here = dfd.Deformer(chair, original.field)
+    here.apply(original.edit)
+    np.testing.assert_allclose(found.deformer.vertices, 3 * here.vertices + (5, 0, 0), atol=1e-3)
+
+
+def test_the_shape_that_it_was_made_on_gets_it_as_it_is(chair, original):
+    found = carry(original, chair, field_of(chair, seed=9))
+    assert found.confidence == {"leg": 1.0, "fixed 1": 1.0}
+    assert found.deformer.edit == original.edit
+
+
+def test_a_shape_that_has_nothing_alike_is_refused_with_the_figures(other, original):
+    with pytest.raises(
+        UnlikeError, match=r"nothing looks enough like what .* held: confidence 0\.\d\d, asked for 0.99"
+    ):
+        carry(original, other, field_of(other, seed=9), threshold=0.99)
+    with pytest.raises(UnlikeError) as refused:
+        carry(original, other, field_of(other, seed=9), threshold=0.99)
+    assert set(refused.value.confidence) == {"leg", "fixed 1"}
+
+
+def test_an_edit_that_moves_nothing_is_refused(chair, tmp_path):
+    dfd.Deformer(chair, field_of(chair)).save(tmp_path / "none.json")
+    with pytest.raises(ValueError, match=r"none.json: `handles` must hold a handle: the edit moves nothing"):
+        Original.read(tmp_path / "none.json", chair, field_of(chair))
+
+
+def test_a_threshold_is_a_part(other, original):
+    with pytest.raises(ValueError, match=r"carry: `threshold` must be .*, got 2"):
+        carry(original, other, field_of(other), threshold=2)
+
+
+def test_pictures_before_and_after_differ_and_have_one_size(chair, original):
+    here = dfd.Deformer(chair, original.field)
+    here.apply(original.edit)
+    before, after = before_and_after(here, resolution=64)
+    assert before.shape == after.shape == (64, 64, 3)
+    assert (before != after).any()
