@@ -6,7 +6,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c c
 
 CLIENT := python/dfd/app/client
 
-.PHONY: app client demo test test-blender lint bench blender quality gallery wheel fuzz sanitize clean
+.PHONY: app client validator demo test test-blender lint bench blender quality gallery wheel fuzz sanitize clean
 
 app: $(VENV)/installed
 	$(BIN)/dfd app --sample quadruped
@@ -14,7 +14,7 @@ app: $(VENV)/installed
 demo: $(VENV)/installed
 	$(BIN)/dfd demo
 
-test: client $(VENV)/installed-test lint
+test: client validator $(VENV)/installed-test lint
 	PATH="$(abspath $(BIN)):$$PATH" cmake --preset dev
 	PATH="$(abspath $(BIN)):$$PATH" cmake --build --preset dev
 	PATH="$(abspath $(BIN)):$$PATH" ctest --preset dev
@@ -32,6 +32,11 @@ client:
 	else \
 	  echo "npm was not found: the app's page is neither checked nor built, and dfd app will say so"; \
 	fi
+
+# The Khronos validator, by which pytest judges the glTF files that are written.
+validator:
+	@if command -v npm > /dev/null; then cd tests/validator && npm ci --silent --no-audit --no-fund; \
+	else echo "npm was not found: no glTF file is validated"; fi
 
 bench: $(VENV)/installed-bench
 	$(BIN)/python -m bench.speed

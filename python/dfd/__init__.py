@@ -22,6 +22,9 @@ if _typing.TYPE_CHECKING:
     from dfd.distillation.distill import distill
     from dfd.editing.deformer import Deformer
     from dfd.editing.document import edit_schema
+    from dfd.export.export_rig import export_rig
+    from dfd.export.export_weights import export_weights
+    from dfd.export.key_poses import KeyPose
     from dfd.field.field import Field
     from dfd.geometry.geodesics import Geodesics
     from dfd.mesh.mesh import Mesh, load
@@ -36,6 +39,7 @@ __all__ = [
     "Drag",
     "Field",
     "Geodesics",
+    "KeyPose",
     "Mesh",
     "RotationalSymmetry",
     "SymmetryPlane",
@@ -43,6 +47,8 @@ __all__ = [
     "compact",
     "distill",
     "edit_schema",
+    "export_rig",
+    "export_weights",
     "get_num_threads",
     "load",
     "pose",
@@ -60,11 +66,14 @@ _LATER = {
     "Deformer": "dfd.editing.deformer",
     "Field": "dfd.field.field",
     "Geodesics": "dfd.geometry.geodesics",
+    "KeyPose": "dfd.export.key_poses",
     "Mesh": "dfd.mesh.mesh",
     "RotationalSymmetry": "dfd.symmetry.rotation",
     "SymmetryPlane": "dfd.symmetry.plane",
     "distill": "dfd.distillation.distill",
     "edit_schema": "dfd.editing.document",
+    "export_rig": "dfd.export.export_rig",
+    "export_weights": "dfd.export.export_weights",
     "load": "dfd.mesh.mesh",
     "rotational_symmetries": "dfd.symmetry.rotation",
     "show": "dfd.pictures.notebook",

@@ -16,6 +16,7 @@ from dfd.cli.deform import deform
 from dfd.cli.demo import demo
 from dfd.cli.distill import distill
 from dfd.cli.errors import CommandGroup
+from dfd.cli.export import export
 from dfd.cli.handles import HandlesCommand
 from dfd.cli.inspect import inspect
 from dfd.cli.pick import pick
@@ -57,6 +58,7 @@ app.command(cls=HandlesCommand)(deform)
 app.command()(show)
 app.command()(inspect)
 app.command()(pick)
+app.command()(export)
 app.command("app")(app_command)
 
 

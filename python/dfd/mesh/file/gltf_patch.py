@@ -23,7 +23,7 @@ from dfd.mesh.file.gltf_header import COMPONENT_TYPES, DRACO, MESHOPT, Header, e
 from dfd.mesh.file.pictures import Pictures
 from dfd.mesh.file.primitives import MovedPrimitive
 
-__all__ = ["GltfSource", "encode"]
+__all__ = ["GltfPatch", "GltfSource", "encode"]
 
 _FLOAT, _UNSIGNED = 5126, 5125
 
@@ -43,7 +43,7 @@ def encode(source: GltfSource, moved: Sequence[MovedPrimitive], *, binary: bool)
     Data and pictures in files of their own are taken in where a mesh, a skin, an animation or a material that is
     shown needs them; whatever else the file names it goes on naming.
     """
-    patch = _Patch(source)
+    patch = GltfPatch(source)
     users = Counter(node["mesh"] for node in objects(patch.header, "nodes") if _is_int(node.get("mesh")))
     meshes: dict[int, int] = {}  # from a node whose parts moved to the mesh that is now its own
     for each in moved:
@@ -58,7 +58,7 @@ def encode(source: GltfSource, moved: Sequence[MovedPrimitive], *, binary: bool)
     return patch.glb() if binary else patch.gltf()
 
 
-class _Patch:
+class GltfPatch:
     """A copy of the header, all data in one buffer, and what is still to be appended."""
 
     def __init__(self, source: GltfSource) -> None:
@@ -106,7 +106,7 @@ class _Patch:
                 kind = pictures.open(data).format
             except (ValueError, OSError):  # it goes on being named
                 continue
-            image["bufferView"] = self._view(data)
+            image["bufferView"] = self.view(data)
             del image["uri"]
             image.setdefault("mimeType", f"image/{(kind or 'ktx2').lower()}")
 
@@ -120,7 +120,7 @@ class _Patch:
 
     def move(self, node: int, primitive: dict[str, Any], each: MovedPrimitive) -> None:
         """Give a primitive of a node other positions and normals."""
-        self._unpack(primitive)
+        self.unpack(primitive)
         attributes = primitive["attributes"]
         attributes.pop("TANGENT", None)  # of the old surface; viewers make new ones
         old = each.primitive.geometry.vertices.view(np.ndarray)
@@ -128,7 +128,7 @@ class _Patch:
         if each.normals is not None and each.file_normals is not None and "NORMAL" in attributes:
             self._collect(node, "NORMAL", attributes, each.file_normals, each.normals)
 
-    def _unpack(self, primitive: dict[str, Any]) -> None:
+    def unpack(self, primitive: dict[str, Any]) -> None:
         """Store what a primitive keeps in a compressed stream as plain data: the stream holds the old positions."""
         packed = self._source.data.draco(primitive)
         if packed is None:
@@ -152,14 +152,14 @@ class _Patch:
         if accessor.get("normalized") and dtype.kind in "iu":
             values = np.rint(values * np.iinfo(dtype).max)
         accessor |= {"componentType": component, "count": len(values)}
-        accessor["bufferView"] = self._view(np.ascontiguousarray(values, dtype).tobytes())
+        accessor["bufferView"] = self.view(np.ascontiguousarray(values, dtype).tobytes())
 
     def store(self) -> None:
         """Append what was collected to the data and name it in the header."""
         for key, rows in self._rows.items():
             values = rows.astype("<f4")
             accessor: dict[str, Any] = {
-                "bufferView": self._view(values.tobytes()),
+                "bufferView": self.view(values.tobytes()),
                 "componentType": _FLOAT,
                 "count": len(values),
                 "type": "VEC3",
@@ -199,7 +199,7 @@ class _Patch:
         rows[changed] = new[changed]
         self._uses.setdefault(key, []).append(attributes)
 
-    def _view(self, data: bytes) -> int:
+    def view(self, data: bytes) -> int:
         views: list[dict[str, Any]] = self.header.setdefault("bufferViews", [])
         views.append({"buffer": 0, "byteOffset": self._append(data), "byteLength": len(data)})
         return len(views) - 1

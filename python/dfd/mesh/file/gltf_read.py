@@ -20,7 +20,7 @@ from dfd.mesh.file.gltf_materials import GltfMaterials
 from dfd.mesh.file.pictures import Pictures
 from dfd.mesh.file.primitives import Placing, UniqueNames
 
-__all__ = ["read"]
+__all__ = ["read", "triangles"]
 
 _STRIP, _FAN = 5, 6
 
@@ -104,14 +104,14 @@ def _geometry(
     own = {name: values(name, 0) for name in attributes if name.startswith("_")}
     return trimesh.Trimesh(
         vertices.astype(np.float64),
-        _triangles(indices, primitive.get("mode", 4)),
+        triangles(indices, primitive.get("mode", 4)),
         vertex_attributes={name: np.array(each) for name, each in own.items() if each is not None},
         process=False,
         **options,
     )
 
 
-def _triangles(indices: NDArray[Any], mode: int) -> NDArray[np.int64]:
+def triangles(indices: NDArray[Any], mode: int) -> NDArray[np.int64]:
     """Return the triangles (F, 3) of a list, a strip or a fan."""
     numbers = indices.astype(np.int64)
     if mode == _STRIP:

@@ -23,7 +23,7 @@ from dfd.mesh.file.read import ENDINGS
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.normals import smooth_normals
 
-__all__ = ["write"]
+__all__ = ["as_glb", "write"]
 
 
 def write(
@@ -58,6 +58,19 @@ def write(
     else:
         files = _encode_scene(target, vertices, faces, appearance, scene)
     _write(target, files)
+
+
+def as_glb(vertices: NDArray[np.float64], faces: NDArray[np.int32], scene: SceneFile | None) -> bytes:
+    """Return the GLB file of a mesh at rest whose `scene` is that of no glTF file.
+
+    Each primitive is a node with a mesh of its own: in the order of the scene's, by the names that `UniqueNames` makes
+    of its parts'.
+    """
+    if scene is None:
+        return _encode_bare(Path("mesh.glb"), vertices, faces)["mesh.glb"]
+    moved = [MovedPrimitive(each, each.geometry.vertices.view(np.ndarray), each.normals, each.normals, False)
+             for each in scene.primitives]  # fmt: skip
+    return _encode_gltf(Path("mesh.glb"), _rebuild(moved))["mesh.glb"]
 
 
 def _write(target: Path, files: dict[str, bytes]) -> None:

@@ -1,0 +1,71 @@
+"""`dfd export`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dfd.cli.arguments import FieldOption, MeshArgument, check_output
+
+__all__ = ["export"]
+
+
+def export(
+    mesh: MeshArgument,
+    field: FieldOption,
+    edit: Annotated[Path, typer.Option(metavar="JSON", help="The edit whose handles become joints.")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="A .glb or .gltf file; with `--as baked` .obj, .ply, .stl or .off as well.",
+        ),
+    ] = None,
+    form: Annotated[
+        str, typer.Option("--as", metavar="FORM", help="skin: joints; morph: targets; baked: the moved shape.")
+    ] = "skin",
+    influences: Annotated[
+        str,
+        typer.Option(metavar="N|all", help="Joints that a vertex follows; 4 if left out."),
+    ] = "4",
+    poses: Annotated[Path | None, typer.Option(metavar="JSON", help="Key poses, which become an animation.")] = None,
+    weights: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the weights as arrays, to an .npz or .safetensors file.")
+    ] = None,
+) -> None:
+    """Write MESH with the handles of an edit as joints, for Blender, game engines and other programs."""
+    if output is None and weights is None:
+        raise ValueError("`--output` or `--weights` must be given: otherwise nothing is kept")
+    if form not in ("skin", "morph", "baked"):
+        raise ValueError(f"`--as` must be skin, morph or baked, got {form}")
+    most: int | str = influences
+    if influences != "all":
+        if not influences.isdecimal() or int(influences) < 1:
+            raise ValueError(f"`--influences` must be a whole number of at least 1, or all, got {influences}")
+        most = int(influences)
+    plain = (".obj", ".ply", ".stl", ".off") if form == "baked" else ()
+    check_output("--output", output, (".glb", ".gltf", *plain))
+    check_output("--weights", weights, (".npz", ".safetensors"))
+
+    from dfd import Deformer, Field, export_rig, export_weights, load
+    from dfd.common.progress import Stages
+    from dfd.export.key_poses import read_key_poses
+
+    stages = Stages()
+    with stages.stage("read"):
+        moments = () if poses is None else read_key_poses(poses)
+        shape = load(mesh)
+        session = Deformer.load(edit, shape, Field.load(field, mesh=shape))
+    with stages.stage("features", len(shape.vertices)) as advance:
+        session.prepare(advance)
+    if output is not None:
+        with stages.stage("export"):
+            report = export_rig(session, output, form=form, influences=most, poses=moments)  # type: ignore[arg-type]
+        typer.echo(f"{', '.join(map(str, report.paths))}: {report}", err=True)
+    if weights is not None:
+        export_weights(session, weights)
+        typer.echo(f"{weights}: weights of {len(session.handles)} handles", err=True)

@@ -1,0 +1,1 @@
+"""Edits for other programs: rigs, morph targets, weights."""

@@ -1,0 +1,97 @@
+"""Weights as plain arrays, with the names and settings that say what they are."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from safetensors.numpy import save as save_safetensors
+
+from dfd.common.files import atomic_write
+from dfd.editing.edit import box_center
+from dfd.editing.edit_file import to_document
+from dfd.mesh.file.primitives import UniqueNames
+
+if TYPE_CHECKING:
+    from dfd.editing.deformer import Deformer
+
+__all__ = ["ENDINGS", "FORMAT", "export_weights"]
+
+ENDINGS = (".npz", ".safetensors")
+FORMAT = "dfd-weights"
+VERSION = 1
+
+
+def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
+    """Write the weights of a session as arrays, with all that `dfd.pose` needs to make its shape of them.
+
+    Parameters
+    ----------
+    session
+        The shape with its handles.
+    path
+        An .npz or .safetensors file. It holds `vertices` (V, 3) float64 and `faces` (F, 3) of the resting mesh;
+        `weights` (V, C) float32, a column for each handle and each of its instances; `transforms` (C, 3, 4) float64,
+        mesh units; `handles` (C, 3) where each column is held; `handle_ids` (C,); and `default` (3, 4), D₀. As texts,
+        which safetensors has in its metadata: `format`, `version`, `names` (a JSON list of C names), `edit` (its
+        document, see `dfd.editing.document`), `field` (its settings) and `mesh` (its `Mesh.content_hash`).
+
+    Raises
+    ------
+    ValueError
+        If the ending is another, or nothing is held.
+    OSError
+        If the file cannot be written; what was there before stays.
+    """
+    target = Path(path)
+    ending = target.suffix.lower()
+    if ending not in ENDINGS:
+        raise ValueError(f"export_weights: `path` must end in {', '.join(ENDINGS)}, got {target}")
+    if not session.edit.handles:
+        raise ValueError("export_weights: `session` must have a handle, got none: there would be no weights")
+    arrays, texts = _arrays(session), _texts(session)
+    texts["names"] = json.dumps(_names(session))
+    with atomic_write(target) as temporary:
+        if ending == ".safetensors":
+            temporary.write_bytes(save_safetensors(arrays, metadata=texts))
+        else:
+            with temporary.open("wb") as stream:
+                np.savez_compressed(stream, **arrays, **{name: np.array(text) for name, text in texts.items()})  # type: ignore[arg-type]
+
+
+def _arrays(session: Deformer) -> dict[str, np.ndarray[Any, Any]]:
+    edit = session.edit
+    weights, columns = session.bound.posing(edit)
+    held = [edit.handles[column.handle] for column in columns]
+    default = np.eye(3, 4) if edit.default is None else edit.default.matrix(box_center(session.mesh))
+    return {
+        "vertices": session.mesh.vertices.copy(),
+        "faces": session.mesh.faces.copy(),
+        "weights": np.ascontiguousarray(weights, np.float32),
+        "transforms": np.array([column.matrix(handle) for column, handle in zip(columns, held, strict=True)]),
+        "handles": np.array([column.position(handle) for column, handle in zip(columns, held, strict=True)]),
+        "handle_ids": np.array([handle.id for handle in held], np.int64),
+        "default": np.ascontiguousarray(default),
+    }
+
+
+def _names(session: Deformer) -> list[str]:
+    """A name for each column: its handle's, with a number for each further instance."""
+    names = UniqueNames()
+    handles = session.edit.handles
+    columns = session.bound.posing(session.edit)[1]
+    named = (handles[column.handle] for column in columns)
+    return [names.unique(handle.name or f"handle {handle.id}") for handle in named]
+
+
+def _texts(session: Deformer) -> dict[str, str]:
+    return {
+        "format": FORMAT,
+        "version": str(VERSION),
+        "edit": json.dumps(to_document(session.edit, session.mesh)),
+        "field": json.dumps(session.field.settings, default=str),
+        "mesh": session.mesh.content_hash,
+    }

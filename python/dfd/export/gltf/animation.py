@@ -1,0 +1,72 @@
+"""Key poses as an animation, of joints or of the weights of morph targets, linear from one to the next.
+
+What the page shows between key poses is the same: positions and scales blend linearly, rotations along the sphere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.export.gltf.document import GltfDocument
+from dfd.export.joints import Local
+
+if TYPE_CHECKING:
+    from dfd.export.key_poses import KeyPose
+    from dfd.mesh.file.gltf_header import Header
+
+__all__ = ["NAME", "add_joint_animation", "add_weight_animation"]
+
+NAME = "dfd key poses"
+
+
+def add_joint_animation(
+    document: GltfDocument, joints: Sequence[int], poses: Sequence[KeyPose], moments: Sequence[Sequence[Local]]
+) -> None:
+    """Append an animation of the nodes `joints`, whose first is the root and rests.
+
+    `moments` has the locals (J) of each pose.
+    """
+    animation: Header = {"name": NAME, "channels": [], "samplers": []}
+    times = _times(document, poses)
+    for number, node in enumerate(joints[1:], 1):
+        for path in ("translation", "rotation", "scale"):
+            values = np.array([getattr(locals_[number], path) for locals_ in moments], "<f4")
+            if path == "rotation":
+                values = _the_shorter_way(values)
+            _add(document, animation, {"node": node, "path": path}, times, values)
+    document.append("animations", animation)
+
+
+def add_weight_animation(
+    document: GltfDocument, nodes: Sequence[int], poses: Sequence[KeyPose], weights: NDArray[np.float64]
+) -> None:
+    """Append an animation of the morph targets of `nodes`, with weights (poses, targets)."""
+    animation: Header = {"name": NAME, "channels": [], "samplers": []}
+    times = _times(document, poses)
+    for node in nodes:
+        _add(document, animation, {"node": node, "path": "weights"}, times, weights.astype("<f4").ravel())
+    document.append("animations", animation)
+
+
+def _times(document: GltfDocument, poses: Sequence[KeyPose]) -> int:
+    return document.accessor(np.array([pose.seconds for pose in poses], "<f4"), bounds=True)
+
+
+def _add(document: GltfDocument, animation: Header, target: Header, times: int, values: NDArray[np.float32]) -> None:
+    sampler = {"input": times, "interpolation": "LINEAR", "output": document.accessor(values)}
+    animation["samplers"].append(sampler)
+    animation["channels"].append({"sampler": len(animation["samplers"]) - 1, "target": target})
+
+
+def _the_shorter_way(quaternions: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Quaternions (N, 4) with the signs under which each is near the one before."""
+    result = quaternions.copy()
+    for before, after in pairwise(result):
+        if before @ after < 0:
+            after *= -1
+    return result

@@ -1,0 +1,185 @@
+"""A mesh as a glTF file that more is written into: what the file of the mesh holds, or what trimesh makes of others.
+
+The format: Khronos Group, "glTF 2.0 Specification", 2021.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.mesh.file import glb, gltf_header, gltf_read
+from dfd.mesh.file.assets import AssetFolder
+from dfd.mesh.file.gltf_data import GltfData
+from dfd.mesh.file.gltf_header import Header, objects
+from dfd.mesh.file.gltf_patch import GltfPatch, GltfSource
+from dfd.mesh.file.primitives import Primitive, UniqueNames
+from dfd.mesh.file.scene_file import SceneFile
+from dfd.mesh.file.write import as_glb
+
+if TYPE_CHECKING:
+    from dfd.mesh.mesh import Mesh
+
+__all__ = ["GltfDocument"]
+
+FLOAT = 5126
+ARRAY_BUFFER = 34962
+_KINDS = {(): "SCALAR", (2,): "VEC2", (3,): "VEC3", (4,): "VEC4", (4, 4): "MAT4"}
+_COMPONENTS = {np.dtype("u1"): 5121, np.dtype("<u2"): 5123, np.dtype("<u4"): 5125, np.dtype("<f4"): FLOAT}
+
+
+class GltfDocument:
+    """The header and the data of the file that is being written.
+
+    Attributes
+    ----------
+    header
+        Its JSON, to be changed in place.
+    scene
+        What it shows: primitives with their rows.
+    vertex
+        (R,) the mesh's vertex that each row of the primitives is at, -1 where no face uses it.
+    """
+
+    def __init__(self, mesh: Mesh) -> None:
+        """Take over everything that the file of the mesh holds."""
+        if mesh.scene is not None and mesh.scene.gltf is not None:
+            self.scene: SceneFile = mesh.scene
+            self.vertex: NDArray[np.int64] = mesh.scene.vertex.astype(np.int64)
+            source = mesh.scene.gltf
+        else:
+            source = _source_of(as_glb(mesh.vertices, mesh.faces, mesh.scene))
+            placings, looks = gltf_read.read(source.header, source.data, AssetFolder(Path("mesh.glb")))
+            self.scene = SceneFile.of(None, placings, looks, linear=True, gltf=source)
+            self.vertex = _rows_of(self.scene, mesh)
+        self._source = source
+        self._patch = GltfPatch(source)
+        self._own: dict[int, int] = {}
+        self._unpacked: set[int] = set()
+        self.header: Header = self._patch.header
+
+    def rows(self, primitive: Primitive) -> NDArray[np.int64]:
+        """(rows,) the mesh's vertex that each row of a primitive is at, -1 where no face uses it."""
+        return self.vertex[primitive.rows]
+
+    def parts(self) -> Iterator[tuple[int, list[Primitive]]]:
+        """Yield each node that shows something, and its primitives."""
+        found: dict[int, list[Primitive]] = {}
+        for each in self.scene.primitives:
+            found.setdefault(each.source[0], []).append(each)
+        yield from found.items()
+
+    def own_mesh(self, node: int) -> Header:
+        """Return the mesh of a node, which no other node shows any more, and none of its data compressed by Draco."""
+        if node not in self._own:
+            nodes = objects(self.header, "nodes")
+            mesh = int(nodes[node]["mesh"])
+            shared = sum(each.get("mesh") == mesh for each in nodes) > 1
+            self._own[node] = self._patch.own_mesh(node, mesh, shared=shared)
+        content = objects(self.header, "meshes")[self._own[node]]
+        for primitive in content["primitives"]:
+            if id(primitive) not in self._unpacked:
+                self._unpacked.add(id(primitive))
+                self._patch.unpack(primitive)
+        return content
+
+    def values(self, node: int, primitive: int, name: str) -> NDArray[Any] | None:
+        """Return an attribute of a primitive of the file, (rows, components), None where it has none of that name."""
+        mesh = int(self._source.header["nodes"][node]["mesh"])
+        content = self._source.header["meshes"][mesh]["primitives"][primitive]
+        packed = self._source.data.draco(content)
+        if packed is not None and name in packed:
+            return packed[name]
+        index = content["attributes"].get(name)
+        return None if index is None else self._source.data.accessor(index)
+
+    def corners(self, node: int, primitive: int) -> NDArray[Any]:
+        """Return the rows (N,) that a primitive of the file draws, one after the other."""
+        mesh = int(self._source.header["nodes"][node]["mesh"])
+        content = self._source.header["meshes"][mesh]["primitives"][primitive]
+        packed = self._source.data.draco(content)
+        if packed is not None:
+            return packed["indices"].ravel()
+        if "indices" in content:
+            return self._source.data.accessor(content["indices"]).ravel()
+        return np.arange(len(self._source.data.accessor(content["attributes"]["POSITION"])))
+
+    def stored(self, index: int) -> NDArray[Any]:
+        """Return the values of an accessor of the file."""
+        return self._source.data.accessor(index)
+
+    def accessor(self, values: NDArray[Any], *, attribute: bool = False, bounds: bool = False) -> int:
+        """Append an array, one row an element, and return the number of its accessor.
+
+        `attribute` says that it is one of vertices, `bounds` that smallest and largest values are stored with it.
+        """
+        kind = _KINDS[values.shape[1:]]
+        stored = np.ascontiguousarray(values.swapaxes(1, 2) if kind == "MAT4" else values)
+        accessor: Header = {
+            "bufferView": self._patch.view(stored.tobytes()),
+            "componentType": _COMPONENTS[stored.dtype],
+            "count": len(stored),
+            "type": kind,
+        }
+        if attribute:
+            self.header["bufferViews"][accessor["bufferView"]]["target"] = ARRAY_BUFFER
+        if bounds:
+            accessor |= {name: np.atleast_1d(limit(stored, axis=0)).tolist() for name, limit in _LIMITS.items()}
+        return self.append("accessors", accessor)
+
+    def zeros(self, count: int) -> int:
+        """Append `count` vectors of three zeros, which take no room, and return the number of their accessor."""
+        nothing = [0.0, 0.0, 0.0]
+        accessor = {"componentType": FLOAT, "count": count, "type": "VEC3", "min": nothing, "max": nothing}
+        return self.append("accessors", accessor)
+
+    def append(self, name: str, content: Header) -> int:
+        """Append an object to a list of the header and return its number."""
+        values: list[Header] = self.header.setdefault(name, [])
+        values.append(content)
+        return len(values) - 1
+
+    def encode(self, *, binary: bool) -> bytes:
+        """Return the file, as GLB or as glTF with its data inside."""
+        self._bound_positions()
+        self._patch.store()
+        return self._patch.glb() if binary else self._patch.gltf()
+
+    def _bound_positions(self) -> None:
+        """Say between which limits positions lie where the file does not, as the format wants it."""
+        accessors = self.header["accessors"]
+        for node, _ in self.parts():
+            for primitive in self.own_mesh(node)["primitives"]:
+                index = int(primitive["attributes"]["POSITION"])
+                accessor = accessors[index]
+                if accessor["componentType"] == FLOAT and not accessor.keys() >= _LIMITS.keys():
+                    values = self._source.data.accessor(index)
+                    accessor |= {name: limit(values, axis=0).tolist() for name, limit in _LIMITS.items()}
+
+
+_LIMITS = {"min": np.min, "max": np.max}
+
+
+def _source_of(data: bytes) -> GltfSource:
+    """What it takes to write a GLB file of our own again."""
+    text, embedded = glb.split(data)
+    path = Path("mesh.glb")
+    header = gltf_header.read(path, text, glb=True)
+    return GltfSource(text, header, GltfData(header, embedded, AssetFolder(path)))
+
+
+def _rows_of(written: SceneFile, mesh: Mesh) -> NDArray[np.int64]:
+    """(R,) the mesh's vertex that each row of the `written` scene is at, which may have its parts in another order."""
+    if mesh.scene is None:
+        return np.arange(len(mesh.vertices))
+    names = UniqueNames()
+    of_part = {names.unique(each.part): each for each in mesh.scene.primitives}
+    vertex = np.full(len(written.vertex), -1, np.int64)
+    for each in written.primitives:
+        own = of_part[each.part]
+        vertex[each.rows] = mesh.scene.vertex[own.rows]
+    return vertex

@@ -1,0 +1,64 @@
+"""A rig as a glTF file: with a skin, or with morph targets."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dfd.common.files import atomic_write
+from dfd.export.gltf import animation, morph, skin
+from dfd.export.gltf.document import GltfDocument
+from dfd.export.influences import influences_of
+from dfd.export.report import RigReport, rig_report
+from dfd.export.skinning import differences, inverse_binds, placed, skinned
+
+if TYPE_CHECKING:
+    from dfd.export.rig import Rig
+
+__all__ = ["export_gltf"]
+
+
+def export_gltf(rig: Rig, target: Path, form: str, most: int | None) -> RigReport:
+    """Write a rig as a "skin" of at most `most` influences a vertex, or as "morph" targets.
+
+    Raises what `export_rig` raises.
+    """
+    document = GltfDocument(rig.mesh)
+    report = _skin(document, rig, target, most) if form == "skin" else _morph(document, rig, target)
+    data = document.encode(binary=target.suffix.lower() == ".glb")
+    with atomic_write(target) as temporary:
+        temporary.write_bytes(data)
+    return report
+
+
+def _skin(document: GltfDocument, rig: Rig, target: Path, most: int | None) -> RigReport:
+    skin.check_no_skin(document)
+    left = skin.left_behind(document)
+    found = influences_of(rig, most)
+    binds = inverse_binds(rig.joints)
+    moments = [placed(rig, edit) for _, edit in rig.moments()]
+    joints = skin.add_joints(document, rig, moments[0])
+    skin.add_skin(document, rig, found, binds, joints)
+    if rig.poses:
+        animation.add_joint_animation(document, joints, rig.poses, moments[1:])
+    points = rig.mesh.vertices.astype(np.float32).astype(np.float64)
+    difference = differences(rig, [partial(skinned, points, found, binds, each) for each in moments])
+    notes = []
+    if left:
+        notes.append(
+            f"the file's own animations no longer move {', '.join(left)}; morph targets would leave them theirs"
+        )
+    return rig_report(rig, (target,), "skin", difference, found, notes=notes)
+
+
+def _morph(document: GltfDocument, rig: Rig, target: Path) -> RigReport:
+    targets = morph.targets_of(rig)
+    nodes = morph.add_targets(document, rig, targets)
+    if rig.poses:
+        animation.add_weight_animation(document, nodes, rig.poses, targets.weights[1:])
+    moments = range(len(rig.poses) + 1)
+    difference = differences(rig, [partial(targets.shown, each, rig.mesh.vertices) for each in moments])
+    return rig_report(rig, (target,), "morph", difference, targets=len(targets.names))

@@ -1,0 +1,168 @@
+"""Morph targets of an edit: what each handle does by itself, or of key poses: the whole shape at each.
+
+The format: Khronos Group, "glTF 2.0 Specification", 2021, section 3.7.2.2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.editing.edit import Edit
+from dfd.export.gltf.document import GltfDocument
+from dfd.mesh.file import moved_normals
+from dfd.mesh.file.gltf_header import Header, objects
+from dfd.posing.transforms import Transform
+
+if TYPE_CHECKING:
+    from dfd.export.rig import Rig
+    from dfd.mesh.file.primitives import Primitive
+
+__all__ = ["Targets", "add_targets", "targets_of"]
+
+Float64 = NDArray[np.float64]
+
+
+class Targets:
+    """Shapes that a mesh passes into.
+
+    Attributes
+    ----------
+    names
+        One of each target.
+    shapes
+        (T) arrays (V, 3), mesh units: the shape where that target alone has weight 1, in 32-bit floats' digits.
+    weights
+        (M, T) weights of the targets, in the edit and then at each key pose.
+    """
+
+    def __init__(self, names: Sequence[str], shapes: Sequence[Float64], weights: Float64) -> None:
+        self.names = tuple(names)
+        self.shapes = tuple(shapes)
+        self.weights = weights
+
+    def shown(self, moment: int, rest: Float64) -> Float64:
+        """(V, 3) what a reader makes of a moment: the rest, and the weighted displacements."""
+        result = rest.astype(np.float32).astype(np.float64)
+        for weight, shape in zip(self.weights[moment], self.shapes, strict=True):
+            if weight:
+                result += weight * (shape - rest).astype(np.float32).astype(np.float64)
+        return result
+
+
+def targets_of(rig: Rig) -> Targets:
+    """The targets of a rig: without key poses one for each handle that moves, and D₀; with them one for each of them.
+
+    Raises
+    ------
+    ValueError
+        If nothing is moved.
+    """
+    if rig.poses:
+        moments = list(rig.moments())
+        return Targets([name for name, _ in moments], [rig.posed(edit) for _, edit in moments], np.eye(len(moments)))
+    names: list[str] = []
+    edits: list[tuple[int | None, Edit]] = []
+    for joint in rig.joints:
+        handle = next((each for each in rig.edit.handles if each.id == joint.handle), None)
+        if handle is not None and not handle.transform.rests and handle.id not in [each[0] for each in edits]:
+            names.append(joint.name)
+            edits.append((handle.id, _alone(rig.edit, handle.id)))
+    if rig.edit.default is not None and not rig.edit.default.rests:
+        names.append("default")
+        edits.append((None, replace(_alone(rig.edit, None), default=rig.edit.default)))
+    if not edits:
+        raise ValueError(
+            "export_rig: `session` must move a handle for a morph target to show, got only handles at rest"
+        )
+    return Targets(names, [rig.posed(edit) for _, edit in edits], np.ones((1, len(edits))))
+
+
+def add_targets(document: GltfDocument, rig: Rig, targets: Targets) -> list[int]:
+    """Give all that is shown the targets, at the weights of the edit; return the nodes.
+
+    Raises
+    ------
+    ValueError
+        If a part has morph targets already.
+    """
+    rest = _at_rows(document, rig.mesh.vertices)
+    normals = [_normals(document, rest, _at_rows(document, shape)) for shape in targets.shapes]
+    before = [each.normals for each in document.scene.primitives]
+    place = {id(each): number for number, each in enumerate(document.scene.primitives)}
+    nodes = []
+    for node, primitives in document.parts():
+        mesh = document.own_mesh(node)
+        if any("targets" in each for each in mesh["primitives"]):
+            raise ValueError(
+                f"export_rig: `form` must be 'skin' or 'baked' for a mesh with morph targets: part "
+                f"{primitives[0].part!r} has some already"
+            )
+        known = {each.source[2]: each for each in primitives}
+        done: dict[int, list[Header]] = {}
+        for number, content in enumerate(mesh["primitives"]):
+            position = int(content["attributes"]["POSITION"])
+            if number not in known:
+                rows = int(document.header["accessors"][position]["count"])
+                content["targets"] = [{"POSITION": document.zeros(rows)} for _ in targets.shapes]
+                continue
+            if position not in done:
+                each = known[number]
+                old = before[place[id(each)]]
+                done[position] = [
+                    _target(document, each, shape - rig.mesh.vertices, old, new[place[id(each)]], content)
+                    for shape, new in zip(targets.shapes, normals, strict=True)
+                ]
+            content["targets"] = [dict(target) for target in done[position]]
+        mesh["weights"] = targets.weights[0].tolist()
+        extras = mesh.setdefault("extras", {})
+        if isinstance(extras, dict):
+            extras["targetNames"] = list(targets.names)  # where Blender, three.js and others look for them
+        objects(document.header, "nodes")[node].pop("weights", None)
+        nodes.append(node)
+    return nodes
+
+
+def _alone(edit: Edit, handle: int | None) -> Edit:
+    """`edit` with one handle as it is, all others at rest and no D₀."""
+    rest = Transform()
+    handles = tuple(each if each.id == handle else replace(each, transform=rest) for each in edit.handles)
+    return replace(edit, handles=handles, default=None)
+
+
+def _target(
+    document: GltfDocument,
+    primitive: Primitive,
+    moved: Float64,  # (V, 3)
+    old: Float64 | None,
+    new: Float64 | None,
+    content: Header,
+) -> Header:
+    """One target of one primitive: displacements of its positions and normals, in its own coordinates."""
+    vertex = document.rows(primitive)
+    back = np.linalg.pinv(primitive.transform[:3, :3])
+    local = np.where(vertex[:, None] >= 0, moved[vertex], 0.0) @ back.T
+    if not local.any():
+        return {"POSITION": document.zeros(len(vertex))}
+    target = {"POSITION": document.accessor(local.astype("<f4"), attribute=True, bounds=True)}
+    if old is not None and new is not None and "NORMAL" in content["attributes"]:
+        target["NORMAL"] = document.accessor((new - old).astype("<f4"), attribute=True)
+    return target
+
+
+def _at_rows(document: GltfDocument, vertices: Float64) -> Float64:
+    """Positions of the vertices of the document's own scene, which may have welded some of the mesh's."""
+    scene = document.scene
+    result = scene.vertices.copy()
+    known = (scene.vertex >= 0) & (document.vertex >= 0)
+    result[scene.vertex[known]] = vertices[document.vertex[known]]
+    return result
+
+
+def _normals(document: GltfDocument, rest: Float64, moved: Float64) -> list[Float64 | None]:
+    """Normals of each primitive on a moved surface, in its own coordinates."""
+    return moved_normals.follow(moved, rest, (moved != rest).any(axis=1), document.scene)

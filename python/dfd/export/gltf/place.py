@@ -1,0 +1,127 @@
+"""Parts of a glTF file where a skin wants them: in the coordinates of the scene, under nodes without a transform."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.export.gltf.document import GltfDocument
+from dfd.mesh.file.gltf_header import MODES_READ, Header, objects
+from dfd.mesh.file.gltf_read import triangles
+
+__all__ = ["bring_to_scene", "stand_alone"]
+
+_TRANSFORM = ("matrix", "translation", "rotation", "scale")
+
+Float64 = NDArray[np.float64]
+
+
+def bring_to_scene(document: GltfDocument, node: int, transform: Float64) -> None:
+    """Write the vertices of a node's mesh where `transform` (4, 4) places them; what it leaves in place stays as it is.
+
+    Normals and tangents are turned along, morph targets too, and triangles that a mirror turns inside out are turned
+    back.
+    """
+    if np.array_equal(transform, np.eye(4)):
+        return
+    mesh = document.own_mesh(node)
+    done: dict[tuple[str, int], int] = {}
+    for number, primitive in enumerate(mesh["primitives"]):
+        attributes = primitive["attributes"]
+        for name in ("POSITION", "NORMAL", "TANGENT"):
+            values = document.values(node, number, name)
+            if values is not None:
+                key = (name, int(attributes[name]))
+                if key not in done:
+                    done[key] = _write(document, name, _placed(name, values, transform))
+                attributes[name] = done[key]
+        for target in primitive.get("targets", []):
+            for name in sorted(target.keys() & {"POSITION", "NORMAL", "TANGENT"}):
+                key = (f"target {name}", int(target[name]))
+                if key not in done:
+                    moved = _turned(name, document.stored(target[name]).astype(np.float64), transform)
+                    done[key] = _write(document, name, moved)
+                target[name] = done[key]
+        if np.linalg.det(transform[:3, :3]) < 0:
+            _turn_back(document, node, number, primitive)
+
+
+def stand_alone(document: GltfDocument, node: int) -> int:
+    """Return a root of the scene that shows what `node` does and has no transform, which becomes `node` if it can."""
+    header = document.header
+    content = header["nodes"][node]
+    transform_is_used = bool(
+        content.get("children")
+        or content.keys() & {"camera", "extensions"}
+        or any(channel["target"].get("node") == node for channel in _channels(header))
+    )
+    roots = _roots(header)
+    if transform_is_used:
+        moved: Header = {"mesh": content.pop("mesh")}
+        if "weights" in content:
+            moved["weights"] = content.pop("weights")
+        if "name" in content:
+            moved["name"] = content["name"]
+        node = document.append("nodes", moved)
+    else:
+        for name in _TRANSFORM:
+            content.pop(name, None)
+        for parent in header["nodes"]:
+            if node in parent.get("children", []):
+                parent["children"].remove(node)
+                if not parent["children"]:  # the format allows no empty lists
+                    del parent["children"]
+    if node not in roots:
+        roots.append(node)
+    return node
+
+
+def _roots(header: Header) -> list[int]:
+    """The roots of the scene that is shown."""
+    if not objects(header, "scenes"):
+        below = {child for node in objects(header, "nodes") for child in node.get("children", [])}
+        header["scenes"] = [{"nodes": [index for index in range(len(header["nodes"])) if index not in below]}]
+    header.setdefault("scene", 0)
+    scene = header["scenes"][header["scene"]]
+    roots: list[int] = scene.setdefault("nodes", [])
+    return roots
+
+
+def _channels(header: Header) -> list[Header]:
+    return [channel for animation in objects(header, "animations") for channel in objects(animation, "channels")]
+
+
+def _placed(name: str, values: NDArray[Any], transform: Float64) -> Float64:
+    if name == "POSITION":
+        placed: Float64 = values.astype(np.float64) @ transform[:3, :3].T + transform[:3, 3]
+        return placed
+    turned = _turned(name, values[:, :3].astype(np.float64), transform)
+    length = np.linalg.norm(turned, axis=1, keepdims=True)
+    unit: Float64 = np.divide(turned, length, out=values[:, :3].astype(np.float64), where=length > 0)
+    if name == "TANGENT":
+        side = np.sign(np.linalg.det(transform[:3, :3])) or 1.0
+        return np.column_stack([unit, values[:, 3] * side])
+    return unit
+
+
+def _turned(name: str, vectors: Float64, transform: Float64) -> Float64:
+    """Displacements and tangents turn with the surface, normals by the inverse transpose."""
+    linear = transform[:3, :3]
+    turned: Float64 = vectors @ (np.linalg.pinv(linear) if name == "NORMAL" else linear.T)
+    return turned
+
+
+def _write(document: GltfDocument, name: str, values: Float64) -> int:
+    return document.accessor(values.astype("<f4"), attribute=True, bounds=name == "POSITION")
+
+
+def _turn_back(document: GltfDocument, node: int, number: int, primitive: Header) -> None:
+    """Exchange two corners of every triangle."""
+    mode = primitive.get("mode", 4)
+    if mode not in MODES_READ:
+        return
+    faces = triangles(document.corners(node, number), mode)
+    primitive["indices"] = document.accessor(faces[:, [0, 2, 1]].astype("<u4").ravel())
+    primitive["mode"] = 4

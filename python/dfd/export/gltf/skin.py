@@ -1,0 +1,142 @@
+"""A skin whose joints are a session's handles.
+
+The format: Khronos Group, "glTF 2.0 Specification", 2021, section 3.7.3. Vertices, normals and inverse binds are in the
+coordinates of the scene, since a skin knows no other transform.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.export.gltf.document import GltfDocument
+from dfd.export.gltf.place import bring_to_scene, stand_alone
+from dfd.export.influences import Influences
+from dfd.export.joints import Local
+from dfd.mesh.file.gltf_header import Header, objects
+
+if TYPE_CHECKING:
+    from dfd.export.rig import Rig
+    from dfd.mesh.file.primitives import Primitive
+
+__all__ = ["MOST_JOINTS", "add_joints", "add_skin", "check_no_skin", "left_behind"]
+
+MOST_JOINTS = 65_535  # that the 16 bits of JOINTS_n have numbers for
+SET = 4  # influences in each pair of attributes
+
+
+def check_no_skin(document: GltfDocument) -> None:
+    """Refuse a file that has a skin.
+
+    Raises
+    ------
+    ValueError
+        If a node that is shown has one.
+    """
+    nodes = objects(document.header, "nodes")
+    for node, primitives in document.parts():
+        if "skin" in nodes[node]:
+            raise ValueError(
+                f"export_rig: `form` must be 'morph' or 'baked' for a mesh with a skin, which both keep: part "
+                f"{primitives[0].part!r} has one, and the format has no room for a second"
+            )
+
+
+def left_behind(document: GltfDocument) -> list[str]:
+    """The parts that animations of the file move, through a node of theirs or above: a skin knows no such nodes."""
+    nodes = objects(document.header, "nodes")
+    parent = {child: index for index, node in enumerate(nodes) for child in node.get("children", [])}
+    moved = {
+        channel.get("target", {}).get("node")
+        for animation in objects(document.header, "animations")
+        for channel in objects(animation, "channels")
+        if channel.get("target", {}).get("path") != "weights"
+    }
+    found = []
+    for node, primitives in document.parts():
+        above: int | None = node
+        while above is not None and above not in moved:
+            above = parent.get(above)
+        if above is not None:
+            found.append(primitives[0].part)
+    return found
+
+
+def add_joints(document: GltfDocument, rig: Rig, locals_: list[Local]) -> list[int]:
+    """Append a node for each joint, the root a root of the scene and all others its children; return their numbers."""
+    numbers = []
+    for joint, local in zip(rig.joints, locals_, strict=True):
+        node: Header = {"name": joint.name}
+        if joint is not rig.joints[0]:
+            parts = (("translation", local.translation), ("rotation", local.rotation), ("scale", local.scale))
+            node |= {name: _plain(values) for name, values in parts}
+        numbers.append(document.append("nodes", node))
+    if numbers[1:]:
+        document.header["nodes"][numbers[0]]["children"] = numbers[1:]
+    return numbers
+
+
+def add_skin(
+    document: GltfDocument, rig: Rig, influences: Influences, binds: NDArray[np.float32], joints: list[int]
+) -> None:
+    """Let all that is shown follow `joints`, which are nodes, with inverse binds (J, 4, 4)."""
+    skin = document.append(
+        "skins",
+        {"name": "dfd", "joints": joints, "inverseBindMatrices": document.accessor(binds), "skeleton": joints[0]},
+    )
+    placed = []
+    for node, primitives in document.parts():
+        bring_to_scene(document, node, primitives[0].transform)
+        _weigh(document, node, primitives, influences, len(rig.joints), rig.default)
+        placed.append(node)
+    for node in placed:
+        document.header["nodes"][stand_alone(document, node)]["skin"] = skin
+    scene = document.header["scenes"][document.header["scene"]]
+    scene["nodes"].append(joints[0])
+
+
+def _weigh(
+    document: GltfDocument, node: int, primitives: list[Primitive], influences: Influences, count: int, default: int
+) -> None:
+    """Write the attributes of a node's primitives; one without faces, of which there are no weights, follows D₀."""
+    dtype = "u1" if count <= 256 else "<u2"
+    known = {each.source[2]: each for each in primitives}
+    done: dict[int, dict[str, int]] = {}
+    for number, content in enumerate(document.own_mesh(node)["primitives"]):
+        attributes = content["attributes"]
+        position = int(attributes["POSITION"])
+        if position not in done:
+            rows = int(document.header["accessors"][position]["count"])
+            vertex = document.rows(known[number]) if number in known else np.full(rows, -1)
+            joints, weights = _at(influences, vertex, default)
+            done[position] = {}
+            for first in range(0, joints.shape[1], SET):
+                some = slice(first, first + SET)
+                done[position][f"JOINTS_{first // SET}"] = document.accessor(
+                    joints[:, some].astype(dtype), attribute=True
+                )
+                done[position][f"WEIGHTS_{first // SET}"] = document.accessor(weights[:, some], attribute=True)
+        for name in [name for name in attributes if name.startswith(("JOINTS_", "WEIGHTS_"))]:
+            del attributes[name]
+        attributes |= done[position]
+
+
+def _at(
+    influences: Influences, vertex: NDArray[np.int64], default: int
+) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """Joints and weights of rows that are at vertices, -1 for none; in whole sets of four."""
+    width = -(-influences.joints.shape[1] // SET) * SET
+    joints = np.zeros((len(vertex), width), np.int64)
+    weights = np.zeros((len(vertex), width), np.float32)
+    there = vertex >= 0
+    joints[there, : influences.joints.shape[1]] = influences.joints[vertex[there]]
+    weights[there, : influences.joints.shape[1]] = influences.weights[vertex[there]]
+    joints[~there, 0] = default
+    weights[~there, 0] = 1.0
+    return joints, weights
+
+
+def _plain(values: NDArray[np.float64]) -> list[float]:
+    return [float(value) for value in values]

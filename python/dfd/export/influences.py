@@ -1,0 +1,74 @@
+"""Weights as files of other programs hold them: a few joints for each vertex, and weights that sum to 1."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from dfd.export.rig import Rig
+
+__all__ = ["Influences", "influences_of"]
+
+# Above 1, a sum of weights is no longer rounding of 24 bits.
+ABOVE = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class Influences:
+    """What each vertex follows.
+
+    Attributes
+    ----------
+    joints
+        (V, K) joints of each vertex, the heaviest first, no joint twice; 0 where the weight is 0.
+    weights
+        (V, K) float32, descending; rows sum to 1 within 1e-6.
+    pruned
+        The largest share of a vertex's weight that was left out, in [0, 1].
+    normalized
+        How many vertices had weights that sum to more than 1, or negative ones, and have others here.
+    """
+
+    joints: NDArray[np.int64]
+    weights: NDArray[np.float32]
+    pruned: float
+    normalized: int
+
+
+def influences_of(rig: Rig, most: int | None) -> Influences:
+    """The `most` heaviest joints of each vertex, all where it is None, with their weights divided by their sum."""
+    joints, weights = [], []
+    pruned, normalized, width = 0.0, 0, 1
+    count = len(rig.joints)
+    for _, rows in rig.weights():
+        normalized += int(((rows.sum(axis=1) > 1.0 + ABOVE) | (rows.min(axis=1) < -ABOVE)).sum())
+        whole = np.maximum(rows, 0.0)
+        whole /= whole.sum(axis=1, keepdims=True)
+        kept = min(most or count, count)
+        order = np.argsort(-whole, axis=1, kind="stable")[:, :kept]
+        own = np.take_along_axis(whole, order, axis=1)
+        left = own.sum(axis=1, keepdims=True)
+        pruned = max(pruned, float(1.0 - left.min()))
+        single = _summing_to_one(own / left)
+        order[single == 0] = 0
+        width = max(width, int((single > 0).sum(axis=1).max()))
+        joints.append(order)
+        weights.append(single)
+    return Influences(
+        np.concatenate([each[:, :width] for each in joints]),
+        np.concatenate([each[:, :width] for each in weights]),
+        max(pruned, 0.0) if most is not None else 0.0,
+        normalized,
+    )
+
+
+def _summing_to_one(weights: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Weights in 24 bits whose rows sum to 1: the first, the heaviest, takes what rounding leaves of the others."""
+    single = weights.astype(np.float32)
+    single[single < np.finfo(np.float32).tiny] = 0.0  # what some readers take for 0 all the same
+    single[:, 0] = 1.0 - single[:, 1:].sum(axis=1, dtype=np.float64)
+    return single

@@ -1,0 +1,109 @@
+"""Joints: a handle's place and frame as other programs know them, and its transforms as they play them there.
+
+An instance moves by what its handle does, carried over by a rigid map Φ: D ↦ Φ D Φ⁻¹. Its joint stands where Φ takes
+that of the handle, so all joints of a handle do the same in their own frames. A frame is right-handed: that of a mirror
+image has all three axes turned round, under which the same rotation acts mirrored, as animators' mirrored joints do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from dfd.posing.transforms import Transform, Vector, rotation_matrix
+
+__all__ = ["Joint", "Local"]
+
+# Of the factors of a scale: below, what lies beside the diagonal is rounding.
+SHEAR = 1e-9
+
+Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Local:
+    """What a joint does, in its own frame: scale, then rotation, then translation."""
+
+    translation: Float64  # (3,) mesh units
+    rotation: Float64  # (4,) quaternion x, y, z, w
+    scale: Float64  # (3,)
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """Something that vertices follow.
+
+    Attributes
+    ----------
+    name
+        No other joint of the rig has it.
+    handle
+        The id of its handle; None for the root and for D₀.
+    center
+        (3,) the handle's own position, the pivot of transforms that have none, mesh units.
+    pivot, axes
+        (3,) and (3, 3) where the frame of the handle stands: its origin, and its axes as columns.
+    carry
+        (4, 4) rigid Φ, from the handle to this joint; a mirror image turns round.
+    """
+
+    name: str
+    handle: int | None
+    center: Vector
+    pivot: Float64
+    axes: Float64
+    carry: Float64
+
+    @property
+    def frame(self) -> Float64:
+        """(4, 4) from the joint's own coordinates at rest to the mesh's: rigid and right-handed."""
+        frame = np.eye(4)
+        frame[:3, :3] = self.carry[:3, :3] @ self._basis
+        frame[:3, 3] = self.carry[:3, :3] @ self.pivot + self.carry[:3, 3]
+        return frame
+
+    @property
+    def _basis(self) -> Float64:
+        """(3, 3) the axes, turned round where `carry` mirrors them."""
+        basis: Float64 = self.axes * np.sign(np.linalg.det(self.carry[:3, :3] @ self.axes))
+        return basis
+
+    def matrix(self, transform: Transform) -> Float64:
+        """(4, 4) what the joint does where its handle does `transform`, mesh units."""
+        matrix = np.vstack([transform.matrix(self.center), (0.0, 0.0, 0.0, 1.0)])
+        back = np.eye(4)
+        back[:3, :3] = self.carry[:3, :3].T
+        back[:3, 3] = -back[:3, :3] @ self.carry[:3, 3]
+        carried: Float64 = self.carry @ matrix @ back
+        return carried
+
+    def local(self, transform: Transform) -> Local:
+        """What the joint does in its own frame where its handle does `transform`.
+
+        Raises
+        ------
+        ValueError
+            If it scales along other axes than the joint's, which no scale, rotation and translation there are.
+        """
+        basis = self._basis
+        axes = np.eye(3) if transform.axes is None else np.asarray(transform.axes).T
+        inside = basis.T @ axes
+        stretch = inside * np.asarray(transform.scale) @ inside.T
+        beside = stretch - np.diag(np.diag(stretch))
+        if np.abs(beside).max() > SHEAR * np.abs(transform.scale).max():
+            raise ValueError(
+                f"`poses` must scale handle {self.handle} along the same axes throughout: a joint has one set of them"
+            )
+        turn = basis.T @ rotation_matrix(transform.rotation) @ basis
+        moved = transform.matrix(self.center)
+        shift = basis.T @ (moved[:, :3] @ self.pivot + moved[:, 3] - self.pivot)
+        return Local(shift, Rotation.from_matrix(turn).as_quat(), np.diag(stretch).copy())
+
+    def placed(self, local: Local) -> Local:
+        """`local` as seen from a parent that stands at the mesh's origin, unturned."""
+        frame = self.frame
+        rotation = Rotation.from_matrix(frame[:3, :3]) * Rotation.from_quat(local.rotation)
+        return Local(frame[:3, :3] @ local.translation + frame[:3, 3], rotation.as_quat(), local.scale)

@@ -1,0 +1,157 @@
+"""Key poses: what handles do at moments of time, of which formats that know time make an animation."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from dfd.common import check
+from dfd.editing.edit import Handle
+from dfd.posing.transforms import Transform
+
+if TYPE_CHECKING:
+    from dfd.editing.edit import Edit
+
+__all__ = ["KeyPose", "checked_poses", "posed_edit", "read_key_poses"]
+
+
+@dataclass(frozen=True)
+class KeyPose:
+    """What the handles of a session do at a moment.
+
+    Attributes
+    ----------
+    seconds
+        When, at least 0.
+    transforms
+        What each handle does, by its id; a handle that is left out rests.
+    name
+        For people; formats have names for whole animations alone.
+
+    Raises
+    ------
+    ValueError
+        If `seconds` is no number or negative, or `transforms` has another key than an id or another value than a
+        transform.
+    """
+
+    seconds: float
+    transforms: Mapping[int, Transform] = field(default_factory=dict)
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        """Check them, once."""
+        keep = object.__setattr__
+        keep(self, "seconds", check.number("KeyPose", "seconds", self.seconds, minimum=0.0))
+        if not isinstance(self.transforms, Mapping):
+            raise ValueError(f"KeyPose: `transforms` must be a mapping, got {type(self.transforms).__name__}")
+        for handle, transform in self.transforms.items():
+            check.whole("KeyPose", "transforms", handle, minimum=0)
+            if not isinstance(transform, Transform):
+                raise ValueError(f"KeyPose: `transforms` must hold transforms, got {type(transform).__name__}")
+        keep(self, "transforms", MappingProxyType(dict(self.transforms)))
+
+
+def checked_poses(function: str, poses: Sequence[KeyPose], edit: Edit) -> tuple[KeyPose, ...]:
+    """`poses`, each at a moment after the one before, of handles that `edit` has.
+
+    Raises
+    ------
+    ValueError
+        If they are not.
+    """
+    known = {handle.id for handle in edit.handles}
+    before = None
+    for pose in poses:
+        if not isinstance(pose, KeyPose):
+            raise ValueError(f"{function}: `poses` must be key poses, got {type(pose).__name__}")
+        if before is not None and np.float32(pose.seconds) <= np.float32(before):  # what files have for it
+            raise ValueError(
+                f"{function}: `poses` must come one after the other in time, "
+                f"got one at {pose.seconds:g} s after one at {before:g} s"
+            )
+        before = pose.seconds
+        unknown = sorted(set(pose.transforms) - known)
+        if unknown:
+            ids = ", ".join(map(str, sorted(known))) or "none"
+            raise ValueError(f"{function}: `poses` must be of handles of the edit ({ids}), got handle {unknown[0]}")
+    return tuple(poses)
+
+
+def posed_edit(edit: Edit, pose: KeyPose) -> Edit:
+    """`edit` with its handles as they are in `pose`."""
+
+    def posed(handle: Handle) -> Handle:
+        return replace(handle, transform=pose.transforms.get(handle.id, Transform()))
+
+    return replace(edit, handles=tuple(posed(handle) for handle in edit.handles))
+
+
+Three = tuple[float, float, float]
+
+
+class _Document(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class _TransformDocument(_Document):
+    handle: Annotated[int, Field(ge=0)]
+    translation: Three = (0.0, 0.0, 0.0)
+    rotation: Three = (0.0, 0.0, 0.0)
+    scale: Three = (1.0, 1.0, 1.0)
+    pivot: Three | None = None
+    axes: tuple[Three, Three, Three] | None = None
+
+
+class _PoseDocument(_Document):
+    name: str = ""
+    seconds: Annotated[float, Field(ge=0)]
+    transforms: tuple[_TransformDocument, ...]
+
+
+_POSES: TypeAdapter[tuple[_PoseDocument, ...]] = TypeAdapter(tuple[_PoseDocument, ...])
+
+
+def read_key_poses(path: str | os.PathLike[str]) -> tuple[KeyPose, ...]:
+    """Read the key poses of a JSON file, such as the page keeps of its timeline.
+
+    It is a list of objects with `seconds`, a `name` and `transforms`: objects with the id of a `handle`, a
+    `translation` in mesh units, a `rotation` as a rotation vector in degrees, `scale`, `pivot` and `axes`, as in an
+    edit.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    ValueError
+        If it is no such file; the message names the place and what was found there.
+    """
+    text = Path(path).read_bytes()
+    try:
+        documents = _POSES.validate_json(text)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_context=False)[0]
+        place = ".".join(map(str, first["loc"])) or "the document"
+        raise ValueError(f"read_key_poses: `path` {path}: {place}: {_sentence(first)}") from None
+    return tuple(_key_pose(document) for document in documents)
+
+
+def _sentence(error: Any) -> str:
+    found = json.dumps(error["input"], default=str)
+    return f"{error['msg'].lower()}, got {found if len(found) <= 60 else found[:59] + '…'}"
+
+
+def _key_pose(document: _PoseDocument) -> KeyPose:
+    transforms = {}
+    for each in document.transforms:
+        parts = each.model_dump(exclude={"handle"})
+        transforms[each.handle] = Transform(**parts)
+    return KeyPose(document.seconds, transforms, document.name)

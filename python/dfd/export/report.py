@@ -1,0 +1,113 @@
+"""What became of a session in a file, in numbers and in one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dfd.export.skinning import Difference
+
+if TYPE_CHECKING:
+    from dfd.export.influences import Influences
+    from dfd.export.rig import Rig
+
+__all__ = ["RigReport", "rig_report"]
+
+
+@dataclass(frozen=True)
+class RigReport:
+    """What was written, and how far it is from `dfd.pose`.
+
+    Attributes
+    ----------
+    paths
+        The files, the named one first.
+    form
+        "skin", "morph" or "baked".
+    joints, influences
+        How many joints there are, and the most that a vertex follows; 0 where there is no skin.
+    targets
+        How many morph targets there are.
+    pruned
+        The largest share of a vertex's weight that was left out for want of influences, in [0, 1].
+    normalized
+        How many vertices had weights that sum to more than 1, or negative ones, which no format has room for.
+    largest, mean
+        Distances between vertices as a reader of the file puts them and as `dfd.pose` does, mesh units; of the edit
+        and of all key poses those where the largest is.
+    at
+        Which of these that is: "the edit", or the name of a key pose.
+    size
+        The diagonal of the box around the resting shape, mesh units.
+    notes
+        Sentences about what the file has that the edit does not say.
+    """
+
+    paths: tuple[Path, ...]
+    form: str
+    joints: int
+    influences: int
+    targets: int
+    pruned: float
+    normalized: int
+    largest: float
+    mean: float
+    at: str
+    size: float
+    notes: tuple[str, ...]
+
+    def __str__(self) -> str:
+        """Say it in one sentence, and the notes in theirs."""
+        what = {
+            "skin": f"{self.joints} joints, up to {self.influences} for a vertex",
+            "morph": f"{self.targets} morph targets" if self.targets != 1 else "1 morph target",
+            "baked": "the moved shape",
+        }[self.form]
+        told = [what, self._difference()]
+        if self.pruned > 0.0005:
+            told.append(f"up to {100 * self.pruned:.2g} % of a vertex's weight pruned")
+        if self.normalized:
+            told.append(f"{self.normalized} vertices' weights, which sum to more than 1, normalized")
+        return "; ".join([*told, *self.notes])
+
+    def _difference(self) -> str:
+        if self.largest <= 1e-6 * self.size:
+            return "as dfd.pose has it"
+        parts = [
+            f"{distance:.2g} ({100 * distance / (self.size or 1.0):.2g} %)" for distance in (self.largest, self.mean)
+        ]
+        where = "" if self.at == "the edit" else f", most at {self.at}"
+        return f"off dfd.pose by up to {parts[0]}, {parts[1]} on average{where}"
+
+
+def rig_report(
+    rig: Rig,
+    paths: tuple[Path, ...],
+    form: str,
+    difference: Difference | None = None,
+    influences: Influences | None = None,
+    *,
+    targets: int = 0,
+    notes: Sequence[str] = (),
+) -> RigReport:
+    """What became of a rig in files that differ from `dfd.pose` by `difference`, None for nothing."""
+    difference = difference or Difference(0.0, 0.0, "the edit")
+    told = list(notes)
+    if influences is not None and rig.edit.blend != "linear":
+        told.append(f"the edit blends as {rig.edit.blend}, and a skin linearly")
+    return RigReport(
+        paths,
+        form,
+        len(rig.joints) if influences is not None else 0,
+        0 if influences is None else influences.joints.shape[1],
+        targets,
+        0.0 if influences is None else influences.pruned,
+        0 if influences is None else influences.normalized,
+        difference.largest,
+        difference.mean,
+        difference.at,
+        rig.mesh.diagonal,
+        tuple(told),
+    )

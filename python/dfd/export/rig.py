@@ -1,0 +1,199 @@
+"""A session as a rig: joints, and the weights with which vertices follow them (Eq. 1 and 8)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.editing.edit import Edit, Handle, box_center
+from dfd.editing.posed_shape import PosedShape
+from dfd.export.joints import Joint
+from dfd.export.key_poses import KeyPose, posed_edit
+from dfd.mesh.file.primitives import UniqueNames
+from dfd.posing.overlap import interpolating
+from dfd.posing.transforms import Transform
+
+if TYPE_CHECKING:
+    from dfd.editing.deformer import Deformer
+    from dfd.editing.instance_columns import Column
+    from dfd.mesh.mesh import Mesh
+    from dfd.symmetry.plane import SymmetryPlane
+
+__all__ = ["BATCH", "Rig", "rig_of"]
+
+BATCH = 1 << 14  # vertices at a time, so that no second array is as large as the weights
+
+Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """Joints, and how vertices follow them.
+
+    Attributes
+    ----------
+    mesh, edit
+        The resting shape, and what is done to it.
+    joints
+        The root first, which never moves, and is the parent of all others; D₀ second where the edit has one.
+    default
+        The joint that takes what the weights leave of 1: the root, or D₀.
+    poses
+        Key poses, in the order of time.
+    """
+
+    mesh: Mesh
+    edit: Edit
+    joints: tuple[Joint, ...]
+    default: int
+    poses: tuple[KeyPose, ...]
+    _session: Deformer
+    _weights: NDArray[np.float32]  # (V, C)
+    _column: NDArray[np.int64]  # (J − first,) the column of each joint of a handle
+    _mirrored: NDArray[np.bool_]  # (J − first,) whether it acts on the other side of the plane than its handle stands
+    _mixing: Float64 | None  # (C, C)
+
+    def weights(self) -> Iterator[tuple[slice, Float64]]:
+        """Yield ranges of vertices, and (N, J) what they follow: the weights that `dfd.pose` blends with.
+
+        Rows sum to 1 wherever the weights of the handles sum to at most 1, and beyond it to that sum; with `overlap`
+        "interpolate" weights may be negative.
+        """
+        plane = self.edit.symmetry
+        first = self.default + 1
+        for start in range(0, len(self._weights), BATCH):
+            rows = slice(start, min(start + BATCH, len(self._weights)))
+            blended = self._weights[rows].astype(np.float64)
+            total = blended.sum(axis=1, keepdims=True)
+            if self._mixing is not None:
+                blended = blended @ self._mixing
+                total = blended.sum(axis=1, keepdims=True)
+            elif self.edit.overlap == "normalize":
+                blended /= np.maximum(total, 1.0)
+            result = np.zeros((len(blended), len(self.joints)))
+            result[:, self.default] = np.maximum(1.0 - total[:, 0], 0.0)
+            result[:, first:] = blended[:, self._column]
+            if plane is not None:
+                share = _side(plane, self.mesh.vertices[rows])[:, None]
+                result[:, first:] *= np.where(self._mirrored, 1.0 - share, share)
+            yield rows, result
+
+    def moments(self) -> Iterator[tuple[str, Edit]]:
+        """Yield the names of the edit itself and of each key pose, and the edit with its handles as they are then."""
+        yield "the edit", self.edit
+        for number, pose in enumerate(self.poses, 1):
+            yield pose.name or f"key pose {number}", posed_edit(self.edit, pose)
+
+    def posed(self, edit: Edit) -> Float64:
+        """(V, 3) what `dfd.pose` makes of `edit`, which differs from the rig's in transforms alone."""
+        return PosedShape(self.mesh, self._session.bound).of(edit)
+
+    def transforms(self, edit: Edit) -> list[Transform]:
+        """(J) what each joint's handle does in `edit`."""
+        rest = Transform()
+        of_handle = {handle.id: handle.transform for handle in edit.handles}
+        found = [rest if joint.handle is None else of_handle[joint.handle] for joint in self.joints]
+        if edit.default is not None:
+            found[self.default] = edit.default
+        return found
+
+
+def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
+    """The rig of a session's present edit.
+
+    A handle gives a joint for each of its instances, and with a plane of symmetry each of them another for its mirror
+    image.
+    """
+    edit = session.edit
+    weights, columns = session.bound.posing(edit)
+    names = UniqueNames()
+    center = box_center(session.mesh)
+    joints = [Joint(names.unique("root"), None, center, np.zeros(3), np.eye(3), np.eye(4))]
+    if edit.default is not None:
+        pivot = np.asarray(center if edit.default.pivot is None else edit.default.pivot)
+        joints.append(Joint(names.unique("default"), None, center, pivot, _frame([edit.default]), np.eye(4)))
+    default = len(joints) - 1
+    of_column: list[int] = []
+    mirrored: list[bool] = []
+    moves = {handle.id: _moves(handle, poses) for handle in edit.handles}
+    for number, column in enumerate(columns):
+        handle = edit.handles[column.handle]
+        name = handle.name or f"handle {handle.id}"
+        carry = _carry(column, handle)
+        for mirror in (False,) if edit.symmetry is None else (False, True):
+            image = _reflection(edit.symmetry) @ carry if mirror and edit.symmetry is not None else carry
+            named = names.unique(f"{name} mirrored" if mirror else name)
+            frame = _frame(moves[handle.id])
+            joints.append(Joint(named, handle.id, handle.place.position, np.asarray(handle.pivot), frame, image))
+            of_column.append(number)
+            mirrored.append(mirror ^ _stands_below(edit, column, handle))
+    mixing = None
+    if edit.overlap == "interpolate":
+        mixing = interpolating("export_rig", session.bound.among(edit, weights, columns))
+    sides = np.array(mirrored, bool)
+    return Rig(
+        session.mesh,
+        edit,
+        tuple(joints),
+        default,
+        tuple(poses),
+        session,
+        weights,
+        np.array(of_column, int),
+        sides,
+        mixing,
+    )
+
+
+def _moves(handle: Handle, poses: Sequence[KeyPose]) -> list[Transform]:
+    return [handle.transform, *(pose.transforms[handle.id] for pose in poses if handle.id in pose.transforms)]
+
+
+def _frame(transforms: Sequence[Transform]) -> Float64:
+    """(3, 3) axes, as columns, along which the first of the transforms scales that does."""
+    uneven = [each for each in transforms if len(set(each.scale)) > 1]
+    for each in (*uneven, *(each for each in transforms if not uneven)):
+        if each.axes is not None or uneven:
+            return np.eye(3) if each.axes is None else np.asarray(each.axes).T
+    return np.eye(3)
+
+
+def _carry(column: Column, handle: Handle) -> Float64:
+    """(4, 4) rigid Φ, from a handle to one of its instances."""
+    carry = np.eye(4)
+    if column.instance is not None:
+        carry[:3, :3] = column.instance.frame
+        there = np.asarray(handle.place.position)
+        carry[:3, 3] = np.asarray(column.instance.position) - column.instance.frame @ there
+    return carry
+
+
+def _reflection(plane: SymmetryPlane) -> Float64:
+    """(4, 4) R of Eq. 8."""
+    normal = np.asarray(plane.normal)
+    reflection = np.eye(4)
+    reflection[:3, :3] -= 2.0 * np.outer(normal, normal)
+    reflection[:3, 3] = 2.0 * plane.offset * normal
+    return reflection
+
+
+def _stands_below(edit: Edit, column: Column, handle: Handle) -> bool:
+    """Whether what a column holds is on the side that the plane's normal points away from."""
+    plane = edit.symmetry
+    if plane is None:
+        return False
+    return float(np.asarray(column.position(handle)) @ np.asarray(plane.normal)) < plane.offset
+
+
+def _side(plane: SymmetryPlane, points: Float64) -> Float64:
+    """(N,) how much points are on the side that the plane's normal points to, in [0, 1]: a smoothstep over its band."""
+    height = points @ np.asarray(plane.normal) - plane.offset
+    if plane.band == 0:
+        return np.asarray(height >= 0, np.float64)
+    t = np.clip(height / (2.0 * plane.band) + 0.5, 0.0, 1.0)
+    side: Float64 = t * t * (3.0 - 2.0 * t)
+    return side

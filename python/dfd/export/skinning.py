@@ -1,0 +1,105 @@
+"""Linear blend skinning as the readers of a file do it, and how far it is from what `dfd.pose` makes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from dfd.editing.edit import Edit
+from dfd.export.influences import Influences
+from dfd.export.joints import Joint, Local
+from dfd.export.rig import BATCH, Rig
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = ["Difference", "differences", "inverse_binds", "placed", "skinned"]
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How far what a file shows is from `dfd.pose`, over the edit and all key poses.
+
+    Attributes
+    ----------
+    largest, mean
+        Distances of vertices, mesh units; the mean is that of the pose where it is largest.
+    at
+        Where the largest is: "the edit", or the name of a key pose.
+    """
+
+    largest: float
+    mean: float
+    at: str
+
+
+def inverse_binds(joints: Sequence[Joint]) -> Float32:
+    """(J, 4, 4) from the mesh's coordinates to each joint's own, as a file stores them.
+
+    Raises
+    ------
+    ValueError
+        If a joint stands so far away that 32-bit floats have no place for it.
+    """
+    frames = np.array([joint.frame for joint in joints])
+    with np.errstate(over="ignore", invalid="ignore"):
+        inverse = np.linalg.inv(frames).astype(np.float32)
+    wrong = ~np.isfinite(inverse).all(axis=(1, 2))
+    if wrong.any():
+        joint = joints[int(wrong.argmax())]
+        raise ValueError(f"export_rig: joint {joint.name!r} has a pivot too far away to be inverted in 32-bit floats")
+    return inverse
+
+
+def placed(rig: Rig, edit: Edit) -> list[Local]:
+    """(J) where `edit` has the joints, each as seen from its parent, in 32-bit floats.
+
+    Raises
+    ------
+    ValueError
+        If a joint scales along other axes than its own.
+    """
+    found = []
+    for joint, transform in zip(rig.joints, rig.transforms(edit), strict=True):
+        local = joint.placed(joint.local(transform))
+        numbers = [np.asarray(part, np.float32) for part in (local.translation, local.rotation, local.scale)]
+        found.append(Local(*(part.astype(np.float64) for part in numbers)))
+    return found
+
+
+def skinned(points: Float64, influences: Influences, binds: Float32, locals_: Sequence[Local]) -> Float64:
+    """(V, 3) Σ_k w_k M_k B_k v of points (V, 3), with joints at M and inverse binds B; their sums in 64 bits."""
+    matrices = np.array([_matrix(local) for local in locals_]) @ binds.astype(np.float64)
+    result = np.empty_like(points)
+    for start in range(0, len(points), BATCH):
+        rows = slice(start, start + BATCH)
+        blended = np.zeros((len(points[rows]), 3, 4))
+        for joint, weight in zip(influences.joints[rows].T, influences.weights[rows].T, strict=True):
+            blended += weight[:, None, None].astype(np.float64) * matrices[joint, :3]
+        result[rows] = np.einsum("nij,nj->ni", blended[:, :, :3], points[rows]) + blended[:, :, 3]
+    return result
+
+
+def differences(rig: Rig, shown: Sequence[Callable[[], Float64]]) -> Difference:
+    """How far what a file shows, (V, 3) of each of the rig's moments, is from `dfd.pose`."""
+    found = Difference(0.0, 0.0, "the edit")
+    for (name, edit), show in zip(rig.moments(), shown, strict=True):
+        distance = np.linalg.norm(show() - rig.posed(edit), axis=1)
+        if distance.max() > found.largest:
+            found = Difference(float(distance.max()), float(distance.mean()), name)
+    return found
+
+
+def _matrix(local: Local) -> Float64:
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_quat(local.rotation).as_matrix() * local.scale
+    matrix[:3, 3] = local.translation
+    return matrix

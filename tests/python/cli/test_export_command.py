@@ -1,0 +1,58 @@
+"""`dfd export`."""
+
+import json
+
+import numpy as np
+import pytest
+from command_runs import failed, worked
+
+import dfd
+
+EXPORT = ("export", "MESH", "--field", "FIELD", "--edit", "edit.json")
+
+
+@pytest.fixture
+def edited(run):
+    deform = ("deform", "MESH", "--field", "FIELD", "--handle", 40, "--translate", 0, 0.2, 0, "--name", "leg")
+    assert worked(run(*deform, "--instances", "together", "--save-edit", "edit.json"))
+
+
+@pytest.mark.usefixtures("edited")
+def test_a_rig_and_weights_are_written(run, folder):
+    result = run(*EXPORT, "-o", "rig.glb", "--weights", "weights.npz")
+    assert worked(result)
+    assert "rig.glb: 2 joints, up to 2 for a vertex; as dfd.pose has it" in result.stderr
+    assert "weights.npz: weights of 1 handles" in result.stderr
+    with np.load("weights.npz") as file:
+        assert file["weights"].shape[1] == 1
+    assert dfd.load("rig.glb").faces.shape == dfd.load(folder / "chair.obj").faces.shape
+
+
+@pytest.mark.usefixtures("edited")
+def test_forms_influences_and_poses(run, tmp_path):
+    pose = {"seconds": 1, "transforms": [{"handle": 1, "rotation": [0, 90, 0]}]}
+    (tmp_path / "poses.json").write_text(json.dumps([{"seconds": 0, "transforms": []}, pose]))
+    result = run(*EXPORT, "-o", "morph.glb", "--as", "morph", "--poses", "poses.json")
+    assert worked(result)
+    assert "3 morph targets" in result.stderr
+    assert worked(run(*EXPORT, "-o", "moved.off", "--as", "baked"))
+    result = run(*EXPORT, "-o", "rig.glb", "--influences", "1")
+    assert worked(result)
+    assert "up to 1 for a vertex; off dfd.pose by up to" in result.stderr
+
+
+@pytest.mark.usefixtures("edited")
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((), "`--output` or `--weights` must be given: otherwise nothing is kept"),
+        (("-o", "rig.fbx"), "`--output` must end in .glb, .gltf"),
+        (("-o", "rig.obj"), "`--output` must end in .glb, .gltf"),
+        (("-o", "rig.glb", "--as", "bones"), "`--as` must be skin, morph or baked, got bones"),
+        (("-o", "rig.glb", "--influences", "0"), "`--influences` must be a whole number of at least 1, or all, got 0"),
+        (("-o", "missing/rig.glb"), "`--output`: the folder missing does not exist"),
+        (("--weights", "weights.csv"), "`--weights` must end in .npz, .safetensors"),
+    ],
+)
+def test_mistakes_are_one_line(arguments, message, run):
+    assert failed(run(*EXPORT, *arguments), message)

@@ -1,0 +1,178 @@
+"""`dfd.export_rig`: what it takes, what it refuses, and what the Khronos validator says of what it writes."""
+
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mesh_files import checkered, scene_of_three, write
+
+import dfd
+from dfd.posing.transforms import Transform
+
+VALIDATOR = Path(__file__).parents[2] / "validator"
+MESHES = Path(os.environ.get("DFD_MESHES", "nowhere"))
+
+
+@pytest.fixture(scope="module")
+def validated():
+    """What the validator says of a file: its errors and warnings."""
+    if shutil.which("node") is None:
+        pytest.skip("Node is not installed: no file was validated")
+    if not (VALIDATOR / "node_modules" / "gltf-validator").is_dir():
+        pytest.skip("the validator is not installed (npm ci in tests/validator): no file was validated")
+
+    def run(path):
+        done = subprocess.run(
+            ["node", VALIDATOR / "validate.mjs", path], check=True, capture_output=True, text=True, cwd=VALIDATOR
+        )
+        return json.loads(done.stdout)[str(path)]
+
+    return run
+
+
+def textured_spot(folder):
+    """The cow with a picture on it: its own file has neither one nor texture coordinates."""
+    spot = dfd.load(MESHES / "spot.obj")
+    checkered(folder / "spot.png", 64)
+    write(folder / "spot.mtl", "newmtl paint\nmap_Kd spot.png\n")
+    lines = ["mtllib spot.mtl", "usemtl paint"]
+    lines += [f"v {x} {y} {z}\nvt {z} {y}" for x, y, z in spot.vertices]
+    lines += ["f " + " ".join(f"{corner}/{corner}" for corner in face) for face in (spot.faces + 1).tolist()]
+    return write(folder / "spot.obj", "\n".join(lines))
+
+
+def real(name):
+    def copied(folder):
+        if not (MESHES / name).is_file():
+            pytest.skip(f"DFD_MESHES does not hold {name}")
+        return textured_spot(folder) if name == "spot.obj" else MESHES / name
+
+    return copied
+
+
+def chair(folder):
+    path = folder / "chair.obj"
+    dfd.samples.chair(4000).mesh.save(path)
+    return path
+
+
+SHAPES = {
+    "chair": chair,
+    "parts": scene_of_three,
+    "spot": real("spot.obj"),
+    "truck": real("milk_truck_textured.glb"),
+    "duck": real("duck_textured.glb"),
+}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_the_khronos_validator_finds_no_error_and_no_warning(name, validated, tmp_path, make_session):
+    session = make_session(dfd.load(SHAPES[name](tmp_path)))
+    size = session.mesh.diagonal
+    ends = session.mesh.vertices[:, 0].argmin(), session.mesh.vertices[:, 1].argmax()
+    one, _ = (session.add(int(end), translation=(0, 0.1 * size, 0), instances="together") for end in ends)
+    session.set_symmetry("x")
+    poses = [dfd.KeyPose(0), dfd.KeyPose(1, {one: Transform(rotation=(0, 90, 10), scale=(1, 2, 1))})]
+    for form in ("skin", "morph"):
+        dfd.export_rig(session, tmp_path / f"{form}.glb", form=form, poses=poses)
+        assert validated(tmp_path / f"{form}.glb") == []
+    dfd.export_rig(session, tmp_path / "all.glb", influences="all")
+    assert validated(tmp_path / "all.glb") == []
+
+
+def test_the_validator_does_find_what_is_wrong(validated, session, tmp_path):
+    session.add(40, translation=(0, 0.1, 0))
+    dfd.export_rig(session, tmp_path / "rig.gltf")
+    header = json.loads((tmp_path / "rig.gltf").read_text())
+    header["skins"][0]["joints"][1] = header["skins"][0]["joints"][0]
+    header["nodes"][next(n for n, node in enumerate(header["nodes"]) if "skin" in node)]["scale"] = [2, 2, 2]
+    write(tmp_path / "rig.gltf", json.dumps(header))
+    assert validated(tmp_path / "rig.gltf")
+
+
+@pytest.mark.parametrize("ending", ["obj", "ply", "stl", "off", "glb", "gltf"])
+def test_baked_is_the_moved_shape_in_any_format(ending, session, tmp_path):
+    session.add(40, translation=(0.1, 0.2, 0), rotation=(0, 60, 0))
+    report = dfd.export_rig(session, tmp_path / f"moved.{ending}", form="baked")
+    after = dfd.load(tmp_path / f"moved.{ending}")
+    corners = after.vertices[after.faces]
+    np.testing.assert_allclose(corners, session.vertices[session.mesh.faces], atol=2e-6 * session.mesh.diagonal)
+    assert (report.form, report.largest, report.paths) == ("baked", 0, (tmp_path / f"moved.{ending}",))
+    assert str(report) == "the moved shape; as dfd.pose has it"
+
+
+def test_nothing_that_was_given_changes(session, tmp_path):
+    session.add(40, translation=(0, 0.1, 0))
+    edit, vertices = session.edit, session.vertices.copy()
+    hashed, steps = session.mesh.content_hash, session.can_undo
+    for form in ("skin", "morph", "baked"):
+        dfd.export_rig(session, tmp_path / "rig.glb", form=form)
+    assert session.edit is edit
+    assert session.can_undo == steps
+    assert session.mesh.content_hash == hashed
+    np.testing.assert_array_equal(session.vertices, vertices)
+
+
+def test_a_mesh_of_three_vertices(tmp_path, make_session):
+    mesh = dfd.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    session = make_session(mesh)
+    session.add(1, translation=(0, 0, 1))
+    report = dfd.export_rig(session, tmp_path / "rig.glb")
+    assert report.largest < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"form": "bones"}, "`form` must be one of skin, morph, baked, got 'bones'"),
+        ({"influences": 0}, "`influences` must be a whole number of at least 1, got 0"),
+        ({"influences": "some"}, "`influences` must be a whole number or 'all', got 'some'"),
+        ({"form": "baked", "poses": [dfd.KeyPose(0)]}, "`poses` must be left out for 'baked', which does not move"),
+        ({"poses": [3]}, "`poses` must be key poses, got int"),
+        ({"poses": [dfd.KeyPose(1), dfd.KeyPose(1)]}, "one after the other in time, got one at 1 s after one at 1 s"),
+        ({"poses": [dfd.KeyPose(0, {7: Transform()})]}, r"must be of handles of the edit \(1\), got handle 7"),
+        (
+            {
+                "poses": [
+                    dfd.KeyPose(0, {1: Transform(scale=(1, 2, 3), axes=((0, 0.6, 0.8), (0, -0.8, 0.6), (1, 0, 0)))})
+                ]
+            },
+            "must scale handle 1 along the same axes throughout",
+        ),
+    ],
+)
+def test_bad_options_are_named(options, message, session, tmp_path):
+    session.add(40, scale=(1, 2, 1))
+    with pytest.raises(ValueError, match=message):
+        dfd.export_rig(session, tmp_path / "rig.glb", **options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_bad_paths_are_named(session, tmp_path):
+    session.add(40)
+    with pytest.raises(ValueError, match=r"`path` must end in \.glb, \.gltf, .*got .*rig\.fbx"):
+        dfd.export_rig(session, tmp_path / "rig.fbx")
+    with pytest.raises(ValueError, match=r"`path` must end in .* for 'skin', got .*rig\.obj"):
+        dfd.export_rig(session, tmp_path / "rig.obj")
+    with pytest.raises(OSError, match="does not exist"):
+        dfd.export_rig(session, tmp_path / "missing" / "rig.glb")
+
+
+def test_a_session_without_handles_has_no_joints(session, tmp_path):
+    with pytest.raises(ValueError, match="`session` must have a handle, got none: there would be no joint to pose"):
+        dfd.export_rig(session, tmp_path / "rig.glb")
+
+
+def test_a_file_that_cannot_be_replaced_stays(session, tmp_path, monkeypatch):
+    session.add(40)
+    path = write(tmp_path / "rig.glb", "old")
+    monkeypatch.setattr(Path, "write_bytes", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+    with pytest.raises(OSError, match="No space left"):
+        dfd.export_rig(session, path)
+    monkeypatch.undo()
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]

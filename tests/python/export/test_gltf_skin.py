@@ -1,0 +1,344 @@
+"""The skin that is written, read again by other code and blended in float64, against `dfd.pose`."""
+
+import json
+
+import numpy as np
+import pytest
+from gltf_reader import Glb
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mesh_files import CORNERS, CUBE, Gltf, scene_of_three, textured_quad, write
+from scipy.spatial import cKDTree
+
+import dfd
+from dfd.export.gltf import skin
+from dfd.export.influences import _summing_to_one
+from dfd.posing.transforms import Transform, frame_of_normal
+
+BEND = {"translation": (0.1, 0.2, -0.05), "rotation": (20, 70, -10), "scale": (1.5, 0.7, 1.1)}
+
+
+def apart(one, other):
+    """The farthest that a triangle of either is from the nearest of the other, however they are ordered."""
+    one, other = one.reshape(-1, 9), other.reshape(-1, 9)
+    return max(cKDTree(one).query(other)[0].max(), cKDTree(other).query(one)[0].max())
+
+
+def shown(path, animated=None):
+    return Glb(path).triangles(animated)
+
+
+def plain(session):
+    session.add(40, **BEND)
+
+
+def along_axes(session):
+    session.add(40, **BEND, axes=frame_of_normal((1, 2, 3)), pivot=(0.3, 0.1, 0))
+
+
+def left_handed_axes(session):
+    session.add(40, **BEND, axes=((1, 0, 0), (0, 0, 1), (0, 1, 0)))
+
+
+def flattened_and_mirrored(session):
+    session.add(40, rotation=(0, 50, 0), scale=(0, -1, 2))
+
+
+def mirrored(session):
+    session.add(40, **BEND)
+    session.set_symmetry("x", band=0.1)
+
+
+def cut_at_a_plane(session):
+    session.add(40, **BEND, axes=frame_of_normal((1, 2, 3)))
+    session.set_symmetry("z", band=0)
+
+
+def with_default(session):
+    session.add(40, **BEND, reach=0.5)
+    session.set_default(rotation=(0, 0, 30), scale=(1, 2, 1), translation=(0, 0, 1))
+
+
+def normalized(session):
+    session.overlap = "normalize"
+    for vertex in (40, 300, 500):
+        session.add(vertex, **BEND, instances="together")
+
+
+EDITS = (
+    *(plain, along_axes, left_handed_axes, flattened_and_mirrored, mirrored, cut_at_a_plane, with_default),
+    normalized,
+)
+
+
+@pytest.mark.parametrize("make", EDITS)
+def test_a_skin_that_is_not_pruned_is_what_pose_makes(make, session, tmp_path):
+    make(session)
+    report = dfd.export_rig(session, tmp_path / "rig.glb", influences="all")
+    expected = session.vertices[session.mesh.faces]
+    assert np.abs(expected - session.mesh.vertices[session.mesh.faces]).max() > 0.05
+    assert np.abs(shown(tmp_path / "rig.glb") - expected).max() <= 2e-6 * session.mesh.diagonal
+    assert report.largest <= 2e-6 * report.size
+    assert report.pruned == 0
+    assert report.normalized == 0
+    assert report.joints > 1
+    assert "as dfd.pose has it" in str(report)
+
+
+def test_instances_have_joints_of_their_own_in_their_own_frames(tmp_path, make_session):
+    session = make_session(dfd.samples.quadruped(4000).mesh)
+    session.add("bottom", rotation=(0, 0, 40), translation=(0.1, 0, 0), name="foot")
+    (count,) = (handle.instances for handle in session.report().handles)
+    assert count > 1
+    dfd.export_rig(session, tmp_path / "rig.glb", influences="all")
+    glb = Glb(tmp_path / "rig.glb")
+    assert np.abs(glb.triangles() - session.vertices[session.mesh.faces]).max() <= 2e-6 * session.mesh.diagonal
+    joints = [glb.file.nodes[joint] for joint in glb.file.skins[0].joints]
+    assert [joint.name for joint in joints] == ["root", "foot", *(f"foot_{n}" for n in range(1, count))]
+    columns = session.bound.posing(session.edit)[1]
+    binds = glb.read(glb.file.skins[0].inverseBindMatrices).reshape(-1, 4, 4).transpose(0, 2, 1)
+    for column, bind in zip(columns, binds[1:], strict=True):
+        np.testing.assert_allclose(np.linalg.inv(bind)[:3, 3], column.instance.position, atol=1e-5)
+        assert np.linalg.det(bind) == pytest.approx(1)  # right-handed, mirror images too
+
+
+def test_all_joints_of_a_handle_do_the_same_in_their_frames(tmp_path, session):
+    session.add(40, rotation=(10, 50, 0))
+    session.set_symmetry("x", band=0)
+    dfd.export_rig(session, tmp_path / "rig.glb")
+    glb = Glb(tmp_path / "rig.glb")
+    world = glb.world()
+    joints = glb.file.skins[0].joints
+    binds = glb.read(glb.file.skins[0].inverseBindMatrices).astype(float).reshape(-1, 4, 4).transpose(0, 2, 1)
+    own, *others = (bind @ world[joint] for joint, bind in zip(joints[1:], binds[1:], strict=True))
+    assert others
+    for other in others:
+        np.testing.assert_allclose(other[:3, :3], own[:3, :3], atol=1e-6)
+
+
+def test_four_influences_are_the_heaviest_and_sum_to_one(session, tmp_path):
+    for vertex in (40, 300, 500, 700, 900, 1000):
+        session.add(vertex, translation=(0, 0.1, 0), instances="together", reach=0.8)
+    report = dfd.export_rig(session, tmp_path / "rig.glb")
+    glb = Glb(tmp_path / "rig.glb")
+    ((_, primitive),) = glb.primitives()
+    joints, weights = glb.influences(primitive)
+    assert joints.shape[1] == report.influences == 4
+    assert np.abs(weights.sum(axis=1) - 1).max() < 1e-6
+    assert (joints[weights == 0] == 0).all()
+    used = np.where(weights > 0, joints.astype(int), -1 - np.arange(4))
+    assert all(len(set(row)) == 4 for row in used.tolist())
+    whole = np.column_stack([np.maximum(1 - session.weights.sum(axis=1), 0), session.weights]).astype(float)
+    whole /= whole.sum(axis=1, keepdims=True)
+    heaviest = -np.sort(-whole, axis=1)[:, :4]
+    np.testing.assert_allclose(weights, heaviest / heaviest.sum(axis=1, keepdims=True), atol=1e-6)
+    assert report.pruned == pytest.approx((1 - heaviest.sum(axis=1)).max(), abs=1e-6)
+    assert report.normalized == (session.weights.astype(float).sum(axis=1) > 1 + 1e-5).sum() > 0
+    distance = np.linalg.norm(glb.shown(0, primitive, glb.world(), {}) - session.vertices, axis=1)
+    assert report.largest == pytest.approx(distance.max(), rel=1e-4)
+    assert report.mean == pytest.approx(distance.mean(), rel=1e-3)
+    assert f"{100 * report.largest / report.size:.2g} %" in str(report)
+    assert "pruned" in str(report)
+    assert "normalized" in str(report)
+
+
+def test_more_influences_come_in_further_sets(session, tmp_path):
+    for vertex in (40, 300, 500, 700, 900, 1000):
+        session.add(vertex, translation=(0, 0.1, 0), instances="together")
+    session.overlap = "normalize"
+    dfd.export_rig(session, tmp_path / "all.glb", influences="all")
+    dfd.export_rig(session, tmp_path / "two.glb", influences=2)
+    ((_, primitive),) = Glb(tmp_path / "all.glb").primitives()
+    assert primitive.attributes.JOINTS_1 is not None
+    ((_, primitive),) = Glb(tmp_path / "two.glb").primitives()
+    assert (Glb(tmp_path / "two.glb").influences(primitive)[1] > 0).sum(axis=1).max() == 2
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.floats(1e-12, 1), min_size=1, max_size=12))
+def test_rounded_weights_sum_to_one(weights):
+    row = -np.sort(-np.array([weights]))
+    single = _summing_to_one(row / row.sum())
+    assert single.dtype == np.float32
+    assert (single >= 0).all()
+    assert abs(single.sum(dtype=np.float64) - 1) < 1e-7
+
+
+@pytest.mark.parametrize("rule", ["paper", "interpolate"])
+def test_what_no_skin_can_show_is_reported(rule, session, tmp_path):
+    for vertex in (40, 300, 500):
+        session.add(vertex, **BEND, instances="together")
+    session.overlap = rule
+    report = dfd.export_rig(session, tmp_path / "rig.glb", influences="all")
+    distance = np.linalg.norm(shown(tmp_path / "rig.glb") - session.vertices[session.mesh.faces], axis=2)
+    assert report.largest == pytest.approx(distance.max(), rel=1e-4)
+    assert report.normalized > 0
+
+
+def test_another_blend_is_named(session, tmp_path):
+    session.add(40, rotation=(0, 90, 0))
+    session.blend = "dual_quaternion"
+    report = dfd.export_rig(session, tmp_path / "rig.glb")
+    assert "the edit blends as dual_quaternion, and a skin linearly" in str(report)
+    assert report.largest > 1e-3 * report.size
+
+
+def test_key_poses_become_an_animation(session, tmp_path):
+    one = session.add(40, **BEND)
+    two = session.add(900, reach=0.5, translation=(0, 0.1, 0))
+    session.overlap = "normalize"
+    poses = [
+        dfd.KeyPose(0.5, {}),
+        dfd.KeyPose(1, {one: Transform(rotation=(0, 170, 0), translation=(0, 1, 0)), two: Transform(scale=(2, 1, 1))}),
+        dfd.KeyPose(2.25, {one: Transform(rotation=(0, 300, 0), pivot=(1, 1, 1))}, "last"),
+    ]
+    report = dfd.export_rig(session, tmp_path / "rig.glb", influences="all", poses=poses)
+    assert report.largest <= 5e-6 * report.size
+    glb = Glb(tmp_path / "rig.glb")
+    for pose in poses:
+        moved = dfd.Deformer(session.mesh, session.field, features=session.features)
+        moved.apply(session.edit)
+        for handle in session.handles:
+            transform = pose.transforms.get(handle.id, Transform())
+            moved.move(handle.id, translation=transform.translation, rotation=transform.rotation)
+            moved.move(handle.id, scale=transform.scale, pivot="auto" if transform.pivot is None else transform.pivot)
+        animated = glb.channels("dfd key poses", pose.seconds)
+        assert animated
+        assert np.abs(glb.triangles(animated) - moved.vertices[session.mesh.faces]).max() < 5e-6 * report.size
+    assert np.abs(glb.triangles() - session.vertices[session.mesh.faces]).max() < 5e-6 * report.size
+
+
+def test_parts_stand_at_the_root_without_a_transform(tmp_path, make_session):
+    """A square, and a cube placed twice, once turned, shrunk and moved."""
+    session = make_session(dfd.load(scene_of_three(tmp_path)))
+    session.add(3, **BEND, instances="together")
+    session.add(session.mesh.part_vertices("far")[0], translation=(0, 2, 0), instances="together", reach=0.7)
+    session.overlap = "normalize"
+    dfd.export_rig(session, tmp_path / "rig.glb")
+    glb = Glb(tmp_path / "rig.glb")
+    assert apart(glb.triangles(), session.vertices[session.mesh.faces]) <= 5e-6 * session.mesh.diagonal
+    for index, node in enumerate(glb.file.nodes):
+        if node.mesh is not None:
+            assert node.skin == 0
+            assert index in glb.file.scenes[0].nodes
+            assert (node.matrix, node.translation, node.rotation, node.scale) == (None, None, None, None)
+    assert {node.name for node in glb.file.nodes} >= {"square", "near", "far", "root"}
+
+
+def test_what_is_not_about_bones_stays_to_the_byte(tmp_path, make_session):
+    gltf = textured_quad(tmp_path)
+    gltf.header["extras"] = {"kept": [1, 2]}
+    before = dfd.load(write(tmp_path / "quad.glb", gltf.glb()))
+    session = make_session(before)
+    session.add(0, translation=(0, 0, 1))
+    dfd.export_rig(session, tmp_path / "rig.glb")
+    glb, old = Glb(tmp_path / "rig.glb"), Glb(tmp_path / "quad.glb")
+    ((_, new_primitive),), ((_, old_primitive),) = glb.primitives(), old.primitives()
+    for name in ("POSITION", "TEXCOORD_0"):
+        new, was = (getattr(each.attributes, name) for each in (new_primitive, old_primitive))
+        assert np.array_equal(glb.read(new), old.read(was))
+    assert glb.file.materials[0].name == "paint"
+    image = glb.file.bufferViews[glb.file.images[0].bufferView]
+    assert glb.blob[image.byteOffset : image.byteOffset + image.byteLength] == (tmp_path / "paint.png").read_bytes()
+    assert glb.file.extras == {"kept": [1, 2]}
+    after = dfd.load(tmp_path / "rig.glb")
+    np.testing.assert_array_equal(after.vertex_colors(), before.vertex_colors())
+
+
+def test_a_mirrored_part_keeps_its_front(tmp_path, make_session):
+    gltf = Gltf()
+    normals = gltf.accessor(CORNERS * 2 - 1, 5126, "VEC3")
+    tangents = gltf.accessor([[1, 0, 0, 1]] * 8, 5126, "VEC4")
+    gltf.node(name="cube", mesh=gltf.mesh("cube", CORNERS, CUBE, attributes={"NORMAL": normals, "TANGENT": tangents}))
+    gltf.header["nodes"][0]["scale"] = [-1, 2, 1]
+    mesh = dfd.load(write(tmp_path / "cube.glb", gltf.glb()))
+    session = make_session(mesh)
+    session.add(0, translation=(0, 0.5, 0))
+    dfd.export_rig(session, tmp_path / "rig.glb", influences="all")
+    glb = Glb(tmp_path / "rig.glb")
+    ((_, primitive),) = glb.primitives()
+    corners = glb.read(primitive.attributes.POSITION)[glb.read(primitive.indices).reshape(-1, 3)].astype(float)
+    outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    middle = mesh.bounds.mean(0)
+    assert (np.einsum("fa,fa->f", outward, corners.mean(axis=1) - middle) > 0).all()
+    turned = glb.read(primitive.attributes.NORMAL)
+    np.testing.assert_allclose(np.linalg.norm(turned, axis=1), 1, atol=1e-6)
+    place = glb.read(primitive.attributes.POSITION) - middle
+    assert (np.sign(turned) == np.sign(place)).all()
+    np.testing.assert_array_equal(glb.read(primitive.attributes.TANGENT), [[-1, 0, 0, -1]] * 8)
+
+
+def test_nodes_that_a_file_animates_stay_where_they_are(tmp_path, make_session):
+    gltf = Gltf()
+    gltf.node(name="wheel", mesh=gltf.mesh("wheel", CORNERS, CUBE), translation=[1, 0, 0])
+    times = gltf.accessor([[0.0], [1.0]], 5126, "SCALAR")
+    turns = gltf.accessor([[0, 0, 0, 1], [0, 1, 0, 0]], 5126, "VEC4")
+    gltf.header["accessors"][times] |= {"min": [0], "max": [1]}
+    gltf.header["animations"] = [
+        {
+            "name": "turning",
+            "channels": [{"sampler": 0, "target": {"node": 0, "path": "rotation"}}],
+            "samplers": [{"input": times, "output": turns}],
+        }
+    ]
+    session = make_session(dfd.load(write(tmp_path / "wheel.glb", gltf.glb())))
+    session.add(0, translation=(0, 0.5, 0))
+    report = dfd.export_rig(session, tmp_path / "rig.glb", influences="all")
+    assert "the file's own animations no longer move wheel" in str(report)
+    glb = Glb(tmp_path / "rig.glb")
+    assert apart(glb.triangles(), session.vertices[session.mesh.faces]) <= 5e-6 * session.mesh.diagonal
+    assert glb.channels("turning", 1) == {(0, "rotation"): pytest.approx([0, 1, 0, 0])}
+    assert glb.file.nodes[0].translation == [1, 0, 0]
+    report = dfd.export_rig(session, tmp_path / "morph.glb", form="morph")
+    assert report.notes == ()
+
+
+def skinned_cube(tmp_path):
+    gltf = Gltf()
+    joints = gltf.accessor([[0, 0, 0, 0]] * 8, 5121, "VEC4")
+    weights = gltf.accessor([[1, 0, 0, 0]] * 8, 5126, "VEC4")
+    cube = gltf.mesh("cube", CORNERS, CUBE, attributes={"JOINTS_0": joints, "WEIGHTS_0": weights})
+    gltf.node(name="body", mesh=cube, skin=0)
+    gltf.node(name="bone")
+    gltf.header["skins"] = [{"joints": [1]}]
+    return write(tmp_path / "skinned.glb", gltf.glb())
+
+
+def test_a_second_skin_is_refused_and_the_first_kept_by_the_other_forms(tmp_path, make_session):
+    session = make_session(dfd.load(skinned_cube(tmp_path)))
+    session.add(0, translation=(0, 0.5, 0))
+    with pytest.raises(
+        ValueError, match="`form` must be 'morph' or 'baked' for a mesh with a skin.*part 'body' has one"
+    ):
+        dfd.export_rig(session, tmp_path / "rig.glb")
+    assert not (tmp_path / "rig.glb").exists()
+    for form in ("morph", "baked"):
+        dfd.export_rig(session, tmp_path / f"{form}.glb", form=form)
+        glb = Glb(tmp_path / f"{form}.glb")
+        assert glb.file.nodes[0].skin == 0
+        moved = dfd.load(tmp_path / "baked.glb").vertices if form == "baked" else None
+        assert moved is None or np.allclose(moved, session.vertices, atol=1e-6)
+
+
+def test_the_file_is_gltf_as_well(session, tmp_path):
+    plain(session)
+    dfd.export_rig(session, tmp_path / "rig.gltf")
+    header = json.loads((tmp_path / "rig.gltf").read_text())
+    assert header["skins"][0]["joints"]
+    assert np.allclose(dfd.load(tmp_path / "rig.gltf").vertices, session.mesh.vertices, atol=1e-6)
+
+
+def test_more_joints_than_the_format_has_numbers_for_are_refused(session, tmp_path, monkeypatch):
+    plain(session)
+    assert skin.MOST_JOINTS == 65535
+    monkeypatch.setattr("dfd.export.export_rig.MOST_JOINTS", 1)
+    with pytest.raises(ValueError, match="`session` must have at most 1 joints, the root's among them, got "):
+        dfd.export_rig(session, tmp_path / "rig.glb")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_joint_that_cannot_be_inverted_is_refused(session, tmp_path):
+    session.add(40, rotation=(0, 10, 0), pivot=(1e300, 0, 0), name="far")
+    with pytest.raises(ValueError, match="joint 'far' has a pivot too far away to be inverted in 32-bit floats"):
+        dfd.export_rig(session, tmp_path / "rig.glb")
+    assert list(tmp_path.iterdir()) == []
