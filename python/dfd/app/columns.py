@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -10,7 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.app.framing import pack
-from dfd.app.protocol.binaries import ColumnEntry, ColumnsMessage, HeatMessage, InstanceEntry
+from dfd.app.protocol.binaries import (
+    ColumnEntry,
+    ColumnsMessage,
+    HeatMessage,
+    InstanceEntry,
+    InstancesEntry,
+    InstancesMessage,
+)
 from dfd.weights.bind import bind
 
 if TYPE_CHECKING:
@@ -36,12 +43,13 @@ class Key:
 
 
 class Columns:
-    """The columns of one session, numbered, and which of them the page has."""
+    """The columns of one session, numbered, and which of them the page has, with or without their instances."""
 
     def __init__(self, deformer: Deformer) -> None:
         self._deformer = deformer
         self._numbers: dict[Hashable, int] = {}
         self._sent: set[int] = set()
+        self._whole: set[int] = set()  # of those sent, the ones whose instances were sent too
 
     def of_handle(self, handle: Handle) -> int:
         """The number of a handle's column."""
@@ -55,9 +63,18 @@ class Columns:
     def forget(self) -> None:
         """Know of a page that has none."""
         self._sent.clear()
+        self._whole.clear()
+
+    @property
+    def owes(self) -> bool:
+        """Whether there are columns of the present edit whose instances the page has not got."""
+        return bool(self._owed())
 
     def message(self) -> bytes | None:
-        """The columns of the present edit that the page has not got; None where it has them all."""
+        """The columns of the present edit that the page has not got; None where it has them all.
+
+        They come without their instances, which take longer to find than a person waits for a heat map.
+        """
         deformer = self._deformer
         wanted: dict[int, int | None] = {self.of_handle(handle): i for i, handle in enumerate(deformer.handles)}
         if deformer.fixed:
@@ -76,25 +93,45 @@ class Columns:
                 entries.append(self._handle_entry(number, handle, arrays))
         message = pack(ColumnsMessage, arrays, columns=tuple(entries))
         self._sent |= set(missing)
+        self._whole &= self._sent - set(missing)
         return message
+
+    def instances_message(self) -> bytes | None:
+        """The instances of the columns that were sent without; None where there are none such."""
+        owed = self._owed()
+        if not owed:
+            return None
+        deformer = self._deformer
+        arrays: Arrays = {}
+        entries = []
+        posing = deformer.bound.posing(deformer.edit)[1]
+        for number, index in owed.items():
+            found = [column for column in posing if column.handle == index and column.instance is not None]
+            instances = tuple(
+                self._instance(number, order, column, deformer.handles[index], arrays)
+                for order, column in enumerate(found)
+            )
+            entries.append(InstancesEntry(column=number, instances=instances))
+        message = pack(InstancesMessage, arrays, columns=tuple(entries))
+        self._whole |= set(owed)
+        return message
+
+    def _owed(self) -> dict[int, int]:
+        """The handles whose instances are still to be sent, by the numbers of their columns."""
+        numbers = {self.of_handle(handle): i for i, handle in enumerate(self._deformer.handles) if _instanced(handle)}
+        return {number: i for number, i in numbers.items() if number in self._sent and number not in self._whole}
 
     def _handle_entry(self, number: int, index: int, arrays: Arrays) -> ColumnEntry:
         """The column of the handle at `index`; its buffers go into `arrays`."""
         deformer = self._deformer
         handle = deformer.handles[index]
         kind = column_kind(handle)
-        instances: tuple[InstanceEntry, ...] = ()
-        if kind == "weight" or _instanced(handle):
-            weights, columns = deformer.bound.posing(deformer.edit)
-            own = [i for i, column in enumerate(columns) if column.handle == index]
-            instances = tuple(
-                self._instance(number, order, columns[i], handle, arrays)
-                for order, i in enumerate(own)
-                if columns[i].instance is not None
-            )
         geodesic = None
         if kind == "weight":
-            whole = deformer.weights[:, index] if instances else weights[:, own[0]]
+            whole = deformer.weights[:, index]
+            if handle.controls.level and not _instanced(handle):
+                weights, columns = deformer.bound.posing(deformer.edit)
+                whole = weights[:, [column.handle for column in columns].index(index)]
             arrays[f"values{number}"] = _packed(whole, 1.0)
         else:
             arrays[f"values{number}"] = _packed(nearest(deformer, handle.place), FARTHEST)
@@ -102,7 +139,7 @@ class Columns:
             if along is not None:
                 geodesic = f"geodesic{number}"
                 arrays[geodesic] = _packed(along, 1.0)
-        return _entry(number, kind, geodesic, instances)
+        return _entry(number, kind, geodesic)
 
     def _instance(self, number: int, index: int, column: Column, handle: Handle, arrays: Arrays) -> InstanceEntry:
         instance = column.instance
@@ -167,19 +204,13 @@ def nearest(deformer: Deformer, place: Place) -> NDArray[np.float32]:
     return distances
 
 
-def _entry(
-    number: int,
-    kind: Literal["distance", "weight"],
-    geodesic: str | None = None,
-    instances: Sequence[InstanceEntry] = (),
-) -> ColumnEntry:
+def _entry(number: int, kind: Literal["distance", "weight"], geodesic: str | None = None) -> ColumnEntry:
     return ColumnEntry(
         column=number,
         kind=kind,
         values=f"values{number}",
         scale=FARTHEST if kind == "distance" else 1.0,
         geodesic=geodesic,
-        instances=tuple(instances),
     )
 
 

@@ -168,4 +168,6 @@ class Preparation:
 
         deformer.prepare(advance)
         self._tell("field_ready", deformer, path, origin, told)
-        self._tell("field_planes", symmetry_planes(field, self._mesh))
+        planes = symmetry_planes(field, self._mesh)
+        deformer.bound.prepare_instances(planes)
+        self._tell("field_planes", planes)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import binascii
 from collections.abc import Callable
+from dataclasses import replace
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
@@ -19,13 +20,14 @@ from dfd.app.protocol.parts import Controls, Place, PointPlace, RegionPlace, Tra
 from dfd.app.script import as_command, as_python
 from dfd.app.shapes import sample_source
 from dfd.app.suggestions import suggestions
-from dfd.editing.edit import Edit
+from dfd.editing.edit import Edit, Fixed
 from dfd.editing.edit_file import from_document
 from dfd.editing.place import place_on
 from dfd.symmetry.plane import SymmetryPlane
 
 if TYPE_CHECKING:
     from dfd.app.session import Session
+    from dfd.editing.deformer import Deformer
 
 __all__ = ["answer", "receive"]
 
@@ -97,35 +99,47 @@ def _suggest(session: Session, message: requests.Suggest) -> Answer:
 
 def _add(session: Session, message: requests.Add) -> Answer:
     at, parts = _at(session, message.at), _parts(message.transform)
-    controls = _controls(session.living().add, message.controls)
+    controls = _controls(session, session.living().add, message.controls)
     handle = session.change(lambda deformer: deformer.add(at, **parts, **controls))
     return DoneMessage(handle=handle)
 
 
 def _move(session: Session, message: requests.Move) -> None:
     parts = _parts(message.transform)
-    if message.merge and not message.settle:
+    controls = _controls(session, session.living().change, message.controls)
+    if message.merge and not (message.settle or controls):
         session.living().move(message.handle, **parts, merge=True)
-        session.note_shown()
-    else:
-        session.change(lambda deformer: deformer.move(message.handle, **parts, merge=message.merge))
+        session.note_drag(message.handle)
+        return
+
+    def work(deformer: Deformer) -> None:
+        if not controls:
+            deformer.move(message.handle, **parts, merge=message.merge)
+            return
+        with deformer.step():
+            deformer.move(message.handle, **parts)
+            deformer.change(message.handle, **controls)
+
+    session.change(work, ("move", message.handle), merge=message.merge and bool(controls))
+
+
+def _pose(session: Session, message: requests.Pose) -> None:
+    def work(deformer: Deformer) -> None:
+        with deformer.step():
+            for each in message.transforms:
+                parts = {name: getattr(each, name) for name in TRANSFORM_PARTS}
+                frame = {name: "auto" if parts[name] is None else parts[name] for name in ("pivot", "axes")}
+                deformer.move(each.handle, **{**parts, **frame})
+
+    session.change(work)
 
 
 def _change(session: Session, message: requests.Change) -> None:
-    deformer = session.living()
-    options = _controls(deformer.change, message.controls)
+    options = _controls(session, session.living().change, message.controls)
     if message.at is not None:
         options["at"] = _at(session, message.at)
-    before = deformer.edit
-    if message.merge:
-        options = session.take_back_change(message.handle, options)
-    try:
-        session.change(lambda deformer: deformer.change(message.handle, **options))
-    except BaseException:
-        if deformer.edit is not before:
-            deformer.apply(before)
-        raise
-    session.note_change(message.handle, options)
+    topic = ("change", message.handle)
+    session.change(lambda deformer: deformer.change(message.handle, **options), topic, merge=message.merge)
 
 
 def _remove(session: Session, message: requests.Remove) -> None:
@@ -136,7 +150,7 @@ def _reset(session: Session, message: requests.Reset) -> None:
     deformer = session.living()
     chosen = [handle.id for handle in deformer.handles] if message.handle is None else [message.handle]
 
-    def work(deformer: Any) -> None:
+    def work(deformer: Deformer) -> None:
         with deformer.step():
             for handle in chosen:
                 deformer.move(handle, translation=(0, 0, 0), rotation=(0, 0, 0), scale=1.0)
@@ -155,17 +169,33 @@ def _fix(session: Session, message: requests.Fix) -> None:
 
 
 def _release(session: Session, message: requests.Release) -> None:
+    fixed = _fixed(session, message.index)
+    session.change(lambda deformer: deformer.release(fixed.place))
+
+
+def _change_fixed(session: Session, message: requests.ChangeFixed) -> None:
+    fixed = _fixed(session, message.index)
+    changed = replace(fixed, strength=message.strength)
+
+    def work(deformer: Deformer) -> None:
+        kept = (changed if other is fixed else other for other in deformer.fixed)
+        deformer.apply(replace(deformer.edit, fixed=tuple(kept)))
+
+    session.change(work, ("fixed", message.index), merge=message.merge)
+
+
+def _fixed(session: Session, index: int) -> Fixed:
     fixed = session.living().fixed
-    if message.index >= len(fixed):
-        raise ValueError(f"There is no fixed place {message.index}: there are {len(fixed)}")
-    session.change(lambda deformer: deformer.release(fixed[message.index].place))
+    if index >= len(fixed):
+        raise ValueError(f"There is no fixed place {index}: there are {len(fixed)}")
+    return fixed[index]
 
 
 def _set_symmetry(session: Session, message: requests.SetSymmetry) -> None:
     plane: Any = message.plane
     if plane is not None and not isinstance(plane, str):
         plane = SymmetryPlane(plane.normal, plane.offset, band=plane.band)
-    session.change(lambda deformer: deformer.set_symmetry(plane, band=message.band))
+    session.change(lambda deformer: deformer.set_symmetry(plane, band=message.band), "symmetry", merge=message.merge)
 
 
 def _set_overlap(session: Session, message: requests.SetOverlap) -> None:
@@ -178,7 +208,7 @@ def _set_blend(session: Session, message: requests.SetBlend) -> None:
 
 def _set_default(session: Session, message: requests.SetDefault) -> None:
     parts = _parts(message.transform)
-    session.change(lambda deformer: deformer.set_default(**parts))
+    session.change(lambda deformer: deformer.set_default(**parts), "default", merge=message.merge)
 
 
 def _undo(session: Session, message: requests.Undo) -> None:
@@ -251,8 +281,11 @@ def _parts(transform: Transform) -> dict[str, Any]:
     return {name: value for name, value in given.items() if value is not None}
 
 
-def _controls(method: Callable[..., object], controls: Controls) -> dict[str, Any]:
+def _controls(session: Session, method: Callable[..., object], controls: Controls) -> dict[str, Any]:
+    """The keywords of `method` that `controls` are."""
     given = {name: value for name, value in controls if value is not None and name != "more"}
+    if isinstance(controls.within, RegionPlace):
+        given["within"] = _members(session, controls.within)
     return _known(method, {**(controls.more or {}), **given})
 
 
@@ -276,11 +309,13 @@ _DO: dict[type[requests.Request], Callable[[Session, Any], Answer | bytes | None
     requests.Suggest: _suggest,
     requests.Add: _add,
     requests.Move: _move,
+    requests.Pose: _pose,
     requests.Change: _change,
     requests.Remove: _remove,
     requests.Reset: _reset,
     requests.Fix: _fix,
     requests.Release: _release,
+    requests.ChangeFixed: _change_fixed,
     requests.SetSymmetry: _set_symmetry,
     requests.SetOverlap: _set_overlap,
     requests.SetBlend: _set_blend,

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import logging
-import re
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from dfd.app.autosave import Autosave, Saved
 from dfd.app.columns import Columns
+from dfd.app.failures import sentence, without_places
+from dfd.app.joined import joined
 from dfd.app.options import OpenedFile, SessionOptions, Source
 from dfd.app.preparation import Preparation
 from dfd.app.protocol.answers import Answer, FailureMessage, FieldState, ProgressMessage, StartMessage
@@ -28,13 +28,6 @@ if TYPE_CHECKING:
 __all__ = ["Session"]
 
 Result = TypeVar("Result")
-
-log = logging.getLogger("dfd.app")
-
-# What the package's own messages begin with, for those who call its functions.
-_FUNCTION = re.compile(r"^\w+(\.\w+)?: ")
-
-NO_MEMORY = "Memory ran out; nothing was changed. Take a smaller mesh, or close other programs"
 
 
 class Session:
@@ -77,7 +70,8 @@ class Session:
         self._after = 0
         self._kept: Edit | None = None  # what is on disk
         self._shown: Edit | None = None  # what the page was told last
-        self._changed: tuple[int, dict[str, Any], Edit] | None = None
+        self._gesture: tuple[Hashable, Edit] | None = None  # what the newest step is about, and what it made
+        self._ready = True  # to find instances
         self._wanted: OpenedFile | None = None  # the edit to open as soon as the field is there
         self.source: Source | None = None
         self.mesh: Mesh | None = None
@@ -216,25 +210,28 @@ class Session:
     def field_ready(self, deformer: Deformer, path: Path | None, origin: str, told: list[str]) -> None:
         """Come alive."""
         self.deformer, self.columns, self.field_path = deformer, Columns(deformer), path
+        self._ready = path is None
         if path is not None:
             self._autosave.keep_open(Saved(source=self.source, field=OpenedFile(name="field", path=path)))
         settings = {key: value for key, value in deformer.field.settings.items() if key != "losses"}
         self.looks.field = FieldState(status="ready", origin=origin, settings=settings)
         self._tell_progress("prepare", "done")
-        for sentence in told:
-            self.fail(0, sentence)
+        for warning in told:
+            self.fail(0, warning)
         wanted, self._wanted = self._wanted, None
         self.tell_state()
         if wanted is not None:
             self.guarded(0, lambda: self.open_edit(wanted))
 
     def field_planes(self, planes: list[SymmetryPlane]) -> None:
-        """Offer them."""
+        """Offer them; by now instances can be found as well."""
         self.looks.planes = planes
+        self._ready = True
         self.tell_state()
 
     def field_failed(self, task: str, message: str) -> None:
         """Say so; the shape can still be looked at, and an earlier field stays."""
+        self._ready = True
         self._tell_progress(task, "failed")
         self.fail(0, message)
         self._tell_field("none" if self.deformer is None else "ready")
@@ -258,8 +255,7 @@ class Session:
         self.tell_state()
         if self._progress is not None:
             self.send(self._progress)
-        if self.deformer is not None:
-            self.send(report(self.deformer))
+        self._report()
 
     def answering(self, number: int, work: Callable[[], None]) -> None:
         """Do `work` for request `number`; whatever goes wrong is said, and the session goes on."""
@@ -270,23 +266,12 @@ class Session:
         """Do `work`; what goes wrong becomes a `failure` that answers request `number`."""
         try:
             work()
-        except MemoryError:
-            self.fail(number, NO_MEMORY)
-        except (ValueError, OSError) as error:
-            self.fail(number, str(error))
         except Exception as error:
-            if "can't allocate memory" in str(error):  # as torch says it
-                self.fail(number, NO_MEMORY)
-                return
-            log.exception("a request failed")
-            self.fail(number, f"That did not work, for a fault of this program: {type(error).__name__}: {error}")
+            self.fail(number, sentence(error))
 
-    def fail(self, number: int, sentence: str) -> None:
+    def fail(self, number: int, why: str) -> None:
         """Say that request `number` was not done, without the places of files on this machine."""
-        for path, name in self._names.items():
-            sentence = sentence.replace(f"`path` {path}", name).replace(path, name)
-        sentence = _FUNCTION.sub("", sentence.replace(f"{self.folder}/", ""))
-        self.send(FailureMessage(id=number, message=sentence))
+        self.send(FailureMessage(id=number, message=without_places(why, self._names, self.folder)))
 
     def living(self) -> Deformer:
         """The editing session.
@@ -300,46 +285,43 @@ class Session:
             raise ValueError("Open a mesh first" if self.mesh is None else "The shape has no field yet: wait for it")
         return self.deformer
 
-    def change(self, work: Callable[[Deformer], Result]) -> Result:
-        """Change the edit and tell the page what came of it; where that fails, nothing was changed."""
+    def change(self, work: Callable[[Deformer], Result], topic: Hashable = None, *, merge: bool = False) -> Result:
+        """Change the edit and tell the page what came of it; where that fails, nothing was changed.
+
+        With `merge` it is one step with the newest one, where that was about the same `topic`.
+        """
         deformer = self.living()
         assert self.columns is not None
         before = deformer.edit
+        joins = merge and topic is not None and self._gesture == (topic, before)
         try:
-            result = work(deformer)
+            result = joined(deformer, work) if joins else work(deformer)
             columns = self.columns.message()
-            did = report(deformer)
+            did = None if self.columns.owes else report(deformer)
         except BaseException:
             if deformer.edit is not before:
                 deformer.undo()
+                if joins:
+                    deformer.apply(before)
             raise
+        if deformer.edit is not before:
+            self._gesture = (topic, deformer.edit)
         if columns is not None:
             self._send(columns)
         self.tell_state()
-        self.send(did)
+        if did is not None:
+            self.send(did)
         return result
 
-    def note_change(self, handle: int, options: dict[str, Any]) -> None:
-        """Know what the newest change of a handle was, for `take_back_change`."""
-        self._changed = (handle, options, self.living().edit)
-
-    def take_back_change(self, handle: int, options: dict[str, Any]) -> dict[str, Any]:
-        """`options` joined to those of the change of the same handle just before, which is taken back: one step."""
-        deformer = self.living()
-        if self._changed is not None and self._changed[0] == handle and self._changed[2] is deformer.edit:
-            joined = {**self._changed[1], **options}
-            for one, other in (("locality", "radius"), ("radius", "locality")):  # the newer ends the older
-                if one in options and other not in options:
-                    joined.pop(other, None)
-            deformer.undo()
-            return joined
-        return options
+    def note_drag(self, handle: int) -> None:
+        """Know that the newest step is a drag of `handle`, which the page has drawn itself and needs no word of."""
+        self._shown = self.living().edit
+        self._gesture = (("move", handle), self.living().edit)
 
     def walk(self, step: Callable[[Deformer], bool]) -> None:
         """Undo or redo, and tell the page what came of it."""
         if step(self.living()):
-            self.tell_state()
-            self.send(report(self.living()))
+            self._tell_all()
 
     # --- telling
 
@@ -359,10 +341,26 @@ class Session:
             self._send(columns)
         self._shown = self.deformer.edit
         self.send(state_message(self.deformer, self.columns, self.looks, after=self._after))
+        if self.columns.owes:
+            self._post(lambda: self.guarded(0, self._tell_instances))
 
-    def note_shown(self) -> None:
-        """Know that the page has made the newest change itself, and needs no word of it."""
-        self._shown = self.living().edit
+    def _tell_all(self) -> None:
+        self.tell_state()
+        self._report()
+
+    def _tell_instances(self) -> None:
+        """Send what the page has waited for less than for the heat map."""
+        if self.columns is None or not self._ready:
+            return
+        instances = self.columns.instances_message()
+        if instances is not None:
+            self._send(instances)
+            self._report()
+
+    def _report(self) -> None:
+        """Tell the page what the edit does, unless instances must be found first."""
+        if self.deformer is not None and self.columns is not None and not self.columns.owes:
+            self.send(report(self.deformer))
 
     def keep_poses(self) -> None:
         """Save the key poses."""
@@ -374,8 +372,7 @@ class Session:
             return
         edit = self.deformer.edit
         if edit is not self._shown:
-            self.tell_state()
-            self.send(report(self.deformer))
+            self._tell_all()
         if edit is not self._kept:
             self._autosave.keep_edit(edit, self.mesh)
             self._kept = edit

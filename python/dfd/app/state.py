@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["Looks", "empty_state", "state_message"]
 
 
-CONTROLS = ("name", "reach", "falloff", "locality", "radius", "strength", "instances", "level")
+CONTROLS = ("name", "reach", "falloff", "locality", "radius", "strength", "instances", "level", "within")
 NO_FIELD = FieldState(status="none", origin=None, settings={})
 
 
@@ -116,6 +116,8 @@ def _handle(deformer: Deformer, columns: Columns, handle: Handle, controls: dict
         exponent=bound.locality(edit, handle)[2],
         strength=handle.controls.strength,
         instances=handle.controls.instances,
+        level=handle.controls.level,
+        within=0 if handle.controls.within is None else len(members(deformer.mesh, handle.controls.within)),
         region=_region_size(deformer, handle.place),
         kind=column_kind(handle),
         gain=bound.gain(edit, handle),

@@ -18,7 +18,8 @@ __all__ = ["suggestions"]
 def suggestions(deformer: Deformer, count: int, planes: Sequence[SymmetryPlane]) -> tuple[Suggestion, ...]:
     """At most `count` places, one for each kind of part; `planes` are those across which the shape looks alike."""
     found = []
-    for index, each in enumerate(suggest_handles(deformer.mesh, deformer.features, count=count, planes=planes)):
+    places = suggest_handles(deformer.mesh, deformer.features, count=count, planes=planes, finder=deformer.bound.finder)
+    for index, each in enumerate(places):
         alike = f", {len(each.instances)} alike" if len(each.instances) > 1 else ""
         position: Any = tuple(float(x) for x in deformer.mesh.vertices[each.vertex])
         found.append(

@@ -31,6 +31,10 @@ def app(
     host: Annotated[
         str, typer.Option(help="Whom to listen for; any address but the default lets other machines in.")
     ] = "127.0.0.1",
+    memory: Annotated[
+        float | None,
+        typer.Option(metavar="GB", min=0.5, help="What one tab may take; by default three quarters of all memory."),
+    ] = None,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open a browser.")] = True,
 ) -> None:
     """Open MESH in a browser: grab it anywhere, and everything alike follows."""
@@ -43,6 +47,7 @@ def app(
         raise ValueError(f"MESH must be given: it is what `{'--field' if field else '--edit'}` is for")
     try:
         from dfd.app.launch import serve
+        from dfd.app.memory import session_memory
         from dfd.app.options import OpenedFile, SessionOptions, Source
         from dfd.app.safety import loopback
         from dfd.app.shapes import sample_source
@@ -58,6 +63,7 @@ def app(
         field=None if field is None else OpenedFile(name=field.name, path=field.resolve()),
         edit=None if edit is None else OpenedFile(name=edit.name, path=edit.resolve()),
         encoder=encoder,
+        memory_bytes=session_memory() if memory is None else int(memory * 1e9),
     )
     if not loopback(host):
         typer.echo(

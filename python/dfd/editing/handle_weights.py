@@ -20,8 +20,10 @@ from dfd.weights.compact import CompactFeatures
 from dfd.weights.reach import auto_reach
 
 if TYPE_CHECKING:
+    from dfd.editing.instances import InstanceFinder
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
+    from dfd.symmetry.plane import SymmetryPlane
 
 __all__ = ["HandleWeights"]
 
@@ -81,6 +83,18 @@ class HandleWeights:
     def prepare(self, progress: Callable[[int], object] | None = None) -> None:
         """Ask the field for the features, unless they are there; `progress` hears how many further rows are done."""
         self._rows.prepare(progress)
+
+    @property
+    def finder(self) -> InstanceFinder:
+        """What finds instances on the mesh."""
+        return self._instances.finder
+
+    def prepare_instances(self, planes: Sequence[SymmetryPlane]) -> None:
+        """Compute what the first handle with instances would wait for, seconds for a million faces.
+
+        `planes` are those that `symmetry_planes` finds. It may run on another thread than the rest.
+        """
+        self._instances.prepare(planes)
 
     def of(self, edit: Edit) -> Float32:
         """(V, H) weights of the handles of `edit`, in their order; read-only, and nothing that follows changes it."""

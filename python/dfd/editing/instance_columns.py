@@ -58,6 +58,16 @@ class InstanceColumns:
         self._key: Hashable = None
         self._made: tuple[Float32, tuple[Column, ...]] | None = None
 
+    @property
+    def finder(self) -> InstanceFinder:
+        """What finds instances on the mesh."""
+        return self._finder
+
+    def prepare(self, planes: Sequence[SymmetryPlane]) -> None:
+        """Have ready what the first handle would wait for; `planes` are those that `symmetry_planes` finds."""
+        self._planes = list(planes)
+        self._finder.prepare()
+
     def of(
         self, edit: Edit, weights: Float32, keys: Sequence[Hashable], rows: VertexRows
     ) -> tuple[Float32, tuple[Column, ...]]:

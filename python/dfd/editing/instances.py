@@ -83,6 +83,10 @@ class InstanceFinder:
     def __init__(self, mesh: Mesh) -> None:
         self._mesh = mesh
 
+    def prepare(self) -> None:
+        """Compute what does not depend on the handle, seconds for a million faces, before a person waits for it."""
+        _ = self._nodes, self._tree
+
     def find(
         self,
         weights: NDArray[np.floating],

@@ -111,7 +111,7 @@ class Mesh:
     def parts(self) -> tuple[MeshPart, ...]:
         """The parts of the scene, in the order of their faces; one that holds everything for a mesh of arrays."""
         if self._scene is None:
-            return (MeshPart("mesh", slice(0, len(self.faces)), np.unique(self.faces).astype(np.int64)),)
+            return (MeshPart("mesh", slice(0, len(self.faces)), _frozen(self._corners_of(slice(None)))),)
         found: list[tuple[str, int, int]] = []
         for each in self._scene.primitives:
             if found and found[-1][0] == each.part:
@@ -119,9 +119,18 @@ class Mesh:
             else:
                 found.append((each.part, each.faces.start, each.faces.stop))
         return tuple(
-            MeshPart(name, slice(start, stop), _frozen(np.unique(self.faces[start:stop]).astype(np.int64)))
+            MeshPart(name, slice(start, stop), _frozen(self._corners_of(slice(start, stop))))
             for name, start, stop in found
         )
+
+    def _corners_of(self, faces: slice) -> NDArray[np.int64]:
+        """(N,) ascending, the vertices of some of the faces."""
+        corners = self.faces[faces].ravel()
+        if len(corners) < len(self.vertices):  # sorting few is less than looking at all vertices
+            return np.unique(corners).astype(np.int64)
+        used = np.zeros(len(self.vertices), bool)
+        used[corners] = True
+        return np.flatnonzero(used).astype(np.int64)
 
     @property
     def scene(self) -> SceneFile | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
 
 __all__ = ["smooth_normals"]
 
@@ -13,18 +14,27 @@ _FACES_AT_ONCE = 1 << 20  # to bound memory
 def smooth_normals(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float32]:
     """Return unit normals (V, 3), each the sum of its faces' normals weighted by area; zero where they cancel out."""
     span = float((vertices.max(axis=0) - vertices.min(axis=0)).max()) or 1.0
-    summed = np.zeros((3, len(vertices)))
-    weight = np.zeros(len(vertices))
+    # Edges of at most unit length: neither a huge shape's products overflow nor a tiny one's vanish.
+    x, y, z = np.ascontiguousarray((vertices / span).T)
+    summed = np.zeros((len(vertices), 4))  # of the faces' normals, and of their lengths
     for start in range(0, len(faces), _FACES_AT_ONCE):
         some = faces[start : start + _FACES_AT_ONCE]
-        first, second, third = (vertices[some[:, corner]] for corner in range(3))
-        # Edges of at most unit length: neither a huge shape's products overflow nor a tiny one's vanish.
-        crossed = np.cross((second - first) / span, (third - first) / span)
-        corners = some.ravel()
-        for axis in range(3):
-            summed[axis] += np.bincount(corners, np.repeat(crossed[:, axis], 3), minlength=len(vertices))
-        weight += np.bincount(corners, np.repeat(np.linalg.norm(crossed, axis=1), 3), minlength=len(vertices))
+        first, second, third = np.ascontiguousarray(some.T)
+        ax, ay, az = (axis[second] - axis[first] for axis in (x, y, z))
+        bx, by, bz = (axis[third] - axis[first] for axis in (x, y, z))
+        of_face = np.empty((len(some), 4))
+        of_face[:, 0], of_face[:, 1], of_face[:, 2] = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        of_face[:, 3] = np.sqrt(np.einsum("fc,fc->f", of_face[:, :3], of_face[:, :3]))
+        summed += _around(some, len(vertices)) @ of_face
+    weight = summed[:, 3]
+    summed = summed[:, :3].T
     length = np.sqrt(np.einsum("cv,cv->v", summed, summed))
     # Of normals that cancel out, as on a sheet that has both its sides as faces, rounding leaves a direction at random.
     known = length > 1e-9 * weight
     return np.where(known, summed / np.where(known, length, 1), 0).T.astype(np.float32, order="C")
+
+
+def _around(faces: NDArray[np.int32], count: int) -> csr_array:
+    """(V, F) how often each face has each of `count` vertices as a corner."""
+    face = np.repeat(np.arange(len(faces), dtype=np.int32), 3)
+    return csr_array(coo_array((np.ones(3 * len(faces)), (faces.ravel(), face)), shape=(count, len(faces))))

@@ -33,9 +33,15 @@ class Client:
             for entry in header["columns"]:
                 values = arrays[entry["values"]] * (entry["scale"] / 65535)
                 geodesic = None if entry["geodesic"] is None else arrays[entry["geodesic"]] / 65535
+                self.entries[entry["column"]] = {**entry, "values": values, "geodesic": geodesic, "instances": ()}
+        later = self.columns.instances_message()
+        if later is not None:
+            header, arrays = unpack(later)
+            for entry in header["columns"]:
                 for instance in entry["instances"]:
                     instance["share"] = arrays[instance["share"]] / 255
-                self.entries[entry["column"]] = {**entry, "values": values, "geodesic": geodesic}
+                self.entries[entry["column"]]["instances"] = entry["instances"]
+        assert not self.columns.owes
         return state_message(self.deformer, self.columns, Looks(), after=0).model_dump()
 
     def weights(self) -> NDArray[np.float64]:

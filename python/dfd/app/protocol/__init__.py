@@ -54,7 +54,14 @@ from dfd.app.protocol.answers import (
     StateMessage,
     SuggestionsMessage,
 )
-from dfd.app.protocol.binaries import ColorsMessage, ColumnsMessage, HeatMessage, MeshMessage, PositionsMessage
+from dfd.app.protocol.binaries import (
+    ColorsMessage,
+    ColumnsMessage,
+    HeatMessage,
+    InstancesMessage,
+    MeshMessage,
+    PositionsMessage,
+)
 from dfd.app.protocol.parts import Model
 from dfd.app.protocol.requests import ClientMessage
 
@@ -73,6 +80,7 @@ ServerMessage = Annotated[
     | ScriptMessage
     | MeshMessage
     | ColumnsMessage
+    | InstancesMessage
     | HeatMessage
     | PositionsMessage
     | ColorsMessage,

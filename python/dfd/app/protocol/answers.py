@@ -66,6 +66,8 @@ class HandleState(Model):
     exponent: Number  # λ of the formula: the locality, or what makes the radius's falloff
     strength: Number
     instances: str  # a name of `state.instances`
+    level: bool  # whether all instances follow with full weight
+    within: int  # how many vertices the region has beyond which nothing follows; 0 is everywhere
     region: int  # how many vertices it holds as one; 0 where it is no region
     kind: Literal["distance", "weight"]
     gain: Number  # what Eq. 6 left at the handle, undone

@@ -86,7 +86,6 @@ class ColumnEntry(Model):
     values: str
     scale: Number
     geodesic: str | None  # buffer uint16 (V,): 65535 is the largest distance along the surface
-    instances: tuple[InstanceEntry, ...]
 
 
 class ColumnsMessage(Binary):
@@ -97,6 +96,20 @@ class ColumnsMessage(Binary):
 
     type: Literal["columns"] = "columns"
     columns: tuple[ColumnEntry, ...]
+
+
+class InstancesEntry(Model):
+    """The instances of one column, that of its handle first; where there are none, the handle acts as it is."""
+
+    column: int
+    instances: tuple[InstanceEntry, ...]
+
+
+class InstancesMessage(Binary):
+    """Instances of columns that came before; until then such a column acts as one."""
+
+    type: Literal["instances"] = "instances"
+    columns: tuple[InstancesEntry, ...]
 
 
 class HeatMessage(Binary):

@@ -94,6 +94,7 @@ class Controls(Model):
     instances: Mode | None = None
     strength: Annotated[Number, Field(ge=0, le=1)] | None = None
     level: bool | None = None
+    within: RegionPlace | Literal["everywhere"] | None = None
     more: dict[str, JsonValue] | None = None  # further keywords of `Deformer.add` and `Deformer.change`, as they are
 
 

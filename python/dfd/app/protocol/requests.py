@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, JsonValue
 
 from dfd.app.protocol.parts import (
+    MOST_HANDLES,
     Controls,
     Identifier,
     Index,
@@ -17,6 +18,7 @@ from dfd.app.protocol.parts import (
     Place,
     Plane,
     PointPlace,
+    PoseTransform,
     Text,
     Transform,
     VertexPlace,
@@ -84,18 +86,26 @@ class Move(Request):
     """Set parts of a handle's transform, from the resting shape.
 
     A drag is a plain move, then moves with `merge`, one step of undo; those are answered by `done` alone, the last one,
-    with `settle`, by `state` and `report` as well.
+    with `settle`, by `state` and `report` as well. That one may bring `controls` that were changed on the way.
     """
 
     type: Literal["move"]
     handle: int
     transform: Transform
+    controls: Controls = Controls()
     merge: bool = False
     settle: bool = False
 
 
+class Pose(Request):
+    """Set the transforms of several handles, as one step."""
+
+    type: Literal["pose"]
+    transforms: Annotated[tuple[PoseTransform, ...], Field(max_length=MOST_HANDLES)]
+
+
 class Change(Request):
-    """Set what a handle holds, or where it sits; with `merge`, joined to a change of the same handle just before."""
+    """Set what a handle holds, or where it sits; with `merge`, one step with a change of that handle just before."""
 
     type: Literal["change"]
     handle: int
@@ -126,12 +136,22 @@ class Release(Request):
     index: Index
 
 
+class ChangeFixed(Request):
+    """Set how much the fixed place at `index` takes away; with `merge`, one step with such a change just before."""
+
+    type: Literal["change_fixed"]
+    index: Index
+    strength: Annotated[Number, Field(ge=0, le=1)]
+    merge: bool = False
+
+
 class SetSymmetry(Request):
-    """Let handles act on both sides of a plane."""
+    """Let handles act on both sides of a plane; with `merge`, one step with such a request just before."""
 
     type: Literal["set_symmetry"]
     plane: Plane | Literal["auto", "x", "y", "z"] | None
     band: Annotated[Number, Field(ge=0)] | None = None
+    merge: bool = False
 
 
 class SetOverlap(Request):
@@ -149,10 +169,11 @@ class SetBlend(Request):
 
 
 class SetDefault(Request):
-    """Set D₀, what happens to what no handle holds; all null is nothing."""
+    """Set D₀, what happens to what no handle holds; all null is nothing. `merge` is as in `set_symmetry`."""
 
     type: Literal["set_default"]
     transform: Transform
+    merge: bool = False
 
 
 class Undo(Request):
@@ -235,10 +256,12 @@ ClientMessage = Annotated[
     | Probe
     | Add
     | Move
+    | Pose
     | Change
     | Remove
     | Fix
     | Release
+    | ChangeFixed
     | SetSymmetry
     | SetOverlap
     | SetBlend

@@ -3,6 +3,7 @@
 import type { Controls, Plane } from "../protocol/messages";
 import { alive, present, store, type Ahead } from "../store/state";
 import type { Transform, Vec3 } from "../viewer/affine";
+import { gently } from "./gently";
 import { ask, congested, tell } from "./server";
 import { note } from "./toasts";
 
@@ -48,12 +49,29 @@ export function release(index: number): void {
   void ask({ type: "release", index });
 }
 
-/** Fix what was painted, or hold it as one handle: a bit per vertex, lowest first. */
-export function usePainted(mask: Uint8Array, as: "fixed" | "handle", strength: number): void {
+export function setFixedStrength(index: number, strength: number): void {
+  gently(`fixed ${index}`, (merge) => void ask({ type: "change_fixed", index, strength, merge }));
+}
+
+/** What was painted, a bit per vertex, lowest first. */
+function regionOf(mask: Uint8Array): { mask: string } {
   let text = "";
   for (let i = 0; i < mask.length; i += 4096) text += String.fromCharCode(...mask.subarray(i, i + 4096));
-  const at = { mask: btoa(text) };
-  void ask(as === "fixed" ? { type: "fix", at, strength } : { type: "add", at });
+  return { mask: btoa(text) };
+}
+
+export function fixPainted(mask: Uint8Array, strength: number): void {
+  void ask({ type: "fix", at: regionOf(mask), strength });
+}
+
+/** Hold what was painted as one handle. */
+export function holdPainted(mask: Uint8Array): void {
+  void ask({ type: "add", at: regionOf(mask) });
+}
+
+/** Let a handle act nowhere but where was painted; null is everywhere again. */
+export function limitTo(handle: number, mask: Uint8Array | null): void {
+  void ask({ type: "change", handle, controls: { within: mask ? regionOf(mask) : "everywhere" } });
 }
 
 // --- a drag, and sliders: shown at once, told in passing
@@ -76,9 +94,9 @@ class Drag {
 
   end(): void {
     clearTimeout(this.timer);
-    if (this.latest) ahead(this.handle, {}, this.tell(this.latest, true));
     const reach = store.get().ahead.get(this.handle)?.reach;
-    if (reach !== undefined) change(this.handle, { reach });
+    if (this.latest) ahead(this.handle, {}, this.tell(this.latest, true, reach));
+    else if (reach !== undefined) change(this.handle, { reach });
   }
 
   private late(): void {
@@ -86,12 +104,14 @@ class Drag {
     if (this.latest) this.move(this.latest);
   }
 
-  private tell(transform: Transform, settle: boolean): number {
+  private tell(transform: Transform, settle: boolean, reach?: number): number {
     this.told = performance.now();
     const request = tell({
       type: "move",
       handle: this.handle,
       transform: told(transform),
+      // What the wheel did under way is part of the same step.
+      controls: reach === undefined ? {} : { reach },
       merge: this.begun,
       settle,
     });
@@ -124,6 +144,22 @@ export function moveTo(handle: number, transform: Transform): void {
   ahead(handle, { transform }, tell({ type: "move", handle, transform: told(transform), merge: false, settle: true }));
 }
 
+/** Set the transforms of several handles, as one step. */
+export function poseTo(transforms: ReadonlyMap<number, Transform>): void {
+  const request = tell({
+    type: "pose",
+    transforms: [...transforms].map(([handle, { translation, rotation, scale, pivot, axes }]) => ({
+      handle,
+      translation: triple(translation),
+      rotation: triple(rotation),
+      scale: triple(scale),
+      pivot: pivot && triple(pivot),
+      axes: axes && (axes.map(triple) as [Triple, Triple, Triple]),
+    })),
+  });
+  transforms.forEach((transform, handle) => ahead(handle, { transform }, request));
+}
+
 function told(transform: Transform) {
   return {
     translation: triple(transform.translation),
@@ -143,34 +179,24 @@ export function setAxes(handle: number, axes: "normal" | "auto"): void {
 export function wheelReach(handle: number, factor: number): void {
   const state = store.get();
   const known = state.edit?.handles.find((other) => other.handle === handle);
-  if (!known || known.kind === "weight" || !state.edit?.controls.includes("reach")) return;
+  if (!known || !state.edit?.controls.includes("reach")) return;
   const reach = Math.min(Math.max(present(state, known).reach * factor, 0.02), 2);
   if (drag) ahead(handle, { reach }, Infinity);
   else slide(handle, { reach });
 }
 
-let sliding: { readonly handle: number; timer: number; controls: Controls } | null = null;
+type Slid = "reach" | "locality" | "radius" | "strength";
 
-/** A slider under way: told at most every 80 ms, joined to one step. */
-export function slide(handle: number, controls: Pick<Controls, "locality"> & { reach?: number }): void {
-  ahead(handle, controls as Partial<Ahead>, Infinity);
-  if (sliding?.handle === handle) {
-    sliding.controls = { ...sliding.controls, ...controls };
-    return;
-  }
-  const own = { handle, controls: controls as Controls, timer: 0 };
-  sliding = own;
-  own.timer = window.setTimeout(() => {
-    if (sliding === own) sliding = null;
-    ahead(handle, {}, tell({ type: "change", handle, controls: own.controls, merge: true }));
-  }, 80);
+/** A slider of a handle: shown at once, told in passing. */
+export function slide(handle: number, controls: Partial<Readonly<Record<Slid, number>>>): void {
+  ahead(handle, controls, Infinity);
+  gently(`${handle} ${Object.keys(controls).join()}`, (merge) =>
+    ahead(handle, {}, tell({ type: "change", handle, controls, merge })),
+  );
 }
 
 export function change(handle: number, controls: Controls): void {
-  const own: { reach?: number; falloff?: string; locality?: number } = {};
-  if (typeof controls.reach === "number") own.reach = controls.reach;
-  if (typeof controls.falloff === "string") own.falloff = controls.falloff;
-  if (typeof controls.locality === "number") own.locality = controls.locality;
+  const own = controls.falloff ? { falloff: controls.falloff } : {};
   ahead(handle, own, tell({ type: "change", handle, controls }));
 }
 
@@ -185,6 +211,18 @@ function ahead(handle: number, part: Partial<Ahead>, request: number): void {
 
 export function setSymmetry(plane: Plane | "auto" | "x" | "y" | "z" | null): void {
   void ask({ type: "set_symmetry", plane });
+}
+
+/** Half the width over which the sides of the plane blend, mesh units. */
+export function setBand(plane: Plane, band: number): void {
+  gently("band", (merge) => void ask({ type: "set_symmetry", plane, band, merge }));
+}
+
+/** D₀: what happens to what no handle holds; its pivot is the center of the box. */
+export function setDefault(transform: Pick<Transform, "translation" | "rotation" | "scale">): void {
+  const { translation, rotation, scale } = transform;
+  const parts = { translation: triple(translation), rotation: triple(rotation), scale: triple(scale) };
+  gently("default", (merge) => void ask({ type: "set_default", transform: parts, merge }));
 }
 
 export function setOverlap(mode: string): void {

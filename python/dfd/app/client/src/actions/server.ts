@@ -2,7 +2,14 @@
 
 import { Connection, Dropped, Refused } from "../protocol/connection";
 import type { Payload, Received, Request } from "../protocol/frames";
-import type { ColorsMessage, ColumnsMessage, MeshMessage, PositionsMessage, StateMessage } from "../protocol/messages";
+import type {
+  ColorsMessage,
+  ColumnsMessage,
+  InstancesMessage,
+  MeshMessage,
+  PositionsMessage,
+  StateMessage,
+} from "../protocol/messages";
 import { store, type ColumnData } from "../store/state";
 import { note, problem } from "./toasts";
 
@@ -77,6 +84,9 @@ function receive({ message, payload }: Received, awaited: boolean, arrivals: Arr
       break;
     case "columns":
       if (payload) store.set({ columns: new Map([...store.get().columns, ...columnsOf(message, payload)]) });
+      break;
+    case "instances":
+      if (payload) store.set({ columns: withInstances(message, payload) });
       break;
     case "heat": {
       const { hover } = store.get();
@@ -169,10 +179,20 @@ function columnsOf(message: ColumnsMessage, payload: Payload): [number, ColumnDa
   return message.columns.map((entry) => {
     const geodesic = entry.geodesic === null ? null : payload.sixteen(entry.geodesic);
     const layer = { values: payload.sixteen(entry.values), scale: entry.scale, kind: entry.kind, geodesic };
+    return [entry.column, { layer, instances: [] }];
+  });
+}
+
+/** The columns, with the instances of some of them. */
+function withInstances(message: InstancesMessage, payload: Payload): Map<number, ColumnData> {
+  const columns = new Map(store.get().columns);
+  for (const entry of message.columns) {
+    const data = columns.get(entry.column);
     const instances = entry.instances.map(({ share, ...rest }) => ({
       ...rest,
       share: { values: payload.sixteen(share), scale: 1, kind: "weight", geodesic: null } as const,
     }));
-    return [entry.column, { layer, instances }];
-  });
+    if (data) columns.set(entry.column, { ...data, instances });
+  }
+  return columns;
 }

@@ -3,7 +3,7 @@
 import type { KeyPose, PoseTransform } from "../protocol/messages";
 import { store } from "../store/state";
 import { interpolate, REST, type Transform } from "../viewer/affine";
-import { moveTo } from "./edit";
+import { poseTo } from "./edit";
 import { ask } from "./server";
 import { note } from "./toasts";
 
@@ -77,10 +77,8 @@ export function leave(): void {
 export function applyMoment(): void {
   const { moment, edit } = store.get();
   if (!moment || !edit) return;
-  for (const handle of edit.handles) {
-    const transform = moment.get(handle.handle);
-    if (transform) moveTo(handle.handle, transform);
-  }
+  const living = edit.handles.map(({ handle }) => [handle, moment.get(handle)] as const);
+  poseTo(new Map(living.filter((entry): entry is [number, Transform] => entry[1] !== undefined)));
   leave();
 }
 

@@ -1,15 +1,18 @@
-import { usePainted } from "../actions/edit";
-import { store } from "../store/state";
+import { fixPainted, holdPainted, limitTo } from "../actions/edit";
+import { selectedHandle, store } from "../store/state";
 import { useStore } from "../store/use";
+import { handleName } from "../viewer/marks";
 import { Panel, Slider } from "./controls";
 
 export function BrushPanel() {
   const brush = useStore(store, (state) => state.brush);
   const painted = useStore(store, (state) => state.painted);
   const strengths = useStore(store, (state) => state.edit?.controls.includes("strength") ?? false);
-  const use = (as: "fixed" | "handle") => () => {
+  const selected = useStore(store, selectedHandle);
+  const limits = useStore(store, (state) => state.edit?.controls.includes("within") ?? false);
+  const use = (what: (mask: Uint8Array) => void) => () => {
     if (!painted) return;
-    usePainted(painted.mask, as, brush.strength);
+    what(painted.mask);
     store.set({ painted: null, tool: "hold" });
   };
   return (
@@ -38,12 +41,28 @@ export function BrushPanel() {
         {painted ? `${painted.count} vertices painted.` : "Paint over the shape; Shift erases."}
       </p>
       <div class="buttons">
-        <button type="button" class="button primary" disabled={!painted} onClick={use("fixed")}>
+        <button
+          type="button"
+          class="button primary"
+          disabled={!painted}
+          onClick={use((mask) => fixPainted(mask, brush.strength))}
+        >
           Fix
         </button>
-        <button type="button" class="button" disabled={!painted} onClick={use("handle")}>
+        <button type="button" class="button" disabled={!painted} onClick={use(holdPainted)}>
           Hold
         </button>
+        {limits && selected && (
+          <button
+            type="button"
+            class="button"
+            disabled={!painted}
+            title={`${handleName(selected)} is to act nowhere else`}
+            onClick={use((mask) => limitTo(selected.handle, mask))}
+          >
+            Limit
+          </button>
+        )}
         <button type="button" class="button" disabled={!painted} onClick={() => store.set({ painted: null })}>
           Clear
         </button>

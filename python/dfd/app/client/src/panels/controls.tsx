@@ -101,6 +101,8 @@ export function readable(value: number): string {
 
 interface SliderProps {
   readonly label: string;
+  /** For those who hear it, where `label` stands more than once. */
+  readonly of?: string;
   readonly hint?: string;
   readonly value: number;
   readonly min: number;
@@ -111,8 +113,16 @@ interface SliderProps {
   readonly onInput: (value: number) => void;
 }
 
-export function Slider({ label, hint, value, min, max, step, disabled, text, onInput }: SliderProps) {
-  const part = Math.min(Math.max((value - min) / (max - min), 0), 1);
+export function Slider({ label, of = "", hint, value, min, max, step, disabled, text, onInput }: SliderProps) {
+  const [held, setHeld] = useState<number | null>(null);
+  const shown = held ?? value;
+  // What the hand has said last stays until the server has said it too.
+  useEffect(() => {
+    if (held === null) return undefined;
+    const timer = setTimeout(() => setHeld(null), 1000);
+    return () => clearTimeout(timer);
+  }, [held, value]);
+  const part = Math.min(Math.max((shown - min) / (max - min), 0), 1);
   const input = useRef<HTMLInputElement>(null);
   useEffect(() => input.current?.style.setProperty("--part", String(part)), [part]);
   return (
@@ -125,11 +135,14 @@ export function Slider({ label, hint, value, min, max, step, disabled, text, onI
         min={min}
         max={max}
         step={step}
-        value={value}
+        value={shown}
         disabled={disabled}
-        aria-label={label}
+        aria-label={`${label}${of}`}
         aria-valuetext={text}
-        onInput={(event) => onInput(event.currentTarget.valueAsNumber)}
+        onInput={(event) => {
+          setHeld(event.currentTarget.valueAsNumber);
+          onInput(event.currentTarget.valueAsNumber);
+        }}
       />
     </div>
   );

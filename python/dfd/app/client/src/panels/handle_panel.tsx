@@ -1,20 +1,22 @@
-import { change, moveTo, setAxes, slide } from "../actions/edit";
+import { change, limitTo, moveTo, setAxes, slide } from "../actions/edit";
 import type { HandleState } from "../protocol/messages";
 import { present, store } from "../store/state";
 import { useStore } from "../store/use";
-import type { Transform, Vec3 } from "../viewer/affine";
+import type { Transform } from "../viewer/affine";
 import { isFalloff } from "../viewer/columns";
 import { heldPart } from "../viewer/measure";
 import { niceStep } from "../viewer/viewer";
-import { IconButton, NumberField, Select, Slider, Toggle } from "./controls";
+import { IconButton, readable, Select, Slider, Toggle } from "./controls";
+import { Scale, Triple } from "./triple";
 
-const AXES = ["x", "y", "z"] as const;
+const count = new Intl.NumberFormat("en");
 
 export function HandlePanel({ known }: { readonly known: HandleState }) {
   const state = useStore(store, (all) => all);
   const handle = present(state, known);
   const { transform } = handle;
-  const step = niceStep((state.mesh?.diagonal ?? 1) / 100);
+  const size = state.mesh?.diagonal ?? 1;
+  const step = niceStep(size / 100);
   const set = (part: Partial<Transform>) => moveTo(handle.handle, { ...transform, ...part });
   const column = state.columns.get(handle.column);
   const kind = isFalloff(handle.falloff) ? handle.falloff : "linear";
@@ -44,28 +46,24 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
           />
         }
       />
-      {handle.kind === "distance" && (
-        <>
-          <Slider
-            label="Reach"
-            hint="How unlike the handle something may look and still follow; also the wheel while dragging, or [ and ]"
-            value={handle.reach}
-            min={0.05}
-            max={1.5}
-            step={0.01}
-            disabled={!offers("reach")}
-            text={`${handle.reach.toFixed(2)} · holds ${Math.round(100 * held)} %`}
-            onInput={(reach) => slide(handle.handle, { reach })}
-          />
-          {offers("falloff") && (state.edit?.falloffs.length ?? 0) > 1 && (
-            <Select
-              label="Falloff"
-              value={handle.falloff}
-              options={state.edit?.falloffs ?? []}
-              onChange={(falloff) => change(handle.handle, { falloff })}
-            />
-          )}
-        </>
+      <Slider
+        label="Reach"
+        hint="How unlike the handle something may look and still follow; also the wheel while dragging, or [ and ]"
+        value={handle.reach}
+        min={0.05}
+        max={1.5}
+        step={0.01}
+        disabled={!offers("reach")}
+        text={`${handle.reach.toFixed(2)} · holds ${Math.round(100 * held)} %`}
+        onInput={(reach) => slide(handle.handle, { reach })}
+      />
+      {offers("falloff") && (state.edit?.falloffs.length ?? 0) > 1 && (
+        <Select
+          label="Falloff"
+          value={handle.falloff}
+          options={state.edit?.falloffs ?? []}
+          onChange={(falloff) => change(handle.handle, { falloff })}
+        />
       )}
       <Slider
         label="Locality"
@@ -74,9 +72,25 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
         min={0}
         max={20}
         step={0.5}
-        text={handle.locality === 0 ? "everywhere" : handle.locality.toFixed(1)}
+        text={handle.radius !== null ? "by radius" : handle.locality === 0 ? "everywhere" : handle.locality.toFixed(1)}
         onInput={(locality) => slide(handle.handle, { locality })}
       />
+      {offers("radius") && (
+        <Slider
+          label="Radius"
+          hint="How far along the surface the handle acts, in parts of the shape's size; the other way to say locality"
+          value={handle.radius === null ? 0 : handle.radius / size}
+          min={0}
+          max={1}
+          step={0.01}
+          text={
+            handle.radius === null
+              ? "no limit"
+              : `${readable(handle.radius)} · ${Math.round((100 * handle.radius) / size)} %`
+          }
+          onInput={(part) => slide(handle.handle, part > 0 ? { radius: part * size } : { locality: 0 })}
+        />
+      )}
       {offers("strength") && (
         <Slider
           label="Strength"
@@ -85,9 +99,10 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
           max={1}
           step={0.05}
           text={`${Math.round(100 * handle.strength)} %`}
-          onInput={(strength) => change(handle.handle, { strength })}
+          onInput={(strength) => slide(handle.handle, { strength })}
         />
       )}
+      {offers("within") && <Limit handle={handle} />}
       {offers("instances") && (state.edit?.instances.length ?? 0) > 1 && (
         <Select
           label="Look-alikes"
@@ -95,6 +110,13 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
           value={handle.instances}
           options={state.edit?.instances ?? []}
           onChange={(instances) => change(handle.handle, { instances })}
+        />
+      )}
+      {offers("level") && handle.instances !== "only" && (
+        <Toggle
+          label="Look-alikes follow in full"
+          checked={handle.level}
+          onChange={(level) => change(handle.handle, { level })}
         />
       )}
       {column && column.instances.length > 1 && (
@@ -110,66 +132,27 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
   );
 }
 
-interface TripleProps {
-  readonly label: string;
-  readonly value: Vec3;
-  readonly step: number;
-  readonly onChange: (value: Vec3) => void;
-  readonly action?: preact.ComponentChildren;
-}
-
-function Triple({ label, value, step, onChange, action }: TripleProps) {
+/** Beyond what nothing follows: painted, and taken away again. */
+function Limit({ handle }: { readonly handle: HandleState }) {
+  const { within } = handle;
   return (
-    <div class="triple" role="group" aria-label={label}>
-      <span class="triple-label">
-        {label}
-        {action}
-      </span>
-      {AXES.map((axis, i) => (
-        <NumberField
-          key={axis}
-          axis={axis}
-          label={`${label} ${axis}`}
-          value={value[i]}
-          step={step}
-          onChange={(number) => onChange(value.map((other, j) => (j === i ? number : other)) as unknown as Vec3)}
-        />
-      ))}
-    </div>
-  );
-}
-
-/** One factor for all axes where they are alike, and a switch to have three. */
-function Scale({ value, onChange }: { readonly value: Vec3; readonly onChange: (value: Vec3) => void }) {
-  const uniform = useStore(store, (state) => state.uniformScale);
-  return (
-    <div class="triple" role="group" aria-label="Scale">
-      <span class="triple-label">
-        Scale
-        <IconButton
-          icon="link"
-          label="Scale all axes alike"
-          pressed={uniform}
-          onPress={() => store.set({ uniformScale: !uniform })}
-        />
-      </span>
-      {AXES.map((axis, i) => (
-        <NumberField
-          key={axis}
-          axis={axis}
-          label={`Scale ${axis}`}
-          value={value[i]}
-          step={0.05}
-          onChange={(factor) => {
-            if (factor === 0) return;
-            onChange(
-              value.map((other, j) =>
-                j === i ? factor : uniform ? (other * factor) / value[i] : other,
-              ) as unknown as Vec3,
-            );
-          }}
-        />
-      ))}
+    <div class="limit">
+      <span>Limit</span>
+      <span class="limit-text">{within > 0 ? `${count.format(within)} vertices` : "none"}</span>
+      {within > 0 ? (
+        <button type="button" class="button small" onClick={() => limitTo(handle.handle, null)}>
+          Remove
+        </button>
+      ) : (
+        <button
+          type="button"
+          class="button small"
+          title="Paint where the handle may act"
+          onClick={() => store.set({ tool: "paint" })}
+        >
+          Paint…
+        </button>
+      )}
     </div>
   );
 }

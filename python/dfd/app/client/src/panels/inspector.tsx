@@ -3,6 +3,7 @@ import { alive, selectedHandle, store } from "../store/state";
 import { useStore } from "../store/use";
 import { BrushPanel } from "./brush_panel";
 import { IconButton, Panel } from "./controls";
+import { DefaultPanel } from "./default_panel";
 import { FixedPanel } from "./fixed_panel";
 import { HandleList } from "./handle_list";
 import { HandlePanel } from "./handle_panel";
@@ -38,6 +39,7 @@ export function Inspector() {
       )}
       {known && known.fixed.length > 0 && <FixedPanel fixed={known.fixed} />}
       {known && ready && <SymmetryPanel known={known} />}
+      {known && ready && <DefaultPanel known={known} />}
       {known && <ShapePanel known={known} />}
     </aside>
   );

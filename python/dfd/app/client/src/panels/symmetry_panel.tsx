@@ -1,11 +1,12 @@
-import { setSymmetry } from "../actions/edit";
+import { setBand, setSymmetry } from "../actions/edit";
 import type { Plane, StateMessage } from "../protocol/messages";
 import { store } from "../store/state";
 import { useStore } from "../store/use";
-import { Panel, Toggle } from "./controls";
+import { Panel, readable, Slider, Toggle } from "./controls";
 
 export function SymmetryPanel({ known }: { readonly known: StateMessage }) {
   const shown = useStore(store, (state) => state.showPlanes);
+  const size = useStore(store, (state) => state.mesh?.diagonal ?? 1);
   const used = known.symmetry;
   const found = known.planes;
   const others = (["x", "y", "z"] as const).filter((axis) => !found.some((plane) => isAcross(plane, axis)));
@@ -50,6 +51,18 @@ export function SymmetryPanel({ known }: { readonly known: StateMessage }) {
           </button>
         )}
       </div>
+      {used && (
+        <Slider
+          label="Blend width"
+          hint="How far from the plane the two sides pass into each other; 0 is a sharp cut"
+          value={(used.band ?? 0) / size}
+          min={0}
+          max={0.1}
+          step={0.0025}
+          text={used.band ? `${readable(used.band)} · ${((100 * used.band) / size).toFixed(1)} %` : "sharp"}
+          onInput={(part) => setBand(used, part * size)}
+        />
+      )}
       {found.length > 0 && (
         <Toggle label="Show what was found" checked={shown} onChange={(showPlanes) => store.set({ showPlanes })} />
       )}

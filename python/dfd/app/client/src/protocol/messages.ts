@@ -19,10 +19,12 @@ export interface Client {
     | Probe
     | Add
     | Move
+    | Pose
     | Change
     | Remove
     | Fix
     | Release
+    | ChangeFixed
     | SetSymmetry
     | SetOverlap
     | SetBlend
@@ -132,6 +134,7 @@ export interface Controls {
   radius?: number | string | null;
   reach?: number | "auto" | null;
   strength?: number | null;
+  within?: RegionPlace | "everywhere" | null;
 }
 /**
  * Scale along `axes`, then rotation, then translation, about the pivot.
@@ -151,40 +154,16 @@ export interface Transform {
  * Set parts of a handle's transform, from the resting shape.
  *
  * A drag is a plain move, then moves with `merge`, one step of undo; those are answered by `done` alone, the last one,
- * with `settle`, by `state` and `report` as well.
+ * with `settle`, by `state` and `report` as well. That one may bring `controls` that were changed on the way.
  */
 export interface Move {
+  controls?: Controls1;
   handle: number;
   id: number;
   merge?: boolean;
   settle?: boolean;
   transform: Transform1;
   type: "move";
-}
-/**
- * Scale along `axes`, then rotation, then translation, about the pivot.
- *
- * Null leaves a part as it is, or at rest where it is new. `rotation` is a rotation vector in degrees or a quaternion;
- * `axes` are one a row. "auto" returns a pivot to the handle's own position and axes to the mesh's, and "normal" is a
- * frame whose third axis is the surface's normal at the handle.
- */
-export interface Transform1 {
-  axes?: [[number, number, number], [number, number, number], [number, number, number]] | ("normal" | "auto") | null;
-  pivot?: [number, number, number] | "auto" | null;
-  rotation?: [number, number, number] | [number, number, number, number] | null;
-  scale?: [number, number, number] | null;
-  translation?: [number, number, number] | null;
-}
-/**
- * Set what a handle holds, or where it sits; with `merge`, joined to a change of the same handle just before.
- */
-export interface Change {
-  at?: VertexPlace | PointPlace | RegionPlace | null;
-  controls?: Controls1;
-  handle: number;
-  id: number;
-  merge?: boolean;
-  type: "change";
 }
 /**
  * What a handle holds and how; null leaves a control as it is, or at its default where the handle is new.
@@ -201,6 +180,83 @@ export interface Controls1 {
   radius?: number | string | null;
   reach?: number | "auto" | null;
   strength?: number | null;
+  within?: RegionPlace | "everywhere" | null;
+}
+/**
+ * Scale along `axes`, then rotation, then translation, about the pivot.
+ *
+ * Null leaves a part as it is, or at rest where it is new. `rotation` is a rotation vector in degrees or a quaternion;
+ * `axes` are one a row. "auto" returns a pivot to the handle's own position and axes to the mesh's, and "normal" is a
+ * frame whose third axis is the surface's normal at the handle.
+ */
+export interface Transform1 {
+  axes?: [[number, number, number], [number, number, number], [number, number, number]] | ("normal" | "auto") | null;
+  pivot?: [number, number, number] | "auto" | null;
+  rotation?: [number, number, number] | [number, number, number, number] | null;
+  scale?: [number, number, number] | null;
+  translation?: [number, number, number] | null;
+}
+/**
+ * Set the transforms of several handles, as one step.
+ */
+export interface Pose {
+  id: number;
+  /**
+   * @maxItems 1000
+   */
+  transforms: PoseTransform[];
+  type: "pose";
+}
+/**
+ * A handle's part of a key pose; everything as in `Transform`, and nothing left out.
+ */
+export interface PoseTransform {
+  axes?: [[number, number, number], [number, number, number], [number, number, number]] | null;
+  handle: number;
+  pivot?: [number, number, number] | null;
+  /**
+   * @minItems 3
+   * @maxItems 3
+   */
+  rotation: [number, number, number];
+  /**
+   * @minItems 3
+   * @maxItems 3
+   */
+  scale: [number, number, number];
+  /**
+   * @minItems 3
+   * @maxItems 3
+   */
+  translation: [number, number, number];
+}
+/**
+ * Set what a handle holds, or where it sits; with `merge`, one step with a change of that handle just before.
+ */
+export interface Change {
+  at?: VertexPlace | PointPlace | RegionPlace | null;
+  controls?: Controls2;
+  handle: number;
+  id: number;
+  merge?: boolean;
+  type: "change";
+}
+/**
+ * What a handle holds and how; null leaves a control as it is, or at its default where the handle is new.
+ */
+export interface Controls2 {
+  falloff?: string | null;
+  instances?: string | null;
+  level?: boolean | null;
+  locality?: number | null;
+  more?: {
+    [k: string]: JsonValue;
+  } | null;
+  name?: string | null;
+  radius?: number | string | null;
+  reach?: number | "auto" | null;
+  strength?: number | null;
+  within?: RegionPlace | "everywhere" | null;
 }
 /**
  * Let go of a handle.
@@ -228,11 +284,22 @@ export interface Release {
   type: "release";
 }
 /**
- * Let handles act on both sides of a plane.
+ * Set how much the fixed place at `index` takes away; with `merge`, one step with such a change just before.
+ */
+export interface ChangeFixed {
+  id: number;
+  index: number;
+  merge?: boolean;
+  strength: number;
+  type: "change_fixed";
+}
+/**
+ * Let handles act on both sides of a plane; with `merge`, one step with such a request just before.
  */
 export interface SetSymmetry {
   band?: number | null;
   id: number;
+  merge?: boolean;
   plane: Plane | ("auto" | "x" | "y" | "z") | null;
   type: "set_symmetry";
 }
@@ -267,10 +334,11 @@ export interface SetBlend {
   type: "set_blend";
 }
 /**
- * Set D₀, what happens to what no handle holds; all null is nothing.
+ * Set D₀, what happens to what no handle holds; all null is nothing. `merge` is as in `set_symmetry`.
  */
 export interface SetDefault {
   id: number;
+  merge?: boolean;
   transform: Transform1;
   type: "set_default";
 }
@@ -336,29 +404,6 @@ export interface KeyPose {
   transforms: PoseTransform[];
 }
 /**
- * A handle's part of a key pose; everything as in `Transform`, and nothing left out.
- */
-export interface PoseTransform {
-  axes?: [[number, number, number], [number, number, number], [number, number, number]] | null;
-  handle: number;
-  pivot?: [number, number, number] | null;
-  /**
-   * @minItems 3
-   * @maxItems 3
-   */
-  rotation: [number, number, number];
-  /**
-   * @minItems 3
-   * @maxItems 3
-   */
-  scale: [number, number, number];
-  /**
-   * @minItems 3
-   * @maxItems 3
-   */
-  translation: [number, number, number];
-}
-/**
  * The posed shape from the kernel. Answer: `positions`; a newer one overtakes it unanswered.
  */
 export interface Compute {
@@ -412,6 +457,7 @@ export interface Server {
     | ScriptMessage
     | MeshMessage
     | ColumnsMessage
+    | InstancesMessage
     | HeatMessage
     | PositionsMessage
     | ColorsMessage;
@@ -512,6 +558,7 @@ export interface HandleState {
   handle: number;
   instances: string;
   kind: "distance" | "weight";
+  level: boolean;
   locality: number;
   moved: boolean;
   name: string | null;
@@ -546,6 +593,7 @@ export interface HandleState {
    */
   translation: [number, number, number];
   vertex: number | null;
+  within: number;
 }
 /**
  * It was done.
@@ -713,10 +761,25 @@ export interface ColumnsMessage {
 export interface ColumnEntry {
   column: number;
   geodesic: string | null;
-  instances: InstanceEntry[];
   kind: "distance" | "weight";
   scale: number;
   values: string;
+}
+/**
+ * Instances of columns that came before; until then such a column acts as one.
+ */
+export interface InstancesMessage {
+  buffers: Buffer[];
+  columns: InstancesEntry[];
+  id: number;
+  type: "instances";
+}
+/**
+ * The instances of one column, that of its handle first; where there are none, the handle acts as it is.
+ */
+export interface InstancesEntry {
+  column: number;
+  instances: InstanceEntry[];
 }
 /**
  * One of the places where a handle acts: `share` names the buffer uint8 (V,) of how much of a vertex is its own.

@@ -43,6 +43,8 @@ export interface Ahead {
   readonly reach?: number;
   readonly falloff?: string;
   readonly locality?: number;
+  readonly radius?: number;
+  readonly strength?: number;
   /** The newest request that tells the server of it. */
   readonly request: number;
 }
@@ -167,6 +169,8 @@ export function present(state: State, handle: HandleState): HandleState & { read
     falloff: ahead?.falloff ?? handle.falloff,
     locality: ahead?.locality ?? handle.locality,
     exponent: ahead?.locality ?? handle.exponent,
+    radius: ahead?.radius ?? (ahead?.locality === undefined ? handle.radius : null),
+    strength: ahead?.strength ?? handle.strength,
     transform: state.moment?.get(handle.handle) ?? ahead?.transform ?? own,
   };
 }

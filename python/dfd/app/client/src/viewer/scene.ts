@@ -62,7 +62,8 @@ export function sceneOf(state: State): Scene {
     columns.push(...ofInstances(column, data, { matrix, handle, symmetry: edit.symmetry, center }));
   }
   const shown = state.painted?.layer ?? state.probe?.layer;
-  if (shown) columns.push(shownColumn(shown, state.painted ? null : fixed));
+  // What was painted in a color of the ramp that stands out from pale shapes too.
+  if (shown) columns.push(shownColumn(shown, state.painted ? null : fixed, state.painted ? PAINTED : 1));
   const d0 = edit.default && !state.comparing ? edit.default : null;
   const rest = d0 ? matrixOf({ ...d0, pivot: d0.pivot ?? null, axes: d0.axes ?? null }, center) : null;
   return {
@@ -100,8 +101,10 @@ function ofInstances(column: Shared, data: ColumnData, { matrix, handle, symmetr
     });
 }
 
+const PAINTED = 0.66;
+
 /** A column that only the heat map shows. */
-function shownColumn(layer: Column["layer"], fixed: Column["fixed"]): Column {
+function shownColumn(layer: Column["layer"], fixed: Column["fixed"], heat: number): Column {
   return {
     handle: 0,
     layer,
@@ -114,7 +117,7 @@ function shownColumn(layer: Column["layer"], fixed: Column["fixed"]): Column {
     gain: 1,
     strength: 1,
     positive: true,
-    heat: 1,
+    heat,
     transform: IDENTITY,
     acts: false,
   };
