@@ -35,15 +35,15 @@ declare global {
 export function exposeForTests(viewer: Viewer): void {
   if (!new URLSearchParams(location.search).has("test")) return;
   const shape = () => {
-    if (!viewer.shape || !viewer.picker) throw new Error("There is no shape yet.");
-    return { shape: viewer.shape, picker: viewer.picker };
+    if (!viewer.shape) throw new Error("There is no shape yet.");
+    return { shape: viewer.shape };
   };
   const rowOf = (vertex: number) => shape().shape.vertexOf.indexOf(vertex);
   const twin = (row: number) => posePoint(sceneOf(store.get()), shape().shape.at(row), shape().shape.vertexOf[row]);
   window.dfd = {
     store,
     twin,
-    positions: () => shape().picker.readBack(viewer.stage.camera),
+    positions: () => shape().shape.posed.read(viewer.stage.renderer, viewer.stage.camera),
     computed: async () => {
       const received = await ask({ type: "compute" });
       if (!received?.payload) throw new Error("The server computed nothing.");
