@@ -104,11 +104,11 @@ class Columns:
         deformer = self._deformer
         arrays: Arrays = {}
         entries = []
-        posing = deformer.bound.posing(deformer.edit)[1]
+        posing = deformer.bound.columns(deformer.edit)[1]
         for number, index in owed.items():
             found = [column for column in posing if column.handle == index and column.instance is not None]
             instances = tuple(
-                self._instance(number, order, column, deformer.handles[index], arrays)
+                self._instance(number, order, column, arrays)
                 for order, column in enumerate(found)
             )
             entries.append(InstancesEntry(column=number, instances=instances))
@@ -129,8 +129,8 @@ class Columns:
         geodesic = None
         if kind == "weight":
             whole = deformer.weights[:, index]
-            if handle.controls.level and not _instanced(handle):
-                weights, columns = deformer.bound.posing(deformer.edit)
+            if not _instanced(handle):  # what its instances make of it together
+                weights, columns = deformer.bound.columns(deformer.edit)
                 whole = weights[:, [column.handle for column in columns].index(index)]
             arrays[f"values{number}"] = _packed(whole, 1.0)
         else:
@@ -141,16 +141,13 @@ class Columns:
                 arrays[geodesic] = _packed(along, 1.0)
         return _entry(number, kind, geodesic)
 
-    def _instance(self, number: int, index: int, column: Column, handle: Handle, arrays: Arrays) -> InstanceEntry:
+    def _instance(self, number: int, index: int, column: Column, arrays: Arrays) -> InstanceEntry:
         instance = column.instance
         assert instance is not None
         share = f"share{number}_{index}"
         count = len(self._deformer.mesh.vertices)
         own = np.ones(count, np.float32) if instance.share is None else instance.share
         arrays[share] = np.rint(own * 255).astype(np.uint8)
-        top = 1.0
-        if handle.controls.level:
-            top = float(self._deformer.weights[instance.vertex, self._deformer.handles.index(handle)])
         frame: Any = tuple(tuple(float(x) for x in row) for row in np.asarray(instance.frame))
         return InstanceEntry(
             instance=index,
@@ -158,7 +155,7 @@ class Columns:
             pivot=instance.position,
             frame=frame,
             position=instance.position,
-            gain=1.0 / top if top > 0 else 1.0,
+            gain=column.gain,
             share=share,
         )
 
@@ -169,7 +166,9 @@ class Columns:
         kind = column_kind(handle)
         if kind == "distance" and not controls.level:
             # Instances are found by looks alone, so that reach and falloff stay the page's own.
-            instances = (controls.instances, edit.symmetry) if _instanced(handle) else None
+            instances = None
+            if _instanced(handle):
+                instances = (controls.instances, controls.without_instances, edit.symmetry)
             return Key(kind, (handle.place, sources, controls.radius, instances))
         # What weights are when they are sent as such, or are at the counterparts, depends on all that shapes them.
         return Key(kind, (handle.place, sources, controls, edit.fixed, edit.arrive, edit.symmetry))
@@ -181,8 +180,8 @@ class Columns:
 def column_kind(handle: Handle) -> Literal["distance", "weight"]:
     """What travels of a handle: weights where they are more than a curve over distances."""
     controls = handle.controls
-    leveled = controls.level and controls.instances == "together"
-    return "weight" if handle.place.region is not None or controls.within is not None or leveled else "distance"
+    shared = controls.instances == "together" and (controls.level or bool(controls.without_instances))
+    return "weight" if handle.place.region is not None or controls.within is not None or shared else "distance"
 
 
 def _instanced(handle: Handle) -> bool:

@@ -174,12 +174,12 @@ def _release(session: Session, message: requests.Release) -> None:
 
 
 def _change_fixed(session: Session, message: requests.ChangeFixed) -> None:
-    fixed = _fixed(session, message.index)
-    changed = replace(fixed, strength=message.strength)
+    changed = replace(_fixed(session, message.index), strength=message.strength)
 
     def work(deformer: Deformer) -> None:
-        kept = (changed if other is fixed else other for other in deformer.fixed)
-        deformer.apply(replace(deformer.edit, fixed=tuple(kept)))
+        before = deformer.fixed
+        after = (*before[: message.index], changed, *before[message.index + 1 :])
+        deformer.apply(replace(deformer.edit, fixed=after))
 
     session.change(work, ("fixed", message.index), merge=message.merge)
 

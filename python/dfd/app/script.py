@@ -25,6 +25,7 @@ AT_REST = {
     "strength": 1.0,
     "instances": "own",
     "level": False,
+    "without_instances": [],
 }
 WHOLE = {"overlap": "add", "blend": "linear", "arrive": True}
 
@@ -40,8 +41,8 @@ def as_python(deformer: Deformer, name: str) -> str:
         f'field = dfd.Field.load("{stem}.field.safetensors")',
         "session = dfd.Deformer(mesh, field)",
     ]
-    if any("region" in _said(entry) or "within" in _said(entry) for entry in _held(document)):
-        # Sets of vertices are too long for a script.
+    if any(_said(entry).keys() & {"region", "within", "without_instances"} for entry in _held(document)):
+        # Sets of places are too long for a script.
         lines[-1] = f'session = dfd.Deformer.load("{stem}_edit.json", mesh, field)'
         lines.append(f'mesh.save("{stem}_edited.glb", session.vertices)')
         return "\n".join(lines) + "\n"

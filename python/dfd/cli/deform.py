@@ -21,6 +21,7 @@ from dfd.cli.options import (
     ReachOption,
     StrengthOption,
     WithinOption,
+    WithoutInstancesOption,
 )
 
 __all__ = ["deform"]
@@ -65,7 +66,10 @@ def deform(
     ] = None,
     axes: Annotated[
         str | None,
-        typer.Option(metavar="normal", help="Scale along the surface's normal there (the third factor), not along z."),
+        typer.Option(
+            metavar="normal|limb",
+            help="The third factor is along the surface's normal there, or along the limb, not z.",
+        ),
     ] = None,
     reach: ReachOption = None,
     falloff: FalloffOption = None,
@@ -74,6 +78,7 @@ def deform(
     strength: StrengthOption = None,
     instances: InstancesOption = None,
     level: LevelOption = None,
+    without_instances: WithoutInstancesOption = None,
     within: WithinOption = None,
     name: Annotated[str | None, typer.Option(metavar="TEXT", help="What the edit calls the handle.")] = None,
     fix: FixOption = None,

@@ -19,11 +19,12 @@ __all__ = [
     "ReachOption",
     "StrengthOption",
     "WithinOption",
+    "WithoutInstancesOption",
     "controls",
 ]
 
 # The parameters that shape the weights of one handle, named as `Deformer.add` names them.
-CONTROLS = ("reach", "falloff", "locality", "radius", "strength", "instances", "level", "within")
+CONTROLS = ("reach", "falloff", "locality", "radius", "strength", "instances", "level", "without_instances", "within")
 
 ReachOption = Annotated[
     str | None,
@@ -50,6 +51,10 @@ InstancesOption = Annotated[
 LevelOption = Annotated[
     bool | None, typer.Option("--level/--no-level", help="Let all instances follow fully, however alike.")
 ]
+WithoutInstancesOption = Annotated[
+    list[str] | None,
+    typer.Option("--without-instance", metavar="PLACE", help="The look-alike there does not move along; repeatable."),
+]
 WithinOption = Annotated[
     str | None,
     typer.Option(metavar="REGION", help="Nothing follows beyond: part:NAME, 'x>0', ball:x,y,z,r or box:x,y,z,x,y,z."),
@@ -74,7 +79,7 @@ def controls(values: Mapping[str, Any]) -> dict[str, Any]:
     ValueError
         If `--reach` is neither auto nor a number.
     """
-    given = {name: values[name] for name in CONTROLS if values[name] is not None}
+    given = {name: values[name] for name in CONTROLS if values[name] not in (None, [], ())}
     reach = given.get("reach", "auto")
     if reach != "auto":
         try:

@@ -19,6 +19,7 @@ from dfd.cli.options import (
     ReachOption,
     StrengthOption,
     WithinOption,
+    WithoutInstancesOption,
     controls,
 )
 
@@ -51,6 +52,7 @@ def show(
     strength: StrengthOption = None,
     instances: InstancesOption = None,
     level: LevelOption = None,
+    without_instances: WithoutInstancesOption = None,
     within: WithinOption = None,
     fix: FixOption = None,
     arrive: ArriveOption = None,

@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from dfd.common import check
-from dfd.editing.place import place_on
+from dfd.editing.place import Place, place_on
 from dfd.editing.regions import Region
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Blend", "Controls", "Falloff", "Instances", "Overlap", "choice", "controls_on", "radius_on"]
+__all__ = [
+    "Blend",
+    "Controls",
+    "Falloff",
+    "Instances",
+    "Overlap",
+    "choice",
+    "controls_on",
+    "controls_with_places",
+    "radius_on",
+]
 
 Falloff = Literal["linear", "smooth", "sharp", "root", "sphere", "constant"]
 Instances = Literal["own", "together", "only"]
@@ -45,6 +56,8 @@ class Controls:
         "together": all that look alike move about one pivot (the paper); "own": each about its own; "only": no other.
     level
         Whether all instances follow with full weight.
+    without_instances
+        Places, one on each instance that does not move along; the handle's own always does.
     within
         Region beyond which nothing follows; None is everywhere.
     """
@@ -56,6 +69,7 @@ class Controls:
     strength: float = 1.0
     instances: Instances = "together"
     level: bool = False
+    without_instances: tuple[Place, ...] = ()
     within: Region | None = None
 
     def __post_init__(self) -> None:
@@ -77,13 +91,16 @@ class Controls:
         choice("instances", self.instances, get_args(Instances))
         if not isinstance(self.level, bool):
             raise ValueError(f"Controls: `level` must be True or False, got {self.level!r}")
+        off: object = self.without_instances
+        if not isinstance(off, tuple) or any(not isinstance(one, Place) or one.region is not None for one in off):
+            raise ValueError(f"Controls: `without_instances` must be places that are points, got {off!r}")
         if self.within is not None and not isinstance(self.within, Region):
             raise ValueError(f"Controls: `within` must be a region, got {type(self.within).__name__}")
 
     @cached_property
     def of_column(self) -> Controls:
         """Those that shape the column of weights: all but how instances share it."""
-        return replace(self, instances="together", level=False)
+        return replace(self, instances="together", level=False, without_instances=())
 
     def changed(self, **given: Any) -> Controls:
         """The controls with some of them exchanged; None leaves one, and of `radius` and `locality` one ends the other.
@@ -103,15 +120,25 @@ class Controls:
         return replace(self, **parts) if parts else self
 
 
+def controls_with_places(mesh: Mesh, controls: Controls) -> Controls:
+    """`controls` with the vertices of their places where those of `mesh` lie."""
+    if not controls.without_instances:
+        return controls
+    return replace(controls, without_instances=_points_on(mesh, controls.without_instances))
+
+
 def controls_on(mesh: Mesh, given: dict[str, Any]) -> dict[str, Any]:
-    """`given` as `Controls.changed` takes it: `radius` in mesh units, `within` a region of `mesh`.
+    """`given` as `Controls.changed` takes it: `radius` in mesh units, `within` a region and others places of `mesh`.
 
     Raises
     ------
     ValueError
-        If `radius` is neither a length nor a percentage, or `within` is no region or holds no vertex.
+        If `radius` is neither a length nor a percentage, `without_instances` is no list of points, or `within` is no
+        region or holds no vertex.
     """
     found = dict(given)
+    if given.get("without_instances") is not None:
+        found["without_instances"] = _points_on(mesh, given["without_instances"])
     if given.get("radius") is not None:
         found["radius"] = radius_on(mesh, given["radius"])
     within = given.get("within")
@@ -119,6 +146,16 @@ def controls_on(mesh: Mesh, given: dict[str, Any]) -> dict[str, Any]:
         found["within"] = place_on(mesh, within).region
         if found["within"] is None:
             raise ValueError(f"`within` must be a region, got {within!r}")
+    return found
+
+
+def _points_on(mesh: Mesh, places: Any) -> tuple[Place, ...]:
+    """The places of a list of them, once each."""
+    if isinstance(places, str) or not isinstance(places, Iterable):
+        raise ValueError(f"`without_instances` must be a list of vertices or points, got {places!r}")
+    found = tuple(dict.fromkeys(place_on(mesh, at) for at in places))
+    if any(place.region is not None for place in found):
+        raise ValueError("`without_instances` must be a list of vertices or points, got a region")
     return found
 
 

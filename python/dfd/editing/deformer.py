@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,7 @@ from dfd.editing.door import door
 from dfd.editing.edit import Edit, Handle, edit_on
 from dfd.editing.edit_file import read_edit, write_edit
 from dfd.editing.handle_weights import HandleWeights
-from dfd.editing.place import place_on
+from dfd.editing.place import Place, place_on
 from dfd.editing.posed_shape import PosedShape
 from dfd.editing.regions import Region
 from dfd.editing.report import Report, report
@@ -82,17 +82,6 @@ class Deformer(WholeShape):
         """Say how much is being done to what."""
         return f"Deformer({self.mesh!r}, {len(self.handles)} handles, {len(self.fixed)} fixed points)"
 
-    def handle(self, handle: int) -> Handle:
-        """The handle of that id.
-
-        Raises
-        ------
-        ValueError
-            If there is none.
-        """
-        with door("Deformer.handle"):
-            return self.edit.handle(handle)
-
     # --- handles
 
     def add(
@@ -111,6 +100,7 @@ class Deformer(WholeShape):
         strength: float | None = None,
         instances: Instances | None = None,
         level: bool | None = None,
+        without_instances: Sequence[Any] | None = None,
         within: Region | ArrayLike | None = None,
         name: str | None = None,
     ) -> int:
@@ -131,7 +121,8 @@ class Deformer(WholeShape):
             (3,) in mesh units, about which it turns and scales; its own position if left out, the center of a region.
         axes
             (3, 3) orthonormal vectors, one a row, along which it scales; "normal" for a frame whose third vector is the
-            surface's normal at the handle; the mesh's own axes if left out.
+            surface's normal at the handle, "limb" for one whose third vector runs along the limb there, so that
+            (1.5, 1.5, 1) makes it thicker and not longer; the mesh's own axes if left out.
         reach
             Feature distance at which the weight is 0: 1 is the paper's, less takes fewer look-alikes along; "auto"
             stops at the largest gap of the distances.
@@ -148,7 +139,11 @@ class Deformer(WholeShape):
             "own" (if left out): each look-alike moves about its own counterpart of the pivot, mirrored where a plane of
             symmetry lies between; "together": all move about the one pivot, as in the paper; "only": this one alone.
         level
-            Whether all instances follow with full weight.
+            Whether all instances follow as fully as the handle's own.
+        without_instances
+            Those that do not move along: vertices, points or texts as `at` takes them, one on each; [] is none. They
+            are told by what lies there, so that they stay the same ones when the handle or the mesh changes. Of those
+            listed by `instances` any but the first, the handle's own, which always moves.
         within
             A region, as `at` takes one, beyond which nothing follows.
         name
@@ -166,7 +161,7 @@ class Deformer(WholeShape):
             handle = Handle(
                 self._next_id,
                 place,
-                self._transform(Transform(), place.vertex, translation, rotation, scale, pivot, axes),
+                self._transform(Transform(), place, translation, rotation, scale, pivot, axes),
                 NEW_HANDLE.changed(
                     **controls_on(
                         self.mesh,
@@ -178,6 +173,7 @@ class Deformer(WholeShape):
                             "strength": strength,
                             "instances": instances,
                             "level": level,
+                            "without_instances": without_instances,
                             "within": within,
                         },
                     )
@@ -220,7 +216,7 @@ class Deformer(WholeShape):
         """
         with door("Deformer.move"):
             held = self.edit.handle(handle)
-            moved = self._transform(held.transform, held.place.vertex, translation, rotation, scale, pivot, axes)
+            moved = self._transform(held.transform, held.place, translation, rotation, scale, pivot, axes)
             self._commit_move(self.edit.replaced(replace(held, transform=moved)), handle, merge)
 
     def change(
@@ -235,12 +231,14 @@ class Deformer(WholeShape):
         strength: float | None = None,
         instances: Instances | None = None,
         level: bool | None = None,
+        without_instances: Sequence[Any] | None = None,
         within: Region | ArrayLike | None = None,
         name: str | None = None,
     ) -> None:
         """Set where a handle is, what follows it, or its name, as in `add`; what is left out stays.
 
-        Of `radius` and `locality` the one that is given ends the other; `within="everywhere"` takes the limit away.
+        Of `radius` and `locality` the one that is given ends the other; `within="everywhere"` takes the limit away, and
+        `without_instances=[]` switches all on.
 
         Raises
         ------
@@ -257,6 +255,7 @@ class Deformer(WholeShape):
                 "strength": strength,
                 "instances": instances,
                 "level": level,
+                "without_instances": without_instances,
                 "within": within,
             }
             changed = replace(
@@ -294,7 +293,7 @@ class Deformer(WholeShape):
     def _transform(
         self,
         transform: Transform,
-        vertex: int | None,
+        place: Place,
         translation: ArrayLike | None,
         rotation: ArrayLike | None,
         scale: ArrayLike | None,
@@ -303,10 +302,15 @@ class Deformer(WholeShape):
     ) -> Transform:
         """`transform` with what is given exchanged, `axes` in numbers."""
         if isinstance(axes, str) and axes == "normal":
-            normal = np.zeros(3) if vertex is None else self.mesh.normals[vertex]
+            normal = np.zeros(3) if place.vertex is None else self.mesh.normals[place.vertex]
             if not normal.any():
                 raise ValueError("`axes` cannot be 'normal': the handle is at no vertex with a normal")
             axes = frame_of_normal(normal)
+        elif isinstance(axes, str) and axes == "limb":
+            along = self._weights.limb(place)
+            if along is None:
+                raise ValueError("`axes` cannot be 'limb': the shape is as wide as it is long at the handle")
+            axes = frame_of_normal(along)
         return transform.changed(translation=translation, rotation=rotation, scale=scale, pivot=pivot, axes=axes)
 
     # --- what comes of it
@@ -334,11 +338,7 @@ class Deformer(WholeShape):
     @property
     def following(self) -> NDArray[np.float32]:
         """(V, H) how much vertices follow each handle: `weights`, less what `instances` and `level` change of them."""
-        weights, columns = self._weights.posing(self.edit)
-        followed = np.zeros((len(weights), len(self.handles)), np.float32)
-        for index, column in enumerate(columns):
-            followed[:, column.handle] += weights[:, index]
-        return followed
+        return self._weights.following(self.edit)
 
     @property
     def bound(self) -> HandleWeights:

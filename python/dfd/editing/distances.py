@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from dfd.editing.controls import Controls
 from dfd.editing.place import Place
+from dfd.geometry.limbs import limb_direction
 from dfd.posing.transforms import Vector
 
 if TYPE_CHECKING:
@@ -57,6 +58,10 @@ class Distances:
         in_radii = np.float32(self._geodesics.extent / controls.radius)
         reached = np.minimum(self._nearest_of(sources) * in_radii, np.float32(1.0))
         return np.square(reached)[None], 2.0
+
+    def limb(self, vertex: int) -> NDArray[np.float64] | None:
+        """The direction (3,) in which the limb at a vertex runs, or None where there is none."""
+        return limb_direction(self._mesh, self._geodesics.extent * self._nearest_of((vertex,)))
 
     def keep(self, sources: set[int]) -> None:
         """Forget the distances of handles that are gone: they are not worth their memory."""

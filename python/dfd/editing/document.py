@@ -24,6 +24,7 @@
           "strength": 1.0,
           "instances": "together",
           "level": false,
+          "without_instances": [{"vertex": 812, "position": [-0.1, 0.9, -0.6]}],
           "within": null
         }
       ],
@@ -40,8 +41,8 @@ be left out. Unknown keys, keys that are given twice, and numbers that are not f
 error, never a default.
 
 A version 1 document has none of `hash`, `bounds`, `region`, `axes`, `reach`, `falloff`, `radius`, `strength`,
-`instances`, `level`, `within`, `overlap`, `blend` and `arrive`. It is read as one of version 2 that leaves them out,
-but for `arrive`, which is false there: fixed points shortened the move.
+`instances`, `level`, `without_instances`, `within`, `overlap`, `blend` and `arrive`. It is read as one of version 2
+that leaves them out, but for `arrive`, which is false there: fixed points shortened the move.
 """
 
 from __future__ import annotations
@@ -69,6 +70,7 @@ __all__ = [
     "PartDocument",
     "PlaceDocument",
     "PlaneDocument",
+    "PointDocument",
     "RegionDocument",
     "VertexSetDocument",
     "edit_schema",
@@ -163,8 +165,8 @@ RegionDocument = Annotated[
 ]
 
 
-class PlaceDocument(Document):
-    """Where something is on the resting shape: a region, or a vertex, or a position, or a vertex at a position.
+class PointDocument(Document):
+    """Where something is on the resting shape: a vertex, or a position, or a vertex at a position.
 
     The vertex counts where it lies at `position` (or where there is no position and `mesh` fits); on another
     resolution, where it does not, the position does, and it is a point of space there.
@@ -172,6 +174,11 @@ class PlaceDocument(Document):
 
     vertex: int | None = Field(None, ge=0)
     position: Three | None = Field(None, description="Mesh units; of a region, for people.")
+
+
+class PlaceDocument(PointDocument):
+    """A point or a region of the resting shape."""
+
     region: RegionDocument | None = None
 
 
@@ -207,6 +214,7 @@ class HandleDocument(PlaceDocument, DefaultDocument):
     strength: float = Field(1.0, ge=0, le=1)
     instances: Instances = "together"
     level: bool = False
+    without_instances: list[PointDocument] = Field([], description="A place on each instance that does not move along.")
     within: RegionDocument | None = None
 
 
@@ -289,6 +297,7 @@ KNOWN_KEYS: dict[str, type[Document]] = {
     "units": UnitsDocument,
     "mesh": MeshDocument,
     "handles": HandleDocument,
+    "without_instances": PointDocument,
     "fixed": FixedDocument,
     "symmetry": PlaneDocument,
     "default": DefaultDocument,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import check
-from dfd.editing.controls import Blend, Controls, Overlap, choice
+from dfd.editing.controls import Blend, Controls, Overlap, choice, controls_with_places
 from dfd.editing.place import Place, place_on
 from dfd.editing.regions import Region, members
 from dfd.posing.transforms import Transform, Vector, vector
@@ -213,7 +213,10 @@ def edit_on(mesh: Mesh, edit: Edit) -> Edit:
     for handle in edit.handles:
         if handle.controls.within is not None:
             members(mesh, handle.controls.within)
-    handles = (replace(handle, place=place_on(mesh, handle.place)) for handle in edit.handles)
+    handles = (
+        replace(handle, place=place_on(mesh, handle.place), controls=controls_with_places(mesh, handle.controls))
+        for handle in edit.handles
+    )
     fixed = (replace(fixed, place=place_on(mesh, fixed.place)) for fixed in edit.fixed)
     return replace(edit, handles=tuple(handles), fixed=tuple(fixed))
 

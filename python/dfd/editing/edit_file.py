@@ -23,6 +23,7 @@ from dfd.editing.document import (
     MeshDocument,
     PlaceDocument,
     PlaneDocument,
+    PointDocument,
     parse,
 )
 from dfd.editing.edit import Edit, Fixed, Handle, box_center, symmetry_on
@@ -117,8 +118,13 @@ def _handle_to(handle: Handle) -> HandleDocument:
         **_place_to(handle.place),
         **_transform_to(handle.transform),
         **{key: getattr(handle.controls, key) for key in CONTROL_KEYS},
+        without_instances=[_point_to(place) for place in handle.controls.without_instances],
         within=region_to(handle.controls.within),
     )
+
+
+def _point_to(place: Place) -> PointDocument:
+    return PointDocument(vertex=place.vertex, position=place.position)
 
 
 def _place_to(place: Place) -> dict[str, Any]:
@@ -166,6 +172,8 @@ class _Reading:
         self._same_shape()
         self._check_points("handles", [handle.place for handle in handles])
         self._check_points("fixed", [each.place for each in fixed])
+        for i, handle in enumerate(handles):
+            self._check_points(f"handles[{i}].without_instances", handle.controls.without_instances)
         symmetry = self._symmetry()
         made = (handles, fixed, symmetry, default, document.overlap, document.blend, document.arrive)
         try:
@@ -181,6 +189,8 @@ class _Reading:
         for i, entry in enumerate(entries):
             path = f"handles[{i}]"
             parts = {key: getattr(entry, key) for key in CONTROL_KEYS}
+            off = enumerate(entry.without_instances)
+            parts["without_instances"] = tuple(self._point(one, f"{path}.without_instances[{j}]") for j, one in off)
             within = None
             if entry.within is not None:
                 within = self._named(f"{path}.within", region_from, entry.within)
@@ -206,6 +216,10 @@ class _Reading:
                 self.lost += 1
             held: Place = self._named(f"{path}.region", place_on, self.mesh, region)
             return held
+        return self._point(entry, path)
+
+    def _point(self, entry: PointDocument, path: str) -> Place:
+        """Where vertex or position of a document lie on the mesh."""
         if entry.position is not None:
             if entry.vertex is not None:
                 if self._lies_at(entry.vertex, entry.position):
@@ -213,7 +227,8 @@ class _Reading:
                 self.lost += 1
             return Place(entry.position)
         if entry.vertex is None:
-            raise self._error(f"`{path}` must have a vertex, a position or a region")
+            region = " or a region" if isinstance(entry, PlaceDocument) else ""
+            raise self._error(f"`{path}` must have a vertex{',' if region else ' or'} a position{region}")
         recorded, count = self.document.mesh, len(self.mesh.vertices)
         if recorded is not None and recorded.vertices != count:
             raise self._error(

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.editing.columns import Columns
-from dfd.editing.controls import Controls
+from dfd.editing.controls import Controls, Overlap
 from dfd.editing.distances import Distances
 from dfd.editing.edit import Edit, Fixed, Handle
-from dfd.editing.instance_columns import Column, InstanceColumns
+from dfd.editing.instance_columns import Column, InstanceColumns, followed_by, interpolating_columns
+from dfd.editing.instances import Instance
 from dfd.editing.place import Place
 from dfd.editing.vertex_rows import VertexRows
 from dfd.weights.bind import bind
@@ -73,6 +74,7 @@ class HandleWeights:
         self._arrive = True
         self._given: Float32 | None = None  # what `of` gave out last, as long as it holds
         self._held: Float32 | None = None  # (V,) what the fixed points take away, as long as they stay
+        self._mixed: tuple[Float32, Float32] | None = None  # columns, and what makes their handles land exactly
         self._reaches: dict[Place, float] = {}
 
     @property
@@ -103,14 +105,37 @@ class HandleWeights:
             self._given = self._columns.given(len(self._keys))
         return self._given
 
-    def posing(self, edit: Edit) -> tuple[Float32, tuple[Column, ...]]:
-        """(V, C) weights to pose with, and which handle and instance each column is of: one or more for each handle."""
+    def columns(self, edit: Edit) -> tuple[Float32, tuple[Column, ...]]:
+        """(V, C) how much vertices follow, and which handle and instance each column is of: one or more per handle."""
         self._follow(edit)
         return self._instances.of(edit, self._columns.between(0, len(self._keys)), self._keys, self._rows)
 
+    def posing(self, edit: Edit) -> tuple[Float32, tuple[Column, ...], Overlap]:
+        """(V, C) weights to pose with, what each column is of, and the overlap that `dfd.pose` is to take them with.
+
+        Those of handles whose instances are told apart are interpolating already: instances of several handles may
+        stand at one vertex, and only the handles themselves have to arrive.
+        """
+        weights, columns = self.columns(edit)
+        if edit.overlap != "interpolate" or all(column.instance is None for column in columns):
+            return weights, columns, edit.overlap
+        if self._mixed is None or self._mixed[0] is not weights:
+            self._mixed = weights, interpolating_columns(weights, columns, self._anchors(edit))
+        return self._mixed[1], columns, "add"
+
+    def following(self, edit: Edit) -> Float32:
+        """(V, H) how much vertices follow each handle, over all of its instances."""
+        weights, columns = self.columns(edit)
+        return followed_by(weights, columns, len(edit.handles))
+
+    def instances(self, edit: Edit, handle: Handle) -> list[tuple[Instance, bool]]:
+        """The places that look like the one a handle holds, its own first, and whether each moves with it."""
+        found = self._instances.instances(handle, self._rows, edit.symmetry)
+        return list(zip(found, self._instances.switches(handle, found, self._rows), strict=True))
+
     def instance_counts(self, edit: Edit) -> list[int]:
         """(H,) how many columns pose each handle."""
-        columns = self.posing(edit)[1]
+        columns = self.columns(edit)[1]
         return [sum(column.handle == i for column in columns) for i in range(len(edit.handles))]
 
     def anchor(self, handle: Handle) -> int:
@@ -126,6 +151,10 @@ class HandleWeights:
         key = self._key(handle, edit)
         distances, power = self._distances.falloff(key.sources, key.controls)
         return key.sources, None if distances is None else distances[0], power
+
+    def limb(self, place: Place) -> NDArray[np.float64] | None:
+        """The direction (3,) in which the limb at a place runs, or None where there is none."""
+        return self._distances.limb(self._rows.anchor(place))
 
     def held(self, edit: Edit) -> Float32:
         """(V,) max_p s_p W_p of Eq. 6: what the fixed points of `edit` take away."""
@@ -169,10 +198,9 @@ class HandleWeights:
                     "what is fixed looks just like it; lower its strength, or fix something else"
                 )
 
-    def among(self, edit: Edit, weights: Float32, columns: Sequence[Column]) -> NDArray[np.float64]:
-        """(C, C) weights among columns, row j at the vertex where column j is held."""
-        held = [column.vertex(self.anchor(edit.handles[column.handle])) for column in columns]
-        return weights[held].astype(np.float64)
+    def among(self, edit: Edit, weights: Float32) -> NDArray[np.float64]:
+        """(H, H) of `weights` (V, H), row j at the vertex of handle j."""
+        return weights[self._anchors(edit)].astype(np.float64)
 
     def check_interpolation(self, edit: Edit) -> None:
         """Refuse an edit whose handles cannot all land where they are sent.
@@ -184,7 +212,7 @@ class HandleWeights:
         """
         if edit.overlap != "interpolate" or len(edit.handles) < 2:
             return
-        among = self._rows_among(edit)
+        among = self.among(edit, self.following(edit))
         left, sizes, _ = np.linalg.svd(among)
         if sizes[-1] <= SINGULAR * sizes[0]:
             first, second = sorted(np.argsort(-np.abs(left[:, -1]), kind="stable")[:2].tolist())
@@ -194,10 +222,8 @@ class HandleWeights:
                 f"{other.place} look the same and cannot both arrive"
             )
 
-    def _rows_among(self, edit: Edit) -> NDArray[np.float64]:
-        self._follow(edit)
-        held = [self.anchor(handle) for handle in edit.handles]
-        return self._columns.between(0, len(self._keys))[held].astype(np.float64)
+    def _anchors(self, edit: Edit) -> NDArray[np.int64]:
+        return np.array([self.anchor(handle) for handle in edit.handles], np.int64)
 
     def _follow(self, edit: Edit) -> None:
         """Have a column for each handle of `edit`, in their order."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Hashable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -11,6 +13,7 @@ from numpy.typing import NDArray
 
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.instances import Instance, InstanceFinder
+from dfd.posing.overlap import interpolating
 from dfd.posing.transforms import Vector
 from dfd.symmetry.search import symmetry_planes
 from dfd.weights.bind import bind
@@ -21,7 +24,9 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["Column", "InstanceColumns"]
+__all__ = ["Column", "InstanceColumns", "followed_by", "interpolating_columns"]
+
+LEAST_LEVELED = 0.01  # of the handle's own weight: an instance that follows less is not brought to it
 
 Float32 = NDArray[np.float32]
 
@@ -31,6 +36,7 @@ class Column(NamedTuple):
 
     handle: int  # which of the edit's handles
     instance: Instance | None  # None where the handle's transform acts as it is
+    gain: float = 1.0  # the column is the handle's, times the instance's share, times this
 
     def matrix(self, handle: Handle) -> NDArray[np.float64]:
         """The (3, 4) transform of the column, mesh units: the handle's own, carried into the instance's frame."""
@@ -71,14 +77,14 @@ class InstanceColumns:
     def of(
         self, edit: Edit, weights: Float32, keys: Sequence[Hashable], rows: VertexRows
     ) -> tuple[Float32, tuple[Column, ...]]:
-        """(V, C) weights to pose with, and what each column is of.
+        """(V, C) how much vertices follow, and what each column is of.
 
         `weights` (V, H) are those of the handles, `keys` (H) all that these depend on but for the fixed points.
         """
-        if all(handle.controls.instances == "together" and not handle.controls.level for handle in edit.handles):
+        if not any(_told_apart(handle) for handle in edit.handles):
             return weights, tuple(Column(i, None) for i in range(len(edit.handles)))
         about = (edit.fixed, edit.arrive, edit.symmetry)
-        wanted = [(handle.controls.instances, handle.controls.level) for handle in edit.handles]
+        wanted = [_wanted(handle) for handle in edit.handles]
         key = (about, tuple(zip(keys, wanted, strict=True)))
         if self._made is None or key != self._key:
             found: dict[Hashable, tuple[Instance, ...]] = {}
@@ -86,17 +92,29 @@ class InstanceColumns:
             columns: list[Column] = []
             for i, handle in enumerate(edit.handles):
                 instances: tuple[Instance, ...] = ()
-                if wanted[i] != ("together", False):
-                    instances = self._instances(handle, rows, edit.symmetry)
+                if _told_apart(handle):
+                    instances = self.instances(handle, rows, edit.symmetry)
                     found[handle.place, edit.symmetry] = instances
-                for part, instance in _columns(handle, weights[:, i], instances):
+                for part, instance, gain in self._columns(handle, weights[:, i], instances, rows):
                     parts.append(part)
-                    columns.append(Column(i, instance))
+                    columns.append(Column(i, instance, gain))
             self._found = found
             self._made, self._key = (np.stack(parts).T, tuple(columns)), key
         return self._made
 
-    def _instances(self, handle: Handle, rows: VertexRows, symmetry: SymmetryPlane | None) -> tuple[Instance, ...]:
+    def switches(self, handle: Handle, instances: Sequence[Instance], rows: VertexRows) -> list[bool]:
+        """Which of a handle's instances are on: off are those that have the most of a place in `without_instances`.
+
+        Its own always is.
+        """
+        on = [True] * len(instances)
+        for place in handle.controls.without_instances:
+            here = rows.anchor(place)
+            most = int(np.argmax([1.0 if one.share is None else one.share[here] for one in instances]))
+            on[most] = most == 0
+        return on
+
+    def instances(self, handle: Handle, rows: VertexRows, symmetry: SymmetryPlane | None) -> tuple[Instance, ...]:
         """The instances of what a handle holds, by looks alone, mirrored across planes that were chosen or found."""
         key = (handle.place, symmetry)
         if key in self._found:
@@ -105,28 +123,85 @@ class InstanceColumns:
         planes = self._planes if symmetry is None else [symmetry]
         return self._finder.find(looks, rows.anchor(handle.place), handle.place.position, planes=planes)
 
+    def _columns(
+        self, handle: Handle, weights: Float32, instances: Sequence[Instance], rows: VertexRows
+    ) -> list[tuple[Float32, Instance | None, float]]:
+        """The columns of one handle, each with its instance and gain."""
+        controls = handle.controls
+        if not instances:
+            return [(weights, None, 1.0)]
+        if controls.instances == "only":
+            return [(_part(weights, instances[0], 1.0), instances[0], 1.0)]
+        gains = [1.0] * len(instances)
+        if controls.level:
+            instances, gains = _leveled(weights, instances)
+        on = self.switches(handle, instances, rows)
+        kept = [(one, gain) for one, gain, is_on in zip(instances, gains, on, strict=True) if is_on]
+        parts = [_part(weights, one, gain) for one, gain in kept]
+        if controls.instances == "own":
+            return [(part, one, gain) for part, (one, gain) in zip(parts, kept, strict=True)]
+        return [(np.minimum(np.sum(parts, axis=0), np.float32(1.0)), None, 1.0)]
+
     @cached_property
     def _planes(self) -> list[SymmetryPlane]:
         return symmetry_planes(self._field, self._mesh)
 
 
-def _columns(handle: Handle, weights: Float32, instances: Sequence[Instance]) -> list[tuple[Float32, Instance | None]]:
-    """The columns of one handle."""
+def interpolating_columns(weights: Float32, columns: tuple[Column, ...], anchors: NDArray[np.int64]) -> Float32:
+    """(V, C) columns under which each of H handles alone decides where its vertex of `anchors` (H,) lands.
+
+    What follows a handle in `weights` (V, C) is handed out to all of them, by the inverse of how much their vertices
+    follow each, and each one's part to its own instances by their shares.
+    """
+    followed = followed_by(weights, columns, len(anchors))
+    mixed = followed @ interpolating("Deformer", followed[anchors].astype(np.float64)).astype(np.float32)
+    counts = Counter(column.handle for column in columns)
+    result = np.empty((len(columns), len(weights)), np.float32)
+    for out, column in zip(result, columns, strict=True):
+        out[:] = mixed[:, column.handle]
+        if counts[column.handle] > 1 and column.instance is not None and column.instance.share is not None:
+            out *= column.instance.share
+    return result.T
+
+
+def followed_by(weights: Float32, columns: tuple[Column, ...], count: int) -> Float32:
+    """(V, H) how much vertices follow each of `count` handles, from the columns (V, C) of all."""
+    followed = np.zeros((len(weights), count), np.float32)
+    for index, column in enumerate(columns):
+        followed[:, column.handle] += weights[:, index]
+    return followed
+
+
+def _wanted(handle: Handle) -> Hashable:
+    """What of a handle its columns depend on, besides its weights."""
     controls = handle.controls
-    if not instances:
-        return [(weights, None)]
-    parts = [
-        _leveled(weights if one.share is None else weights * one.share, weights[one.vertex] if controls.level else 1.0)
-        for one in instances
-    ]
-    if controls.instances == "only":
-        return [(parts[0], instances[0])]
-    if controls.instances == "own":
-        return list(zip(parts, instances, strict=True))
-    return [(np.minimum(np.sum(parts, axis=0), np.float32(1.0)), None)]
+    return controls.instances, controls.level, controls.without_instances
 
 
-def _leveled(weights: Float32, top: float) -> Float32:
-    """Weights that are 1 where they were `top`."""
-    leveled: Float32 = np.minimum(weights / np.float32(top), np.float32(1.0)) if top > 0 else weights
-    return leveled
+def _told_apart(handle: Handle) -> bool:
+    """Whether a handle has use for its instances."""
+    return _wanted(handle) != ("together", False, ())
+
+
+def _part(weights: Float32, instance: Instance, gain: float) -> Float32:
+    """The column of one instance."""
+    part = weights if instance.share is None else weights * instance.share
+    return part if gain == 1.0 else part * np.float32(gain)
+
+
+def _leveled(weights: Float32, instances: Sequence[Instance]) -> tuple[list[Instance], list[float]]:
+    """Instances with gains by which each follows as much as the handle's own.
+
+    Where gains add up to more weight than there is anywhere, between two instances, their shares are less.
+    """
+    tops = [float(weights[one.vertex]) for one in instances]
+    gains = [tops[0] / top if top >= LEAST_LEVELED * tops[0] > 0 else 1.0 for top in tops]
+    total = np.zeros(len(weights), np.float32)
+    for one, gain in zip(instances, gains, strict=True):
+        total += _part(weights, one, gain)
+    most = weights.max(initial=0.0)
+    if (total <= most).all():
+        return list(instances), gains
+    less = np.divide(most, total, out=np.ones_like(total), where=total > most)
+    shared = [less if one.share is None else one.share * less for one in instances]
+    return [replace(one, share=share) for one, share in zip(instances, shared, strict=True)], gains

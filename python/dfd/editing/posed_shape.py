@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.editing.controls import Overlap
 from dfd.editing.edit import Edit, box_center
 from dfd.editing.instance_columns import Column
 from dfd.posing.pose import Drag, pose
@@ -49,9 +50,10 @@ class PosedShape:
             self._drag = None
             return self._vertices if _acting(self._edit) == _acting(edit) else self._whole(edit)
         if self._drag is None or not self._moving.keys() >= set(moved):
-            weights, columns = self._weights.posing(edit)
+            weights, columns, overlap = self._weights.posing(edit)
             moving = [i for i, column in enumerate(columns) if column.handle in moved]
-            self._drag = Drag(self._mesh.vertices, weights, moving=moving, **self._arguments(edit, weights, columns))
+            how = self._arguments(edit, weights, columns, overlap)
+            self._drag = Drag(self._mesh.vertices, weights, moving=moving, **how)
             self._moving = {handle: [column for column in columns if column.handle == handle] for handle in moved}
         matrices = [self._matrix(edit, column) for columns in self._moving.values() for column in columns]
         posed: NDArray[np.float64] = self._drag.pose(matrices)
@@ -62,11 +64,14 @@ class PosedShape:
             return self._mesh.vertices
         if _acting(edit) == _acting(Edit()):
             return self._mesh.vertices  # no weight changes that
-        weights, columns = self._weights.posing(edit)
-        posed: NDArray[np.float64] = pose(self._mesh.vertices, weights, **self._arguments(edit, weights, columns))
+        weights, columns, overlap = self._weights.posing(edit)
+        how = self._arguments(edit, weights, columns, overlap)
+        posed: NDArray[np.float64] = pose(self._mesh.vertices, weights, **how)
         return posed
 
-    def _arguments(self, edit: Edit, weights: NDArray[np.float32], columns: tuple[Column, ...]) -> dict[str, Any]:
+    def _arguments(
+        self, edit: Edit, weights: NDArray[np.float32], columns: tuple[Column, ...], overlap: Overlap
+    ) -> dict[str, Any]:
         """What `pose` and `Drag` take for `edit`, besides vertices and weights."""
         positions = [column.position(edit.handles[column.handle]) for column in columns]
         return {
@@ -74,8 +79,8 @@ class PosedShape:
             "default": None if edit.default is None else edit.default.matrix(box_center(self._mesh)),
             "symmetry": edit.symmetry,
             "handles": np.reshape(positions, (-1, 3)),
-            "handle_weights": self._weights.among(edit, weights, columns) if edit.overlap == "interpolate" else None,
-            "overlap": edit.overlap,
+            "handle_weights": self._weights.among(edit, weights) if overlap == "interpolate" else None,
+            "overlap": overlap,
             "blend": edit.blend,
         }
 

@@ -6,11 +6,13 @@ from collections.abc import Hashable
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
+from dfd.editing.door import door
 from dfd.editing.edit import Edit, Fixed, Handle
 from dfd.editing.history import History
 
 if TYPE_CHECKING:
     from dfd.editing.handle_weights import HandleWeights
+    from dfd.editing.instances import Instance
     from dfd.mesh.mesh import Mesh
 
 __all__ = ["Steps"]
@@ -35,6 +37,31 @@ class Steps:
     def handles(self) -> tuple[Handle, ...]:
         """The live handles, in the order in which they came."""
         return self.edit.handles
+
+    def handle(self, handle: int) -> Handle:
+        """The handle of that id.
+
+        Raises
+        ------
+        ValueError
+            If there is none.
+        """
+        with door("Deformer.handle"):
+            return self.edit.handle(handle)
+
+    def instances(self, handle: int) -> list[tuple[Instance, bool]]:
+        """The places that look like the one a handle holds, and whether each moves along (`without_instances`).
+
+        Its own is the first, then come the others, the most alike first; `Instance.vertex` and `Instance.position` say
+        where each is.
+
+        Raises
+        ------
+        ValueError
+            If there is no such handle.
+        """
+        with door("Deformer.instances"):
+            return self._weights.instances(self.edit, self.edit.handle(handle))
 
     @property
     def fixed(self) -> tuple[Fixed, ...]:

@@ -168,6 +168,7 @@ class _Carrier:
         carried: Controls = replace(
             controls,
             radius=None if controls.radius is None else self.ratio * controls.radius,
+            without_instances=(),  # the other shape has other ones
             within=None if controls.within is None else self.region(controls.within),
         )
         return replace(handle, place=place, transform=self.transform(handle.transform, beside), controls=carried)

@@ -6,15 +6,18 @@ Pictures of what was seen are in build/screens.
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from app_page import Shape
 
+import dfd
 from dfd.app.launch import RunningApp
 from dfd.app.options import SessionOptions
 from dfd.app.server import STATIC
@@ -52,13 +55,16 @@ def start_page(shape: Shape) -> Iterator[RunningApp]:
 
 
 @pytest.mark.parametrize("story", sorted(path.name for path in (CLIENT / "tests" / "browser").glob("*.test.mjs")))
-def test_story(story: str, browser: str, start_page: RunningApp, shape: Shape) -> None:
+def test_story(story: str, browser: str, start_page: RunningApp, shape: Shape, tmp_path: Path) -> None:
     environment = {
         **os.environ,
         "DFD_URL": start_page.url,
         "DFD_CHROMIUM": browser,
         "DFD_SHOTS": str(SCREENS),
         "DFD_MESH": str(shape.mesh),
+        "DFD_FIELD": str(shape.field),
+        "DFD_OUT": str(tmp_path),
+        "DFD_SERVER": str(os.getpid()),
     }
     done = subprocess.run(
         ["node", "--test", f"tests/browser/{story}"],
@@ -71,3 +77,18 @@ def test_story(story: str, browser: str, start_page: RunningApp, shape: Shape) -
         check=False,
     )
     assert done.returncode == 0, done.stdout
+    if (tmp_path / "seen.json").exists():
+        assert_exported(tmp_path, shape)
+
+
+def assert_exported(folder: Path, shape: Shape) -> None:
+    """What was exported lies where it was seen, in every format."""
+    rest = dfd.load(shape.mesh)
+    seen = np.reshape(json.loads((folder / "seen.json").read_text()), (-1, 3))
+    assert np.abs(seen - rest.vertices).max() > 0.01 * rest.diagonal, "something moved"
+    tolerance = 1e-4 * rest.diagonal
+    for ending in ("glb", "obj", "ply", "stl"):
+        made = dfd.load(folder / f"chair_edited.{ending}")
+        assert len(made.faces) == len(rest.faces), ending
+        corners = made.vertices[made.faces].reshape(-1, 3)
+        np.testing.assert_allclose(corners, seen[rest.faces].reshape(-1, 3), atol=tolerance, err_msg=ending)

@@ -28,7 +28,14 @@ def full_edit(mesh):
     axes = ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
     turned = Transform((0.0, 0.25, 0.0), (0.0, 0.0, 30.0), (1.0, 2.0, 0.5), (0.5, 0.5, 0.5), axes)
     near = Controls(
-        0.8, "smooth", radius=0.25, strength=0.5, instances="own", level=True, within=Ball((0.01, 0.0, 0.0), 0.7)
+        0.8,
+        "smooth",
+        radius=0.25,
+        strength=0.5,
+        instances="own",
+        level=True,
+        without_instances=(place_on(mesh, 60), Place((0.3, 0.1, 0.5))),
+        within=Ball((0.01, 0.0, 0.0), 0.7),
     )
     return Edit(
         handles=(

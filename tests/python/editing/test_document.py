@@ -58,6 +58,7 @@ controls = st.builds(
     strength=st.floats(0, 1),
     instances=st.sampled_from(["own", "together", "only"]),
     level=st.booleans(),
+    without_instances=st.lists(triples.map(Place), max_size=3).map(tuple),
 )
 
 
@@ -99,7 +100,7 @@ def test_the_file_is_json_that_people_can_read(edit, mesh, tmp_path):
 
 def test_the_example_of_the_documentation_is_read(mesh):
     example = re.search(r"^    \{.*?^    \}", dfd.editing.document.__doc__, re.DOTALL | re.MULTILINE)[0]
-    with pytest.warns(UserWarning, match="2 of its vertices or sets of them are taken by position"):
+    with pytest.warns(UserWarning, match="3 of its vertices or sets of them are taken by position"):
         edit = from_document(json.loads(example), mesh)
     assert edit.handles[0].name == "left horn"
     assert edit.handles[0].transform == Transform((0.0, 0.2, 0.0), (0.0, 0.0, 30.0))
@@ -182,12 +183,14 @@ def test_the_schema_says_what_is_read_and_what_is_written(document):
 
 def test_on_another_resolution_handles_stay_where_they_were(edit, mesh, document):
     finer = grid(33)
-    with pytest.warns(UserWarning, match="made on a mesh of 81 vertices, and this one has 1089: 3 of its vertices"):
+    with pytest.warns(UserWarning, match="made on a mesh of 81 vertices, and this one has 1089: 4 of its vertices"):
         moved = from_document(document, finer)
     for old, new in zip(edit.handles[:2], moved.handles[:2], strict=True):
         assert new == replace(old, place=Place(old.place.position))
     assert moved.fixed[0].place == Place(edit.fixed[0].position)
     assert moved.handles[2].place.region == edit.handles[2].place.region
+    was, now = (each.handles[2].controls.without_instances for each in (edit, moved))
+    assert now == tuple(Place(place.position) for place in was)
     assert moved.handles[2].place == place_on(finer, edit.handles[2].place.region)
     assert [fixed.place.region for fixed in moved.fixed] == [fixed.place.region for fixed in edit.fixed]
 
@@ -216,7 +219,7 @@ def test_the_same_number_of_vertices_in_another_order_is_noticed(mesh, document)
     order = np.arange(len(mesh.vertices))[::-1]
     backwards = Mesh(mesh.vertices[order], order.argsort()[mesh.faces])
     # The middle vertex of 81 keeps its place, the one in a corner does not.
-    with pytest.warns(UserWarning, match="2 of its vertices or sets of them are taken by position"):
+    with pytest.warns(UserWarning, match="3 of its vertices or sets of them are taken by position"):
         moved = from_document(document, backwards)
     assert moved.fixed[0].vertex is None
     assert moved.handles[0].place.vertex == 40
@@ -286,6 +289,22 @@ MISSING = object()
         ),
         (("handles", 0, "strength"), 2, r"`handles\[0\].strength` must be at most 1, got 2"),
         (("handles", 0, "level"), 1, r"`handles\[0\].level` must be true or false, got 1"),
+        (("handles", 2, "without_instances"), 4, r"`handles\[2\].without_instances` must be a list, got 4"),
+        (
+            ("handles", 2, "without_instances", 0, "vertex"),
+            -4,
+            r"`handles\[2\].without_instances\[0\].vertex` must be at least 0, got -4",
+        ),
+        (
+            ("handles", 2, "without_instances", 1),
+            {},
+            r"`handles\[2\].without_instances\[1\]` must have a vertex or a position",
+        ),
+        (
+            ("handles", 2, "without_instances", 1),
+            {"region": None},
+            r"`handles\[2\].without_instances\[1\].region` is an unknown key; known are vertex, position",
+        ),
         (("handles", 0, "axes"), [[1, 0, 0]], r"`handles\[0\].axes` must hold more than 1 items"),
         (("handles", 0, "axes"), [[1, 0, 0]] * 3, r"`handles\[0\].axes` must be 3 unit vectors at right angles"),
         (("handles", 2, "region", "kind"), "cone", r"`handles\[2\].region.kind` must be 'ball', .* or 'vertices', got"),

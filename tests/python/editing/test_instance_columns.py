@@ -107,6 +107,102 @@ def test_level_brings_all_instances_to_full_weight(session, sample, mesh, asked,
     np.testing.assert_allclose(session.vertices[back] - mesh.vertices[back], half, atol=1e-12)
 
 
+@pytest.mark.parametrize("instances", ["own", "together"])
+def test_level_keeps_the_strength_of_a_handle(session, sample, mesh, asked, foot, instances):
+    session.add(foot, translation=(0, -0.2, 0), instances=instances, strength=0.5, level=True)
+    legs = sample.vertices_of("leg")
+    np.testing.assert_allclose(session.vertices[legs], mesh.vertices[legs] - (0, 0.1, 0), atol=1e-6)
+
+
+def test_level_lets_no_vertex_follow_more_than_the_handle(mesh, field, asked, foot, session, monkeypatch):
+    """Between two instances both have a share, and both are brought to full weight."""
+
+    class Halves:
+        def __init__(self, mesh):
+            pass
+
+        def find(self, weights, vertex, position, *, planes=()):
+            half = np.full(len(mesh.vertices), 0.5, np.float32)
+            low = int(weights.argmin())
+            places = [tuple(mesh.vertices[one]) for one in (vertex, low)]
+            return tuple(Instance(one, at, np.eye(3), 1.0, half) for one, at in zip((vertex, low), places, strict=True))
+
+    monkeypatch.setattr(instance_columns, "InstanceFinder", Halves)
+    session = dfd.Deformer(mesh, field, features=field.features(mesh))
+    handle = session.add(foot, translation=(0, -0.2, 0), instances="own", level=True)
+    assert session.following.max() <= 1 + 1e-6
+    assert (session.vertices[:, 1] >= mesh.vertices[:, 1] - 0.2 - 1e-6).all()
+    for column in session.bound.columns(session.edit)[1]:
+        assert (column.instance.share >= 0).all()
+        assert (column.instance.share <= 1).all()
+    session.change(handle, level=False)
+    assert session.following.max() == pytest.approx(1)
+
+
+@pytest.mark.parametrize("instances", ["own", "together"])
+def test_single_instances_can_be_switched_off(session, sample, mesh, asked, foot, instances):
+    handle = session.add(foot, translation=(0, -0.2, 0), instances=instances)
+    places = [one.vertex for one, _ in session.instances(handle)]
+    assert places[0] == foot
+    before = session.vertices
+    on_leg = leg(sample, 1)
+    session.change(handle, without_instances=[places[1], tuple(mesh.vertices[places[3]])])
+    assert [on for _, on in session.instances(handle)] == [True, False, True, False]
+    for number, moves in enumerate([True, False, True, False]):
+        members = leg(sample, number)
+        wanted = before[members] if moves else mesh.vertices[members]
+        np.testing.assert_allclose(session.vertices[members], wanted, atol=1e-9)
+    # any vertex of an instance stands for it, and so does one of a text
+    session.change(handle, without_instances=[str(on_leg[5])])
+    assert [on for _, on in session.instances(handle)] == [True, False, True, True]
+    session.change(handle, name="foot")
+    assert [on for _, on in session.instances(handle)] == [True, False, True, True]
+    session.change(handle, without_instances=[])
+    np.testing.assert_allclose(session.vertices, before, atol=1e-12)
+    session.undo()
+    assert [on for _, on in session.instances(handle)] == [True, False, True, True]
+
+
+def test_the_handle_s_own_instance_stays_on(session, mesh, asked, foot):
+    handle = session.add(foot, translation=(0, -0.2, 0), without_instances=[foot])
+    assert [on for _, on in session.instances(handle)] == [True] * 4
+    assert session.report().handles[0].arrived
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (7, r"`without_instances` must be a list of vertices or points, got 7"),
+        ("top", r"`without_instances` must be a list of vertices or points, got 'top'"),
+        (["x>0"], r"`without_instances` must be a list of vertices or points, got a region"),
+        ([10**6], r"`at` must lie in 0"),
+    ],
+)
+def test_what_is_no_list_of_places_is_refused(session, foot, given, message):
+    with pytest.raises(ValueError, match=f"Deformer.add: {message}"):
+        session.add(foot, without_instances=given)
+
+
+@pytest.mark.parametrize("level", [False, True])
+@pytest.mark.parametrize("blend", ["linear", "polar"])
+def test_four_alike_handles_arrive_each_with_instances_of_its_own(session, sample, mesh, asked, level, blend):
+    """Instances of one stand where another handle does, and must not keep it from its target."""
+    session.overlap, session.blend = "interpolate", blend
+    feet = [int(members[mesh.vertices[members, 1].argmin()]) for members in (leg(sample, 0), leg(sample, 2))]
+    with session.step():
+        for foot, down in zip(feet, (-0.1, -0.3), strict=True):
+            session.add(
+                foot, translation=(0.02, down, 0), rotation=(0, 20, 0), instances="own", level=level and down < -0.2
+            )
+    assert all(handle.arrived for handle in session.report().handles)
+    session.move(1, translation=(0, 0.1, 0))
+    session.move(1, translation=(0, 0.2, 0), merge=True)
+    assert all(handle.arrived for handle in session.report().handles)
+    fresh = dfd.Deformer(mesh, session.field, features=session.features)
+    fresh.apply(session.edit)
+    np.testing.assert_allclose(session.vertices, fresh.vertices, atol=1e-9)
+
+
 def test_a_new_handle_has_instances_of_its_own(session, mesh, foot):
     handle = session.add(foot, scale=1.5)
     assert session.handle(handle).controls == Controls(instances="own")

@@ -1,6 +1,6 @@
 /** What tests look at, on pages opened with `?test` alone. */
 
-import { ask } from "./actions/server";
+import { ask, drop } from "./actions/server";
 import { store } from "./store/state";
 import { posePoint } from "./viewer/twin";
 import { sceneOf } from "./viewer/scene";
@@ -12,6 +12,8 @@ export interface TestHook {
   positions(): Float32Array;
   /** The same of one row by the shader's twin. */
   twin(row: number): { position: readonly number[]; heat: number };
+  /** (V, 3) positions at rest, relative to the mesh's center. */
+  rest(): Float32Array;
   /** (V, 3) positions relative to the mesh's center, as the server's kernel has them. */
   computed(): Promise<Float32Array>;
   /** (R) the vertex of each row. */
@@ -20,6 +22,10 @@ export interface TestHook {
   pick(x: number, y: number): number | null;
   /** Where a vertex appears, in pixels of the page. */
   project(vertex: number): readonly [number, number] | null;
+  /** Where the camera is. */
+  camera(): readonly number[];
+  /** Lose the connection to the server, as a network does. */
+  drop(): void;
   /** Draw now, so that the canvas can be read in the same task. */
   draw(): void;
   /** Pictures drawn in that many seconds when each asks for the next. */
@@ -35,15 +41,21 @@ declare global {
 export function exposeForTests(viewer: Viewer): void {
   if (!new URLSearchParams(location.search).has("test")) return;
   const shape = () => {
-    if (!viewer.shape || !viewer.picker) throw new Error("There is no shape yet.");
-    return { shape: viewer.shape, picker: viewer.picker };
+    if (!viewer.shape) throw new Error("There is no shape yet.");
+    return { shape: viewer.shape };
   };
   const rowOf = (vertex: number) => shape().shape.vertexOf.indexOf(vertex);
   const twin = (row: number) => posePoint(sceneOf(store.get()), shape().shape.at(row), shape().shape.vertexOf[row]);
   window.dfd = {
     store,
     twin,
-    positions: () => shape().picker.readBack(viewer.stage.camera),
+    positions: () => shape().shape.posed.read(viewer.stage.renderer, viewer.stage.camera),
+    rest: () => {
+      const { vertexOf, positions, message } = shape().shape;
+      const rest = new Float32Array(3 * message.vertices);
+      vertexOf.forEach((vertex, row) => rest.set(positions.subarray(3 * row, 3 * row + 3), 3 * vertex));
+      return rest;
+    },
     computed: async () => {
       const received = await ask({ type: "compute" });
       if (!received?.payload) throw new Error("The server computed nothing.");
@@ -56,6 +68,8 @@ export function exposeForTests(viewer: Viewer): void {
       const box = viewer.stage.canvas.getBoundingClientRect();
       return at && [at[0] + box.left, at[1] + box.top];
     },
+    camera: () => viewer.stage.camera.position.toArray(),
+    drop,
     draw: () => viewer.stage.draw(),
     framesPerSecond: (seconds) =>
       new Promise((resolve) => {

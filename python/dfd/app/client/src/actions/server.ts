@@ -58,6 +58,10 @@ export function tell(request: Request): number {
   return connection?.send(request) ?? 0;
 }
 
+export function drop(): void {
+  connection?.drop();
+}
+
 /** Whether frames of a drag pile up unsent. */
 export function congested(): boolean {
   return (connection?.queued ?? 0) > 16_384;

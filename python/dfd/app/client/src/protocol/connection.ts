@@ -77,6 +77,11 @@ export class Connection {
     return this.socket?.bufferedAmount ?? 0;
   }
 
+  /** Lose the connection, as a network does. */
+  drop(): void {
+    this.socket?.close();
+  }
+
   /** Let go for good. */
   end(): void {
     this.ended = true;

@@ -4,6 +4,5 @@ flat out uint corner; // of the triangle's last corner, by which its face is fou
 void main() {
   restPosition = position;
   corner = uint(gl_VertexID);
-  Posed result = posed(position);
-  gl_Position = projectionMatrix * modelViewMatrix * vec4(result.position, 1.0);
+  gl_Position = projectionMatrix * modelViewMatrix * vec4(posedRow().xyz, 1.0);
 }

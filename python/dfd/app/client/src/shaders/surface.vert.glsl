@@ -9,13 +9,13 @@ out float heat;
 out vec3 ownColor;
 
 void main() {
-  Posed result = posed(position);
-  vec4 view = modelViewMatrix * vec4(result.position, 1.0);
+  vec4 row = posedRow();
+  vec4 view = modelViewMatrix * vec4(row.xyz, 1.0);
   viewPosition = view.xyz;
-  viewNormal = normalMatrix * turnedNormal(result.linear, normal);
+  viewNormal = normalMatrix * posedRowNormal();
   lookColor = featureColor;
   textureAt = uv;
-  heat = result.heat;
+  heat = row.w;
   ownColor = rowColor.rgb;
   gl_Position = projectionMatrix * view;
 }

@@ -3,18 +3,15 @@
 import {
   DoubleSide,
   Mesh,
-  Points,
-  NearestFilter,
-  RGBAIntegerFormat,
   Scene as ThreeScene,
-  UnsignedIntType,
-  WebGLRenderTarget,
   type PerspectiveCamera,
   type WebGLRenderer,
+  type WebGLRenderTarget,
 } from "three";
 
 import type { Vec3 } from "./affine";
 import type { FacePoint } from "./faces";
+import { integerTarget } from "./pose_pass";
 import { poseMaterial } from "./shaders";
 import type { Shape } from "./shape";
 
@@ -23,8 +20,6 @@ export interface Pick extends FacePoint {
   /** The point of the surface, at rest, relative to the mesh's center. */
   readonly point: Vec3;
 }
-
-const READBACK_WIDTH = 1024;
 
 export class Picker {
   private readonly target = integerTarget(1, 1);
@@ -35,7 +30,7 @@ export class Picker {
     private readonly renderer: WebGLRenderer,
     private readonly shape: Shape,
   ) {
-    this.mesh = new Mesh(shape.geometry, poseMaterial("pick", shape.pose.uniforms, { side: DoubleSide }));
+    this.mesh = new Mesh(shape.geometry, poseMaterial("pick", shape.posed.uniforms, { side: DoubleSide }));
     this.mesh.frustumCulled = false;
     this.scene.add(this.mesh);
     this.scene.matrixWorldAutoUpdate = false;
@@ -44,6 +39,7 @@ export class Picker {
   /** At (x, y) in pixels of the page within a view of `width` × `height`; null beside the shape. */
   pick(camera: PerspectiveCamera, x: number, y: number, width: number, height: number): Pick | null {
     // One pixel of the view fills the target, so the GPU throws away all else before a fragment is made.
+    this.shape.posed.update(this.renderer, camera);
     camera.setViewOffset(width, height, Math.floor(x), Math.floor(y), 1, 1);
     const bits = this.draw(this.target, camera, this.scene);
     camera.clearViewOffset();
@@ -52,26 +48,6 @@ export class Picker {
     const point: Vec3 = [px, py, pz];
     const face = this.shape.faces.find(point, bits[3] - 1);
     return face && { ...face, point, vertex: this.shape.vertexOf[face.row] };
-  }
-
-  /** (R, 4) the shader's posed positions and its heat, read back. */
-  readBack(camera: PerspectiveCamera): Float32Array {
-    const count = this.shape.vertexOf.length;
-    const height = Math.max(Math.ceil(count / READBACK_WIDTH), 1);
-    const target = integerTarget(READBACK_WIDTH, height);
-    const uniforms = { ...this.shape.pose.uniforms, targetSize: { value: [READBACK_WIDTH, height] } };
-    const material = poseMaterial("readback", uniforms, { depthTest: false, depthWrite: false });
-    // Points take rows in their order, without the index.
-    const geometry = this.shape.geometry.clone().setIndex(null);
-    geometry.clearGroups();
-    const points = new Points(geometry, material);
-    points.frustumCulled = false;
-    const scene = new ThreeScene().add(points);
-    const bits = this.draw(target, camera, scene);
-    target.dispose();
-    material.dispose();
-    geometry.dispose();
-    return new Float32Array(bits.buffer, 0, 4 * count).slice();
   }
 
   dispose(): void {
@@ -90,15 +66,4 @@ export class Picker {
     renderer.setRenderTarget(before);
     return bits;
   }
-}
-
-function integerTarget(width: number, height: number): WebGLRenderTarget {
-  return new WebGLRenderTarget(width, height, {
-    format: RGBAIntegerFormat,
-    type: UnsignedIntType,
-    internalFormat: "RGBA32UI",
-    minFilter: NearestFilter,
-    magFilter: NearestFilter,
-    generateMipmaps: false,
-  });
 }

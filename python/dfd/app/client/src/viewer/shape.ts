@@ -31,6 +31,7 @@ import type { Look } from "../store/state";
 import type { Vec3 } from "./affine";
 import type { Scene } from "./columns";
 import { Faces } from "./faces";
+import { PosePass } from "./pose_pass";
 import { PoseTextures } from "./pose_textures";
 import { poseMaterial } from "./shaders";
 
@@ -40,13 +41,14 @@ const WRAPS = { repeat: RepeatWrapping, mirror: MirroredRepeatWrapping, clamp: C
 export class Shape {
   readonly group = new Group();
   readonly geometry = new BufferGeometry();
-  readonly pose: PoseTextures;
+  readonly posed: PosePass;
   readonly faces: Faces;
   readonly radius: number;
   /** (R, 3) at rest, relative to the mesh's center. */
   readonly positions: Float32Array;
   /** (R) the vertex of each row. */
   readonly vertexOf: Uint32Array;
+  private readonly pose: PoseTextures;
   private readonly shared: Record<string, IUniform>;
   private readonly surface: Mesh;
   private hasGiven = false;
@@ -74,8 +76,9 @@ export class Shape {
     geometry.boundingSphere = new Sphere(new Vector3(), this.radius);
     this.faces = new Faces(this.positions, triangles);
     this.pose = new PoseTextures(message.vertices);
+    this.posed = new PosePass(geometry, this.vertexOf.length, this.pose.uniforms);
     this.shared = {
-      ...this.pose.uniforms,
+      ...this.posed.uniforms,
       look: { value: 0 },
       clay: { value: new Color(0.62, 0.61, 0.6) },
       heatStrength: { value: 1 },
@@ -91,6 +94,7 @@ export class Shape {
 
   show(scene: Scene): void {
     this.pose.show(scene);
+    this.posed.invalidate();
   }
 
   setLook(look: Look, heatStrength: number): void {
@@ -141,11 +145,13 @@ export class Shape {
     });
     this.geometry.setAttribute("givenPosition", new BufferAttribute(positions, 3));
     this.geometry.setAttribute("givenNormal", new BufferAttribute(normals, 4, true));
+    this.posed.invalidate();
   }
 
   /** Whether to show what the server posed, where there is something. */
   useGiven(on: boolean): void {
     this.pose.uniforms.given.value = on && this.hasGiven;
+    this.posed.invalidate();
   }
 
   /** Where a row of the mesh rests. */
@@ -156,6 +162,7 @@ export class Shape {
   dispose(): void {
     this.geometry.dispose();
     this.pose.dispose();
+    this.posed.dispose();
     for (const texture of this.textures) {
       (texture.image as ImageBitmap | null)?.close();
       texture.dispose();

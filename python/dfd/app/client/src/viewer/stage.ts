@@ -18,6 +18,8 @@ export class Stage {
   readonly scene = new ThreeScene();
   readonly camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 100);
   readonly orbit: OrbitControls;
+  /** Called before every picture, to have ready what it shows. */
+  prepare: () => void = () => undefined;
   /** Called after every picture, for what lies over the canvas. */
   drawn: () => void = () => undefined;
   private frame = 0;
@@ -59,6 +61,7 @@ export class Stage {
   }
 
   draw(): void {
+    this.prepare();
     this.renderer.render(this.scene, this.camera);
     this.drawn();
   }

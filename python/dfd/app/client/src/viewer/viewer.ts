@@ -53,6 +53,7 @@ export class Viewer implements Arrivals {
   constructor(canvas: HTMLCanvasElement, overlay: HTMLElement) {
     this.stage = new Stage(canvas);
     this.markers = new Markers(overlay, (point) => this.stage.project(point));
+    this.stage.prepare = () => this.shape?.posed.update(this.stage.renderer, this.stage.camera);
     this.stage.drawn = () => this.markers.place();
     // The gizmo hears of a press before the orbit does, and stops it.
     this.gizmo = new Gizmo(this.stage.camera, canvas, this.gizmoEvents(), () => this.stage.invalidate());

@@ -1,0 +1,244 @@
+"""What a page asks for, of the real server with a session in a process of its own."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from app_page import Page
+
+import dfd
+from dfd.editing.deformer import Deformer
+
+
+def test_a_shape_is_shown_and_edited(page: Page, deformer: Deformer) -> None:
+    mesh = page.last("mesh")
+    assert (mesh["name"], mesh["vertices"]) == ("chair.glb", len(deformer.mesh.vertices))
+    handle = page.ask("add", at={"vertex": 5}, transform={"translation": [0, -0.3, 0]}, controls={"name": "foot"})[
+        "handle"
+    ]
+    state = page.last("state")
+    assert state["handles"][0]["name"] == "foot"
+    assert page.last("columns")["columns"][0]["column"] == state["handles"][0]["column"]
+    instances = page.until(lambda message: message["type"] == "instances")
+    assert instances["columns"][0]["column"] == state["handles"][0]["column"]
+    assert "Moved" in page.until(lambda message: message["type"] == "report")["text"]
+    deformer.add(5, translation=(0, -0.3, 0))
+    answer = page.ask("compute")
+    np.testing.assert_allclose(
+        answer["arrays"]["positions"] + np.array(mesh["center"]), deformer.vertices, atol=1e-6 * mesh["diagonal"]
+    )
+
+    heard = len(page.heard)
+    for step in range(5):
+        page.ask("move", handle=handle, transform={"translation": [0, -0.1 * step, 0]}, merge=step > 0)
+    sizes = [len(json.dumps(message)) for message in page.heard[heard + 3 :]]
+    assert max(sizes) < 2000, "frames of a drag are small"
+    page.ask("move", handle=handle, transform={"translation": [0, -0.5, 0]}, merge=True, settle=True)
+    assert page.last("state")["handles"][0]["translation"] == [0, -0.5, 0]
+    page.ask("undo")
+    assert page.last("state")["handles"][0]["translation"] == [0, -0.3, 0]
+    page.ask("redo")
+    page.ask("fix", at={"point": [0, 0.8, -0.2]})
+    page.ask("set_symmetry", plane="x")
+    assert page.last("state")["symmetry"]["normal"] == [1, 0, 0]
+    page.ask("release", index=0)
+    page.ask("reset")
+    assert page.last("report")["moved"] == 0
+    page.ask("remove", handle=handle)
+    assert page.last("state")["handles"] == []
+    assert page.last("state")["can_undo"]
+
+
+def test_the_heat_map_comes_first_and_instances_after_it(page: Page) -> None:
+    page.ask("add", at={"vertex": 5})
+    page.until(lambda message: message["type"] == "report")
+    order = [message["type"] for message in page.heard[-5:]]
+    assert order == ["columns", "state", "done", "instances", "report"]
+
+
+def test_a_drag_with_the_wheel_is_one_step(page: Page) -> None:
+    handle = page.ask("add", at={"vertex": 5})["handle"]
+    for step in range(1, 4):
+        page.ask("move", handle=handle, transform={"translation": [0, 0.1 * step, 0]}, merge=step > 1)
+    last = {"translation": [0, 0.4, 0]}
+    page.ask("move", handle=handle, transform=last, controls={"reach": 0.6}, merge=True, settle=True)
+    state = page.last("state")["handles"][0]
+    assert (state["translation"], state["reach"]) == ([0, 0.4, 0], 0.6)
+    page.ask("undo")
+    state = page.last("state")["handles"][0]
+    assert state["translation"] == [0, 0, 0]
+    assert state["reach"] != 0.6
+    page.ask("redo")
+    assert page.last("state")["handles"][0]["reach"] == 0.6
+    page.ask("undo")
+    page.ask("undo")
+    assert page.last("state")["handles"] == []
+
+
+def test_a_drag_that_cannot_end_as_asked_stays_as_it_was(page: Page) -> None:
+    handle = page.ask("add", at={"vertex": 5})["handle"]
+    page.ask("move", handle=handle, transform={"translation": [0, 0.1, 0]})
+    wrong = page.ask(
+        "move",
+        handle=handle,
+        transform={"translation": [0, 0.2, 0]},
+        controls={"falloff": "none"},
+        merge=True,
+        settle=True,
+    )
+    assert wrong["type"] == "failure"
+    page.ask("undo")
+    page.ask("redo")
+    assert page.last("state")["handles"][0]["translation"] == [0, 0.1, 0]
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "read", "values"),
+    [
+        (
+            {"type": "change", "handle": 1, "controls": {"strength": 0.5}},
+            {"type": "change", "handle": 1, "controls": {"strength": 0.25}},
+            lambda state: state["handles"][0]["strength"],
+            (1.0, 0.25),
+        ),
+        (
+            {"type": "change_fixed", "index": 0, "strength": 0.5},
+            {"type": "change_fixed", "index": 0, "strength": 0.25},
+            lambda state: state["fixed"][0]["strength"],
+            (1.0, 0.25),
+        ),
+        (
+            {"type": "set_symmetry", "plane": "x", "band": 0.1},
+            {"type": "set_symmetry", "plane": "x", "band": 0.2},
+            lambda state: state["symmetry"] and state["symmetry"]["band"],
+            (None, 0.2),
+        ),
+        (
+            {"type": "set_default", "transform": {"translation": [0, 1, 0]}},
+            {"type": "set_default", "transform": {"translation": [0, 2, 0]}},
+            lambda state: state["default"] and state["default"]["translation"],
+            (None, [0, 2, 0]),
+        ),
+    ],
+)
+def test_a_slider_is_one_step(
+    page: Page, first: dict[str, Any], second: dict[str, Any], read: Callable[[dict[str, Any]], Any], values: Any
+) -> None:
+    handle = page.ask("add", at={"vertex": 5})["handle"]
+    page.ask("fix", at={"vertex": 300})
+    for request in (first, {**second, "merge": True}):
+        given = {**request, "handle": handle} if "handle" in request else request
+        assert page.ask(**given)["type"] == "done"
+    assert read(page.last("state")) == values[1]
+    page.ask("undo")
+    assert read(page.last("state")) == values[0]
+    # Another thing just before is no part of the gesture.
+    page.ask("fix", at={"vertex": 200})
+    given = {**second, "handle": handle} if "handle" in second else second
+    page.ask(**given, merge=True)
+    page.ask("undo")
+    assert len(page.last("state")["fixed"]) == 2
+
+
+def test_a_pose_is_one_step(page: Page) -> None:
+    one = page.ask("add", at={"vertex": 5})["handle"]
+    other = page.ask("add", at={"vertex": 300})["handle"]
+    rest = {"rotation": [0, 0, 0], "scale": [1, 1, 1], "pivot": None, "axes": None}
+    page.ask("pose", transforms=[{"handle": h, "translation": [h, 0, 0], **rest} for h in (one, other)])
+    assert [each["translation"][0] for each in page.last("state")["handles"]] == [one, other]
+    wrong = [{"handle": h, "translation": [0, 0, 0], **rest} for h in (one, 99)]
+    assert page.ask("pose", transforms=wrong)["type"] == "failure"
+    page.ask("undo")
+    assert [each["translation"][0] for each in page.last("state")["handles"]] == [0, 0]
+
+
+def test_radius_level_and_limits_are_set_and_taken_away(page: Page, deformer: Deformer) -> None:
+    handle = page.ask("add", at={"vertex": 5})["handle"]
+    count = len(deformer.mesh.vertices)
+    inside = np.zeros(count, bool)
+    inside[: count // 2] = True
+    mask = base64.b64encode(np.packbits(inside, bitorder="little").tobytes()).decode()
+    page.ask("change", handle=handle, controls={"radius": 0.3, "level": True, "within": {"mask": mask}})
+    state = page.last("state")["handles"][0]
+    assert (state["radius"], state["level"], state["within"]) == (0.3, True, count // 2)
+    assert page.last("columns")["columns"][0]["kind"] == "weight"
+    page.ask("change", handle=handle, controls={"locality": 0.0, "within": "everywhere"})
+    state = page.last("state")["handles"][0]
+    assert (state["radius"], state["within"], state["kind"]) == (None, 0, "distance")
+
+
+def test_an_edit_document_goes_in_and_out(page: Page, deformer: Deformer) -> None:
+    deformer.add(7, rotation=(0, 30, 0), name="seven")
+    deformer.fix(300)
+    from dfd.editing.edit_file import to_document
+
+    document = to_document(deformer.edit, deformer.mesh)
+    page.ask("apply", edit=document)
+    assert page.last("state")["edit"] == json.loads(json.dumps(document))
+    page.ask("clear")
+    assert page.last("state")["handles"] == []
+
+
+def test_the_newest_probe_is_answered(page: Page) -> None:
+    numbers = [page.say("probe", at={"vertex": vertex}) for vertex in range(30)]
+    answer = page.until(lambda message: message["type"] == "heat" and message["id"] == numbers[-1])
+    assert answer["arrays"]["values"][29] == 0
+    answered = [message["id"] for message in page.heard if message["type"] == "heat"]
+    assert answered == sorted(answered)
+
+
+def test_features_suggestions_poses_and_script(page: Page) -> None:
+    colors = page.ask("features")["arrays"]["colors"]
+    assert len(np.unique(colors[:, :3], axis=0)) > 100
+    suggestions = page.ask("suggest", count=5)["suggestions"]
+    assert 1 <= len({each["vertex"] for each in suggestions}) == len(suggestions) <= 5
+    assert all(0 < each["share"] <= 1 for each in suggestions)
+    pose = {
+        "name": "one",
+        "seconds": 1.5,
+        "transforms": [
+            {
+                "handle": 1,
+                "translation": [0, 1, 0],
+                "rotation": [0, 0, 0],
+                "scale": [1, 1, 1],
+                "pivot": None,
+                "axes": None,
+            }
+        ],
+    }
+    page.ask("set_poses", poses=[pose])
+    assert page.last("state")["poses"] == [pose]
+    assert "dfd.Deformer" in page.ask("script")["python"]
+
+
+def test_an_export_is_given_once(page: Page, deformer: Deformer, tmp_path: Path) -> None:
+    page.ask("add", at={"vertex": 5}, transform={"translation": [0, -0.3, 0]})
+    answer = page.ask("export", format="glb")
+    assert answer["name"] == "chair_edited.glb"
+    with page.http() as http:
+        response = http.get(answer["url"])
+        assert 'filename="chair_edited.glb"' in response.headers["content-disposition"]
+        assert http.get(answer["url"]).status_code == 404
+    (tmp_path / "made.glb").write_bytes(response.content)
+    deformer.add(5, translation=(0, -0.3, 0))
+    np.testing.assert_allclose(dfd.load(tmp_path / "made.glb").vertices, deformer.vertices, atol=2e-6)
+
+
+def test_downloads_are_named_by_the_server_alone(page: Page) -> None:
+    page.ask("export", format="edit")
+    with page.http() as http:
+        for path in (
+            f"/download/{page.session}/../session.json",
+            f"/download/{page.session}/..%2fsession.json",
+            f"/download/..%2f{page.session}/exports",
+            f"/download/{page.session}/{'0' * 32}",
+            f"/download/{'0' * 32}/{'0' * 32}",
+        ):
+            assert http.get(path).status_code == 404

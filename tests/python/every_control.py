@@ -1,0 +1,203 @@
+"""A walk of one mesh through every control, in which nothing may crash, hang or become NaN."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Callable
+from typing import Any, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+import dfd
+from dfd import Deformer, Field, Geodesics, Mesh
+from dfd.editing.controls import Blend, Falloff, Instances, Overlap
+from dfd.editing.edit import Edit
+from dfd.editing.regions import Ball, Box, HalfSpace, VertexSet
+from dfd.editing.suggestions import suggest_handles
+from dfd.geometry.findings import findings
+from dfd.geometry.metrics import area_ratios, surface_metrics
+from dfd.posing.pose import pose
+from dfd.posing.transforms import affine
+from dfd.symmetry.plane import SymmetryPlane
+from dfd.symmetry.rotation import rotational_symmetries
+from dfd.symmetry.search import symmetry_planes
+from dfd.weights.bind import bind
+
+__all__ = ["walk"]
+
+
+def walk(mesh: Mesh, field: Field, seed: int) -> None:
+    """Take `mesh` through every control once; handles are drawn by `seed`.
+
+    Raises
+    ------
+    AssertionError
+        If what comes out is not what was promised: finite, within its bounds, and the input as it was.
+    """
+    random = np.random.default_rng(seed)
+    before = mesh.vertices.copy(), mesh.faces.copy()
+    handles = random.choice(len(mesh.vertices), min(3, len(mesh.vertices)), replace=False).tolist()
+    features = field.features(mesh)
+    _bound(mesh, features, handles, random)
+    planes = _symmetries(mesh, field) if seed % 4 == 0 else []  # the longest step of all
+    _told(mesh, features, planes)
+    _edited(mesh, field, features, handles, planes, random)
+    _posed(mesh, features, handles, random)
+    assert np.array_equal(mesh.vertices, before[0])
+    assert np.array_equal(mesh.faces, before[1])
+
+
+def _bound(mesh: Mesh, features: NDArray[np.float32], handles: list[int], random: np.random.Generator) -> None:
+    geodesics = Geodesics(mesh)
+    distances = geodesics.distances(handles)
+    assert _within(distances, 0, 1)
+    assert (distances[np.arange(len(handles)), handles] == 0).all()
+    assert np.isfinite(geodesics.extent)
+    assert geodesics.extent >= 0
+    for falloff in get_args(Falloff):
+        locality = float(random.choice([0.0, 0.5, 20.0]))
+        weights = bind(
+            features, handles, geodesic=distances, locality=locality, reach=random.uniform(0.01, 2), falloff=falloff
+        )
+        assert _within(weights, 0, 1)
+    compact = dfd.compact(features)
+    assert np.abs(bind(compact, handles) - bind(features, handles)).max() <= 0.05
+
+
+def _symmetries(mesh: Mesh, field: Field) -> list[SymmetryPlane]:
+    planes = symmetry_planes(field, mesh)
+    for plane in planes:
+        assert _within(np.linalg.norm(plane.normal), 1 - 1e-6, 1 + 1e-6)
+        assert np.isfinite([plane.offset, plane.band, plane.score]).all()
+    for symmetry in rotational_symmetries(field, mesh):
+        assert np.isfinite(symmetry.transforms).all()
+    return planes
+
+
+def _told(mesh: Mesh, features: NDArray[np.float32], planes: list[SymmetryPlane]) -> None:
+    """What is suggested and said of the mesh."""
+    assert all(each.what and each.means for each in findings(mesh))
+    suggested = _tried(suggest_handles, mesh, features, count=4, planes=planes)
+    if suggested is None:
+        return
+    assert 1 <= len(suggested) <= 4
+    for each in suggested:
+        assert _within(each.share, 0, 1)
+        for instance in each.instances:
+            assert np.isfinite(instance.frame).all()
+            assert instance.share is None or _within(instance.share, 0, 1)
+        shares = [one.share for one in each.instances if one.share is not None]
+        assert not shares or np.allclose(np.sum(shares, axis=0), 1, atol=1e-4)
+
+
+def _edited(
+    mesh: Mesh,
+    field: Field,
+    features: NDArray[np.float32],
+    handles: list[int],
+    planes: list[SymmetryPlane],
+    random: np.random.Generator,
+) -> None:
+    """A session: handles with every kind of instances, regions, distances, fixed points, symmetry, rules."""
+    size = mesh.diagonal
+    session = Deformer(mesh, field, features=features)
+    turned: dict[str, Any] = {"rotation": (10, 70, 20), "scale": (1.5, 0.7, 1.0), "translation": [0.1 * size] * 3}
+    near: tuple[dict[str, Any], ...] = ({}, {"locality": 2.0}, {"radius": "30%"})
+    for kind, how in zip(get_args(Instances), random.permutation(near), strict=True):  # type: ignore[arg-type]
+        session.apply(Edit())
+        held = session.add(handles[0], instances=kind, level=bool(random.integers(2)), **turned, **how)
+        _check(session)
+        off = [one.vertex for one, _ in session.bound.instances(session.edit, session.handle(held))]
+        session.change(held, without_instances=off[1::2])
+        _check(session)
+    session.apply(Edit())
+    for handle, kind in zip(handles, ("own", "only", "together"), strict=False):
+        _tried(session.add, handle, instances=kind, reach=random.choice([0.3, 1.0]), **turned)
+    for region in _regions(mesh, random):
+        _tried(session.add, region, strength=0.5, translation=(0, 0.1 * size, 0))
+        if region != "top":  # a point
+            _tried(session.change, session.handles[0].id, within=region)
+        _tried(session.fix, region, strength=0.5)
+    _tried(session.change, session.handles[0].id, within="everywhere", reach="auto")
+    for axes in ("normal", "limb"):
+        _tried(session.move, session.handles[0].id, axes=axes)
+    for plane in (None, *planes[:1], "x"):
+        _tried(setattr, session, "symmetry", plane)
+        for overlap in get_args(Overlap):  # `_posed` takes each with each
+            _tried(setattr, session, "overlap", overlap)
+            session.blend = random.choice(get_args(Blend))
+            _check(session)
+    _measured(session)
+    moved = session.vertices
+    while session.undo():
+        pass
+    assert np.array_equal(session.vertices, mesh.vertices)
+    while session.redo():
+        pass
+    assert np.array_equal(session.vertices, moved)
+
+
+def _check(session: Deformer) -> None:
+    assert np.isfinite(session.vertices).all()
+    assert _within(session.weights, 0, 1)
+    assert _within(session.following, 0, 1.001)
+    told = session.report()
+    assert str(told)
+    assert np.isfinite([told.moved, told.farthest]).all()
+
+
+def _measured(session: Deformer) -> None:
+    assert np.isfinite(area_ratios(session.mesh, session.vertices)).all()
+    metrics = _tried(surface_metrics, session.mesh, session.vertices)
+    assert (
+        metrics is None or np.isfinite([metrics.area, metrics.angle, metrics.edge_length, metrics.volume or 0.0]).all()
+    )
+
+
+def _regions(mesh: Mesh, random: np.random.Generator) -> list[Any]:
+    center = mesh.vertices[random.integers(len(mesh.vertices))]
+    return [
+        Ball(tuple(center), 0.1 * mesh.diagonal),
+        Box(tuple(center - 0.1 * mesh.diagonal), tuple(center + 0.2 * mesh.diagonal)),
+        HalfSpace((0.0, 1.0, 0.0), float(center[1])),
+        VertexSet.of(mesh, random.random(len(mesh.vertices)) < 0.2) if len(mesh.vertices) > 60 else [0],
+        "top",
+        "part:none",
+    ]
+
+
+def _posed(mesh: Mesh, features: NDArray[np.float32], handles: list[int], random: np.random.Generator) -> None:
+    """The functions by themselves: every overlap with every blend, across a plane and not."""
+    weights = bind(features, handles)
+    transforms = np.stack([affine(rotation=random.normal(size=3) * 90, scale=1.3) for _ in handles])
+    across = SymmetryPlane((1.0, 0.0, 0.0), float(mesh.vertices[:, 0].mean()), band=0.03 * mesh.diagonal)
+    for overlap, blend in itertools.product(get_args(Overlap), get_args(Blend)):
+        for plane in (None, across):
+            how: dict[str, Any] = {"symmetry": plane, "overlap": overlap, "blend": blend, "handles": handles}
+            moved = _tried(pose, mesh.vertices, weights, transforms, **how)
+            assert moved is None or np.isfinite(moved).all()
+
+
+def _tried(step: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
+    """What a step gives; None where it refuses the mesh, which it has to do by a sentence."""
+    try:
+        return step(*arguments, **options)
+    except ValueError as error:
+        if not REFUSALS.search(str(error)):
+            raise
+        return None
+
+
+# What a shape may be refused for: nothing to measure, nothing in a region, look-alikes that cannot be told apart.
+REFUSALS = re.compile(
+    "must have a face with an area|must hold a vertex|must be a part of the scene|look the same|cannot both arrive|"
+    "cannot arrive|must leave something|must lie at distinct places|must be free places|"
+    "at no vertex with a normal|as wide as it is long"
+)
+
+
+def _within(values: Any, low: float, high: float) -> bool:
+    values = np.asarray(values)
+    return bool(np.isfinite(values).all() and (values >= low).all() and (values <= high).all())

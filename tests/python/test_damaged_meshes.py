@@ -1,0 +1,101 @@
+"""Damaged meshes through every control: no crash, no hang, no NaN.
+
+DFD_DAMAGED says how many, 12 if it is not set. With DFD_MESHES, meshes of the world are damaged, too, and go through
+whole.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import os
+import warnings
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from damage import DAMAGES, damaged
+from every_control import walk
+from made_field import made_field
+from tiny_encoder import save_tiny_encoder
+
+import dfd
+from dfd.geometry.simplify import simplify
+
+COUNT = int(os.environ.get("DFD_DAMAGED", "12"))
+FOLDER = os.environ.get("DFD_MESHES")
+FILES = sorted(path for path in Path(FOLDER).rglob("*") if path.suffix in (".obj", ".glb")) if FOLDER else []
+SHAPES = ["chair", "quadruped", "robot", *FILES]
+MOST_FACES = 3000  # of a shape before it is damaged
+LONGEST = 600  # seconds after which it is a hang
+
+
+@pytest.fixture(autouse=True)
+def _no_hang() -> Iterator[None]:
+    """A hang ends with where it hung; warnings for people are none of what is looked for."""
+    faulthandler.dump_traceback_later(LONGEST, exit=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        yield
+    faulthandler.cancel_dump_traceback_later()
+
+
+@cache
+def shape(number: int) -> dfd.Mesh:
+    """A sample or a mesh of the world, with few faces."""
+    source = SHAPES[number % len(SHAPES)]
+    mesh = dfd.load(source) if isinstance(source, Path) else getattr(dfd.samples, source)(4000).mesh
+    return simplify(mesh, MOST_FACES)
+
+
+def field_of(mesh: dfd.Mesh, seed: int) -> dfd.Field:
+    """A field that has learnt nothing, smooth or full of ripples."""
+    scale = 2 / max(float(mesh.extents.max()), 1e-30)
+    return made_field(16, seed=seed, width=32, layers=2, octaves=seed % 4, center=mesh.bounds.mean(0), scale=scale)
+
+
+@pytest.mark.parametrize("seed", range(COUNT))
+def test_damaged_meshes_go_through_every_control(seed: int) -> None:
+    mesh, _ = damaged(shape(seed), seed)
+    walk(mesh, field_of(mesh, seed), seed)
+
+
+@pytest.mark.skipif(not FILES, reason="DFD_MESHES names no folder of meshes")
+@pytest.mark.parametrize("path", FILES if COUNT >= 50 else FILES[:3], ids=lambda path: path.stem)
+def test_meshes_of_the_world_go_through_every_control(path: Path) -> None:
+    mesh = dfd.load(path)
+    walk(mesh, field_of(mesh, 3), 4)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_damaged_mesh_is_distilled(seed: int, tmp_path: Path) -> None:
+    encoder = save_tiny_encoder(tmp_path)
+    mesh, _ = damaged(shape(seed), 100 + seed)
+    field = dfd.distill(mesh, encoder, views=8, resolution=32, steps=5, batch=64, progress=False, cache=False)
+    features = field.features(mesh)
+    assert np.isfinite(features).all()
+    weights = dfd.bind(features, [0])
+    assert weights.min() >= 0
+    assert weights.max() <= 1
+
+
+def test_the_same_seed_does_the_same_damage() -> None:
+    once, again = (damaged(shape(0), 5) for _ in range(2))
+    assert once[1] == again[1]
+    np.testing.assert_array_equal(once[0].vertices, again[0].vertices)
+    np.testing.assert_array_equal(once[0].faces, again[0].faces)
+
+
+def test_every_kind_of_damage_is_done() -> None:
+    done = " ".join(damaged(shape(0), seed)[1] for seed in range(60))
+    assert all(damage.__name__ in done for damage in DAMAGES)
+
+
+def test_what_is_not_finite_is_refused_at_the_door() -> None:
+    mesh, _ = damaged(shape(0), 1)
+    for wrong in (np.nan, np.inf):
+        vertices = mesh.vertices.copy()
+        vertices[len(vertices) // 2, 1] = wrong
+        with pytest.raises(ValueError, match="Mesh: `vertices` must be finite"):
+            dfd.Mesh(vertices, mesh.faces)
