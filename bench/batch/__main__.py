@@ -1,7 +1,7 @@
 """`python -m bench.batch`: 300 shapes, 20 of them bad, a worker killed on the way, on the pool and on Ray.
 
-Prints what became of them, whether both tables are equal, and the share of the workers' time that was none of the
-shapes' own. Exits with 1 if the tables differ or a shape is missing.
+Then good shapes alone, for the share of the workers' time that is none of the shapes' own. Prints what became of all of
+them and whether both tables are equal; exits with 1 if they differ or a shape is missing.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from pyarrow import parquet
 
 from bench.batch.made_shapes import HANGS, HOGS, KILLED, make
 from dfd.batch.folder import BatchFolder
-from dfd.batch.inputs import find_shapes
+from dfd.batch.inputs import Shape, find_shapes
 from dfd.batch.on_ray import RaySlots, connect
 from dfd.batch.pool import ProcessSlots, Slots
 from dfd.batch.record import Limits, Record
 from dfd.batch.resources import slot_environments
-from dfd.batch.run import Summary, run_batch
+from dfd.batch.run import run_batch
 from dfd.batch.settings import BatchSettings
 
 WORKERS = 2
@@ -86,53 +86,60 @@ class Killer(threading.Thread):
                     time.sleep(0.5)
 
 
-def run(root: Path, manifest: Path, slots: Slots, limits: Limits) -> tuple[Summary, Times, list[str]]:
-    """Work through the manifest."""
+def run(root: Path, shapes: list[Shape], slots: Slots, limits: Limits, trouble: bool) -> None:
+    """Work through shapes, and print what became of them."""
     settings = BatchSettings(steps=("inspect", "features", "pictures"))
-    folder, times = BatchFolder.begin(root, settings), Times()
-    killer = Killer(root, after=60)
-    killer.start()
+    folder, times, killer = BatchFolder.begin(root, settings), Times(), Killer(root, after=60)
+    if trouble:
+        killer.start()
     try:
-        summary = run_batch(find_shapes([str(manifest)]), settings, folder, slots, limits, times)
+        summary = run_batch(shapes, settings, folder, slots, limits, times)
     finally:
         slots.close()
-    return summary, times, killer.killed
+    print(
+        f"  {summary.done} done, {dict(summary.causes)}, {summary.missing} missing; killed {killer.killed}\n"
+        f"  {summary.seconds:.1f} s, shapes' own {summary.busy:.1f} s on {WORKERS} workers, "
+        f"overhead {times.overhead():.1%} (load average {os.getloadavg()[0]:.1f})",
+        flush=True,
+    )
 
 
-def main() -> None:
-    """Run both and compare."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--shapes", type=int, default=300)
-    parser.add_argument("--folder", type=Path, help="keep everything here")
-    asked = parser.parse_args()
-    folder = asked.folder or Path(tempfile.mkdtemp())
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir()
-    manifest = make(folder / "shapes", asked.shapes)
-    limits = Limits(threads=1, timeout=30.0, memory=int(1.2 * 2**30))
-    tables = {}
+def both(folder: Path, shapes: list[Shape], limits: Limits, trouble: bool) -> bool:
+    """Run on the pool and on Ray, and say whether the tables are equal and whole."""
+    tables = []
     for name in ("pool", "ray"):
-        print(name, flush=True)
+        root = folder / f"{name}-{'trouble' if trouble else 'calm'}"
+        print(root.name, flush=True)
         slots: Slots
         if name == "pool":
             slots = ProcessSlots(slot_environments(WORKERS, limits, 0))
         else:
             slots = RaySlots(connect(None, WORKERS, 1), limits)
-        summary, times, killed = run(folder / name, manifest, slots, limits)
-        load = os.getloadavg()[0]
-        print(
-            f"  {summary.done} done, {dict(summary.causes)}, {summary.missing} missing; killed {killed}\n"
-            f"  {summary.seconds:.1f} s, shapes' own {summary.busy:.1f} s on {WORKERS} workers, "
-            f"overhead {times.overhead():.1%} (load average {load:.1f})",
-            flush=True,
-        )
-        table = parquet.read_table(folder / name / "shapes.parquet", columns=list(SAME))
-        tables[name] = table.to_pylist()
-    different = [a["name"] for a, b in zip(*tables.values(), strict=True) if a != b]
-    print(f"tables: {len(tables['pool'])} rows each, {len(different)} of them different {different[:5]}")
+        run(root, shapes, slots, limits, trouble)
+        tables.append(parquet.read_table(root / "shapes.parquet", columns=list(SAME)).to_pylist())
+    different = [a["name"] for a, b in zip(*tables, strict=True) if a != b]
+    print(f"tables: {len(tables[0])} rows each, {len(different)} of them different {different[:5]}", flush=True)
+    return not different and len(tables[0]) == len(shapes)
+
+
+def main() -> None:
+    """Run all, and leave with 1 if anything was lost."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--shapes", type=int, default=300, help="with the twenty bad ones; 0 leaves this part out")
+    parser.add_argument("--calm", type=int, default=60, help="good ones, and no worker is killed: for the overhead")
+    parser.add_argument("--folder", type=Path, help="keep everything here")
+    asked = parser.parse_args()
+    folder = asked.folder or Path(tempfile.mkdtemp())
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    shapes = find_shapes([str(make(folder / "shapes", max(asked.shapes, asked.calm + 20)))])
+    good = [shape for shape in shapes if not shape.name.startswith("bad-")]
+    limits = Limits(threads=1, timeout=30.0, memory=int(1.2 * 2**30))
+    whole = [both(folder, shapes, limits, trouble=True)] if asked.shapes else []
+    whole += [both(folder, good[: asked.calm], limits, trouble=False)] if asked.calm else []
     if asked.folder is None:
         shutil.rmtree(folder)
-    sys.exit(bool(different) or len(tables["pool"]) != asked.shapes)
+    sys.exit(not all(whole))
 
 
 if __name__ == "__main__":

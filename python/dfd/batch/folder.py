@@ -92,6 +92,10 @@ class BatchFolder:
         except (OSError, ValidationError):
             return None
 
+    def finished(self, name: str) -> bool:
+        """Whether a shape has its record."""
+        return (self.shape(name) / RECORD).is_file()
+
     def attempt(self, name: str, token: str) -> Path:
         """The folder of one attempt."""
         return self.work / f"{name}~{token}"

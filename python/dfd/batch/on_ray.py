@@ -70,6 +70,7 @@ class RaySlots:
     def __init__(self, ray: Any, limits: Limits) -> None:
         self._ray, self._limits = ray, limits
         promised: dict[str, Any] = {"num_cpus": limits.threads, "num_gpus": limits.gpus, "max_retries": 0}
+        promised["max_calls"] = 0  # with a GPU, Ray would start a process a task, and load the encoder in each
         if limits.memory is not None:
             promised["memory"] = limits.memory
         self._check(promised)

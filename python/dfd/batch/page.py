@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from html import escape
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
+import pyarrow
+
 from dfd.batch.folder import BatchFolder
-from dfd.batch.record import Record
 from dfd.batch.settings import BatchSettings
 from dfd.common.files import atomic_write
 
@@ -37,19 +40,20 @@ a {{ color: inherit; }}
 """
 
 
-def write_page(folder: BatchFolder, settings: BatchSettings, records: Sequence[Record]) -> Path:
-    """Write `index.html`, and further pages where there are more than 2,000 shapes.
+def write_page(folder: BatchFolder, settings: BatchSettings, table: pyarrow.Table) -> Path:
+    """Write `index.html` from the table of the batch, and further pages where there are more than 2,000 shapes.
 
     Raises
     ------
     OSError
         If it cannot be written.
     """
-    ordered = sorted(records, key=lambda record: (record.status == "done", record.name))
+    ordered = table.sort_by([("status", "descending"), ("name", "ascending")])  # what failed comes first
     starts = range(0, max(1, len(ordered)), ON_A_PAGE)
-    counts = Counter(record.cause or record.status for record in records)
+    causes, statuses = (table.column(name).to_pylist() for name in ("cause", "status"))
+    counts = Counter(cause or status for cause, status in zip(causes, statuses, strict=True))
     told = ", ".join(f"{count:,} {what}" for what, count in counts.most_common())
-    title = f"{len(records):,} shapes: {told}"
+    title = f"{len(table):,} shapes: {told}"
     for number, start in enumerate(starts, 1):
         path = folder.root / _page_name(number)
         with atomic_write(path) as temporary, temporary.open("w", encoding="utf-8") as stream:
@@ -58,7 +62,7 @@ def write_page(folder: BatchFolder, settings: BatchSettings, records: Sequence[R
             if len(starts) > 1:
                 stream.write("<nav>" + "".join(_links(len(starts), number)) + "</nav>\n")
             stream.write("<main>\n")
-            stream.writelines(_article(folder, record) for record in ordered[start : start + ON_A_PAGE])
+            stream.writelines(_article(folder, row) for row in ordered.slice(start, ON_A_PAGE).to_pylist())
             stream.write("</main>\n</html>\n")
     return folder.root / PAGE
 
@@ -72,18 +76,17 @@ def _links(count: int, here: int) -> Iterator[str]:
         yield f"<b>{number}</b>" if number == here else f"<a href='{_page_name(number)}'>{number}</a>"
 
 
-def _article(folder: BatchFolder, record: Record) -> str:
-    place = quote(folder.shape(record.name).relative_to(folder.root).as_posix())
-    shown = [name for name in record.files if name.endswith(".png")]
+def _article(folder: BatchFolder, row: dict[str, Any]) -> str:
+    place = quote(folder.shape(row["name"]).relative_to(folder.root).as_posix())
+    shown = [name for name in json.loads(row["files"]) if name.endswith(".png")]
     shown.sort(key=lambda name: (name != "thumbnail.png", name))
     images = "".join(
         f"<a href='{place}/{quote(name)}'><img loading='lazy' src='{place}/{quote(name)}' alt='{escape(name)}'></a>"
         for name in shown
     )
-    lines = [f"{record.seconds:.1f} s"]
-    if "faces" in record.figures:
-        lines.insert(0, f"{record.figures['faces']:,} faces")
-    refused = [str(text) for name, text in record.figures.items() if name.endswith("_refused") and text]
-    lines += [f"{record.cause}: {record.message}"] if record.cause else refused
+    faces = row.get("faces")
+    lines = [*([] if faces is None else [f"{faces:,} faces"]), f"{row['seconds']:.1f} s"]
+    refused = [str(text) for name, text in row.items() if name.endswith("_refused") and text]
+    lines += [f"{row['cause']}: {row['message']}"] if row["cause"] else refused
     text = "".join(f"<small>{escape(line)}</small>" for line in lines)
-    return f"<article class='{record.status}'>{images}<a href='{place}/'>{escape(record.name)}</a>{text}</article>\n"
+    return f"<article class='{row['status']}'>{images}<a href='{place}/'>{escape(row['name'])}</a>{text}</article>\n"

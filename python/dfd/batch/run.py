@@ -20,7 +20,7 @@ from dfd.batch.page import write_page
 from dfd.batch.pool import Slots
 from dfd.batch.record import Cause, Died, Job, Limits, Record, Stopped, modified, new_token, versions
 from dfd.batch.settings import BatchSettings
-from dfd.batch.table import write_table
+from dfd.batch.table import gather, write_table
 
 __all__ = ["Summary", "Watcher", "run_batch"]
 
@@ -112,11 +112,11 @@ def run_batch(
     watcher.begun(len(mine), summary.done + summary.failed)
     by_name = {shape.name: shape for shape in mine}
     _work_off(todo, by_name, settings, folder, slots, limits, watcher, summary)
-    records = [record for record in map(folder.record, (shape.name for shape in shapes)) if record is not None]
-    summary.missing = len(shapes) - len(records)
+    summary.missing = sum(not folder.finished(shape.name) for shape in shapes)
     if summary.missing == 0:
-        write_table(folder.root, settings, records)
-        write_page(folder, settings, records)
+        table = gather((record for shape in shapes if (record := folder.record(shape.name))), settings)
+        write_table(folder.root, table)
+        write_page(folder, settings, table)
     summary.seconds = time.perf_counter() - start
     return summary
 
