@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 from dfd.cli.app import app as app_command
+from dfd.cli.batch import batch
 from dfd.cli.deform import deform
 from dfd.cli.demo import demo
 from dfd.cli.distill import distill
@@ -59,12 +60,14 @@ app.command()(show)
 app.command()(inspect)
 app.command()(pick)
 app.command()(export)
+app.command()(batch)
 app.command("app")(app_command)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line with `arguments`, by default those of the process, and exit.
 
-    Exit codes: 0 done; 2 something that was given does not work, said in one line on standard error; 130 interrupted.
+    Exit codes: 0 done; 1 of several shapes some could not be done; 2 something that was given does not work, said in
+    one line on standard error; 130 interrupted.
     """
     app(args=None if arguments is None else list(arguments), prog_name="dfd")

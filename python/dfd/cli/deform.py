@@ -131,7 +131,7 @@ def deform(
 ) -> None:
     """Deform MESH by handles, from options, an edit, or both; or several shapes by one edit, made on another one.
 
-    On several shapes each handle goes to what looks most like what it held; a shape without such is left out, and named.
+    On several shapes each handle goes to what looks most like what it held; a shape without such is left out.
     """
     held = handles(context.params, context.meta)
     if is_many(meshes, made_on):

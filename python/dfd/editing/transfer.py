@@ -209,13 +209,15 @@ class _Carrier:
         long = float(np.linalg.norm(offset))
         along = long * self.products(offset / long) if long > 0 else 0.0
         squares = 1.0 + long**2 - 2.0 * along
-        return np.where(squares > TOO_SHORT**2, np.sqrt(np.maximum(squares, 0.0)), np.inf)
+        lengths: Points = np.where(squares > TOO_SHORT**2, np.sqrt(np.maximum(squares, 0.0)), np.inf)
+        return lengths
 
     def products(self, row: Points) -> Points:
         """(V,) products of the vertices' features with a unit row, from the distances that `bind` knows."""
         # With twice the paper's reach, no distance of unit features is cut off.
         distances = 2.0 * (1.0 - bind(self.rows.features, row[None].astype(np.float32), reach=2.0)[:, 0])
-        return 1.0 - np.square(distances, dtype=np.float64) / 2.0
+        products: Points = 1.0 - np.square(distances, dtype=np.float64) / 2.0
+        return products
 
 
 def _mean(mesh: Mesh, field: Field) -> Points:
@@ -230,13 +232,15 @@ def _mean(mesh: Mesh, field: Field) -> Points:
     # Uniform in a triangle: Osada et al. 2002, Shape Distributions, equation 1.
     first, second = np.sqrt(generator.random((SAMPLE, 1))), generator.random((SAMPLE, 1))
     points = (1 - first) * corners[:, 0] + first * (1 - second) * corners[:, 1] + first * second * corners[:, 2]
-    return np.asarray(field(points), np.float64).mean(axis=0)
+    mean: Points = np.asarray(field(points), np.float64).mean(axis=0)
+    return mean
 
 
 def _unit(rows: NDArray[np.floating]) -> Points:
     """Rows of length 1; of no length stay what has none to speak of."""
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
-    return np.where(lengths > TOO_SHORT, rows / np.maximum(lengths, TOO_SHORT), 0.0)
+    rows_of_length_1: Points = np.where(lengths > TOO_SHORT, rows / np.maximum(lengths, TOO_SHORT), 0.0)
+    return rows_of_length_1
 
 
 def _sure(cosines: NDArray[np.floating]) -> float:

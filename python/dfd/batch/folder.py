@@ -1,0 +1,211 @@
+"""The folder of a batch. What is finished is a folder of its own, which appears whole.
+
+    batch.json              the settings
+    edits/                  edits, each with the mesh and the field that it was made on
+    shapes/NAME/            what was made of a shape, and record.json, which says that it is finished
+    shapes/4f2/NAME/        the same in a batch of many shapes
+    shapes.parquet, index.html    made from the records
+    .work/                  what is being made, and locks; may be removed when nothing runs
+
+An attempt writes into a folder of its own below `.work`, its record last, and is then renamed into place. So a shape is
+either finished or as if it had never been begun, wherever a process, the driver or the machine stops; and of two
+attempts at one shape the second finds the place taken.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+import secrets
+import shutil
+import socket
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from dfd.batch.record import Record
+from dfd.batch.settings import BatchSettings
+from dfd.common.files import atomic_write
+
+__all__ = ["BatchFolder"]
+
+SETTINGS, RECORD, WORK, OWNER = "batch.json", "record.json", ".work", "owner"
+LAST_WORDS = "last-words"
+TAKEN = (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR)
+
+
+class BatchFolder:
+    """The places of a batch in its folder `root`."""
+
+    def __init__(self, root: str | os.PathLike[str], *, sharded: bool) -> None:
+        self.root = Path(root)
+        self.sharded = sharded
+        self.work = self.root / WORK
+        self.edits = self.root / "edits"
+
+    @classmethod
+    def begin(cls, root: str | os.PathLike[str], settings: BatchSettings) -> BatchFolder:
+        """Make the folder, or go on in one that was begun with the same settings.
+
+        Raises
+        ------
+        ValueError
+            If it holds something else, or a batch with other settings.
+        OSError
+            If it cannot be made or written.
+        """
+        folder = cls(root, sharded=settings.sharded)
+        if folder.root.exists() and not folder.root.is_dir():
+            raise NotADirectoryError(f"batch: `output` must be a folder, but {folder.root} is a file")
+        if not folder.root.parent.is_dir():
+            raise FileNotFoundError(f"batch: `output`: the folder {folder.root.parent} does not exist")
+        before = read_settings(folder.root)
+        if before is None and folder.root.is_dir() and any(folder.root.iterdir()):
+            raise ValueError(f"batch: `output` must be a new folder or one of an earlier batch, got {folder.root}")
+        if before is not None and before != settings:
+            was, now = before.model_dump(), settings.model_dump()
+            differ = ", ".join(f"{key} {was[key]}, now {now[key]}" for key in was if was[key] != now[key])
+            raise ValueError(f"batch: `output`: {folder.root} was begun with other settings ({differ})")
+        try:
+            folder.root.mkdir(exist_ok=True)
+            folder.work.mkdir(exist_ok=True)
+            with atomic_write(folder.root / SETTINGS, "output") as temporary:
+                temporary.write_text(settings.model_dump_json(indent=2) + "\n", "utf-8")
+        except OSError as error:
+            raise OSError(error.errno, f"batch: `output`: {root} cannot be written: {error.strerror}") from error
+        return folder
+
+    def shape(self, name: str) -> Path:
+        """Where a finished shape is."""
+        shapes = self.root / "shapes"
+        return shapes / hashlib.sha256(name.encode()).hexdigest()[:3] / name if self.sharded else shapes / name
+
+    def record(self, name: str) -> Record | None:
+        """What became of a shape, or None where it is not finished."""
+        try:
+            return Record.model_validate_json((self.shape(name) / RECORD).read_bytes())
+        except (OSError, ValidationError):
+            return None
+
+    def finished(self, name: str) -> bool:
+        """Whether a shape has its record."""
+        return (self.shape(name) / RECORD).is_file()
+
+    def attempt(self, name: str, token: str) -> Path:
+        """The folder of one attempt."""
+        return self.work / f"{name}~{token}"
+
+    def begin_attempt(self, name: str, token: str) -> Path:
+        """Make the folder of one attempt."""
+        place = self.attempt(name, token)
+        place.mkdir(parents=True)
+        (place / OWNER).write_text(f"{os.getpid()} {socket.gethostname()}", "utf-8")
+        return place
+
+    def publish(self, place: Path, record: Record) -> Record:
+        """Put a finished attempt in its place, its record last, and return what stands there now."""
+        for private in (OWNER, LAST_WORDS):
+            (place / private).unlink(missing_ok=True)
+        with atomic_write(place / RECORD) as temporary:
+            temporary.write_text(record.model_dump_json(indent=2) + "\n", "utf-8")
+        final = self.shape(record.name)
+        final.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            place.rename(final)
+        except OSError as error:
+            if error.errno not in TAKEN:
+                raise
+            shutil.rmtree(place, ignore_errors=True)
+            return self.record(record.name) or record
+        return record
+
+    def retire(self, name: str) -> None:
+        """Take a shape away that is to be done anew."""
+        with suppress(FileNotFoundError):
+            away = self.attempt(name, secrets.token_hex(4))
+            self.shape(name).rename(away)
+            shutil.rmtree(away, ignore_errors=True)
+
+    def last_words(self, name: str, token: str) -> str:
+        """What the guard of an attempt left behind before it ended its process; empty where it did not."""
+        try:
+            return (self.attempt(name, token) / LAST_WORDS).read_text("utf-8", "replace")
+        except OSError:
+            return ""
+
+    def age(self, name: str, token: str) -> float:
+        """Seconds since an attempt was begun; 0 where none was."""
+        try:
+            return max(0.0, time.time() - (self.attempt(name, token) / OWNER).stat().st_mtime)
+        except OSError:
+            return 0.0
+
+    def drop(self, name: str, token: str) -> None:
+        """Remove what an attempt that ended early left behind."""
+        shutil.rmtree(self.attempt(name, token), ignore_errors=True)
+
+    def sweep(self) -> None:
+        """Remove what dead processes of this machine left unfinished."""
+        for place in self.work.glob("*~*"):
+            try:
+                process, host = (place / OWNER).read_text("utf-8").split(" ", 1)
+                alive = host != socket.gethostname() or _alive(int(process))
+            except (OSError, ValueError):
+                alive = False
+            if not alive:
+                shutil.rmtree(place, ignore_errors=True)
+
+    @contextmanager
+    def lock(self, rank: int, world_size: int) -> Iterator[None]:
+        """Hold the folder for one driver of a rank.
+
+        Raises
+        ------
+        ValueError
+            If another one holds it.
+        """
+        path = self.work / f"rank-{rank}-of-{world_size}.lock"
+        with path.open("w") as stream:
+            if sys.platform != "win32":
+                import fcntl
+
+                try:
+                    fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                except BlockingIOError:
+                    raise ValueError(f"batch: `output`: another run is at work in {self.root}") from None
+                except OSError:
+                    pass  # a file system without locks: the place of each shape can still be taken only once
+            yield
+
+
+def read_settings(root: Path) -> BatchSettings | None:
+    """The settings of the batch in `root`, or None where there is none.
+
+    Raises
+    ------
+    ValueError
+        If its `batch.json` is damaged or of another version.
+    """
+    try:
+        text = (root / SETTINGS).read_bytes()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    try:
+        return BatchSettings.model_validate_json(text)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise ValueError(
+            f"batch: `output`: {root / SETTINGS} cannot be gone on from: {'.'.join(map(str, first['loc']))}: "
+            f"{first['msg']}"
+        ) from None
+
+
+def _alive(process: int) -> bool:
+    import psutil
+
+    return bool(psutil.pid_exists(process))

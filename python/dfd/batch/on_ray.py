@@ -1,0 +1,129 @@
+"""The same workers on a Ray cluster, which decides where and when each job runs."""
+
+from __future__ import annotations
+
+import socket
+from typing import Any
+
+from dfd.batch.pool import Outcome
+from dfd.batch.record import Died, Job, Limits
+from dfd.batch.worker import work
+
+__all__ = ["RaySlots", "connect"]
+
+PATIENCE = 5.0  # seconds for a cluster to answer
+QUEUED = 2  # jobs for each place of the cluster, so that none waits for the driver
+
+
+def connect(address: str | None, workers: int | None, threads: int) -> Any:
+    """Start Ray on this machine, or join the cluster at `address`, and return the module.
+
+    Raises
+    ------
+    ValueError
+        If Ray is not installed, or the address is none.
+    OSError
+        If no cluster answers there.
+    """
+    try:
+        import ray
+    except ImportError:
+        raise ValueError("batch: `ray` needs Ray: pip install 'dfd[batch]'") from None
+    options: dict[str, Any] = {"log_to_driver": False, "logging_level": "error"}
+    if address is None:
+        cpus = None if workers is None else workers * threads
+        ray.init(address="local", num_cpus=cpus, include_dashboard=False, **options)
+        return ray
+    if address != "auto":
+        _answers(address)
+    try:
+        ray.init(address=address, **options)
+    except (ConnectionError, OSError, RuntimeError, ValueError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise ConnectionError(f"batch: `ray_address`: no Ray cluster answers at {address}: {reason}") from None
+    return ray
+
+
+def _answers(address: str) -> None:
+    """Refuse an address where nobody listens: Ray itself would ask for minutes."""
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    if not host or not port.isdigit() or not 0 < int(port) < 65536:
+        raise ValueError(f"batch: `ray_address` must be auto, HOST:PORT or ray://HOST:PORT, got {address!r}")
+    try:
+        socket.create_connection((host, int(port)), PATIENCE).close()
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise ConnectionError(f"batch: `ray_address`: no Ray cluster answers at {address}: {reason}") from None
+
+
+class RaySlots:
+    """Slots on a Ray cluster.
+
+    Parameters
+    ----------
+    ray
+        The module, connected.
+    limits
+        What one task is promised: so many processors, bytes and GPUs. Ray starts no task before they are free.
+    """
+
+    def __init__(self, ray: Any, limits: Limits) -> None:
+        self._ray, self._limits = ray, limits
+        promised: dict[str, Any] = {"num_cpus": limits.threads, "num_gpus": limits.gpus, "max_retries": 0}
+        promised["max_calls"] = 0  # with a GPU, Ray would start a process a task, and load the encoder in each
+        if limits.memory is not None:
+            promised["memory"] = limits.memory
+        self._check(promised)
+        self._task = ray.remote(**promised)(work)
+        self._running: dict[Any, Job] = {}
+
+    def free(self) -> bool:
+        """Whether another job can be taken: the cluster may have grown since the last one."""
+        return len(self._running) < QUEUED * self._places()
+
+    def submit(self, job: Job) -> None:
+        """Hand a job to Ray."""
+        self._running[self._task.remote(job)] = job
+
+    def wait(self, seconds: float) -> list[tuple[Job, Outcome]]:
+        """The jobs that have ended, after at most so many seconds."""
+        ended, _ = self._ray.wait(list(self._running), timeout=seconds)
+        found = []
+        for reference in ended:
+            job = self._running.pop(reference)
+            try:
+                found.append((job, self._ray.get(reference)))
+            except self._ray.exceptions.RayError as error:
+                found.append((job, Died(how=f"its process ended: {_first_line(error)}")))
+        return found
+
+    def close(self) -> None:
+        """End what runs, and leave the cluster."""
+        for reference in self._running:
+            self._ray.cancel(reference, force=True)
+        self._ray.shutdown()
+
+    def _places(self) -> int:
+        cpus = self._ray.cluster_resources().get("CPU", 1.0)
+        return max(1, int(cpus // self._limits.threads))
+
+    def _check(self, promised: dict[str, Any]) -> None:
+        """Refuse what no machine of the cluster has: Ray would wait for one.
+
+        Raises
+        ------
+        ValueError
+            If one task needs more than all of it.
+        """
+        there = self._ray.cluster_resources()
+        for name, key in (("threads", "CPU"), ("gpus", "GPU"), ("memory", "memory")):
+            needed = getattr(self._limits, name) or 0
+            if needed > there.get(key, 0):
+                raise ValueError(
+                    f"batch: `{name}` must be at most what the Ray cluster has, {there.get(key, 0):g}, got {needed:g}"
+                )
+
+
+def _first_line(error: BaseException) -> str:
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return f"{type(error).__name__}: {lines[0] if lines else ''}"[:300]

@@ -1,0 +1,92 @@
+"""The page of a batch: every shape with its thumbnail, failures first; it opens from the folder, without a server."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterator
+from html import escape
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import pyarrow
+
+from dfd.batch.folder import BatchFolder
+from dfd.batch.settings import BatchSettings
+from dfd.common.files import atomic_write
+
+__all__ = ["PAGE", "write_page"]
+
+PAGE = "index.html"
+ON_A_PAGE = 2000  # shapes; more go on in index-2.html and so on
+
+HEAD = """<!doctype html>
+<html lang="en">
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width">
+<title>{title}</title>
+<style>
+body {{ font: 14px/1.4 system-ui, sans-serif; color: #1c1e24; margin: 2rem; }}
+h1 {{ font-size: 1.3rem; font-weight: 600; }}
+nav a, nav b {{ margin-right: .6rem; }}
+main {{ display: grid; grid-template-columns: repeat(auto-fill, minmax(180px, 1fr)); gap: 1rem; }}
+article {{ border: 1px solid #dcdee2; border-radius: 6px; padding: .5rem; overflow-wrap: anywhere; }}
+article.failed {{ border-color: #c0392b; background: #fdf3f2; }}
+img {{ width: 100%; aspect-ratio: 1; object-fit: contain; background: white; }}
+small {{ color: #64686f; display: block; }}
+a {{ color: inherit; }}
+</style>
+"""
+
+
+def write_page(folder: BatchFolder, settings: BatchSettings, table: pyarrow.Table) -> Path:
+    """Write `index.html` from the table of the batch, and further pages where there are more than 2,000 shapes.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    ordered = table.sort_by([("status", "descending"), ("name", "ascending")])  # what failed comes first
+    starts = range(0, max(1, len(ordered)), ON_A_PAGE)
+    causes, statuses = (table.column(name).to_pylist() for name in ("cause", "status"))
+    counts = Counter(cause or status for cause, status in zip(causes, statuses, strict=True))
+    told = ", ".join(f"{count:,} {what}" for what, count in counts.most_common())
+    title = f"{len(table):,} shapes: {told}"
+    for number, start in enumerate(starts, 1):
+        path = folder.root / _page_name(number)
+        with atomic_write(path) as temporary, temporary.open("w", encoding="utf-8") as stream:
+            stream.write(HEAD.format(title=escape(title)) + f"<h1>{escape(title)}</h1>\n")
+            stream.write(f"<p>Steps: {', '.join(settings.steps)}. <a href='shapes.parquet'>shapes.parquet</a></p>\n")
+            if len(starts) > 1:
+                stream.write("<nav>" + "".join(_links(len(starts), number)) + "</nav>\n")
+            stream.write("<main>\n")
+            stream.writelines(_article(folder, row) for row in ordered.slice(start, ON_A_PAGE).to_pylist())
+            stream.write("</main>\n</html>\n")
+    return folder.root / PAGE
+
+
+def _page_name(number: int) -> str:
+    return PAGE if number == 1 else f"index-{number}.html"
+
+
+def _links(count: int, here: int) -> Iterator[str]:
+    for number in range(1, count + 1):
+        yield f"<b>{number}</b>" if number == here else f"<a href='{_page_name(number)}'>{number}</a>"
+
+
+def _article(folder: BatchFolder, row: dict[str, Any]) -> str:
+    place = quote(folder.shape(row["name"]).relative_to(folder.root).as_posix())
+    shown = [name for name in json.loads(row["files"]) if name.endswith(".png")]
+    shown.sort(key=lambda name: (name != "thumbnail.png", name))
+    images = "".join(
+        f"<a href='{place}/{quote(name)}'><img loading='lazy' src='{place}/{quote(name)}' alt='{escape(name)}'></a>"
+        for name in shown
+    )
+    faces = row.get("faces")
+    lines = [*([] if faces is None else [f"{faces:,} faces"]), f"{row['seconds']:.1f} s"]
+    refused = [str(text) for name, text in row.items() if name.endswith("_refused") and text]
+    lines += [f"{row['cause']}: {row['message']}"] if row["cause"] else refused
+    text = "".join(f"<small>{escape(line)}</small>" for line in lines)
+    return f"<article class='{row['status']}'>{images}<a href='{place}/'>{escape(row['name'])}</a>{text}</article>\n"

@@ -1,0 +1,162 @@
+"""Workers on this machine: a process a slot, each with a pipe of its own.
+
+The pools of the standard library break when a worker is killed, and those that share a queue among workers may lose its
+lock with the one that held it. Here nothing is shared: a worker that ends, however, ends one job, and the next job of
+its slot starts another. A worker whose driver is gone finishes its shape and leaves.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+from collections.abc import Mapping, Sequence
+from multiprocessing.connection import Connection, wait
+from typing import Protocol
+
+from dfd.batch.record import Died, Job, Record, Stopped
+
+__all__ = ["Outcome", "ProcessSlots", "Slots"]
+
+Outcome = Record | Stopped | Died
+SPAWN = multiprocessing.get_context("spawn")  # OpenMP's threads do not survive a fork
+
+
+class Slots(Protocol):
+    """Where jobs are done, so many at a time."""
+
+    def free(self) -> bool:
+        """Whether another job can be taken."""
+
+    def submit(self, job: Job) -> None:
+        """Begin a job."""
+
+    def wait(self, seconds: float) -> Sequence[tuple[Job, Outcome]]:
+        """The jobs that have ended, after at most so many seconds."""
+
+    def close(self) -> None:
+        """End all workers, whatever they are doing."""
+
+
+class ProcessSlots:
+    """Slots on this machine.
+
+    Parameters
+    ----------
+    environments
+        A slot for each, with what its processes have in their environment besides ours.
+    """
+
+    def __init__(self, environments: Sequence[Mapping[str, str]]) -> None:
+        self._idle = [_Slot(dict(each)) for each in environments]
+        self._busy: list[_Slot] = []
+
+    def free(self) -> bool:
+        """Whether another job can be taken."""
+        return bool(self._idle)
+
+    def submit(self, job: Job) -> None:
+        """Begin a job in an idle slot."""
+        slot = self._idle.pop(0)
+        slot.begin(job)
+        self._busy.append(slot)
+
+    def wait(self, seconds: float) -> list[tuple[Job, Outcome]]:
+        """The jobs that have ended, after at most so many seconds."""
+        wait([each for slot in self._busy for each in slot.signs()], seconds)
+        ended = []
+        for slot in list(self._busy):
+            outcome = slot.outcome()
+            if outcome is not None:
+                self._busy.remove(slot)
+                self._idle.append(slot)
+                ended.append((slot.job, outcome))
+        return ended
+
+    def close(self) -> None:
+        """End all workers, whatever they are doing."""
+        for slot in (*self._idle, *self._busy):
+            slot.end()
+
+
+class _Slot:
+    """A place for one process at a time."""
+
+    job: Job
+
+    def __init__(self, environment: dict[str, str]) -> None:
+        self._environment = environment
+        self._process: multiprocessing.process.BaseProcess | None = None
+        self._pipe: Connection | None = None
+
+    def begin(self, job: Job) -> None:
+        self.job = job
+        for _ in range(2):  # a worker may have been killed while it was idle
+            if self._process is None or not self._process.is_alive():
+                self.end()
+                self._start()
+            assert self._pipe is not None
+            with contextlib.suppress(OSError):
+                self._pipe.send(job)
+                return
+
+    def signs(self) -> list[Connection | int]:
+        """What shows that something has happened."""
+        assert self._process is not None
+        assert self._pipe is not None
+        return [self._pipe, self._process.sentinel]
+
+    def outcome(self) -> Outcome | None:
+        """What came of the job, or None while it goes on."""
+        assert self._process is not None
+        assert self._pipe is not None
+        try:
+            if self._pipe.poll():
+                found: Outcome = self._pipe.recv()
+                return found
+        except (EOFError, OSError):
+            self._process.join(5.0)
+        if self._process.is_alive():
+            return None
+        code = self._process.exitcode
+        self.end()
+        return Died(how=_how(code))
+
+    def end(self) -> None:
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+            self._process.close()
+            self._process = None
+        if self._pipe is not None:
+            self._pipe.close()
+            self._pipe = None
+
+    def _start(self) -> None:
+        self._pipe, theirs = SPAWN.Pipe()
+        self._process = SPAWN.Process(target=_serve, args=(theirs, self._environment), daemon=True, name="dfd-batch")
+        self._process.start()
+        theirs.close()  # so that each side learns when the other is gone
+
+
+def _serve(pipe: Connection, environment: Mapping[str, str]) -> None:
+    """Do jobs until the driver closes the pipe, or is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the driver's: it ends us when it wants to
+    os.environ.update(environment)  # before anything is loaded that reads it
+    from dfd.batch.worker import work
+
+    with contextlib.suppress(EOFError, OSError):
+        while True:
+            pipe.send(work(pipe.recv()))
+
+
+def _how(code: int | None) -> str:
+    if code is not None and code < 0:
+        try:
+            named = signal.Signals(-code).name
+        except ValueError:
+            named = f"signal {-code}"
+        hint = ", as the system does when memory runs out" if named == "SIGKILL" else ""
+        return f"its process was ended by {named}{hint}"
+    return f"its process left with code {code}"

@@ -1,0 +1,133 @@
+"""What became of one shape: the small JSON file that is written last into its folder."""
+
+from __future__ import annotations
+
+import platform
+import secrets
+import socket
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from dfd.batch.inputs import is_remote
+
+__all__ = ["Cause", "Died", "Job", "Limits", "Record", "Stopped", "modified", "new_token", "versions"]
+
+Cause = Literal["input", "memory", "timeout", "crash", "error"]
+Figure = bool | int | float | str | None
+
+
+class Record(BaseModel):
+    """What became of one shape.
+
+    Attributes
+    ----------
+    status, cause, message
+        "done", or "failed" with why: the input was refused, memory or time ran out, its process died, or an error of
+        dfd itself.
+    sha256, size
+        Of its file, where that could be read; bytes.
+    settings
+        The hash of the batch's settings.
+    attempts
+        How many times it was begun.
+    seconds, timings
+        All of it, and each step.
+    memory
+        The most that its process had, bytes.
+    figures
+        What steps found, by name: the further columns of the table.
+    files
+        What is in its folder besides this.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    format: Literal["dfd-record"] = "dfd-record"
+    version: Literal[1] = 1
+    name: str
+    path: str
+    status: Literal["done", "failed"]
+    cause: Cause | None = None
+    message: str | None = None
+    sha256: str | None = None
+    size: int | None = None
+    modified: int | None = None  # nanoseconds, of a file here
+    settings: str
+    attempts: int
+    seconds: float
+    timings: dict[str, float] = Field(default_factory=dict)
+    memory: int | None = None
+    figures: dict[str, Figure] = Field(default_factory=dict)
+    files: list[str] = Field(default_factory=list)
+    warnings: list[str] = Field(default_factory=list)
+    versions: dict[str, str] = Field(default_factory=dict)
+    host: str = Field(default_factory=socket.gethostname)
+    finished: str = ""
+
+
+class Limits(BaseModel):
+    """What one task may use: threads, seconds and bytes; None is without limit."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    threads: int = 1
+    timeout: float | None = None
+    memory: int | None = None
+    gpus: float = 0.0
+
+
+class Job(BaseModel):
+    """One attempt at one shape, as it is sent to a worker."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    root: str
+    name: str
+    path: str
+    field: str | None
+    attempt: int
+    token: str  # of the attempt's own folder
+    limits: Limits
+
+
+class Died(BaseModel):
+    """A worker ended before its job did."""
+
+    how: str
+
+
+class Stopped(BaseModel):
+    """The batch cannot go on, whatever the shape: its folder cannot be written."""
+
+    why: str
+
+
+@cache
+def versions() -> dict[str, str]:
+    """What made a record."""
+    found = {"python": platform.python_version()}
+    for package in ("dfd", "numpy", "torch", "transformers", "trimesh"):
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            found[package] = "unknown"
+    return found
+
+
+def modified(path: str) -> int | None:
+    """When a file here was changed, nanoseconds; None where that is not known."""
+    if is_remote(path):
+        return None
+    try:
+        return Path(path).stat().st_mtime_ns
+    except OSError:
+        return None
+
+
+def new_token() -> str:
+    """A name for an attempt that no other one has."""
+    return secrets.token_hex(8)

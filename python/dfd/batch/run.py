@@ -1,0 +1,204 @@
+"""The driver of a batch: hands out shapes, notes what became of them, and makes the table and the page.
+
+It keeps nothing that is not in the folder already, so it may be ended at any moment: the next run reads what is
+finished and goes on.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter, deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from datetime import datetime, timezone
+from typing import Protocol
+
+from dfd.batch.folder import BatchFolder
+from dfd.batch.guard import understood
+from dfd.batch.inputs import Shape
+from dfd.batch.page import write_page
+from dfd.batch.pool import Slots
+from dfd.batch.record import Cause, Died, Job, Limits, Record, Stopped, modified, new_token, versions
+from dfd.batch.settings import BatchSettings
+from dfd.batch.table import gather, write_table
+
+__all__ = ["Summary", "Watcher", "run_batch"]
+
+ATTEMPTS = 2  # at a shape whose worker dies without a word: it may have been killed for another's sake
+LOOK_EVERY = 1.0  # seconds
+
+
+class Watcher(Protocol):
+    """Who wants to know how far a batch is."""
+
+    def begun(self, total: int, finished: int) -> None:
+        """So many shapes in all, and so many finished by earlier runs."""
+
+    def ended(self, record: Record) -> None:
+        """A shape is finished."""
+
+    def looked(self) -> None:
+        """Called at least every second or so."""
+
+
+@dataclass
+class Summary:
+    """What a run did.
+
+    Attributes
+    ----------
+    done, failed
+        Shapes of this run's rank, those of earlier runs included.
+    causes
+        How many failed of what.
+    missing
+        Shapes of all ranks that are not finished.
+    seconds, busy
+        Wall time, and what the shapes of this run took by themselves, all workers together.
+    """
+
+    done: int = 0
+    failed: int = 0
+    causes: Counter[str] = field(default_factory=Counter)
+    missing: int = 0
+    seconds: float = 0.0
+    busy: float = 0.0
+
+    def count(self, record: Record) -> None:
+        """Count a finished shape."""
+        if record.status == "done":
+            self.done += 1
+        else:
+            self.failed += 1
+            self.causes[record.cause or "error"] += 1
+
+
+def run_batch(
+    shapes: Sequence[Shape],
+    settings: BatchSettings,
+    folder: BatchFolder,
+    slots: Slots,
+    limits: Limits,
+    watcher: Watcher,
+    *,
+    rank: int = 0,
+    world_size: int = 1,
+    retry: bool = False,
+) -> Summary:
+    """Finish every shape of this rank, each once, and write the table and the page when no rank has one left.
+
+    Parameters
+    ----------
+    shapes
+        Of all ranks, in one order.
+    retry
+        Do anew what failed before.
+
+    Raises
+    ------
+    OSError
+        If the folder can no longer be written.
+    """
+    start, summary = time.perf_counter(), Summary()
+    mine = shapes[rank::world_size]
+    folder.sweep()
+    todo: deque[tuple[Shape, int]] = deque()
+    for shape in mine:
+        record = folder.record(shape.name)
+        if record is not None and _stands(record, shape, settings, retry):
+            summary.count(record)
+        else:
+            todo.append((shape, 1))
+    watcher.begun(len(mine), summary.done + summary.failed)
+    by_name = {shape.name: shape for shape in mine}
+    _work_off(todo, by_name, settings, folder, slots, limits, watcher, summary)
+    summary.missing = sum(not folder.finished(shape.name) for shape in shapes)
+    if summary.missing == 0:
+        table = gather((record for shape in shapes if (record := folder.record(shape.name))), settings)
+        write_table(folder.root, table)
+        write_page(folder, settings, table)
+    summary.seconds = time.perf_counter() - start
+    return summary
+
+
+def _work_off(
+    todo: deque[tuple[Shape, int]],
+    by_name: dict[str, Shape],
+    settings: BatchSettings,
+    folder: BatchFolder,
+    slots: Slots,
+    limits: Limits,
+    watcher: Watcher,
+    summary: Summary,
+) -> None:
+    running = 0
+    while todo or running:
+        while todo and slots.free():
+            shape, attempt = todo.popleft()
+            if attempt == 1:
+                folder.retire(shape.name)  # of another file, or a failure that is tried anew
+            slots.submit(_job(shape, attempt, folder, limits))
+            running += 1
+        for job, outcome in slots.wait(LOOK_EVERY):
+            running -= 1
+            if isinstance(outcome, Stopped):
+                raise OSError(f"batch: `output`: {outcome.why}")
+            if isinstance(outcome, Died):
+                found = _after_death(job, outcome, settings, folder)
+                if found is None:
+                    todo.append((by_name[job.name], job.attempt + 1))
+                    continue
+                outcome = found
+            summary.count(outcome)
+            summary.busy += outcome.seconds
+            watcher.ended(outcome)
+        watcher.looked()
+
+
+def _job(shape: Shape, attempt: int, folder: BatchFolder, limits: Limits) -> Job:
+    return Job(
+        root=str(folder.root.resolve()),
+        name=shape.name,
+        path=shape.path,
+        field=shape.field,
+        attempt=attempt,
+        token=new_token(),
+        limits=limits,
+    )
+
+
+def _stands(record: Record, shape: Shape, settings: BatchSettings, retry: bool) -> bool:
+    """Whether a record of an earlier run is that of this shape's present file, under these settings."""
+    if record.settings != settings.hash() or record.path != shape.path:
+        return False
+    if record.modified is not None and record.modified != modified(shape.path):
+        return False
+    return record.status == "done" or not retry
+
+
+def _after_death(job: Job, died: Died, settings: BatchSettings, folder: BatchFolder) -> Record | None:
+    """The record of a shape whose worker ended, or None where it is to be tried again."""
+    published = folder.record(job.name)  # it may have been finished before the worker could say so
+    if published is not None:
+        return published
+    known = understood(folder.last_words(job.name, job.token), job.limits)
+    seconds = folder.age(job.name, job.token)
+    folder.drop(job.name, job.token)
+    if known is None and job.attempt < ATTEMPTS:
+        return None
+    cause: Cause
+    cause, message = known or ("crash", f"{died.how}, {job.attempt} times")
+    record = Record(
+        name=job.name,
+        path=job.path,
+        status="failed",
+        cause=cause,
+        message=message,
+        modified=modified(job.path),
+        settings=settings.hash(),
+        attempts=job.attempt,
+        seconds=seconds,
+        versions=versions(),
+        finished=datetime.now(timezone.utc).isoformat(timespec="seconds"),
+    )
+    return folder.publish(folder.begin_attempt(job.name, new_token()), record)

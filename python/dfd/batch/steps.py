@@ -1,0 +1,225 @@
+"""What is done to one shape, step by step, in the folder of its attempt."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import asdict
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Any
+
+import fsspec
+import numpy as np
+
+import dfd
+from dfd.batch.exports import WRITERS
+from dfd.batch.inputs import is_remote
+from dfd.batch.one_edit import Original, UnlikeError, before_and_after, carry
+from dfd.batch.record import Figure, Job
+from dfd.batch.settings import BatchSettings, Step
+from dfd.common.files import atomic_write
+from dfd.common.progress import Stages
+from dfd.editing.deformer import Deformer
+from dfd.field.field import Field
+from dfd.geometry import topology
+from dfd.geometry.findings import findings
+from dfd.mesh.mesh import Mesh
+from dfd.pictures.colors import feature_colors
+from dfd.pictures.picture import picture, save_png
+from dfd.symmetry.search import symmetry_planes
+from dfd.weights.compact import compact
+
+__all__ = ["FIELD", "THUMBNAIL", "Work", "source_of"]
+
+FIELD, THUMBNAIL = "field.safetensors", "thumbnail.png"
+PIXELS = 256  # along the side of a picture
+CHUNK = 1 << 20  # bytes read at a time
+
+
+class Work:
+    """One shape on its way through the steps.
+
+    Attributes
+    ----------
+    figures
+        What was found, for the table.
+    sha256, size
+        Of the shape's file, once `read` is done.
+    """
+
+    def __init__(self, job: Job, settings: BatchSettings, place: Path) -> None:
+        self.job, self.settings, self.place = job, settings, place
+        self.figures: dict[str, Figure] = {}
+        self.sha256: str | None = None
+        self.size: int | None = None
+
+    def run(self, clock: Stages) -> None:
+        """Read the shape and do all steps, each timed under its name."""
+        with clock.stage("read"):
+            self.read()
+        for step in self.settings.steps:
+            with clock.stage(step):
+                STEPS[step](self)
+
+    def read(self) -> None:
+        """Hash the file and load the mesh; what is elsewhere is brought here first."""
+        path = self.job.path
+        here = Path(path)
+        if is_remote(path):
+            here = self.place / f"source{Path(path).suffix.lower()}"
+            with fsspec.open(path, "rb") as far, here.open("wb") as near:
+                shutil.copyfileobj(far, near, CHUNK)
+        digest, self.size = hashlib.sha256(), 0
+        with here.open("rb") as stream:
+            while data := stream.read(CHUNK):
+                digest.update(data)
+                self.size += len(data)
+        self.sha256 = digest.hexdigest()
+        self.mesh: Mesh = dfd.load(here)
+        if is_remote(path):
+            here.unlink()
+        self.figures |= {"vertices": len(self.mesh.vertices), "faces": len(self.mesh.faces)}
+
+    @cached_property
+    def field(self) -> Field:
+        """The field that the step distill made, or the one that came with the shape.
+
+        Raises
+        ------
+        ValueError
+            If there is none.
+        """
+        if (self.place / FIELD).exists():
+            return Field.load(self.place / FIELD)
+        if self.job.field is None:
+            raise ValueError("no field: the step distill makes one, or a column field of a manifest names it")
+        if not is_remote(self.job.field):
+            return Field.load(self.job.field, mesh=self.mesh)
+        near = self.place / "given-field.safetensors"
+        with fsspec.open(self.job.field, "rb") as far:
+            near.write_bytes(far.read())
+        try:
+            return Field.load(near)
+        finally:
+            near.unlink()
+
+    @cached_property
+    def session(self) -> Deformer:
+        """A session of the shape, whose features are computed once."""
+        session = Deformer(self.mesh, self.field)
+        session.prepare()
+        return session
+
+    def inspect(self) -> None:
+        """Counts and findings, as `dfd inspect` tells them."""
+        counts = topology.inspect(self.mesh)
+        found = findings(self.mesh, counts)
+        self.write_json("inspect.json", {**asdict(counts), "findings": [asdict(each) for each in found]})
+        self.figures |= {
+            "components": counts.components,
+            "non_manifold_edges": counts.non_manifold_edges,
+            "findings": len(found),
+        }
+
+    def distill(self) -> None:
+        """The field, with the encoder that this worker has loaded; one that came with the shape stands for it."""
+        if self.job.field is not None:
+            return
+        encoder = loaded_encoder(self.settings.encoder, self.settings.device)
+        made = dfd.distill(self.mesh, encoder, progress=False, cache=False, **self.settings.distill)
+        made.save(self.place / FIELD)
+        self.figures["loss"] = float(made.settings["losses"][-1])
+
+    def features(self) -> None:
+        """Features of the vertices, projected so that weights keep to 0.01: `rows` @ `basis`.T + `mean` are they."""
+        small = compact(self.field, self.mesh.vertices)
+        stored = small.stored(np.arange(len(small))) * np.float32(small.step)
+        with atomic_write(self.place / "features.npz") as temporary, temporary.open("wb") as stream:
+            np.savez(stream, rows=stored.astype(np.float16), basis=small.basis, mean=small.mean)
+        self.figures |= {"feature_dimensions": small.dimensions, "feature_error": float(small.error)}
+
+    def symmetry(self) -> None:
+        """Mirror planes, the best first."""
+        planes = symmetry_planes(self.field, self.mesh)
+        self.write_json("symmetry.json", [asdict(plane) for plane in planes])
+        self.figures["symmetry_planes"] = len(planes)
+
+    def pictures(self) -> None:
+        """A thumbnail, and one in the colors of the features where there is a field."""
+        save_png(self.place / THUMBNAIL, picture(self.mesh, resolution=PIXELS))
+        if self.settings.needs_field or (self.place / FIELD).exists():
+            features = self.session.features
+            shown = features if isinstance(features, np.ndarray) else features.principal(3)
+            save_png(self.place / "features.png", picture(self.mesh, colors=feature_colors(shown), resolution=PIXELS))
+
+    def edits(self) -> None:
+        """Every edit that fits, with a picture of what it did; where one does not fit, the figures say so."""
+        self.carried: dict[str, Deformer] = {}
+        for source in self.settings.edits:
+            original = loaded_original(self.job.root, source.name, source.mesh)
+            name = source.name
+            try:
+                found = carry(
+                    original, self.mesh, self.field, threshold=self.settings.threshold, features=self.session.features
+                )
+            except UnlikeError as error:
+                self.figures |= {f"{name}_confidence": min(error.confidence.values()), f"{name}_refused": str(error)}
+                continue
+            except ValueError as error:  # a part or region that this shape lacks
+                self.figures |= {f"{name}_confidence": 0.0, f"{name}_refused": str(error)}
+                continue
+            self.figures |= {f"{name}_confidence": min(found.confidence.values()), f"{name}_refused": None}
+            self.carried[name] = found.deformer
+            found.deformer.save(self.place / f"{name}.edit.json")
+            if "pictures" in self.settings.steps:
+                save_png(self.place / f"{name}.png", before_and_after(found.deformer, resolution=PIXELS)[1])
+
+    def exports(self) -> None:
+        """The shape under every edit that fits, in every format that is asked for."""
+        for name, deformer in self.carried.items():
+            for ending in self.settings.exports:
+                WRITERS[ending](self.place / f"{name}.{ending}", deformer)
+
+    def write_json(self, name: str, value: Any) -> None:
+        """Write a file of the shape's folder."""
+        with atomic_write(self.place / name) as temporary:
+            temporary.write_text(json.dumps(value, indent=2, default=_plain) + "\n", "utf-8")
+
+
+STEPS: dict[Step, Callable[[Work], None]] = {
+    "inspect": Work.inspect,
+    "distill": Work.distill,
+    "features": Work.features,
+    "symmetry": Work.symmetry,
+    "pictures": Work.pictures,
+    "edits": Work.edits,
+    "exports": Work.exports,
+}
+
+
+@lru_cache(maxsize=1)
+def loaded_encoder(name: str, device: str) -> Any:
+    """The encoder, loaded once in a worker's life."""
+    from dfd.encoders.encode import load_encoder
+
+    return load_encoder(name, device=device)
+
+
+@lru_cache(maxsize=16)
+def loaded_original(root: str, name: str, mesh: str) -> Original:
+    """An edit of the batch, with its mesh and field."""
+    path, edit, field = source_of(Path(root) / "edits", name, mesh)
+    shape = dfd.load(path)
+    return Original.read(edit, shape, Field.load(field, mesh=shape))
+
+
+def source_of(folder: Path, name: str, mesh: str) -> tuple[Path, Path, Path]:
+    """The mesh, the edit and the field of an edit in a batch's folder."""
+    return folder / mesh, folder / f"{name}.edit.json", folder / f"{name}.field.safetensors"
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if hasattr(value, "tolist") else str(value)

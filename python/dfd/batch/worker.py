@@ -1,0 +1,130 @@
+"""One job in a worker: its own threads, its own folder, a record at the end. Pool and Ray call the same function."""
+
+from __future__ import annotations
+
+import errno
+import shutil
+import time
+import traceback
+import warnings
+from datetime import datetime, timezone
+from functools import lru_cache
+from pathlib import Path
+
+from dfd.batch.folder import LAST_WORDS, OWNER, BatchFolder, read_settings
+from dfd.batch.guard import Watched, guarded
+from dfd.batch.record import Cause, Job, Record, Stopped, modified, versions
+from dfd.batch.settings import BatchSettings
+from dfd.batch.steps import Work
+from dfd.common.progress import Stages
+from dfd.common.threads import set_num_threads
+
+__all__ = ["work"]
+
+# Of the folder, not of a shape: no other shape would fare better.
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
+
+
+def work(job: Job) -> Record | Stopped:
+    """Do one job and put what came of it in its place.
+
+    Returns
+    -------
+    Record, of a shape that is done or was refused; Stopped where the batch's folder cannot be written.
+    """
+    settings = _settings(job.root)
+    folder = BatchFolder(job.root, sharded=settings.sharded)
+    _use_threads(job.limits.threads)
+    try:
+        place = folder.begin_attempt(job.name, job.token)
+        with guarded(place / LAST_WORDS, job.limits) as watched:
+            record = _done(job, settings, place, watched)
+        if record.status == "failed":
+            _clear(place)
+        return folder.publish(place, record)
+    except OSError as error:
+        return Stopped(why=f"{job.root} cannot be written: {error.strerror or error}")
+
+
+def _done(job: Job, settings: BatchSettings, place: Path, watched: Watched) -> Record:
+    """Do the steps; what a shape raises is its record.
+
+    Raises
+    ------
+    OSError
+        If the folder is full or can only be read.
+    """
+    start, clock, when = time.perf_counter(), Stages(show=False), modified(job.path)
+    task = Work(job, settings, place)
+    cause: Cause | None = None
+    message = None
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always", UserWarning)
+        try:
+            task.run(clock)
+        except MemoryError as error:
+            cause, message = "memory", _said(error) or "memory ran out"
+        except OSError as error:
+            if error.errno in FULL:
+                raise
+            cause, message = "input", _said(error)
+        except ValueError as error:
+            cause, message = "input", _said(error)
+        except Exception as error:
+            frame = traceback.extract_tb(error.__traceback__)[-1]
+            cause = "error"
+            message = f"{type(error).__name__}: {_said(error)} ({Path(frame.filename).name}, line {frame.lineno})"
+    files = sorted(path.name for path in place.iterdir() if path.name not in (OWNER, LAST_WORDS))
+    return Record(
+        name=job.name,
+        path=job.path,
+        status="done" if cause is None else "failed",
+        cause=cause,
+        message=message,
+        sha256=task.sha256,
+        size=task.size,
+        modified=when,
+        settings=settings.hash(),
+        attempts=job.attempt,
+        seconds=time.perf_counter() - start,
+        timings=clock.seconds,
+        memory=watched.highest,
+        figures=task.figures,
+        files=files if cause is None else [],
+        warnings=sorted({_said(each.message) for each in told if issubclass(each.category, UserWarning)}),
+        versions=versions(),
+        finished=datetime.now(timezone.utc).isoformat(timespec="seconds"),
+    )
+
+
+@lru_cache(maxsize=1)
+def _settings(root: str) -> BatchSettings:
+    settings = read_settings(Path(root))
+    if settings is None:
+        raise FileNotFoundError(f"batch: {root} holds no batch: this machine must see the same folder as the driver")
+    return settings
+
+
+@lru_cache(maxsize=1)
+def _use_threads(count: int) -> None:
+    """Compute on `count` threads from now on, whatever the environment says: Ray sets OMP_NUM_THREADS by itself.
+
+    Once in a worker's life, by when all libraries are loaded: to look for them takes longer than some shapes.
+    """
+    import torch
+    from threadpoolctl import threadpool_limits
+
+    set_num_threads(count)
+    torch.set_num_threads(count)
+    threadpool_limits(count)  # BLAS
+
+
+def _clear(place: Path) -> None:
+    """Of a shape that failed nothing stays but its record."""
+    for path in place.iterdir():
+        if path.name not in (OWNER, LAST_WORDS):
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+
+def _said(error: object) -> str:
+    return " ".join(str(error).split())

@@ -1,0 +1,114 @@
+"""One job: distillation with an encoder that is loaded once, shapes from elsewhere, and folders that are full."""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Iterator
+
+import fsspec
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_limits
+from tiny_encoder import save_tiny_encoder
+
+import dfd
+from dfd.batch import steps
+from dfd.batch.folder import BatchFolder
+from dfd.batch.record import Job, Limits, Stopped, new_token
+from dfd.batch.settings import BatchSettings
+from dfd.batch.worker import work
+
+SMALL = {"views": 4, "resolution": 32, "steps": 10, "batch": 64, "up": "file"}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _threads(one_thread) -> Iterator[None]:
+    """A worker sets the number of threads of its whole process: here it is set back."""
+    before = dfd.get_num_threads()
+    with threadpool_limits():
+        yield
+    dfd.set_num_threads(before)
+
+
+@pytest.fixture(scope="module")
+def chair(tmp_path_factory):
+    path = tmp_path_factory.mktemp("chair") / "chair.ply"
+    dfd.samples.chair(4000).mesh.save(path)
+    return path
+
+
+def job(root, path, name="chair", **how) -> Job:
+    limits = Limits(threads=1)
+    values = {"root": str(root), "name": name, "path": str(path), "field": None, "attempt": 1, "token": new_token()}
+    return Job(**(values | how), limits=limits)
+
+
+def test_the_encoder_is_loaded_once_and_makes_the_field_that_distill_makes(chair, tmp_path):
+    encoder = save_tiny_encoder(tmp_path / "encoder")
+    settings = BatchSettings(steps=("distill", "pictures"), encoder=str(encoder), distill=SMALL)
+    folder = BatchFolder.begin(tmp_path / "out", settings)
+    steps.loaded_encoder.cache_clear()
+    for name in ("one", "two"):
+        record = work(job(folder.root, chair, name))
+        assert (record.status, record.message) == ("done", None)
+    assert (steps.loaded_encoder.cache_info().misses, steps.loaded_encoder.cache_info().hits) == (1, 1)
+    made = dfd.Field.load(folder.shape("two") / "field.safetensors")
+    alone = dfd.distill(chair, encoder, progress=False, cache=False, device="cpu", **SMALL)
+    points = dfd.load(chair).vertices[:50]
+    np.testing.assert_allclose(made(points), alone(points), atol=1e-4)
+    assert record.files == ["features.png", "field.safetensors", "thumbnail.png"]
+    assert record.timings.keys() == {"read", "distill", "pictures"}
+
+
+def test_a_shape_from_elsewhere_is_brought_here_and_taken_away_again(chair, tmp_path):
+    files = fsspec.filesystem("memory")
+    files.pipe("/shelf/chair.ply", chair.read_bytes())
+    folder = BatchFolder.begin(tmp_path / "out", BatchSettings(steps=("inspect",)))
+    try:
+        near, far = work(job(folder.root, chair, "near")), work(job(folder.root, "memory:///shelf/chair.ply", "far"))
+        missing = work(job(folder.root, "memory:///shelf/none.ply", "missing"))
+    finally:
+        files.rm("/shelf", recursive=True)
+    assert near.sha256 == far.sha256
+    assert far.files == ["inspect.json"]
+    assert (missing.status, missing.cause) == ("failed", "input")
+
+
+def test_steps_that_lack_a_field_say_so(chair, tmp_path):
+    folder = BatchFolder.begin(tmp_path / "out", BatchSettings(steps=("inspect", "symmetry")))
+    record = work(job(folder.root, chair))
+    assert (record.status, record.cause, record.files) == ("failed", "input", [])
+    assert record.message.startswith("no field: the step distill makes one")
+
+
+@pytest.mark.parametrize(
+    ("error", "cause", "message"),
+    [
+        (MemoryError("too much"), "memory", "too much"),
+        (ValueError("no\nmesh"), "input", "no mesh"),
+        (KeyError("where"), "error", "KeyError: 'where' (test_worker.py, line "),
+    ],
+)
+def test_whatever_a_step_raises_is_the_shapes_own(chair, tmp_path, monkeypatch, error, cause, message):
+    def fail(task: steps.Work) -> None:
+        task.write_json("half.json", {})
+        raise error
+
+    monkeypatch.setitem(steps.STEPS, "inspect", fail)
+    folder = BatchFolder.begin(tmp_path / "out", BatchSettings(steps=("inspect",)))
+    record = work(job(folder.root, chair))
+    assert (record.status, record.cause) == ("failed", cause)
+    assert record.message.startswith(message)
+    assert [path.name for path in folder.shape("chair").iterdir()] == ["record.json"]
+
+
+def test_a_full_disk_stops_the_batch_and_is_no_failure_of_the_shape(chair, tmp_path, monkeypatch):
+    def full(task: steps.Work) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setitem(steps.STEPS, "inspect", full)
+    folder = BatchFolder.begin(tmp_path / "out", BatchSettings(steps=("inspect",)))
+    found = work(job(folder.root, chair))
+    assert isinstance(found, Stopped)
+    assert found.why.endswith("cannot be written: No space left on device")
+    assert folder.record("chair") is None
