@@ -6,7 +6,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c c
 
 CLIENT := python/dfd/app/client
 
-.PHONY: app client validator demo test lint bench quality gallery wheel fuzz sanitize clean
+.PHONY: app client validator demo test test-blender lint bench quality gallery wheel fuzz sanitize clean
 
 app: $(VENV)/installed
 	$(BIN)/dfd app --sample quadruped
@@ -47,6 +47,17 @@ quality: $(VENV)/installed-bench
 
 gallery: $(VENV)/installed
 	$(BIN)/python docs/gallery.py gallery
+
+# Blender as a Python package opens what is exported; it takes a Python of its own version, and 1 GB.
+BLENDER_PYTHON ?= python3.11
+BLENDER := build/blender
+test-blender: $(VENV)/installed-test $(BLENDER)/installed
+	DFD_BLENDER_PYTHON="$(abspath $(BLENDER))/bin/python" $(BIN)/python -m pytest tests/python/export/test_blender.py
+
+$(BLENDER)/installed:
+	$(BLENDER_PYTHON) -m venv $(BLENDER)
+	$(BLENDER)/bin/python -m pip install --quiet --disable-pip-version-check bpy==5.0.1
+	touch $@
 
 # Builds and repairs the wheel, and tries it with every Python that is to be found.
 wheel: | $(VENV)/bin/python
