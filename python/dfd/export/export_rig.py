@@ -1,4 +1,4 @@
-"""A session for programs that animate: a skin, morph targets or the moved shape, in glTF."""
+"""A session for programs that animate: a skin, morph targets or the moved shape, in glTF or USD."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ __all__ = ["ENDINGS", "Form", "export_rig"]
 
 Form = Literal["skin", "morph", "baked"]
 GLTF = (".glb", ".gltf")
+USD = (".usda", ".usdc", ".usdz")
 PLAIN = (".obj", ".ply", ".stl", ".off")
-ENDINGS = (*GLTF, *PLAIN)
+ENDINGS = (*GLTF, *USD, *PLAIN)
 EVERY_READER = 4  # influences that every reader of glTF takes
 
 
@@ -31,7 +32,7 @@ def export_rig(
     path: str | os.PathLike[str],
     *,
     form: Form = "skin",
-    influences: int | str = EVERY_READER,
+    influences: int | str | None = None,
     poses: Sequence[KeyPose] = (),
 ) -> RigReport:
     """Write a session's shape and handles so that other programs pose them.
@@ -43,15 +44,17 @@ def export_rig(
     session
         The shape with its handles. The file opens in the pose of the present edit.
     path
-        A .glb or .gltf file; with `form="baked"` an .obj, .ply, .stl or .off file as well.
+        A .glb or .gltf file; a .usda, .usdc or .usdz file, for which `pip install dfd[export]` is needed; with
+        `form="baked"` an .obj, .ply, .stl or .off file as well.
     form
         "skin": a joint for each handle and each of its instances, in their own frames at their pivots, with the weights
         with which `dfd.pose` blends (Eq. 1 and 8), and a root that never moves for what they leave of 1 (or another
         joint for D₀, where the edit has one). "morph": a target for each handle that moves, or for each key pose.
         "baked": the shape as it is posed, and nothing to pose.
     influences
-        How many joints a vertex follows at most, those with the largest weights, which are divided by their sum.
-        "all" prunes none; glTF has further sets for them, which few readers look at.
+        How many joints a vertex follows at most, those with the largest weights, which are divided by their sum: 4 if
+        left out in glTF, what every reader takes. "all", the default in USD, prunes none; glTF has further sets for
+        them, which few readers look at.
     poses
         Key poses, in the order of time, that become an animation, linear from one to the next.
 
@@ -76,22 +79,28 @@ def export_rig(
     if ending not in ENDINGS:
         raise ValueError(f"export_rig: `path` must end in {', '.join(ENDINGS)}, got {target}")
     if form != "baked" and ending in PLAIN:
-        raise ValueError(f"export_rig: `path` must end in {', '.join(GLTF)} for {form!r}, got {target}")
-    most = _most(influences)
+        raise ValueError(f"export_rig: `path` must end in {', '.join((*GLTF, *USD))} for {form!r}, got {target}")
+    most = _most(influences, ending)
     moments = checked_poses("export_rig", poses, session.edit)
     if form == "baked" and moments:
         raise ValueError("export_rig: `poses` must be left out for 'baked', which does not move")
     rig = rig_of(session, moments)
     if form == "skin":
         _check_joints(rig)
+    if ending in USD:
+        from dfd.export.usd.export_usd import export_usd
+
+        return export_usd(rig, target, form, most)
     if form == "baked":
         session.mesh.save(target, session.vertices)
         return rig_report(rig, (target,), form)
     return export_gltf(rig, target, form, most)
 
 
-def _most(influences: int | str) -> int | None:
+def _most(influences: int | str | None, ending: str) -> int | None:
     """How many influences a vertex may have, None for all."""
+    if influences is None:
+        return EVERY_READER if ending in GLTF else None
     if isinstance(influences, str):
         if influences != "all":
             raise ValueError(f"export_rig: `influences` must be a whole number or 'all', got {influences!r}")

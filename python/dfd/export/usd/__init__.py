@@ -1,0 +1,1 @@
+"""Rigs and morph targets in USD."""
