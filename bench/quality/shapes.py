@@ -83,12 +83,12 @@ def characters(folder: Path, say: Callable[[str], None]) -> Iterator[Shape]:
                 yield Shape(f"{path.stem} without accessories, {naming} names", bare, labels[old], parts)
 
 
-def rigs(folder: Path, say: Callable[[str], None]) -> Iterator[Shape]:
-    """Every skinned GLB in the folder "rigs" of `folder`, with kinds of parts by the rule for animals and people.
+def rigs(folder: Path, say: Callable[[str], None], *, under: str = "rigs") -> Iterator[Shape]:
+    """Every skinned GLB in the folder `under` of `folder`, with kinds of parts by the rule for animals and people.
 
     What cannot be read, or has no two kinds of parts, is told to `say` and left out.
     """
-    for path in sorted((folder / "rigs").glob("*.glb")):
+    for path in sorted((folder / under).glob("*.glb")):
         try:
             yield rig(path)
         except (ValueError, OSError, KeyError, IndexError, TypeError) as error:

@@ -53,6 +53,9 @@ def distill(
     smoothing: Annotated[
         float, typer.Option(help="How far features spread along the surface before the fit; 0 is the paper's loss.")
     ] = DEFAULTS.smoothing,
+    metric: Annotated[
+        str, typer.Option(help="learned: distances that tell parts apart, where there are some; none: the paper's.")
+    ] = DEFAULTS.metric,
     octaves: Annotated[
         int, typer.Option(help="Wavelengths of the sines that the field is given; 0 is the paper's network.")
     ] = DEFAULTS.octaves,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from dfd.common.progress import Stages
 from dfd.distillation.fit import fit, widen
+from dfd.distillation.metric import find_metric
 from dfd.distillation.settings import DistillSettings
 from dfd.distillation.smoothing import spread
 from dfd.distillation.targets import PixelTargets, PointTargets
@@ -28,6 +29,7 @@ def distill_pictures(
     mesh: Mesh, encoder: Encoder, settings: DistillSettings, *, stages: Stages, kept: Checkpoint | None = None
 ) -> Field:
     """Return the field around `mesh` of what `encoder` sees in its pictures; `kept` is where a stopped run goes on."""
+    metric = find_metric(encoder) if settings.metric == "learned" else None
     up = said_or_found(mesh, encoder, settings.up, stages=stages)
     views = render(mesh, **settings.of_pictures(), frame=up.frame, stages=stages)
     tokens = encoder.encode(views.images, covered=views.covered, store=kept, stages=stages)
@@ -35,10 +37,12 @@ def distill_pictures(
     targets: PixelTargets | PointTargets = pixels  # as the paper has it, without smoothing
     if settings.smoothing > 0:
         targets = spread(views, pixels, smoothing=settings.smoothing, seed=settings.seed, stages=stages)
+        targets = metric.of_targets(targets, settings.seed) if metric else targets
     state = kept.fit_state(views.points, views.view, views.row, views.column, tokens) if kept else None
     field = fit(
         targets, settings, center=views.center, scale=views.scale, device=encoder.device, stages=stages, state=state
     )
     if targets.directions is not None:
         field = widen(field, targets.directions)
-    return field.with_settings({**encoder.settings(), **settings.as_dict(), **up.settings, **field.settings})
+    made_with = {**settings.as_dict(), "metric": "learned" if metric else "none"}
+    return field.with_settings({**encoder.settings(), **made_with, **up.settings, **field.settings})

@@ -90,6 +90,11 @@ def distill(
         How far features spread along the surface before the field is fitted to them, as a part of half the longest
         side of the box; 0 fits the pixels as they are, as the paper does, and then the length of the fit decides how
         well its weights tell parts apart. What spreads, and why, stands in `dfd.distillation.smoothing`.
+    metric
+        "learned" fits features that went through the metric that was learned for this encoder, see
+        `dfd.distillation.metric`: parts are told apart better, and a feature has fewer numbers. "none" is the paper's
+        distance, and what is taken without smoothing and where no metric comes with the package for an encoder's
+        weights and block; the field's `settings` say which it was.
     octaves
         Wavelengths of the sines that the field's network is given beside the coordinates; 0 is the paper's network.
     steps, batch, learning_rate

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any, TypedDict
+from typing import Any, Literal, TypedDict
 
 import numpy as np
 
@@ -12,7 +12,9 @@ from dfd.distillation.up import check_up
 from dfd.views.cameras import Framing
 from dfd.views.render import LARGEST_RESOLUTION, LARGEST_VIEWS, Supervision
 
-__all__ = ["DistillOptions", "DistillSettings"]
+__all__ = ["DistillOptions", "DistillSettings", "MetricChoice"]
+
+MetricChoice = Literal["learned", "none"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +35,7 @@ class DistillSettings:
     supervision: Supervision = "barycentric"
     mirrored: bool = True
     smoothing: float = 0.3
+    metric: MetricChoice = "learned"
     octaves: int = 5
     steps: int = 1000
     batch: int = 192
@@ -46,6 +49,9 @@ class DistillSettings:
         if not isinstance(self.mirrored, bool | np.bool_):
             raise ValueError(f"distill: `mirrored` must be True or False, got {self.mirrored!r}")
         smoothing = check.number("distill", "smoothing", self.smoothing, minimum=0.0, maximum=2.0)
+        # The ablation is of the paper's own loss.
+        smoothing = 0.0 if self.supervision == "vertex" else smoothing
+        metric = check.choice("distill", "metric", self.metric, MetricChoice)
         checked = {
             "views": whole("views", 1, LARGEST_VIEWS),
             "resolution": whole("resolution", 1, LARGEST_RESOLUTION),
@@ -54,8 +60,8 @@ class DistillSettings:
             "up": check_up(self.up),
             "supervision": check.choice("distill", "supervision", self.supervision, Supervision),
             "mirrored": bool(self.mirrored),
-            # The ablation is of the paper's own loss.
-            "smoothing": 0.0 if self.supervision == "vertex" else smoothing,
+            "smoothing": smoothing,
+            "metric": metric if smoothing > 0 else "none",  # it was learned from features that had spread
             "octaves": whole("octaves", 0, 16),
             "steps": whole("steps", 1),
             "batch": whole("batch", 1),
@@ -90,6 +96,7 @@ class DistillOptions(TypedDict, total=False):
     supervision: Supervision
     mirrored: bool
     smoothing: float
+    metric: MetricChoice
     octaves: int
     steps: int
     batch: int

@@ -39,6 +39,7 @@ from scipy.spatial import cKDTree
 from dfd.common.pca import principal_directions
 from dfd.common.progress import Stages
 from dfd.common.threads import get_num_threads, one_blas_thread
+from dfd.distillation.contrast import PAIRS, mean_distance, restore_contrast, unit
 from dfd.distillation.targets import PixelTargets, PointTargets
 from dfd.geometry.topology import face_areas, face_components
 from dfd.mesh.weld import weld
@@ -61,8 +62,6 @@ ALIKE_DIRECTIONS = 32  # main ones, that decide how alike points look; more chan
 # More pixels than this part of the mean do not make a point better seen: faces towards many cameras count no more.
 ENOUGH = 0.3
 DISTANCE_KEPT = 0.75
-PAIRS = 2000  # whose mean distance stands for that of all
-LARGEST_STRETCH = 5.0  # more would only magnify noise, on a shape that looks the same everywhere
 _APART = 10.0  # between components in the search for neighbours, beyond any distance within [−1, 1]³
 
 
@@ -98,13 +97,13 @@ def spread(views: Views, pixels: PixelTargets, *, smoothing: float, seed: int, s
         main = tokens @ directions.T
         strength = smoothing**2 / 2 * ENOUGH
         links = _surface_links(points, component[face], seen > 0, area)
-        looks = _unit(_smooth(main[:, :ALIKE_DIRECTIONS], confidence, area, strength * _laplacian(links)))
+        looks = unit(_smooth(main[:, :ALIKE_DIRECTIONS], confidence, area, strength * _laplacian(links)))
         links = links + _mirror_links(_centered(points, views), looks, float(np.median(links.data)), generator)
         smooth = _smooth(main, confidence, area, strength * _laplacian(links))
         reached = np.linalg.norm(smooth, axis=1) > 1e-4
         pairs = generator.integers(0, len(views.points), (2, PAIRS))
         one, other = (pixels.at(torch.from_numpy(some)).cpu().numpy() for some in pairs)
-        targets = _restore_contrast(_unit(smooth[reached]), DISTANCE_KEPT * _distance(one, other), generator)
+        targets = restore_contrast(unit(smooth[reached]), DISTANCE_KEPT * mean_distance(one, other), generator)
         return PointTargets(points[reached].astype(np.float32), targets, directions, pixels.device)
 
 
@@ -127,35 +126,6 @@ def _gather(
 def _main_directions(rows: NDArray[np.float32], weight: NDArray[np.floating]) -> NDArray[np.float32]:
     """The directions, orthonormal rows (d, D), of the largest moments of `rows` (N, D) that count by `weight` (N,)."""
     return principal_directions(rows * np.sqrt(weight / weight.max()).astype(np.float32)[:, None], DIRECTIONS)
-
-
-def _restore_contrast(
-    rows: NDArray[np.float32], distance: float, generator: np.random.Generator
-) -> NDArray[np.float32]:
-    """Move unit `rows` (N, D) apart about their mean, at most `LARGEST_STRETCH` times, to a mean distance of pairs."""
-    one, other = generator.integers(0, len(rows), (2, PAIRS))
-    mean = rows.mean(axis=0)
-
-    def stretched(some: NDArray[np.float32], factor: float) -> NDArray[np.float32]:
-        return _unit(mean + np.float32(factor) * (some - mean))
-
-    low, high = 1.0, LARGEST_STRETCH
-    for _ in range(20):  # the distance grows with the factor
-        middle = (low + high) / 2
-        if _distance(stretched(rows[one], middle), stretched(rows[other], middle)) < distance:
-            low = middle
-        else:
-            high = middle
-    return stretched(rows, low)
-
-
-def _unit(rows: NDArray[np.float32]) -> NDArray[np.float32]:
-    unit: NDArray[np.float32] = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), np.float32(1e-6))
-    return unit
-
-
-def _distance(one: NDArray[np.float32], other: NDArray[np.float32]) -> float:
-    return float(np.linalg.norm(one - other, axis=1).mean())
 
 
 def _draw_points(
@@ -236,7 +206,7 @@ def _mirror_links(
     Of the three planes through the center of the box it is the one across which most of the shape does.
     """
     tree = cKDTree(points)
-    mean = _distance(looks, looks[generator.permutation(len(points))])
+    mean = mean_distance(looks, looks[generator.permutation(len(points))])
     best = sparse.csr_matrix((len(points), len(points)))
     for axis in range(3):
         image = points.copy()

@@ -16,17 +16,18 @@ __all__ = ["PixelTargets", "PointTargets"]
 class PointTargets:
     """Targets at points: (N, 3) normalized, and (N, d) unit rows.
 
-    `directions` (d, D), orthonormal rows, lead from targets to features as the encoder gives them.
+    `directions` (d, D), orthonormal rows, lead from targets to features as the encoder gives them; None where the
+    targets are what a field is to give.
     """
 
     def __init__(
         self,
         points: NDArray[np.float32],
         targets: NDArray[np.float32],
-        directions: NDArray[np.float32],
+        directions: NDArray[np.float32] | None,
         device: torch.device,
     ) -> None:
-        self.points, self.targets, self.directions = points, targets, directions
+        self.points, self.targets, self.directions, self.device = points, targets, directions, device
         self.dimension = targets.shape[1]
         self._points = torch.from_numpy(points).to(device)
         self._targets = torch.from_numpy(targets).to(device)

@@ -24,7 +24,7 @@ def test_distill_hands_everything_on(run, folder):
     field = Field.load(folder / "chair.field.safetensors")
     options = ("--encoder", "clip", "--views", 6, "--resolution", 224, "--framing", "paper", "--simplify-to", 500)
     more = ("--supervision", "vertex", "--steps", 7, "--seed", 11, "--device", "cpu", "--loss-curve", "loss.png")
-    more += ("--octaves", 3, "--batch", 99, "--learning-rate", 0.004)
+    more += ("--metric", "none", "--octaves", 3, "--batch", 99, "--learning-rate", 0.004)
     np.save("rows.npy", np.eye(3))
     more += ("--features", "rows.npy", "--no-cache", "--not-mirrored", "--smoothing", 0.1)
     with mock.patch.object(DISTILL, "distilling", return_value=nullcontext(field)) as distill:
@@ -44,6 +44,7 @@ def test_distill_hands_everything_on(run, folder):
         supervision="vertex",
         mirrored=False,
         smoothing=0.1,
+        metric="none",
         octaves=3,
         batch=99,
         learning_rate=0.004,

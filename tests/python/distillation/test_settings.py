@@ -27,6 +27,7 @@ from dfd.distillation.settings import DistillSettings
         ({"smoothing": -0.1}, "`smoothing` must be at least 0, got -0.1"),
         ({"smoothing": float("nan")}, "`smoothing` must be finite, got nan"),
         ({"smoothing": 2.1}, "`smoothing` must be at most 2, got 2.1"),
+        ({"metric": "mine"}, "`metric` must be one of learned, none, got 'mine'"),
         ({"octaves": 17}, "`octaves` must be a whole number from 0 to 16, got 17"),
         ({"steps": 0}, "`steps` must be a whole number of at least 1, got 0"),
         ({"batch": True}, "`batch` must be a whole number, got True"),
@@ -56,4 +57,10 @@ def test_the_ablation_is_never_smoothed() -> None:
 
 def test_every_setting_belongs_to_up_the_pictures_the_spreading_or_the_fit() -> None:
     settings = DistillSettings()
-    assert {**settings.of_pictures(), "up": "auto", "smoothing": 0.3, **settings.of_fit()} == settings.as_dict()
+    assert {
+        **settings.of_pictures(),
+        "up": "auto",
+        "smoothing": 0.3,
+        "metric": "learned",
+        **settings.of_fit(),
+    } == settings.as_dict()

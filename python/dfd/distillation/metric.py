@@ -1,0 +1,126 @@
+"""A metric learned once per encoder: which differences of features tell parts apart, and which lie within a part.
+
+An encoder's features differ by more than parts: by where on the body a point is, how the surface bends, what stands
+near. Labelled shapes say which differences those are. Features go through one linear map that weighs each direction by
+how much it changes between parts for what it changes within them (Fisher's discriminant directions; `python -m
+bench.quality.learn_metric` learns it), to unit rows that are about as far from each other, on average, as they were
+before: a weight 1 − d keeps its meaning.
+
+The map comes before the fit, so that a field's features have these distances by themselves, and are narrower.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save_file
+
+from dfd.common.files import atomic_write
+from dfd.distillation.contrast import PAIRS, mean_distance, restore_contrast, unit
+from dfd.distillation.targets import PointTargets
+
+if TYPE_CHECKING:
+    from dfd.encoders.encode import Encoder
+
+__all__ = ["FOLDER", "Metric", "find_metric"]
+
+KIND = "dfd metric"
+FOLDER = Path(__file__).with_name("metrics")
+# Details, of many vertices and little area, draw together: at equal mean distance over the surface a handle would move
+# more vertices than without the metric. So much farther apart it moves fewer.
+FARTHER = 1.05
+_LEAST_STRETCH = 0.02  # towards their mean, where mapped rows lie farther apart than before
+
+
+@dataclass(frozen=True, eq=False)
+class Metric:
+    """What was learned about an encoder's features of width D.
+
+    Attributes
+    ----------
+    directions
+        (D, d) the map of a row of features.
+    encoder_weights, encoder_block
+        The encoder that it was learned from.
+    """
+
+    directions: NDArray[np.float32]
+    encoder_weights: str
+    encoder_block: int
+
+    def mapped(self, features: NDArray[np.floating], generator: np.random.Generator) -> NDArray[np.float32]:
+        """Return features (N, D) as unit rows (N, d) whose mean distance is `FARTHER` times that of `features`."""
+        one, other = generator.integers(0, len(features), (2, PAIRS))
+        rows = np.asarray(features, np.float32)
+        distance = FARTHER * mean_distance(rows[one], rows[other])
+        return restore_contrast(unit(rows @ self.directions), distance, generator, least=_LEAST_STRETCH)
+
+    def of_targets(self, targets: PointTargets, seed: int) -> PointTargets:
+        """Return targets at the same points whose features went through the map; `seed` draws pairs to measure."""
+        directions = self.directions if targets.directions is None else targets.directions @ self.directions
+        told = Metric(directions, self.encoder_weights, self.encoder_block)
+        rows = told.mapped(targets.targets, np.random.default_rng(seed))
+        return PointTargets(targets.points, rows, None, targets.device)
+
+    def fits(self, encoder: Encoder) -> bool:
+        """Whether it was learned from the features that `encoder` gives."""
+        return (self.encoder_weights, self.encoder_block) == _identity(encoder)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write a .safetensors file, whole or not at all."""
+        told = {"kind": KIND, "encoder_weights": self.encoder_weights, "encoder_block": str(self.encoder_block)}
+        with atomic_write(Path(path)) as temporary:
+            save_file({"directions": self.directions}, temporary, metadata=told)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], encoder: Encoder | None = None) -> Metric:
+        """Read what `save` has written, for `encoder` where one is given.
+
+        Raises
+        ------
+        ValueError
+            If the file is something else, or cut short, its numbers are no map or not finite, or it was learned from
+            another encoder.
+        OSError
+            If it cannot be read.
+        """
+        name = os.fspath(path)
+        try:
+            with safe_open(path, framework="numpy") as file:
+                told: dict[str, Any] = file.metadata() or {}
+                arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        except SafetensorError as error:
+            raise ValueError(f"Metric.load: {name} is no whole .safetensors file: {error}") from None
+        block = str(told.get("encoder_block", ""))
+        if told.get("kind") != KIND or arrays.keys() != {"directions"} or not block.isdecimal():
+            raise ValueError(f"Metric.load: {name} holds no metric")
+        directions = arrays["directions"]
+        if directions.ndim != 2 or 0 in directions.shape or not np.isfinite(directions).all():
+            raise ValueError(f"Metric.load: `directions` in {name} must be finite, (D, d), got {directions.shape}")
+        metric = cls(directions.astype(np.float32), str(told.get("encoder_weights", "")), int(block))
+        if encoder is not None and not metric.fits(encoder):
+            raise ValueError(f"Metric.load: {name} was learned from another encoder than {encoder!r}")
+        return metric
+
+
+def find_metric(encoder: Encoder) -> Metric | None:
+    """Return the metric that comes with the package for `encoder`; None where there is none for its weights and block.
+
+    Raises
+    ------
+    ValueError
+        If one of the package's files is damaged.
+    """
+    metrics = (Metric.load(path) for path in sorted(FOLDER.glob("*.safetensors")))
+    return next((metric for metric in metrics if metric.fits(encoder)), None)
+
+
+def _identity(encoder: Encoder) -> tuple[str, int]:
+    settings = encoder.settings()
+    return str(settings["encoder_weights"]), int(settings["encoder_block"])

@@ -1,0 +1,161 @@
+"""The learned metric: what it does to targets, its files, and the field that comes of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors.numpy import save_file
+from tiny_encoder import save_tiny_encoder
+
+import dfd
+from dfd.distillation import metric as metrics
+from dfd.distillation.contrast import mean_distance, restore_contrast, unit
+from dfd.distillation.metric import FOLDER, Metric, find_metric
+from dfd.distillation.settings import DistillSettings
+from dfd.distillation.targets import PointTargets
+from dfd.encoders.encode import Encoder, load_encoder
+
+SMALL = {"views": 4, "resolution": 64, "steps": 20, "cache": False, "progress": False, "device": "cpu"}
+
+
+@pytest.fixture(scope="module")
+def encoder(tmp_path_factory: pytest.TempPathFactory) -> Encoder:
+    return load_encoder(save_tiny_encoder(tmp_path_factory.mktemp("encoder")), device="cpu", precision="float32")
+
+
+@pytest.fixture
+def metric(encoder: Encoder) -> Metric:
+    """The first three of sixteen numbers, the third counted four times."""
+    settings = encoder.settings()
+    directions = np.eye(16, 3, dtype=np.float32) * np.array([1, 1, 4], np.float32)
+    return Metric(directions, str(settings["encoder_weights"]), int(settings["encoder_block"]))
+
+
+@pytest.fixture
+def features() -> np.ndarray:
+    rows = np.random.default_rng(0).normal(size=(500, 16)) + 2
+    return unit(rows.astype(np.float32))
+
+
+def distance(rows: np.ndarray) -> float:
+    one, other = np.random.default_rng(1).integers(0, len(rows), (2, 20_000))
+    return mean_distance(rows[one], rows[other])
+
+
+def test_mapped_rows_are_unit_and_about_as_far_apart_as_before(metric: Metric, features: np.ndarray) -> None:
+    before = features.copy()
+    rows = metric.mapped(features, np.random.default_rng(0))
+    assert rows.shape == (500, 3)
+    np.testing.assert_allclose(np.linalg.norm(rows, axis=1), 1, atol=1e-6)
+    assert distance(rows) == pytest.approx(metrics.FARTHER * distance(features), rel=0.03)
+    np.testing.assert_array_equal(features, before)
+
+
+def test_what_counts_more_sets_rows_farther_apart(features: np.ndarray) -> None:
+    """Two rows that differ in what counts are farther apart than two that differ in what does not."""
+    along, across = features[:200].copy(), features[:200].copy()
+    along[:, 2] += 0.1
+    across[:, 9] += 0.1
+    directions = np.diag([1.0] * 2 + [4.0] + [1.0] * 13).astype(np.float32)
+    mapped = Metric(directions, "", 0).mapped(np.concatenate([features, along, across]), np.random.default_rng(0))
+    assert mean_distance(mapped[500:700], mapped[:200]) > 2 * mean_distance(mapped[700:], mapped[:200])
+
+
+def test_the_identity_changes_distances_alike(features: np.ndarray) -> None:
+    rows = Metric(np.eye(16, dtype=np.float32), "", 0).mapped(features, np.random.default_rng(0))
+    before, after = (np.linalg.norm(some[:250] - some[250:], axis=1) for some in (features, rows))
+    assert np.corrcoef(before, after)[0, 1] > 0.99
+    assert np.mean(after / before) == pytest.approx(metrics.FARTHER, rel=0.03)
+
+
+def test_targets_in_main_directions_are_mapped_as_features(metric: Metric, features: np.ndarray) -> None:
+    turned = np.linalg.qr(np.random.default_rng(2).normal(size=(16, 16)))[0].astype(np.float32)
+    points = np.zeros((500, 3), np.float32)
+    cpu = torch.device("cpu")
+    direct = metric.of_targets(PointTargets(points, features, None, cpu), 5)
+    through = metric.of_targets(PointTargets(points, features @ turned.T, turned, cpu), 5)
+    assert direct.directions is None
+    assert through.directions is None
+    np.testing.assert_allclose(direct.targets, through.targets, atol=1e-4)
+    assert through.dimension == 3
+
+
+def test_contrast_may_shrink_only_where_it_is_allowed(features: np.ndarray) -> None:
+    near = distance(features) / 4
+    np.testing.assert_allclose(restore_contrast(features, near, np.random.default_rng(0)), features, atol=1e-5)
+    shrunk = restore_contrast(features, near, np.random.default_rng(0), least=0.02)
+    assert distance(shrunk) == pytest.approx(near, rel=0.05)
+
+
+def test_rows_that_are_all_alike_stay_finite(metric: Metric) -> None:
+    rows = metric.mapped(np.full((4, 16), 0.25, np.float32), np.random.default_rng(0))
+    assert np.isfinite(rows).all()
+
+
+def test_metrics_come_back_from_their_files(metric: Metric, encoder: Encoder, tmp_path: Path) -> None:
+    metric.save(tmp_path / "metric.safetensors")
+    again = Metric.load(tmp_path / "metric.safetensors", encoder)
+    assert again.fits(encoder)
+    np.testing.assert_array_equal(again.directions, metric.directions)
+
+
+def test_damaged_and_foreign_metrics_are_refused(metric: Metric, encoder: Encoder, tmp_path: Path) -> None:
+    path = tmp_path / "metric.safetensors"
+    metric.save(path)
+    path.write_bytes(path.read_bytes()[:-10])
+    with pytest.raises(ValueError, match=r"^Metric\.load: .* is no whole \.safetensors file"):
+        Metric.load(path)
+    save_file({"height": np.zeros(3, np.float32)}, path)
+    with pytest.raises(ValueError, match="holds no metric"):
+        Metric.load(path)
+    replace(metric, directions=np.full((16, 3), np.nan, np.float32)).save(path)
+    with pytest.raises(ValueError, match=r"`directions` in .* must be finite, \(D, d\), got \(16, 3\)"):
+        Metric.load(path)
+    replace(metric, encoder_block=2, encoder_weights="others").save(path)
+    with pytest.raises(ValueError, match="was learned from another encoder than"):
+        Metric.load(path, encoder)
+    with pytest.raises(FileNotFoundError):
+        Metric.load(tmp_path / "none.safetensors")
+
+
+def test_the_packages_own_metrics_are_whole() -> None:
+    found = [Metric.load(path) for path in sorted(FOLDER.glob("*.safetensors"))]
+    assert found
+    assert all(each.directions.shape[1] <= 64 for each in found)
+
+
+def test_fields_are_of_the_metric_where_there_is_one(
+    metric: Metric, encoder: Encoder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mesh = dfd.samples.chair(4000).mesh
+    monkeypatch.setattr(metrics, "FOLDER", tmp_path)
+    assert find_metric(encoder) is None
+    without = dfd.distill(mesh, encoder, **SMALL)
+    metric.save(tmp_path / "tiny.safetensors")
+    learned = dfd.distill(mesh, encoder, **SMALL)
+    plain = dfd.distill(mesh, encoder, metric="none", **SMALL)
+    assert (learned.dimension, learned.settings["metric"]) == (3, "learned")
+    assert (plain.dimension, plain.settings["metric"]) == (16, "none")
+    assert without.settings["metric"] == "none"
+    np.testing.assert_array_equal(without.features(mesh), plain.features(mesh))
+    unsmoothed = dfd.distill(mesh, encoder, smoothing=0.0, **SMALL)
+    assert (unsmoothed.dimension, unsmoothed.settings["metric"]) == (16, "none")
+
+
+def test_a_damaged_metric_of_the_package_is_told(
+    encoder: Encoder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(metrics, "FOLDER", tmp_path)
+    (tmp_path / "tiny.safetensors").write_bytes(b"cut")
+    with pytest.raises(ValueError, match=r"is no whole \.safetensors file"):
+        dfd.distill(dfd.samples.chair(4000).mesh, encoder, **SMALL)
+
+
+def test_no_smoothing_is_the_papers_distance() -> None:
+    assert DistillSettings().metric == "learned"
+    assert DistillSettings(smoothing=0).metric == "none"
+    assert DistillSettings(supervision="vertex").metric == "none"
