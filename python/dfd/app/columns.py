@@ -107,10 +107,7 @@ class Columns:
         posing = deformer.bound.columns(deformer.edit)[1]
         for number, index in owed.items():
             found = [column for column in posing if column.handle == index and column.instance is not None]
-            instances = tuple(
-                self._instance(number, order, column, arrays)
-                for order, column in enumerate(found)
-            )
+            instances = tuple(self._instance(number, order, column, arrays) for order, column in enumerate(found))
             entries.append(InstancesEntry(column=number, instances=instances))
         message = pack(InstancesMessage, arrays, columns=tuple(entries))
         self._whole |= set(owed)

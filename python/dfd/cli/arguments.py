@@ -17,12 +17,24 @@ if TYPE_CHECKING:
     from dfd.editing.place import Place
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["PLACE", "MeshArgument", "Places", "check_camera", "check_output", "given_besides", "plane_text"]
+__all__ = [
+    "PLACE",
+    "FieldOption",
+    "MeshArgument",
+    "Places",
+    "check_camera",
+    "check_output",
+    "given_besides",
+    "plane_text",
+]
 
 # What a handle or a fixed point may be, in the help of every command.
 PLACE = "VERTEX|X,Y,Z|top|part:NAME|…"
 
 MeshArgument = Annotated[Path, typer.Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file.")]
+FieldOption = Annotated[
+    Path, typer.Option("--field", metavar="FIELD", help="The shape's field, as `dfd distill` wrote it.")
+]
 
 
 class Places:

@@ -64,7 +64,7 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
 
 def _arrays(session: Deformer) -> dict[str, np.ndarray[Any, Any]]:
     edit = session.edit
-    weights, columns = session.bound.posing(edit)
+    weights, columns, _ = session.bound.posing(edit)
     held = [edit.handles[column.handle] for column in columns]
     default = np.eye(3, 4) if edit.default is None else edit.default.matrix(box_center(session.mesh))
     return {

@@ -109,7 +109,7 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
     image.
     """
     edit = session.edit
-    weights, columns = session.bound.posing(edit)
+    weights, columns, overlap = session.bound.posing(edit)
     names = UniqueNames()
     center = box_center(session.mesh)
     joints = [Joint(names.unique("root"), None, center, np.zeros(3), np.eye(3), np.eye(4))]
@@ -132,8 +132,8 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
             of_column.append(number)
             mirrored.append(mirror ^ _stands_below(edit, column, handle))
     mixing = None
-    if edit.overlap == "interpolate":
-        mixing = interpolating("export_rig", session.bound.among(edit, weights, columns))
+    if overlap == "interpolate":
+        mixing = interpolating("export_rig", session.bound.among(edit, weights))
     sides = np.array(mirrored, bool)
     return Rig(
         session.mesh,
