@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal
 
 from dfd.common import check
 from dfd.editing.place import Place, place_on
 from dfd.editing.regions import Region
+from dfd.posing.pose import Blend
+from dfd.weights.bind import Falloff
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
@@ -20,16 +22,13 @@ __all__ = [
     "Falloff",
     "Instances",
     "Overlap",
-    "choice",
     "controls_on",
     "controls_with_places",
     "radius_on",
 ]
 
-Falloff = Literal["linear", "smooth", "sharp", "root", "sphere", "constant"]
 Instances = Literal["own", "together", "only"]
 Overlap = Literal["add", "interpolate", "normalize", "paper"]
-Blend = Literal["linear", "dual_quaternion", "polar"]
 
 LARGEST = 1e38  # what the kernels compute with are 32-bit floats
 
@@ -83,7 +82,7 @@ class Controls:
         if self.reach != "auto":
             reach = check.number("Controls", "reach", self.reach, minimum=0.0, maximum=LARGEST, exclusive=True)
             keep(self, "reach", reach)
-        choice("falloff", self.falloff, get_args(Falloff))
+        check.choice("Controls", "falloff", self.falloff, Falloff)
         keep(self, "locality", check.number("Controls", "locality", self.locality, minimum=0.0, maximum=LARGEST))
         if self.radius is not None:
             keep(self, "radius", check.number("Controls", "radius", self.radius, minimum=0.0, exclusive=True))
@@ -91,7 +90,7 @@ class Controls:
                 both = f"{self.radius:g} and {self.locality:g}"
                 raise ValueError(f"Controls: `radius` and `locality` must not be given both, got {both}")
         keep(self, "strength", check.number("Controls", "strength", self.strength, minimum=0.0, maximum=1.0))
-        choice("instances", self.instances, get_args(Instances))
+        check.choice("Controls", "instances", self.instances, Instances)
         if not isinstance(self.level, bool):
             raise ValueError(f"Controls: `level` must be True or False, got {self.level!r}")
         width = check.number("Controls", "within_width", self.within_width, minimum=0.0, maximum=LARGEST)
@@ -192,9 +191,3 @@ def length_on(mesh: Mesh, name: str, value: Any, *, exclusive: bool = False) -> 
         except ValueError:
             raise ValueError(f"`{name}` must be a length or a percentage such as 20%, got {value!r}") from None
     return unit * check.number(name, name, length, minimum=0.0, exclusive=exclusive)
-
-
-def choice(name: str, value: Any, known: tuple[str, ...]) -> None:
-    """Refuse a `value` that is none of `known`."""
-    if value not in known:
-        raise ValueError(f"`{name}` must be one of {', '.join(known)}, got {value!r}")
