@@ -50,7 +50,7 @@ def main() -> None:
     shapes: dict[str, Shape] = {}
 
     def shape(name: str, otherwise: str) -> Shape:
-        path = next(Path(os.environ.get("DFD_MESHES", "nowhere")).glob(f"{name}.*"), None)
+        path = next(Path(os.environ.get("DFD_MESHES", "nowhere")).rglob(f"{name}.*"), None)
         stem = name if path else otherwise
         if stem not in shapes:
             mesh = dfd.load(path) if path else made[stem]().mesh
@@ -103,8 +103,12 @@ def _stories(shape: Callable[[str, str], Shape]) -> list[tuple[str, Shape, list[
     chair, horned, robot = shape("chair", "chair"), shape("quadruped", "quadruped"), shape("robot", "robot")
     wheel = _wheel(truck)
     feet = [chair.top(x=x, y=-3, z=z) for x in (-1, 1) for z in (-1, 1)]
+    horse, figure = shape("horse", "quadruped"), shape("man", "robot")
+    poll, hand = horse.top(y=1, z=0.3), figure.top(x=1)
+    hoof = animal.top(x=0.3, y=-1, z=0.3)
     ear, horn, arm = animal.top(x=1, y=0.6), horned.top(x=0.3, y=1), robot.top(x=1)
     turned = {"rotation": (0, 0, 60)}
+    lowered = {"translation": (0, -0.25 * animal.mesh.extents[1], 0)}
     lifted = {"translation": (0, 0.25 * animal.mesh.extents[1], 0)}
 
     def add(at: Any, **options: Any) -> Callable[[Session], None]:
@@ -115,6 +119,15 @@ def _stories(shape: Callable[[str, str], Shape]) -> list[tuple[str, Shape, list[
 
     def put(name: str, value: Any) -> Callable[[Session], None]:
         return lambda session: setattr(session, name, value)
+
+    def without(count: int | None) -> Callable[[Session], None]:
+        """Switch off the instances of handle 1 that are most alike, so many of them or all."""
+
+        def switched(session: Session) -> None:
+            others = [one.vertex for one, _ in session.instances(1)[1:]]
+            session.change(1, without_instances=others[:count])
+
+        return switched
 
     def four(overlap: str) -> Callable[[Session], None]:
         down = {"translation": (0, -0.2 * chair.mesh.extents[1], 0)}
@@ -134,6 +147,40 @@ def _stories(shape: Callable[[str, str], Shape]) -> list[tuple[str, Shape, list[
             [(kind, add(ear, instances=kind, **turned)) for kind in ("together", "own", "only")]
             + [("own, level", add(ear, instances="own", level=True, **turned))],
             None,
+        ),
+        (
+            "Instances: some of them are switched off",
+            animal,
+            [
+                ("all", add(hoof, reach=0.6, **lowered)),
+                ("without the most alike", also(add(hoof, reach=0.6, **lowered), without(1))),
+                ("without all others", also(add(hoof, reach=0.6, **lowered), without(None))),
+            ],
+            40.0,
+        ),
+        (
+            "A long lever: an ear is turned, and nothing far away lifts",
+            horse,
+            [(kind, add(poll, instances=kind, rotation=(60, 0, 0))) for kind in ("together", "own", "only")],
+            70.0,
+        ),
+        (
+            "Axes: twice as wide, along the axes of the mesh and along the limb",
+            figure,
+            [
+                ("axes of the mesh", add(hand, scale=(2, 2, 1))),
+                ("limb", add(hand, scale=(2, 2, 1), axes="limb")),
+            ],
+            10.0,
+        ),
+        (
+            "Axes: a leg grows thicker and not longer",
+            animal,
+            [
+                ("every way", add(hoof, scale=1.6, reach=0.6)),
+                ("limb", add(hoof, scale=(1.6, 1.6, 1), axes="limb", reach=0.6)),
+            ],
+            40.0,
         ),
         (
             "Overlap: four feet are pulled down, each by a handle",
@@ -201,6 +248,7 @@ def _stories(shape: Callable[[str, str], Shape]) -> list[tuple[str, Shape, list[
             [
                 ("everywhere", add("bottom", translation=(0, -0.3, 0))),
                 ("within x>0", add("bottom", translation=(0, -0.3, 0), within="x>0")),
+                ("with a soft edge", add("bottom", translation=(0, -0.3, 0), within="x>0", within_width="15%")),
             ],
             20.0,
         ),

@@ -26,6 +26,7 @@ AT_REST = {
     "instances": "own",
     "level": False,
     "without_instances": [],
+    "within_width": 0.0,
 }
 WHOLE = {"overlap": "add", "blend": "linear", "arrive": True}
 

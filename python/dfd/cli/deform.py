@@ -21,6 +21,7 @@ from dfd.cli.options import (
     ReachOption,
     StrengthOption,
     WithinOption,
+    WithinWidthOption,
     WithoutInstancesOption,
 )
 
@@ -80,6 +81,7 @@ def deform(
     level: LevelOption = None,
     without_instances: WithoutInstancesOption = None,
     within: WithinOption = None,
+    within_width: WithinWidthOption = None,
     name: Annotated[str | None, typer.Option(metavar="TEXT", help="What the edit calls the handle.")] = None,
     fix: FixOption = None,
     symmetry: Annotated[

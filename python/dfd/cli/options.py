@@ -19,12 +19,24 @@ __all__ = [
     "ReachOption",
     "StrengthOption",
     "WithinOption",
+    "WithinWidthOption",
     "WithoutInstancesOption",
     "controls",
 ]
 
 # The parameters that shape the weights of one handle, named as `Deformer.add` names them.
-CONTROLS = ("reach", "falloff", "locality", "radius", "strength", "instances", "level", "without_instances", "within")
+CONTROLS = (
+    "reach",
+    "falloff",
+    "locality",
+    "radius",
+    "strength",
+    "instances",
+    "level",
+    "without_instances",
+    "within",
+    "within_width",
+)
 
 ReachOption = Annotated[
     str | None,
@@ -58,6 +70,10 @@ WithoutInstancesOption = Annotated[
 WithinOption = Annotated[
     str | None,
     typer.Option(metavar="REGION", help="Nothing follows beyond: part:NAME, 'x>0', ball:x,y,z,r or box:x,y,z,x,y,z."),
+]
+WithinWidthOption = Annotated[
+    str | None,
+    typer.Option(metavar="W|P%", help="How far beyond --within the weight fades, mesh units or % of the box."),
 ]
 FixOption = Annotated[
     list[str] | None,

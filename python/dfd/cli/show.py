@@ -19,6 +19,7 @@ from dfd.cli.options import (
     ReachOption,
     StrengthOption,
     WithinOption,
+    WithinWidthOption,
     WithoutInstancesOption,
     controls,
 )
@@ -54,6 +55,7 @@ def show(
     level: LevelOption = None,
     without_instances: WithoutInstancesOption = None,
     within: WithinOption = None,
+    within_width: WithinWidthOption = None,
     fix: FixOption = None,
     arrive: ArriveOption = None,
     views: Annotated[int, typer.Option(min=1, max=36, help="From how many sides, all around.")] = 1,

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal
 
 from dfd.common import check
 from dfd.editing.place import Place, place_on
 from dfd.editing.regions import Region
+from dfd.posing.pose import Blend
+from dfd.weights.bind import Falloff
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
@@ -20,16 +22,13 @@ __all__ = [
     "Falloff",
     "Instances",
     "Overlap",
-    "choice",
     "controls_on",
     "controls_with_places",
     "radius_on",
 ]
 
-Falloff = Literal["linear", "smooth", "sharp", "root", "sphere", "constant"]
 Instances = Literal["own", "together", "only"]
 Overlap = Literal["add", "interpolate", "normalize", "paper"]
-Blend = Literal["linear", "dual_quaternion", "polar"]
 
 LARGEST = 1e38  # what the kernels compute with are 32-bit floats
 
@@ -60,6 +59,8 @@ class Controls:
         Places, one on each instance that does not move along; the handle's own always does.
     within
         Region beyond which nothing follows; None is everywhere.
+    within_width
+        Distance beyond that region, mesh units, over which the weight falls smoothly to 0; 0 is a hard edge.
     """
 
     reach: float | str = 1.0
@@ -71,6 +72,7 @@ class Controls:
     level: bool = False
     without_instances: tuple[Place, ...] = ()
     within: Region | None = None
+    within_width: float = 0.0
 
     def __post_init__(self) -> None:
         """Check them, once."""
@@ -80,7 +82,7 @@ class Controls:
         if self.reach != "auto":
             reach = check.number("Controls", "reach", self.reach, minimum=0.0, maximum=LARGEST, exclusive=True)
             keep(self, "reach", reach)
-        choice("falloff", self.falloff, get_args(Falloff))
+        check.choice("Controls", "falloff", self.falloff, Falloff)
         keep(self, "locality", check.number("Controls", "locality", self.locality, minimum=0.0, maximum=LARGEST))
         if self.radius is not None:
             keep(self, "radius", check.number("Controls", "radius", self.radius, minimum=0.0, exclusive=True))
@@ -88,9 +90,11 @@ class Controls:
                 both = f"{self.radius:g} and {self.locality:g}"
                 raise ValueError(f"Controls: `radius` and `locality` must not be given both, got {both}")
         keep(self, "strength", check.number("Controls", "strength", self.strength, minimum=0.0, maximum=1.0))
-        choice("instances", self.instances, get_args(Instances))
+        check.choice("Controls", "instances", self.instances, Instances)
         if not isinstance(self.level, bool):
             raise ValueError(f"Controls: `level` must be True or False, got {self.level!r}")
+        width = check.number("Controls", "within_width", self.within_width, minimum=0.0, maximum=LARGEST)
+        keep(self, "within_width", width)
         off: object = self.without_instances
         if not isinstance(off, tuple) or any(not isinstance(one, Place) or one.region is not None for one in off):
             raise ValueError(f"Controls: `without_instances` must be places that are points, got {off!r}")
@@ -128,12 +132,12 @@ def controls_with_places(mesh: Mesh, controls: Controls) -> Controls:
 
 
 def controls_on(mesh: Mesh, given: dict[str, Any]) -> dict[str, Any]:
-    """`given` as `Controls.changed` takes it: `radius` in mesh units, `within` a region and others places of `mesh`.
+    """`given` as `Controls.changed` takes it: lengths in mesh units, `within` a region and others places of `mesh`.
 
     Raises
     ------
     ValueError
-        If `radius` is neither a length nor a percentage, `without_instances` is no list of points, or `within` is no
+        If a length is neither a number nor a percentage, `without_instances` is no list of points, or `within` is no
         region or holds no vertex.
     """
     found = dict(given)
@@ -141,6 +145,8 @@ def controls_on(mesh: Mesh, given: dict[str, Any]) -> dict[str, Any]:
         found["without_instances"] = _points_on(mesh, given["without_instances"])
     if given.get("radius") is not None:
         found["radius"] = radius_on(mesh, given["radius"])
+    if given.get("within_width") is not None:
+        found["within_width"] = length_on(mesh, "within_width", given["within_width"])
     within = given.get("within")
     if within is not None and not (isinstance(within, str) and within == "everywhere"):
         found["within"] = place_on(mesh, within).region
@@ -160,23 +166,28 @@ def _points_on(mesh: Mesh, places: Any) -> tuple[Place, ...]:
 
 
 def radius_on(mesh: Mesh, radius: Any) -> float:
-    """A radius in mesh units, from a length or from a text such as "20%", of the diagonal of the mesh's box.
+    """A radius in mesh units, as `length_on` reads it.
 
     Raises
     ------
     ValueError
-        If it is neither, or not above 0.
+        If it is no length, or not above 0.
     """
-    length, unit = radius, 1.0
-    if isinstance(radius, str):
+    return length_on(mesh, "radius", radius, exclusive=True)
+
+
+def length_on(mesh: Mesh, name: str, value: Any, *, exclusive: bool = False) -> float:
+    """A length in mesh units, from a number or from a text such as "20%", of the diagonal of the mesh's box.
+
+    Raises
+    ------
+    ValueError
+        In the name of `name`, if it is neither, or negative, or with `exclusive` 0.
+    """
+    length, unit = value, 1.0
+    if isinstance(value, str):
         try:
-            length, unit = float(radius.removesuffix("%")), mesh.diagonal / 100 if radius.endswith("%") else 1.0
+            length, unit = float(value.removesuffix("%")), mesh.diagonal / 100 if value.endswith("%") else 1.0
         except ValueError:
-            raise ValueError(f"`radius` must be a length or a percentage such as 20%, got {radius!r}") from None
-    return unit * check.number("radius", "radius", length, minimum=0.0, exclusive=True)
-
-
-def choice(name: str, value: Any, known: tuple[str, ...]) -> None:
-    """Refuse a `value` that is none of `known`."""
-    if value not in known:
-        raise ValueError(f"`{name}` must be one of {', '.join(known)}, got {value!r}")
+            raise ValueError(f"`{name}` must be a length or a percentage such as 20%, got {value!r}") from None
+    return unit * check.number(name, name, length, minimum=0.0, exclusive=exclusive)

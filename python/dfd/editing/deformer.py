@@ -33,7 +33,7 @@ __all__ = ["Deformer"]
 
 # What a handle starts with: wheels turn about their own axles, and legs grow where they stand. All else is the paper's.
 NEW_HANDLE = Controls(instances="own")
-# What shows a session in a page: a room that comes after this one, looked up by name when somebody asks for it.
+# What shows a session in a page: a later room, looked up by name when somebody asks for it.
 PAGE = "dfd.app"
 
 
@@ -102,6 +102,7 @@ class Deformer(WholeShape):
         level: bool | None = None,
         without_instances: Sequence[Any] | None = None,
         within: Region | ArrayLike | None = None,
+        within_width: float | str | None = None,
         name: str | None = None,
     ) -> int:
         """Take hold of the shape and return the new handle's id.
@@ -141,11 +142,12 @@ class Deformer(WholeShape):
         level
             Whether all instances follow as fully as the handle's own.
         without_instances
-            Those that do not move along: vertices, points or texts as `at` takes them, one on each; [] is none. They
-            are told by what lies there, so that they stay the same ones when the handle or the mesh changes. Of those
-            listed by `instances` any but the first, the handle's own, which always moves.
+            Those that do not move along: vertices, points or texts as `at` takes them, one on each. Of those
+            that `instances` lists any but the first, the handle's own, which always moves.
         within
             A region, as `at` takes one, beyond which nothing follows.
+        within_width
+            How far beyond it the weight falls smoothly to 0, given as `radius` is; 0 if left out.
         name
             For people.
 
@@ -158,10 +160,11 @@ class Deformer(WholeShape):
         """
         with door("Deformer.add"):
             place = place_on(self.mesh, at)
+            transform = self._transform(Transform(), place, translation, rotation, scale, pivot, axes)
             handle = Handle(
                 self._next_id,
                 place,
-                self._transform(Transform(), place, translation, rotation, scale, pivot, axes),
+                transform,
                 NEW_HANDLE.changed(
                     **controls_on(
                         self.mesh,
@@ -175,6 +178,7 @@ class Deformer(WholeShape):
                             "level": level,
                             "without_instances": without_instances,
                             "within": within,
+                            "within_width": within_width,
                         },
                     )
                 ),
@@ -233,6 +237,7 @@ class Deformer(WholeShape):
         level: bool | None = None,
         without_instances: Sequence[Any] | None = None,
         within: Region | ArrayLike | None = None,
+        within_width: float | str | None = None,
         name: str | None = None,
     ) -> None:
         """Set where a handle is, what follows it, or its name, as in `add`; what is left out stays.
@@ -257,6 +262,7 @@ class Deformer(WholeShape):
                 "level": level,
                 "without_instances": without_instances,
                 "within": within,
+                "within_width": within_width,
             }
             changed = replace(
                 held,
@@ -318,7 +324,7 @@ class Deformer(WholeShape):
     def prepare(self, progress: Callable[[int], object] | None = None) -> None:
         """Ask the field for the vertices' features now rather than when they are first needed.
 
-        It is the one long step of a session. `progress` is called with the number of further vertices that are done.
+        It is the one long step of a session; `progress` is called with the number of further vertices that are done.
         """
         self._weights.prepare(progress)
 
@@ -329,10 +335,7 @@ class Deformer(WholeShape):
 
     @property
     def weights(self) -> NDArray[np.float32]:
-        """(V, H) weights of the handles, in the order of `handles`, column-major and read-only; they stay as they are.
-
-        Only what changed is bound again.
-        """
+        """(V, H) weights of the handles, in the order of `handles`, column-major and read-only, fixed once given."""
         return self._weights.of(self.edit)
 
     @property

@@ -25,7 +25,8 @@
           "instances": "together",
           "level": false,
           "without_instances": [{"vertex": 812, "position": [-0.1, 0.9, -0.6]}],
-          "within": null
+          "within": null,
+          "within_width": 0.0
         }
       ],
       "fixed": [{"vertex": 77, "position": [0.2, -0.7, 0.1], "region": null, "strength": 1.0}],
@@ -41,8 +42,8 @@ be left out. Unknown keys, keys that are given twice, and numbers that are not f
 error, never a default.
 
 A version 1 document has none of `hash`, `bounds`, `region`, `axes`, `reach`, `falloff`, `radius`, `strength`,
-`instances`, `level`, `without_instances`, `within`, `overlap`, `blend` and `arrive`. It is read as one of version 2
-that leaves them out, but for `arrive`, which is false there: fixed points shortened the move.
+`instances`, `level`, `without_instances`, `within`, `within_width`, `overlap`, `blend` and `arrive`. It is read as
+one of version 2 that leaves them out, but for `arrive`, which is false there: fixed points shortened the move.
 """
 
 from __future__ import annotations
@@ -216,6 +217,7 @@ class HandleDocument(PlaceDocument, DefaultDocument):
     level: bool = False
     without_instances: list[PointDocument] = Field([], description="A place on each instance that does not move along.")
     within: RegionDocument | None = None
+    within_width: float = Field(0.0, ge=0, description="Mesh units beyond `within`, over which it fades.")
 
 
 class PlaneDocument(Document):

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import check
-from dfd.editing.controls import Blend, Controls, Overlap, choice, controls_with_places
+from dfd.editing.controls import Blend, Controls, Overlap, controls_with_places
 from dfd.editing.place import Place, place_on
 from dfd.editing.regions import Region, members
 from dfd.posing.transforms import Transform, Vector, vector
@@ -143,8 +143,8 @@ class Edit:
 
     def __post_init__(self) -> None:
         """Refuse two of what may be only once."""
-        choice("overlap", self.overlap, get_args(Overlap))
-        choice("blend", self.blend, get_args(Blend))
+        check.choice("Edit", "overlap", self.overlap, Overlap)
+        check.choice("Edit", "blend", self.blend, Blend)
         if not isinstance(self.arrive, bool):
             raise ValueError(f"Edit: `arrive` must be True or False, got {self.arrive!r}")
         ids: set[int] = set()

@@ -41,7 +41,7 @@ __all__ = ["from_document", "read_edit", "to_document", "write_edit"]
 # Two resolutions of one shape have boxes whose corners are nearer than this part of the diagonal.
 SAME_BOX = 0.05
 TRANSFORM_KEYS = ("translation", "rotation", "scale", "pivot", "axes")
-CONTROL_KEYS = ("reach", "falloff", "locality", "radius", "strength", "instances", "level")
+CONTROL_KEYS = ("reach", "falloff", "locality", "radius", "strength", "instances", "level", "within_width")
 
 
 def write_edit(path: str | os.PathLike[str], edit: Edit, mesh: Mesh) -> None:

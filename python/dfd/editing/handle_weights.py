@@ -294,9 +294,7 @@ class HandleWeights:
         if key.controls.strength < 1.0:
             column *= np.float32(key.controls.strength)
         if key.controls.within is not None:
-            beyond = np.ones(len(column), bool)
-            beyond[self._rows.members_of(key.controls.within)] = False
-            column[beyond] = 0.0
+            column *= self._rows.inside(key.controls.within, key.controls.within_width)
 
     def _left_of(self, key: Key, column: Float32) -> float:
         """What is left at the handle of its own column."""

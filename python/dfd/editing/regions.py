@@ -19,7 +19,7 @@ from dfd.posing.transforms import Vector, vector
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["SAME_POSITION", "Ball", "Box", "HalfSpace", "Part", "Region", "VertexSet", "members"]
+__all__ = ["SAME_POSITION", "Ball", "Box", "HalfSpace", "Part", "Region", "VertexSet", "distances_from", "members"]
 
 # A vertex that moved by no more than this part of the box's diagonal is the same one: files round positions to float32.
 SAME_POSITION = 1e-5
@@ -224,6 +224,29 @@ def members(mesh: Mesh, region: Region) -> Indices:
     if len(found) == 0:
         raise ValueError(f"`region` must hold a vertex, but {region} holds none of the mesh's {len(mesh.vertices)}")
     return found
+
+
+def distances_from(mesh: Mesh, region: Region) -> NDArray[np.float64]:
+    """(V,) how far each vertex lies outside of `region`, mesh units; of a set of vertices, from the nearest of them.
+
+    Raises
+    ------
+    ValueError
+        If it holds no vertex.
+    """
+    inside = members(mesh, region)
+    match region:
+        case Ball():
+            away = np.linalg.norm(mesh.vertices - np.asarray(region.center), axis=1) - region.radius
+        case Box():
+            outside = np.maximum(np.asarray(region.low) - mesh.vertices, mesh.vertices - np.asarray(region.high))
+            away = np.linalg.norm(np.maximum(outside, 0.0), axis=1)
+        case HalfSpace():
+            away = region.offset - mesh.vertices @ np.asarray(region.normal)
+        case _:
+            away = cKDTree(mesh.vertices[inside]).query(mesh.vertices)[0]
+    away[inside] = 0.0
+    return np.asarray(np.maximum(away, 0.0), np.float64)
 
 
 def _point(position: Vector) -> str:

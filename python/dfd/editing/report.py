@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,8 @@ __all__ = ["HandleReport", "Report", "report"]
 # What nobody sees, as a part of the diagonal of the box: a vertex that moved less stayed, a handle that misses less
 # arrived.
 UNSEEN = 1e-3
+# A handle whose place follows another one by this much is pushed by it.
+PUSHED = 0.1
 
 
 @dataclass(frozen=True)
@@ -81,12 +84,15 @@ class Report:
         What became of each handle.
     warning
         Why nothing moved, where nothing did; None otherwise.
+    advice
+        What would help handles that did not arrive; None where all did, or nothing is known.
     """
 
     moved: float
     farthest: float
     handles: tuple[HandleReport, ...]
     warning: str | None
+    advice: str | None = None
 
     def __str__(self) -> str:
         """The sentence."""
@@ -98,6 +104,8 @@ class Report:
             told.append(f"all {len(self.handles)} handles arrived")
         else:
             told += map(str, self.handles)
+        if self.advice is not None:
+            told.append(self.advice)
         return "; ".join(told)
 
 
@@ -111,7 +119,8 @@ def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: NDArray[np.flo
         _handle_report(mesh, edit, handle, weights.anchor(handle), count, posed)
         for handle, count in zip(edit.handles, counts, strict=True)
     )
-    return Report(moved, farthest, handles, _warning(edit) if moved == 0 else None)
+    warning = _warning(edit) if moved == 0 else None
+    return Report(moved, farthest, handles, warning, _advice(edit, weights, handles))
 
 
 def _handle_report(
@@ -135,6 +144,19 @@ def _handle_report(
         mirrored,
         instances,
     )
+
+
+def _advice(edit: Edit, weights: HandleWeights, handles: Sequence[HandleReport]) -> str | None:
+    """What would help handles that are pushed by others which look alike."""
+    missed = np.array([not handle.arrived for handle in handles], bool)
+    if edit.overlap == "interpolate" or len(handles) < 2 or not missed.any():
+        return None
+    among = weights.among(edit, weights.following(edit))
+    np.fill_diagonal(among, 0.0)
+    among[:, [handle.transform.rests for handle in edit.handles]] = 0.0  # what rests pushes nobody
+    if among[missed].max() < PUSHED:
+        return None
+    return 'handles that look alike push one another: with overlap "interpolate" each arrives'
 
 
 def _warning(edit: Edit) -> str:

@@ -168,6 +168,7 @@ class _Carrier:
         carried: Controls = replace(
             controls,
             radius=None if controls.radius is None else self.ratio * controls.radius,
+            within_width=self.ratio * controls.within_width,
             without_instances=(),  # the other shape has other ones
             within=None if controls.within is None else self.region(controls.within),
         )

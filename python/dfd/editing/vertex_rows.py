@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dfd.common import check
 from dfd.editing.place import Place
-from dfd.editing.regions import Region, members
+from dfd.editing.regions import Region, distances_from, members
 from dfd.weights.compact import CompactFeatures, compact
 
 if TYPE_CHECKING:
@@ -68,6 +68,15 @@ class VertexRows:
         if region not in self._members:
             self._members[region] = members(self._mesh, region)
         return self._members[region]
+
+    def inside(self, region: Region, width: float) -> Float32:
+        """(V,) 1 in a region and 0 beyond it, falling smoothly over `width`, mesh units."""
+        inside = np.zeros(len(self._mesh.vertices), np.float32)
+        if width == 0.0:
+            inside[self.members_of(region)] = 1.0
+            return inside
+        left = np.maximum(1.0 - distances_from(self._mesh, region) / width, 0.0)
+        return (left * left * (3.0 - 2.0 * left)).astype(np.float32)
 
     def members(self, place: Place) -> Indices:
         """(N,) the vertices of a place that is a region."""

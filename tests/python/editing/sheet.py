@@ -36,6 +36,7 @@ def full_edit(mesh):
         level=True,
         without_instances=(place_on(mesh, 60), Place((0.3, 0.1, 0.5))),
         within=Ball((0.01, 0.0, 0.0), 0.7),
+        within_width=0.125,
     )
     return Edit(
         handles=(

@@ -89,6 +89,37 @@ def geodesics_of():
     return replaced
 
 
+@pytest.mark.parametrize(
+    ("region", "away"),
+    [
+        ("x>0", lambda points: -points[:, 0]),
+        ("ball:0,0.5,0,0.2", lambda points: np.linalg.norm(points - (0, 0.5, 0), axis=1) - 0.2),
+        ("box:-1,0.3,-1,1,0.6,1", lambda points: np.maximum(0.3 - points[:, 1], points[:, 1] - 0.6)),
+    ],
+)
+def test_a_limit_may_have_a_soft_edge(session, foot, mesh, region, away):
+    session.add(foot)
+    everywhere = session.weights[:, 0].copy()
+    session.change(1, within=region, within_width=0.2)
+    left = np.clip(1 - away(mesh.vertices) / 0.2, 0, 1)
+    wanted = everywhere * left * left * (3 - 2 * left)
+    np.testing.assert_allclose(session.weights[:, 0], wanted, atol=1e-6)
+    assert ((left > 0) & (left < 1)).any()
+    session.change(1, within_width=0)
+    np.testing.assert_allclose(session.weights[:, 0], np.where(away(mesh.vertices) <= 0, everywhere, 0), atol=1e-6)
+    session.change(1, within_width="10%")
+    assert session.handle(1).controls.within_width == pytest.approx(0.1 * mesh.diagonal)
+
+
+def test_the_edge_of_a_set_of_vertices_is_soft_too(session, foot, mesh):
+    held = np.flatnonzero(mesh.vertices[:, 1] < 0.3)
+    session.add(foot, within=held, within_width=0.3)
+    assert (session.weights[held, 0] >= 0).all()
+    far = np.linalg.norm(mesh.vertices[:, None] - mesh.vertices[held[::5]], axis=2).min(axis=1) > 0.4
+    assert far.any()
+    assert (session.weights[far, 0] == 0).all()
+
+
 def test_strength_is_a_factor_and_within_a_limit(session, labeled, foot, mesh):
     handle = session.add(foot, strength=0.25, within="x>0")
     weights = 0.25 * dfd.bind(labeled, [foot])[:, 0]
@@ -286,6 +317,8 @@ def test_scale_along_the_normal_makes_thicker_and_not_longer(session, foot, mesh
         ({"strength": 1.5}, r"Deformer.add: `strength` must be at most 1, got 1.5"),
         ({"instances": "all"}, r"Deformer.add: `instances` must be one of own, together, only, got 'all'"),
         ({"level": "yes"}, r"Deformer.add: `level` must be True or False, got 'yes'"),
+        ({"within": "y>0", "within_width": -1}, r"Deformer.add: `within_width` must be at least 0, got -1"),
+        ({"within": "y>0", "within_width": "wide"}, r"Deformer.add: `within_width` must be a length or a percentage"),
         ({"within": "top"}, r"Deformer.add: `within` must be a region, got 'top'"),
         ({"within": "y>70"}, r"Deformer.add: `region` must hold a vertex, but the side"),
         ({"axes": "normal", "at": (0, 0.5, 0)}, r"Deformer.add: `axes` cannot be 'normal': the handle is at no vertex"),

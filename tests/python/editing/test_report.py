@@ -41,6 +41,30 @@ def test_several_handles_are_told_in_a_few_words_when_all_is_well(deformer):
     assert str(deformer.report()).endswith("; all 2 handles arrived")
 
 
+def test_handles_that_push_one_another_are_told_what_helps(deformer, mesh):
+    feet = [int((mesh.vertices @ (x, -3, z)).argmax()) for x in (-1, 1) for z in (-1, 1)]
+    with deformer.step():
+        for foot in feet:
+            deformer.add(foot, translation=(0, -0.48, 0))
+    report = deformer.report()
+    assert not any(handle.arrived for handle in report.handles)
+    assert report.advice == 'handles that look alike push one another: with overlap "interpolate" each arrives'
+    assert str(report).endswith(f"; {report.advice}")
+    deformer.overlap = "interpolate"
+    assert deformer.report().advice is None
+    assert str(deformer.report()).endswith("all 4 handles arrived")
+
+
+def test_a_handle_that_fixed_points_hold_is_told_nothing_of_others(deformer):
+    deformer.add(5, translation=(0, 0.4, 0), reach=0.1)
+    deformer.add(900, translation=(0, 0.4, 0), reach=0.1)
+    deformer.fix(20)
+    deformer.arrive = False
+    report = deformer.report()
+    assert not all(handle.arrived for handle in report.handles)
+    assert report.advice is None
+
+
 def test_mirrored_handles_are_named(deformer, mesh):
     vertex = int(mesh.vertices[:, 0].argmax())
     deformer.add(vertex, translation=(0, 0.1, 0))
