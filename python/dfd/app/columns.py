@@ -107,10 +107,7 @@ class Columns:
         posing = deformer.bound.columns(deformer.edit)[1]
         for number, index in owed.items():
             found = [column for column in posing if column.handle == index and column.instance is not None]
-            instances = tuple(
-                self._instance(number, order, column, arrays)
-                for order, column in enumerate(found)
-            )
+            instances = tuple(self._instance(number, order, column, arrays) for order, column in enumerate(found))
             entries.append(InstancesEntry(column=number, instances=instances))
         message = pack(InstancesMessage, arrays, columns=tuple(entries))
         self._whole |= set(owed)
@@ -147,7 +144,7 @@ class Columns:
         share = f"share{number}_{index}"
         count = len(self._deformer.mesh.vertices)
         own = np.ones(count, np.float32) if instance.share is None else instance.share
-        arrays[share] = np.rint(own * 255).astype(np.uint8)
+        arrays[share] = _packed(own, 1.0)
         frame: Any = tuple(tuple(float(x) for x in row) for row in np.asarray(instance.frame))
         return InstanceEntry(
             instance=index,
