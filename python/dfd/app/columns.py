@@ -144,7 +144,7 @@ class Columns:
         share = f"share{number}_{index}"
         count = len(self._deformer.mesh.vertices)
         own = np.ones(count, np.float32) if instance.share is None else instance.share
-        arrays[share] = np.rint(own * 255).astype(np.uint8)
+        arrays[share] = _packed(own, 1.0)
         frame: Any = tuple(tuple(float(x) for x in row) for row in np.asarray(instance.frame))
         return InstanceEntry(
             instance=index,

@@ -15,7 +15,15 @@ from dfd.app.columns import heat_message
 from dfd.app.exports import export
 from dfd.app.looks import feature_colors_message, positions_message
 from dfd.app.protocol import requests
-from dfd.app.protocol.answers import Answer, DoneMessage, DownloadMessage, ScriptMessage, SuggestionsMessage
+from dfd.app.protocol.answers import (
+    Alike,
+    AlikeMessage,
+    Answer,
+    DoneMessage,
+    DownloadMessage,
+    ScriptMessage,
+    SuggestionsMessage,
+)
 from dfd.app.protocol.parts import Controls, Place, PointPlace, RegionPlace, Transform, VertexPlace
 from dfd.app.script import as_command, as_python
 from dfd.app.shapes import sample_source
@@ -92,6 +100,14 @@ def _features(session: Session, message: requests.Features) -> bytes:
 
 def _suggest(session: Session, message: requests.Suggest) -> Answer:
     return SuggestionsMessage(suggestions=suggestions(session.living(), message.count, session.looks.planes))
+
+
+def _instances(session: Session, message: requests.Instances) -> Answer:
+    places = []
+    for instance, on in session.living().instances(message.handle):
+        x, y, z = (float(value) for value in instance.position)
+        places.append(Alike(vertex=int(instance.vertex), position=(x, y, z), weight=float(instance.weight), on=on))
+    return AlikeMessage(handle=message.handle, places=tuple(places))
 
 
 # --- handles
@@ -286,6 +302,8 @@ def _controls(session: Session, method: Callable[..., object], controls: Control
     given = {name: value for name, value in controls if value is not None and name != "more"}
     if isinstance(controls.within, RegionPlace):
         given["within"] = _members(session, controls.within)
+    if controls.without_instances is not None:
+        given["without_instances"] = list(controls.without_instances)
     return _known(method, {**(controls.more or {}), **given})
 
 
@@ -307,6 +325,7 @@ _DO: dict[type[requests.Request], Callable[[Session, Any], Answer | bytes | None
     requests.Compute: _compute,
     requests.Features: _features,
     requests.Suggest: _suggest,
+    requests.Instances: _instances,
     requests.Add: _add,
     requests.Move: _move,
     requests.Pose: _pose,

@@ -25,7 +25,18 @@ if TYPE_CHECKING:
 __all__ = ["Looks", "empty_state", "state_message"]
 
 
-CONTROLS = ("name", "reach", "falloff", "locality", "radius", "strength", "instances", "level", "within")
+CONTROLS = (
+    "name",
+    "reach",
+    "falloff",
+    "locality",
+    "radius",
+    "strength",
+    "instances",
+    "level",
+    "without_instances",
+    "within",
+)
 NO_FIELD = FieldState(status="none", origin=None, settings={})
 
 
@@ -117,6 +128,9 @@ def _handle(deformer: Deformer, columns: Columns, handle: Handle, controls: dict
         strength=handle.controls.strength,
         instances=handle.controls.instances,
         level=handle.controls.level,
+        without_instances=tuple(
+            place.vertex for place in handle.controls.without_instances if place.vertex is not None
+        ),
         within=0 if handle.controls.within is None else len(members(deformer.mesh, handle.controls.within)),
         region=_region_size(deformer, handle.place),
         kind=column_kind(handle),

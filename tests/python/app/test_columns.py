@@ -39,7 +39,7 @@ class Client:
             header, arrays = unpack(later)
             for entry in header["columns"]:
                 for instance in entry["instances"]:
-                    instance["share"] = arrays[instance["share"]] / 255
+                    instance["share"] = arrays[instance["share"]] / 65535
                 self.entries[entry["column"]]["instances"] = entry["instances"]
         assert not self.columns.owes
         return state_message(self.deformer, self.columns, Looks(), after=0).model_dump()

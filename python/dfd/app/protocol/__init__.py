@@ -43,6 +43,7 @@ from pydantic.json_schema import models_json_schema
 
 from dfd.app.protocol.answers import (
     VERSION,
+    AlikeMessage,
     DoneMessage,
     DownloadMessage,
     FailureMessage,
@@ -76,6 +77,7 @@ ServerMessage = Annotated[
     | ProgressMessage
     | ReportMessage
     | SuggestionsMessage
+    | AlikeMessage
     | DownloadMessage
     | ScriptMessage
     | MeshMessage

@@ -67,6 +67,7 @@ class HandleState(Model):
     strength: Number
     instances: str  # a name of `state.instances`
     level: bool  # whether all instances follow with full weight
+    without_instances: tuple[int, ...]  # vertices on those that are switched off
     within: int  # how many vertices the region has beyond which nothing follows; 0 is everywhere
     region: int  # how many vertices it holds as one; 0 where it is no region
     kind: Literal["distance", "weight"]
@@ -170,6 +171,23 @@ class SuggestionsMessage(Answer):
 
     type: Literal["suggestions"] = "suggestions"
     suggestions: tuple[Suggestion, ...]
+
+
+class Alike(Model):
+    """A place that looks like the one a handle holds."""
+
+    vertex: int  # its name
+    position: Vector
+    weight: Number  # how alike it looks, in [0, 1]
+    on: bool  # whether it moves along
+
+
+class AlikeMessage(Answer):
+    """Answer to `instances`: the handle's own place first, which always moves, then the most alike."""
+
+    type: Literal["alike"] = "alike"
+    handle: int
+    places: tuple[Alike, ...]
 
 
 class DownloadMessage(Answer):

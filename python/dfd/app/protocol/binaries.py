@@ -67,7 +67,7 @@ class MeshMessage(Binary):
 
 
 class InstanceEntry(Model):
-    """One of the places where a handle acts: `share` names the buffer uint8 (V,) of how much of a vertex is its own."""
+    """One of the places where a handle acts: `share` names the buffer uint16 (V,), how much of a vertex is its own."""
 
     instance: int
     on: bool

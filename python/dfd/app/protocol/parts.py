@@ -27,6 +27,7 @@ __all__ = [
     "VertexPlace",
 ]
 
+MOST_INSTANCES = 1000  # that one list switches off
 MOST_HANDLES = 1000  # that one edit, pose or list names
 LONGEST_TEXT = 1000
 
@@ -95,6 +96,7 @@ class Controls(Model):
     strength: Annotated[Number, Field(ge=0, le=1)] | None = None
     level: bool | None = None
     within: RegionPlace | Literal["everywhere"] | None = None
+    without_instances: Annotated[tuple[Index, ...], Field(max_length=MOST_INSTANCES)] | None = None  # vertices
     more: dict[str, JsonValue] | None = None  # further keywords of `Deformer.add` and `Deformer.change`, as they are
 
 

@@ -234,6 +234,13 @@ class Suggest(Request):
     count: Annotated[int, Field(ge=1, le=64)] = 12
 
 
+class Instances(Request):
+    """The places that look like the one a handle holds, and whether each moves along. Answer: `alike`."""
+
+    type: Literal["instances"]
+    handle: int
+
+
 class Export(Request):
     """Write what was done. Answer: `download`."""
 
@@ -275,6 +282,7 @@ ClientMessage = Annotated[
     | Compute
     | Features
     | Suggest
+    | Instances
     | Export
     | Script,
     Field(discriminator="type"),

@@ -1,5 +1,6 @@
 import { render } from "preact";
 
+import { followLookAlikes } from "./actions/alike";
 import { listen } from "./actions/keyboard";
 import { connect } from "./actions/server";
 import { App } from "./panels/app";
@@ -54,6 +55,7 @@ function start(): void {
   }
   render(<App viewer={viewer} />, panels);
   listen(() => viewer.frame());
+  followLookAlikes();
   connect(viewer);
   exposeForTests(viewer);
 }

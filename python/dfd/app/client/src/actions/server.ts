@@ -115,6 +115,9 @@ function receive({ message, payload }: Received, awaited: boolean, arrivals: Arr
     case "suggestions":
       store.set({ suggestions: message.suggestions });
       break;
+    case "alike":
+      store.set({ alike: message });
+      break;
     case "colors":
       if (payload) arrivals.colors(message, payload);
       break;
@@ -145,6 +148,7 @@ const CLOSED = {
   probe: null,
   painted: null,
   suggestions: [],
+  alike: null,
   report: null,
   moment: null,
   playing: false,

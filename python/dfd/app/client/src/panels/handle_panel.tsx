@@ -1,3 +1,4 @@
+import { othersOf, switchLookAlike } from "../actions/alike";
 import { change, limitTo, moveTo, setAxes, slide } from "../actions/edit";
 import type { HandleState } from "../protocol/messages";
 import { present, store } from "../store/state";
@@ -119,15 +120,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
           onChange={(level) => change(handle.handle, { level })}
         />
       )}
-      {column && column.instances.length > 1 && (
-        <div class="instances" role="group" aria-label="Look-alikes">
-          <Toggle
-            label="Show where it acts"
-            checked={state.showGhosts}
-            onChange={(showGhosts) => store.set({ showGhosts })}
-          />
-        </div>
-      )}
+      <LookAlikes handle={handle.handle} />
     </>
   );
 }
@@ -153,6 +146,33 @@ function Limit({ handle }: { readonly handle: HandleState }) {
           Paint…
         </button>
       )}
+    </div>
+  );
+}
+
+/** Each place that looks like the handle's own, and whether it moves along. */
+function LookAlikes({ handle }: { readonly handle: number }) {
+  const state = useStore(store, (all) => all);
+  const places = othersOf(state);
+  if (places.length === 0) return null;
+  return (
+    <div class="instances" role="group" aria-label="Look-alikes">
+      <Toggle
+        label="Show where it acts"
+        checked={state.showGhosts}
+        onChange={(showGhosts) => store.set({ showGhosts })}
+      />
+      <ul class="rows">
+        {places.map(({ vertex, weight, on }, i) => (
+          <li key={vertex}>
+            <Toggle
+              label={`Look-alike ${i + 1} · ${Math.round(100 * weight)} %`}
+              checked={on}
+              onChange={() => switchLookAlike(handle, vertex)}
+            />
+          </li>
+        ))}
+      </ul>
     </div>
   );
 }

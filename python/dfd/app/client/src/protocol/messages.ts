@@ -38,6 +38,7 @@ export interface Client {
     | Compute
     | Features
     | Suggest
+    | Instances
     | Export
     | Script;
 }
@@ -135,6 +136,7 @@ export interface Controls {
   reach?: number | "auto" | null;
   strength?: number | null;
   within?: RegionPlace | "everywhere" | null;
+  without_instances?: number[] | null;
 }
 /**
  * Scale along `axes`, then rotation, then translation, about the pivot.
@@ -181,6 +183,7 @@ export interface Controls1 {
   reach?: number | "auto" | null;
   strength?: number | null;
   within?: RegionPlace | "everywhere" | null;
+  without_instances?: number[] | null;
 }
 /**
  * Scale along `axes`, then rotation, then translation, about the pivot.
@@ -257,6 +260,7 @@ export interface Controls2 {
   reach?: number | "auto" | null;
   strength?: number | null;
   within?: RegionPlace | "everywhere" | null;
+  without_instances?: number[] | null;
 }
 /**
  * Let go of a handle.
@@ -426,6 +430,14 @@ export interface Suggest {
   type: "suggest";
 }
 /**
+ * The places that look like the one a handle holds, and whether each moves along. Answer: `alike`.
+ */
+export interface Instances {
+  handle: number;
+  id: number;
+  type: "instances";
+}
+/**
  * Write what was done. Answer: `download`.
  */
 export interface Export {
@@ -453,6 +465,7 @@ export interface Server {
     | ProgressMessage
     | ReportMessage
     | SuggestionsMessage
+    | AlikeMessage
     | DownloadMessage
     | ScriptMessage
     | MeshMessage
@@ -594,6 +607,7 @@ export interface HandleState {
   translation: [number, number, number];
   vertex: number | null;
   within: number;
+  without_instances: number[];
 }
 /**
  * It was done.
@@ -656,6 +670,28 @@ export interface Suggestion {
   position: [number, number, number];
   share: number;
   vertex: number;
+}
+/**
+ * Answer to `instances`: the handle's own place first, which always moves, then the most alike.
+ */
+export interface AlikeMessage {
+  handle: number;
+  id: number;
+  places: Alike[];
+  type: "alike";
+}
+/**
+ * A place that looks like the one a handle holds.
+ */
+export interface Alike {
+  on: boolean;
+  /**
+   * @minItems 3
+   * @maxItems 3
+   */
+  position: [number, number, number];
+  vertex: number;
+  weight: number;
 }
 /**
  * A file that is served once.
@@ -782,7 +818,7 @@ export interface InstancesEntry {
   instances: InstanceEntry[];
 }
 /**
- * One of the places where a handle acts: `share` names the buffer uint8 (V,) of how much of a vertex is its own.
+ * One of the places where a handle acts: `share` names the buffer uint16 (V,) of how much of a vertex is its own.
  */
 export interface InstanceEntry {
   /**

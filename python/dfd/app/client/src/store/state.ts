@@ -2,6 +2,7 @@
 
 import type { Link } from "../protocol/connection";
 import type {
+  AlikeMessage,
   HandleState,
   MeshMessage,
   ProgressMessage,
@@ -83,6 +84,8 @@ export interface State {
   /** What the brush has touched, a bit per vertex and the same as weights. */
   readonly painted: { readonly mask: Uint8Array; readonly layer: Layer; readonly count: number } | null;
   readonly suggestions: readonly Suggestion[];
+  /** The places that look like the one that the selected handle holds. */
+  readonly alike: AlikeMessage | null;
   readonly progress: ProgressMessage | null;
   readonly uploading: string | null;
   readonly report: ReportMessage | null;
@@ -124,6 +127,7 @@ export const INITIAL: State = {
   probe: null,
   painted: null,
   suggestions: [],
+  alike: null,
   progress: null,
   uploading: null,
   report: null,

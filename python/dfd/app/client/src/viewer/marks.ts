@@ -1,13 +1,14 @@
 /** Which marks and which ring lie over the shape. */
 
+import { othersOf, switchLookAlike } from "../actions/alike";
 import { select, release, hold } from "../actions/edit";
-import { present, selectedHandle, type Instance, type State } from "../store/state";
+import { present, selectedHandle, type State } from "../store/state";
 import { apply, matrixOf, subtract, type Vec3 } from "./affine";
 import type { Scene } from "./columns";
 import { isFalloff } from "./columns";
 import type { Mark, Ring } from "./markers";
 import { heldPart } from "./measure";
-import { gripOf, instanceMatrix, instancePivot } from "./scene";
+import { gripOf } from "./scene";
 import type { Shape } from "./shape";
 import { posePoint } from "./twin";
 
@@ -33,7 +34,7 @@ export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
     if (state.hidden.has(known.handle)) continue;
     const handle = present(state, known);
     const selected = state.selected === handle.handle;
-    if (selected && state.showGhosts) marks.push(...instanceMarks(state, known));
+    if (selected && state.showGhosts) marks.push(...instanceMarks(state, posed));
     const at =
       handle.vertex === null
         ? subtract(apply(matrixOf(handle.transform, handle.position), handle.position), center)
@@ -61,26 +62,18 @@ export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
   return marks;
 }
 
-/** Ghosts of the selected handle: where else it acts, each to be switched. */
-function instanceMarks(state: State, known: NonNullable<ReturnType<typeof selectedHandle>>): Mark[] {
-  const { mesh } = state;
-  const data = state.columns.get(known.column);
-  if (!mesh || !data) return [];
-  const handle = present(state, known);
-  const pivot = handle.transform.pivot ?? handle.position;
-  const matrix = matrixOf(handle.transform, handle.position);
-  const moved = (instance: Instance) =>
-    instanceMatrix(matrix, pivot, instance, instancePivot(handle.transform, handle.position, instance));
-  return data.instances
-    .filter(({ position }) => position.some((x, i) => Math.abs(x - handle.position[i]) > 1e-6 * mesh.diagonal))
-    .map((instance) => ({
-      key: `instance ${handle.handle} ${instance.instance}`,
-      kind: "instance" as const,
-      at: subtract(instance.on ? apply(moved(instance), instance.position) : instance.position, mesh.center),
-      label: `Look-alike ${instance.instance + 1}`,
-      off: !instance.on,
-      press: () => select(handle.handle),
-    }));
+/** Ghosts of the selected handle: where else it acts, each a switch. */
+function instanceMarks(state: State, posed: (vertex: number | null, position: Vec3) => Vec3): Mark[] {
+  const { selected } = state;
+  if (selected === null) return [];
+  return othersOf(state).map(({ vertex, position, on }, i) => ({
+    key: `instance ${selected} ${vertex}`,
+    kind: "instance",
+    at: posed(vertex, position),
+    label: `Look-alike ${i + 1}: press to ${on ? "leave it behind" : "take it along"}`,
+    off: !on,
+    press: () => switchLookAlike(selected, vertex),
+  }));
 }
 
 export function ringOf(state: State): Ring | null {

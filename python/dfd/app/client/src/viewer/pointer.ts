@@ -38,6 +38,9 @@ export class Pointer {
     canvas.addEventListener("pointerup", (event) => this.released(event));
     canvas.addEventListener("pointercancel", () => this.forget());
     canvas.addEventListener("pointerleave", () => this.unhover());
+    // A frame around the view is for those who came by the keyboard.
+    canvas.addEventListener("pointerdown", () => (canvas.dataset.pointed = ""));
+    canvas.addEventListener("blur", () => delete canvas.dataset.pointed);
     // Before the orbit's own listener, which would zoom.
     canvas.addEventListener("wheel", (event) => this.turned(event), { capture: true, passive: false });
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());

@@ -33,6 +33,7 @@ const POSED = [
   "hover",
   "mesh",
   "suggestions",
+  "alike",
   "showGhosts",
   "dragging",
   "gizmo",

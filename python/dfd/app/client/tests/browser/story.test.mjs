@@ -82,6 +82,17 @@ step("a click takes hold", async () => {
   assert.equal(await state(page, (s) => s.selected), (await handles())[0].handle);
 });
 
+step("a look-alike is switched off and on by itself", async () => {
+  await until(page, (s) => s.alike !== null && s.alike.places.length > 0);
+  const others = await state(page, (s) => s.alike.places.length - 1);
+  if (others === 0) return; // nothing else looks like it
+  const first = page.getByRole("switch", { name: /^Look-alike 1 / });
+  await first.locator("xpath=..").click();
+  await until(page, (s) => s.edit.handles[0].without_instances.length === 1 && s.alike.places[1].on === false);
+  await first.locator("xpath=..").click();
+  await until(page, (s) => s.edit.handles[0].without_instances.length === 0 && s.alike.places[1].on);
+});
+
 step("a drag moves the shape as the kernel does, and the wheel changes reach under way", async () => {
   const before = (await handles())[0];
   await drag(page, [0, -50], -60, async () => {
