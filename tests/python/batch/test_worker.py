@@ -112,7 +112,7 @@ def test_a_full_disk_stops_the_batch_and_is_no_failure_of_the_shape(chair, tmp_p
     folder = BatchFolder.begin(tmp_path / "out", BatchSettings(steps=("inspect",)))
     found = work(job(folder.root, chair))
     assert isinstance(found, Stopped)
-    assert found.why.endswith("cannot be written: No space left on device")
+    assert found.why.endswith("cannot be used: No space left on device")
     assert folder.record("chair") is None
 
 
@@ -166,3 +166,9 @@ def test_an_edit_that_does_not_fit_is_told_and_is_no_failure(chair, tmp_path):
     assert found.figures["leg_refused"].startswith("nothing looks enough like what handle 1 held")
     fits = work(job(folder.root, chair, "itself", field=str(chair.with_name("chair.field.safetensors"))))
     assert fits.files == ["leg.edit.json", "leg.glb", "leg.obj"]
+
+
+def test_a_machine_that_does_not_see_the_folder_stops_the_batch(chair, tmp_path):
+    found = work(job(tmp_path / "elsewhere", chair))
+    assert isinstance(found, Stopped)
+    assert found.why.endswith("the machine of a worker must see the same folder as that of the driver")
