@@ -32,14 +32,17 @@ def connect(address: str | None, workers: int | None, threads: int) -> Any:
     options: dict[str, Any] = {"log_to_driver": False, "logging_level": "error"}
     if address is None:
         cpus = None if workers is None else workers * threads
-        ray.init(address="local", num_cpus=cpus, include_dashboard=False, **options)
+        try:
+            ray.init(address="local", num_cpus=cpus, include_dashboard=False, **options)
+        except Exception as error:  # Ray has no class of its own for a start that takes too long
+            raise ConnectionError(f"batch: `ray`: Ray could not be started here: {_first_line(error)}") from None
         return ray
     if address != "auto":
         _answers(address)
     try:
         ray.init(address=address, **options)
-    except (ConnectionError, OSError, RuntimeError, ValueError) as error:
-        reason = " ".join(str(error).split())[:200]
+    except Exception as error:
+        reason = _first_line(error)
         raise ConnectionError(f"batch: `ray_address`: no Ray cluster answers at {address}: {reason}") from None
     return ray
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import filecmp
 import hashlib
 import shutil
 from collections.abc import Sequence
@@ -13,6 +14,7 @@ from dfd.batch.inputs import NAME
 from dfd.batch.one_edit import Original, field_path
 from dfd.batch.settings import EditSource
 from dfd.batch.steps import source_of
+from dfd.common.files import atomic_write
 from dfd.field.field import Field
 
 __all__ = ["EditFiles", "describe_edits", "place_edits"]
@@ -57,4 +59,6 @@ def place_edits(folder: BatchFolder, edits: Sequence[EditFiles], sources: Sequen
     for (edit, mesh), source in zip(edits, sources, strict=True):
         there = source_of(folder.edits, source.name, source.mesh)
         for path, place in zip((mesh, edit, field_path(mesh)), there, strict=True):
-            shutil.copyfile(path, place)
+            if not (place.is_file() and filecmp.cmp(path, place, shallow=False)):  # another rank may be reading it
+                with atomic_write(place, "output") as temporary:
+                    shutil.copyfile(path, temporary)

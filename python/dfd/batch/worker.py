@@ -32,10 +32,10 @@ def work(job: Job) -> Record | Stopped:
     -------
     Record, of a shape that is done or was refused; Stopped where the batch's folder cannot be written.
     """
-    settings = _settings(job.root)
-    folder = BatchFolder(job.root, sharded=settings.sharded)
     _use_threads(job.limits.threads)
     try:
+        settings = _settings(job.root)
+        folder = BatchFolder(job.root, sharded=settings.sharded)
         place = folder.begin_attempt(job.name, job.token)
         with guarded(place / LAST_WORDS, job.limits) as watched:
             record = _done(job, settings, place, watched)
@@ -43,7 +43,7 @@ def work(job: Job) -> Record | Stopped:
             _clear(place)
         return folder.publish(place, record)
     except OSError as error:
-        return Stopped(why=f"{job.root} cannot be written: {error.strerror or error}")
+        return Stopped(why=f"{job.root} cannot be used: {error.strerror or error}")
 
 
 def _done(job: Job, settings: BatchSettings, place: Path, watched: Watched) -> Record:
@@ -101,7 +101,7 @@ def _done(job: Job, settings: BatchSettings, place: Path, watched: Watched) -> R
 def _settings(root: str) -> BatchSettings:
     settings = read_settings(Path(root))
     if settings is None:
-        raise FileNotFoundError(f"batch: {root} holds no batch: this machine must see the same folder as the driver")
+        raise FileNotFoundError("the machine of a worker must see the same folder as that of the driver")
     return settings
 
 

@@ -81,6 +81,10 @@ def batch(
         raise ValueError(f"`--rank` must be below `--world-size`, got {rank} of {world_size}")
     if len(edit or ()) != len(made_on or ()):
         raise ValueError("`--edit` and `--made-on` must be given equally often: each edit was made on a mesh")
+    if workers is not None and ray_address is not None:
+        raise ValueError(
+            "`--workers` is for this machine: what runs at a time on `--ray-address` is the cluster's matter"
+        )
     if timeout is not None:
         check.number("batch", "timeout", timeout, minimum=0.0, exclusive=True)
     try:

@@ -273,11 +273,25 @@ def test_a_driver_that_is_killed_loses_nothing_and_its_workers_leave(shapes, fin
     assert list((output / ".work").glob("*~*")) == []
 
 
+def test_an_interruption_says_how_to_go_on_and_leaves_nobody_at_work(shapes, tmp_path):
+    root = tmp_path / "out"
+    Path(tmp_path / "hangs.csv").write_text(f"path\n{shapes / 'bad-hangs.obj'}\n")
+    parts = ("-m", "dfd", "batch", str(tmp_path / "hangs.csv"), "-o", str(root), "--step", "inspect", "--workers", "1")
+    driver = subprocess.Popen([sys.executable, *parts], stderr=subprocess.PIPE, text=True)
+    worker = wait_for(lambda: processes(root).get("bad-hangs.obj"))
+    driver.send_signal(signal.SIGINT)
+    _, told = driver.communicate(timeout=60)
+    assert driver.returncode == 130
+    assert told.splitlines()[-1] == (f"dfd: interrupted: the same command goes on from here; what is done is in {root}")
+    wait_for(lambda: not psutil.pid_exists(worker))
+
+
 @pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="Ray is not installed: pip install 'dfd[batch]'")
 def test_ray_makes_the_same_table(shapes, finished, tmp_path):
     output = tmp_path / "out"
     done = subprocess.run(command(shapes, output, "--ray"), capture_output=True, text=True, timeout=400, check=False)
-    assert done.returncode == 1, done.stderr
+    assert "3 done, 5 failed (input)" in done.stderr
+    assert done.returncode == 1
     assert [[row[key] for key in WITHOUT_TIMES] for row in table(output)] == [
         [row[key] for key in WITHOUT_TIMES] for row in table(finished[0])
     ]

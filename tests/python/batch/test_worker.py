@@ -8,12 +8,14 @@ from collections.abc import Iterator
 import fsspec
 import numpy as np
 import pytest
+from made_field import made_field
 from threadpoolctl import threadpool_limits
 from tiny_encoder import save_tiny_encoder
 
 import dfd
 from dfd.batch import steps
 from dfd.batch.folder import BatchFolder
+from dfd.batch.prepare import describe_edits, place_edits
 from dfd.batch.record import Job, Limits, Stopped, new_token
 from dfd.batch.settings import BatchSettings
 from dfd.batch.worker import work
@@ -110,5 +112,63 @@ def test_a_full_disk_stops_the_batch_and_is_no_failure_of_the_shape(chair, tmp_p
     folder = BatchFolder.begin(tmp_path / "out", BatchSettings(steps=("inspect",)))
     found = work(job(folder.root, chair))
     assert isinstance(found, Stopped)
-    assert found.why.endswith("cannot be written: No space left on device")
+    assert found.why.endswith("cannot be used: No space left on device")
     assert folder.record("chair") is None
+
+
+def test_edits_come_into_the_folder_with_what_they_were_made_on(chair, tmp_path):
+    mesh = dfd.load(chair)
+    field = made_field(16, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents))
+    field.save(chair.with_name("chair.field.safetensors"))
+    session = dfd.Deformer(mesh, field)
+    session.add(40, translation=(0, 0.1, 0))
+    session.save(tmp_path / "leg.json")
+    files = [(tmp_path / "leg.json", chair)]
+    (source,) = describe_edits(files)
+    settings = BatchSettings(steps=("edits",), edits=(source,))
+    folder = BatchFolder.begin(tmp_path / "out", settings)
+    for _ in range(2):
+        place_edits(folder, files, settings.edits)
+    names = sorted(path.name for path in folder.edits.iterdir())
+    assert names == ["leg.edit.json", "leg.field.safetensors", "leg.original.ply"]
+    record = work(job(folder.root, chair, field=str(chair.with_name("chair.field.safetensors"))))
+    assert record.figures["leg_confidence"] == 1.0
+    assert record.files == ["leg.edit.json"]
+    with pytest.raises(ValueError, match="`edits` must have distinct names, got leg twice"):
+        describe_edits(files * 2)
+    (tmp_path / "other.json").write_text("{}")
+    with pytest.raises(ValueError, match=r"other.json: "):
+        describe_edits([(tmp_path / "other.json", chair)])
+    chair.with_name("lonely.ply").write_bytes(chair.read_bytes())
+    with pytest.raises(FileNotFoundError, match="field"):
+        describe_edits([(tmp_path / "leg.json", chair.with_name("lonely.ply"))])
+
+
+def test_an_edit_that_does_not_fit_is_told_and_is_no_failure(chair, tmp_path):
+    mesh = dfd.load(chair)
+    field = made_field(16, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents))
+    field.save(chair.with_name("chair.field.safetensors"))
+    session = dfd.Deformer(mesh, field)
+    session.add(40, translation=(0, 0.1, 0))
+    session.save(tmp_path / "leg.json")
+    files = [(tmp_path / "leg.json", chair)]
+    settings = BatchSettings(
+        steps=("edits", "exports"), edits=describe_edits(files), exports=("obj", "glb"), threshold=1.0
+    )
+    folder = BatchFolder.begin(tmp_path / "out", settings)
+    place_edits(folder, files, settings.edits)
+    squeezed = dfd.Mesh(mesh.vertices * (1, 0.3, 1), mesh.faces)
+    squeezed.save(tmp_path / "squeezed.ply")
+    far = made_field(16, width=32, layers=2, seed=5, center=squeezed.bounds.mean(0), scale=2 / max(squeezed.extents))
+    far.save(tmp_path / "squeezed.field.safetensors")
+    found = work(job(folder.root, tmp_path / "squeezed.ply", field=str(tmp_path / "squeezed.field.safetensors")))
+    assert (found.status, found.files) == ("done", [])
+    assert found.figures["leg_refused"].startswith("nothing looks enough like what handle 1 held")
+    fits = work(job(folder.root, chair, "itself", field=str(chair.with_name("chair.field.safetensors"))))
+    assert fits.files == ["leg.edit.json", "leg.glb", "leg.obj"]
+
+
+def test_a_machine_that_does_not_see_the_folder_stops_the_batch(chair, tmp_path):
+    found = work(job(tmp_path / "elsewhere", chair))
+    assert isinstance(found, Stopped)
+    assert found.why.endswith("the machine of a worker must see the same folder as that of the driver")

@@ -42,6 +42,7 @@ def shapes(run, chair, folder):
         ((*BATCH, "--distill", "views=none"), "`views` must be a whole number"),
         ((*BATCH, "--step", "inspect", "--distill", "views=3"), "`distill` settings need the step distill"),
         ((*BATCH, "--rank", "2", "--world-size", "2"), "`--rank` must be below `--world-size`, got 2 of 2"),
+        ((*BATCH, "--workers", "2", "--ray-address", "auto"), "`--workers` is for this machine"),
         ((*BATCH, "--timeout", "0"), "`timeout` must be"),
         ((*BATCH, "--memory", "-1"), "`memory` must be"),
         ((*BATCH, "--memory", "1e6"), "1 tasks of 1e+06 GiB do not fit into the"),
