@@ -25,6 +25,7 @@ if _typing.TYPE_CHECKING:
     from dfd.export.export_rig import export_rig
     from dfd.export.export_weights import export_weights
     from dfd.export.key_poses import KeyPose
+    from dfd.export.weigh_skin import weigh_skin
     from dfd.field.field import Field
     from dfd.geometry.geodesics import Geodesics
     from dfd.mesh.mesh import Mesh, load
@@ -58,6 +59,7 @@ __all__ = [
     "set_num_threads",
     "show",
     "symmetry_planes",
+    "weigh_skin",
 ]
 
 # Names whose modules pull in torch, trimesh or scipy: imported when they are first asked for, so that `import dfd`
@@ -78,6 +80,7 @@ _LATER = {
     "rotational_symmetries": "dfd.symmetry.rotation",
     "show": "dfd.pictures.notebook",
     "symmetry_planes": "dfd.symmetry.search",
+    "weigh_skin": "dfd.export.weigh_skin",
 }
 
 

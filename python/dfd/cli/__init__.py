@@ -21,6 +21,7 @@ from dfd.cli.export import export
 from dfd.cli.handles import HandlesCommand
 from dfd.cli.inspect import inspect
 from dfd.cli.pick import pick
+from dfd.cli.rig import rig
 from dfd.cli.show import show
 
 __all__ = ["app", "main"]
@@ -60,6 +61,7 @@ app.command()(show)
 app.command()(inspect)
 app.command()(pick)
 app.command()(export)
+app.command()(rig)
 app.command()(batch)
 app.command("app")(app_command)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from dfd.export.rig import Rig
 
-__all__ = ["Influences", "influences_of"]
+__all__ = ["Influences", "heaviest", "influences_of"]
 
 # Above 1, a sum of weights is no longer rounding of 24 bits.
 ABOVE = 1e-5
@@ -46,15 +46,8 @@ def influences_of(rig: Rig, most: int | None) -> Influences:
     count = len(rig.joints)
     for _, rows in rig.weights():
         normalized += int(((rows.sum(axis=1) > 1.0 + ABOVE) | (rows.min(axis=1) < -ABOVE)).sum())
-        whole = np.maximum(rows, 0.0)
-        whole /= whole.sum(axis=1, keepdims=True)
-        kept = min(most or count, count)
-        order = np.argsort(-whole, axis=1, kind="stable")[:, :kept]
-        own = np.take_along_axis(whole, order, axis=1)
-        left = own.sum(axis=1, keepdims=True)
-        pruned = max(pruned, float(1.0 - left.min()))
-        single = _summing_to_one(own / left)
-        order[single == 0] = 0
+        order, single, left = heaviest(np.maximum(rows, 0.0), min(most or count, count))
+        pruned = max(pruned, 1.0 - left)
         width = max(width, int((single > 0).sum(axis=1).max()))
         joints.append(order)
         weights.append(single)
@@ -64,6 +57,19 @@ def influences_of(rig: Rig, most: int | None) -> Influences:
         max(pruned, 0.0) if most is not None else 0.0,
         normalized,
     )
+
+
+def heaviest(weights: NDArray[np.float64], most: int) -> tuple[NDArray[np.int64], NDArray[np.float32], float]:
+    """The heaviest joints (N, most) of weights (N, J), their weights that sum to 1, and the least share that they are.
+
+    No weight is negative, and every row has one.
+    """
+    order = np.argsort(-weights, axis=1, kind="stable")[:, :most]
+    kept = np.take_along_axis(weights, order, axis=1)
+    share = kept.sum(axis=1) / weights.sum(axis=1)
+    single = _summing_to_one(kept / kept.sum(axis=1, keepdims=True))
+    order[single == 0] = 0
+    return order, single, float(share.min())
 
 
 def _summing_to_one(weights: NDArray[np.float64]) -> NDArray[np.float32]:

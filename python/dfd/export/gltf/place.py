@@ -11,11 +11,21 @@ from dfd.export.gltf.document import GltfDocument
 from dfd.mesh.file.gltf_header import MODES_READ, Header, objects
 from dfd.mesh.file.gltf_read import triangles
 
-__all__ = ["bring_to_scene", "stand_alone"]
+__all__ = ["animated_nodes", "bring_to_scene", "stand_alone"]
 
 _TRANSFORM = ("matrix", "translation", "rotation", "scale")
 
 Float64 = NDArray[np.float64]
+
+
+def animated_nodes(header: Header) -> set[object]:
+    """The nodes that animations of the file move, turn or scale."""
+    targets = [
+        channel.get("target")
+        for animation in objects(header, "animations")
+        for channel in objects(animation, "channels")
+    ]
+    return {each.get("node") for each in targets if isinstance(each, dict) and each.get("path") != "weights"}
 
 
 def bring_to_scene(document: GltfDocument, node: int, transform: Float64) -> None:
@@ -53,9 +63,7 @@ def stand_alone(document: GltfDocument, node: int) -> int:
     header = document.header
     content = header["nodes"][node]
     transform_is_used = bool(
-        content.get("children")
-        or content.keys() & {"camera", "extensions"}
-        or any(channel["target"].get("node") == node for channel in _channels(header))
+        content.get("children") or content.keys() & {"camera", "extensions"} or node in animated_nodes(header)
     )
     roots = _roots(header)
     if transform_is_used:
@@ -87,10 +95,6 @@ def _roots(header: Header) -> list[int]:
     scene = header["scenes"][header["scene"]]
     roots: list[int] = scene.setdefault("nodes", [])
     return roots
-
-
-def _channels(header: Header) -> list[Header]:
-    return [channel for animation in objects(header, "animations") for channel in objects(animation, "channels")]
 
 
 def _placed(name: str, values: NDArray[Any], transform: Float64) -> Float64:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.export.gltf.document import GltfDocument
-from dfd.export.gltf.place import bring_to_scene, stand_alone
+from dfd.export.gltf.place import animated_nodes, bring_to_scene, stand_alone
 from dfd.export.influences import Influences
 from dfd.export.joints import Local
 from dfd.mesh.file.gltf_header import Header, objects
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from dfd.export.rig import Rig
     from dfd.mesh.file.primitives import Primitive
 
-__all__ = ["MOST_JOINTS", "add_joints", "add_skin", "check_no_skin", "left_behind"]
+__all__ = ["MOST_JOINTS", "add_joints", "add_skin", "check_no_skin", "left_behind", "weigh"]
 
 MOST_JOINTS = 65_535  # that the 16 bits of JOINTS_n have numbers for
 SET = 4  # influences in each pair of attributes
@@ -48,12 +48,7 @@ def left_behind(document: GltfDocument) -> list[str]:
     """The parts that animations of the file move, through a node of theirs or above: a skin knows no such nodes."""
     nodes = objects(document.header, "nodes")
     parent = {child: index for index, node in enumerate(nodes) for child in node.get("children", [])}
-    moved = {
-        channel.get("target", {}).get("node")
-        for animation in objects(document.header, "animations")
-        for channel in objects(animation, "channels")
-        if channel.get("target", {}).get("path") != "weights"
-    }
+    moved = animated_nodes(document.header)
     found = []
     for node, primitives in document.parts():
         above: int | None = node
@@ -89,7 +84,7 @@ def add_skin(
     placed = []
     for node, primitives in document.parts():
         bring_to_scene(document, node, primitives[0].transform)
-        _weigh(document, node, primitives, influences, len(rig.joints), rig.default)
+        weigh(document, node, primitives, influences, len(rig.joints), rig.default)
         placed.append(node)
     for node in placed:
         document.header["nodes"][stand_alone(document, node)]["skin"] = skin
@@ -97,7 +92,7 @@ def add_skin(
     scene["nodes"].append(joints[0])
 
 
-def _weigh(
+def weigh(
     document: GltfDocument, node: int, primitives: list[Primitive], influences: Influences, count: int, default: int
 ) -> None:
     """Write the attributes of a node's primitives; one without faces, of which there are no weights, follows D₀."""

@@ -20,7 +20,7 @@ from dfd.mesh.file.gltf_materials import GltfMaterials
 from dfd.mesh.file.pictures import Pictures
 from dfd.mesh.file.primitives import Placing, UniqueNames
 
-__all__ = ["read", "triangles"]
+__all__ = ["read", "triangles", "world_transforms"]
 
 _STRIP, _FAN = 5, 6
 
@@ -35,7 +35,7 @@ def read(header: Header, data: GltfData, assets: AssetFolder) -> tuple[list[Plac
     ValueError, OSError
         If a primitive that is shown cannot be read.
     """
-    shown = _world_transforms(header)
+    shown = world_transforms(header)
     materials = GltfMaterials(header, data, Pictures(), assets.unreadable)
     looks: dict[int, Material] = {}
     geometries: dict[int, list[tuple[int, str, trimesh.Trimesh]]] = {}
@@ -135,7 +135,7 @@ def _from_below(uv: NDArray[Any], transform: NDArray[np.float64] | None) -> NDAr
     return placed
 
 
-def _world_transforms(header: Header) -> dict[int, NDArray[np.float64]]:
+def world_transforms(header: Header) -> dict[int, NDArray[np.float64]]:
     """Return the nodes of the scene with their transforms (4, 4)."""
     nodes, scenes = objects(header, "nodes"), objects(header, "scenes")
     if scenes:

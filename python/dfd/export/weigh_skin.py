@@ -1,0 +1,161 @@
+"""Skin weights for a character that has bones: by looks and nearness, into the skin that its file has."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.common import check
+from dfd.common.files import atomic_write
+from dfd.export.bone_weights import BoneDistances, bone_weights
+from dfd.export.bones import Bones, bones_of
+from dfd.export.gltf.document import GltfDocument
+from dfd.export.gltf.skin import weigh
+from dfd.export.influences import Influences, heaviest
+
+if TYPE_CHECKING:
+    from dfd.field.field import Field
+    from dfd.mesh.mesh import Mesh
+
+__all__ = ["Bleed", "SkinReport", "bleed", "weigh_skin"]
+
+FAR = 0.1  # of the diagonal, along the surface: beyond, a weight bleeds
+OUTSIDE = 0.25  # of the diagonal: a bone farther than that from every vertex is none of the mesh
+
+Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Bleed:
+    """What is wrong with skin weights.
+
+    Attributes
+    ----------
+    far
+        The share of all weight, in [0, 1], on vertices farther than 10 % of the diagonal along the surface from what
+        lies around the bone.
+    unweighted
+        How many vertices follow no joint.
+    """
+
+    far: float
+    unweighted: int
+
+    def __str__(self) -> str:
+        """Say it in a few words."""
+        without = f", {self.unweighted} vertices without weight" if self.unweighted else ""
+        return f"{100 * self.far:.2g} % of the weight far from its bone{without}"
+
+
+@dataclass(frozen=True)
+class SkinReport:
+    """What was written.
+
+    Attributes
+    ----------
+    path
+        The file.
+    joints
+        How many joints have weights.
+    left_out
+        The names of joints that have none, since they lie outside the mesh.
+    before, after
+        What is wrong with the weights of the file, and with those that were written.
+    changed
+        How much of a vertex's weight went to other joints on average, in [0, 1].
+    """
+
+    path: Path
+    joints: int
+    left_out: tuple[str, ...]
+    before: Bleed
+    after: Bleed
+    changed: float
+
+    def __str__(self) -> str:
+        """Say it in one sentence."""
+        told = [f"{self.joints} joints", f"before: {self.before}", f"after: {self.after}"]
+        if self.left_out:
+            told.append(f"outside the mesh and left out: {', '.join(self.left_out)}")
+        return "; ".join(told)
+
+
+def weigh_skin(mesh: Mesh, field: Field, path: str | os.PathLike[str], *, influences: int = 4) -> SkinReport:
+    """Give the vertices of a skinned character other weights, and write it with all else as it was.
+
+    What looks like the surface around a bone and is near it, through space and along the surface, follows its joint.
+    Joints that no vertex of the file follows, such as targets of inverse kinematics, get no weight, unless none has
+    any: then all get some.
+
+    Parameters
+    ----------
+    mesh
+        From a .glb or .gltf file with a skin.
+    field
+        The shape's feature field.
+    path
+        The .glb or .gltf file to write.
+    influences
+        How many joints a vertex follows at most.
+
+    Raises
+    ------
+    ValueError
+        If the ending is another, the mesh has no skin, several, or a broken one, or no bone lies near it.
+    OSError
+        If the file cannot be written; what was there before stays.
+    """
+    target = Path(path)
+    if target.suffix.lower() not in (".glb", ".gltf"):
+        raise ValueError(f"weigh_skin: `path` must end in .glb, .gltf, got {target}")
+    most = check.whole("weigh_skin", "influences", influences, minimum=1)
+    bones = bones_of(mesh)
+    distances = BoneDistances(mesh, bones)
+    wanted = np.flatnonzero(bones.weights.any(axis=0)) if bones.weights.any() else np.arange(len(bones.names))
+    inside = distances.straight[bones.skinned].min(axis=0) <= OUTSIDE
+    joints = wanted[inside[wanted]]
+    if len(joints) == 0:
+        raise ValueError("weigh_skin: `mesh` must have bones near its surface, got all of them far outside")
+    order, single, _ = heaviest(bone_weights(mesh, field, distances, joints), min(most, len(bones.names)))
+    _write(mesh, bones, Influences(order, single, 0.0, 0), target)
+    after = np.zeros_like(bones.weights)
+    np.add.at(after, (np.arange(len(order))[:, None], order), single)
+    return SkinReport(
+        target,
+        len(joints),
+        tuple(bones.names[joint] for joint in wanted[~inside[wanted]]),
+        bleed(bones.weights[bones.skinned], distances.along[bones.skinned]),
+        bleed(after[bones.skinned], distances.along[bones.skinned]),
+        float(np.abs(_whole(bones.weights[bones.skinned]) - after[bones.skinned]).sum(axis=1).mean() / 2),
+    )
+
+
+def bleed(weights: Float64, along: Float64) -> Bleed:
+    """What is wrong with weights (V, J) whose bones are `along` (V, J) the surface, in diagonals."""
+    total = weights.sum()
+    return Bleed(
+        float(weights[along > FAR].sum() / total) if total > 0 else 0.0,
+        int((weights.sum(axis=1) <= 0).sum()),
+    )
+
+
+def _whole(weights: Float64) -> Float64:
+    total = weights.sum(axis=1, keepdims=True)
+    whole: Float64 = np.divide(weights, total, out=np.zeros_like(weights), where=total > 0)
+    return whole
+
+
+def _write(mesh: Mesh, bones: Bones, influences: Influences, target: Path) -> None:
+    document = GltfDocument(mesh)
+    skinned = {each.source[0] for each in bones.primitives}
+    for node, primitives in document.parts():
+        if node in skinned:
+            weigh(document, node, primitives, influences, len(bones.names), 0)
+    data = document.encode(binary=target.suffix.lower() == ".glb")
+    with atomic_write(target) as temporary:
+        temporary.write_bytes(data)
