@@ -61,7 +61,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rows: list[Row] = []
     plan = _plan(bench, labelled, folder, options.quick, variants)
     plan["families"] = partial(
-        upright.families, bench, [*animals, *(shape for shape in labelled if "rig names" not in shape.name)]
+        upright.families,
+        bench,
+        [*animals, *(shape for shape in labelled if "rig names" not in shape.name)],
+        turns={} if options.as_they_come else upright.TURNS,
     )
     unknown = set(options.study) - plan.keys()
     if unknown:
@@ -155,6 +158,8 @@ def _write(output: Path, rows: Sequence[Row], bench: Bench, quick: bool) -> None
     seeds = f"{len(bench.seeds)} seeds of the fit" if len(bench.seeds) > 1 else "one seed of the fit"
     drawn = f"{bench.draw.each} handles in every part, drawn {len(bench.draw.seeds)} times"
     heading = f"{'A quick look. ' if quick else ''}Settings: {', '.join(told)}; {seeds}; {drawn}."
+    if bench.lab.settings["metric"] == "learned":
+        heading += " The metric was learned from rigs and samples; `bench.quality.learn_metric` leaves each family out."
     output.mkdir(parents=True, exist_ok=True)
     told_by_family = upright.by_family(rows) if any(row.study == upright.STUDY for row in rows) else ""
     for name, text in (("quality.csv", to_csv(rows)), ("quality.md", to_markdown(rows, heading) + told_by_family)):
@@ -179,6 +184,9 @@ def _parser() -> argparse.ArgumentParser:
         default=[],
         metavar="'NAME=VALUE …'",
         help="settings to compare with the default on every shape; may be repeated",
+    )
+    parser.add_argument(
+        "--as-they-come", action="store_true", help="families without turned copies, which take eight times as long"
     )
     parser.add_argument("--download", action="store_true", help="fetch the weights of all encoder presets from the hub")
     return parser

@@ -35,6 +35,7 @@ RIDGE = 1.0  # of the mean variance within parts
 POWER = 0.125  # of the ratio of variances that a direction's length is
 FEWEST = 5  # vertices of a part that says something
 FACES = 20_000  # of the samples
+DRAW = Draw()
 
 Matrix = NDArray[np.float64]
 
@@ -131,7 +132,7 @@ def judged(lesson: Lesson, features: NDArray[np.float32], draw: Draw) -> dict[st
     return judge(lesson.shape, lambda chosen: dfd.bind(features, chosen), draw)
 
 
-def report(lessons: Sequence[Lesson], draw: Draw = Draw(seeds=(0,))) -> str:  # noqa: B008
+def report(lessons: Sequence[Lesson], draw: Draw = DRAW) -> str:
     """Precision and how many vertices move, each shape through the metric that the other families gave."""
     lines = [
         "# A learned metric",
