@@ -9,14 +9,10 @@ from __future__ import annotations
 import argparse
 import multiprocessing
 import os
-import time
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import potpourri3d
 import pygeodesic.geodesic
 import trimesh
 from numpy.typing import NDArray
@@ -24,6 +20,7 @@ from rich.console import Console
 from rich.table import Table
 
 import dfd
+from bench.geodesics.heat import shortest_seconds, solve_heat
 
 MESHES = (("spot.obj", 0), ("koala.obj", 0), ("scorpion.obj", 0), ("koala.obj", 2))
 COLUMNS = (
@@ -78,8 +75,8 @@ def _measure(path: Path, rounds: int, handle_count: int, repeats: int, limit: fl
         vertices, faces = trimesh.remesh.subdivide(vertices, faces)
     mesh = dfd.Mesh(vertices, faces)
     geodesics = dfd.Geodesics(mesh)
-    prepare = _seconds(geodesics.prepare, 1)
-    handle = _seconds(lambda: geodesics.distances(handles[:1]), repeats)
+    prepare = shortest_seconds(geodesics.prepare, 1)
+    handle = shortest_seconds(lambda: geodesics.distances(handles[:1]), repeats)
     found = geodesics.distances(handles)[:, : len(given.vertices)] * geodesics.extent
     errors = np.abs(found - exact) / exact.max(axis=1, keepdims=True)
     peer = _heat(mesh, int(handles[0]), handle, limit) if limit else ["", "", ""]
@@ -102,7 +99,7 @@ def _heat(mesh: dfd.Mesh, handle: int, seconds: float, limit: float) -> list[str
     """
     spawn = multiprocessing.get_context("spawn")
     receiver, sender = spawn.Pipe(duplex=False)
-    process = spawn.Process(target=_solve_heat, args=(mesh.vertices, mesh.faces, handle, sender))
+    process = spawn.Process(target=solve_heat, args=(mesh.vertices, mesh.faces, handle, sender))
     process.start()
     sender.close()
     try:
@@ -115,23 +112,6 @@ def _heat(mesh: dfd.Mesh, handle: int, seconds: float, limit: float) -> list[str
         return [f"> {limit:.0f}", "", ""]
     factor, solve = times
     return [f"{factor:.1f}", f"{1e3 * solve:.0f}", f"{solve / seconds:.0f}"]
-
-
-def _solve_heat(vertices: NDArray[np.float64], faces: NDArray[np.int32], handle: int, sender: Any) -> None:
-    started = time.perf_counter()
-    solver = potpourri3d.MeshHeatMethodDistanceSolver(vertices, faces)
-    factor = time.perf_counter() - started
-    sender.send((factor, _seconds(lambda: solver.compute_distance(handle), 2)))
-
-
-def _seconds(call: Callable[[], object], repeats: int) -> float:
-    """Return the shortest of `repeats` times."""
-    best = np.inf
-    for _ in range(repeats):
-        started = time.perf_counter()
-        call()
-        best = min(best, time.perf_counter() - started)
-    return float(best)
 
 
 if __name__ == "__main__":
