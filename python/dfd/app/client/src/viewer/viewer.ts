@@ -30,7 +30,6 @@ const POSED = [
   "painted",
   "selected",
   "hidden",
-  "hover",
   "mesh",
   "suggestions",
   "alike",
@@ -69,7 +68,7 @@ export class Viewer implements Arrivals {
       paint: (picked, erase) => this.brush.paint(picked, erase),
       rest: (picked) => this.probe(picked),
     });
-    this.follow();
+    this.follow(overlay);
   }
 
   /** What pictures leave out. */
@@ -125,12 +124,17 @@ export class Viewer implements Arrivals {
 
   // --- following the store
 
-  private follow(): void {
+  private follow(overlay: HTMLElement): void {
     for (const key of POSED)
       store.watch(
         (state) => state[key],
         () => this.soon(),
       );
+    // Marks lie over the picture, which stays as it is.
+    store.watch(
+      (state) => state.hover,
+      () => this.mark(),
+    );
     for (const key of ["look", "wireframe", "theme", "comparing", "showPlanes"] as const) {
       store.watch(
         (state) => state[key],
@@ -165,6 +169,7 @@ export class Viewer implements Arrivals {
       (state) => state.tool,
       (tool) => {
         this.stage.orbit.mouseButtons.LEFT = tool === "paint" ? null : MOUSE.ROTATE;
+        overlay.classList.toggle("through", tool === "paint");
       },
     );
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.dress());
@@ -198,6 +203,11 @@ export class Viewer implements Arrivals {
     this.markers.show(marksOf(state, scene, shape));
     this.markers.showRing(ringOf(state));
     this.stage.invalidate();
+  }
+
+  private mark(): void {
+    const state = store.get();
+    if (this.shape) this.markers.show(marksOf(state, sceneOf(state), this.shape));
   }
 
   private hold(state: State): void {
