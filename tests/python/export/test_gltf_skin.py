@@ -342,3 +342,42 @@ def test_a_joint_that_cannot_be_inverted_is_refused(session, tmp_path):
     with pytest.raises(ValueError, match="joint 'far' has a pivot too far away to be inverted in 32-bit floats"):
         dfd.export_rig(session, tmp_path / "rig.glb")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_quantized_positions_are_brought_to_the_scene(tmp_path, make_session):
+    gltf = Gltf()
+    view = gltf.view(np.pad(CORNERS * 255, ((0, 0), (0, 1))).astype("u1").tobytes())
+    gltf.header["bufferViews"][view]["byteStride"] = 4
+    gltf.header["accessors"].append(
+        {"bufferView": view, "componentType": 5121, "count": 8, "type": "VEC3", "normalized": True}
+    )
+    gltf.header |= {name: ["KHR_mesh_quantization"] for name in ("extensionsUsed", "extensionsRequired")}
+    gltf.node(mesh=gltf.mesh("cube", CORNERS, CUBE), scale=[2, 2, 2], translation=[5, 0, 0])
+    gltf.header["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = 0
+    session = make_session(dfd.load(write(tmp_path / "quantized.glb", gltf.glb())))
+    session.add(0, **BEND)
+    dfd.export_rig(session, tmp_path / "rig.glb", influences="all")
+    assert apart(shown(tmp_path / "rig.glb"), session.vertices[session.mesh.faces]) <= 5e-6 * session.mesh.diagonal
+
+
+def test_what_draco_compressed_is_stored_plainly(tmp_path, make_session):
+    draco = pytest.importorskip("DracoPy")
+    packed = draco.encode(CORNERS, CUBE.astype(np.uint32), preserve_order=True, quantization_bits=14)
+    gltf = Gltf()
+    cube = gltf.mesh("cube", CORNERS, CUBE)
+    extension = {"bufferView": gltf.view(packed), "attributes": {"POSITION": 0}}
+    primitive = gltf.header["meshes"][cube]["primitives"][0]
+    primitive["extensions"] = {"KHR_draco_mesh_compression": extension}
+    for index in (primitive["attributes"]["POSITION"], primitive["indices"]):
+        del gltf.header["accessors"][index]["bufferView"]
+    gltf.header |= {name: ["KHR_draco_mesh_compression"] for name in ("extensionsUsed", "extensionsRequired")}
+    gltf.node(name="cube", mesh=cube)
+    gltf.node(name="mirrored", mesh=cube, scale=[-1, 1, 1], translation=[4, 0, 0])
+    session = make_session(dfd.load(write(tmp_path / "packed.glb", gltf.glb())))
+    session.add(0, **BEND)
+    dfd.export_rig(session, tmp_path / "rig.glb", influences="all")
+    glb = Glb(tmp_path / "rig.glb")
+    assert not glb.file.extensionsRequired
+    found = glb.triangles()
+    found[len(CUBE) :] = found[len(CUBE) :, [0, 2, 1]]  # the mirrored ones, turned back
+    assert apart(found, session.vertices[session.mesh.faces]) <= 5e-6 * session.mesh.diagonal

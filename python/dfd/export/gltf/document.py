@@ -81,11 +81,21 @@ class GltfDocument:
             shared = sum(each.get("mesh") == mesh for each in nodes) > 1
             self._own[node] = self._patch.own_mesh(node, mesh, shared=shared)
         content = objects(self.header, "meshes")[self._own[node]]
-        for primitive in content["primitives"]:
+        for number, primitive in enumerate(content["primitives"]):
             if id(primitive) not in self._unpacked:
                 self._unpacked.add(id(primitive))
-                self._patch.unpack(primitive)
+                self._patch.unpack(primitive, moving=False)
+                self._bound(node, number, primitive)
         return content
+
+    def _bound(self, node: int, number: int, primitive: Header) -> None:
+        """Say between which limits positions lie, which the format wants, where the file did not or had them packed."""
+        accessor = self.header["accessors"][int(primitive["attributes"]["POSITION"])]
+        packed = "bufferView" not in self._source.header["accessors"][int(primitive["attributes"]["POSITION"])]
+        if accessor["componentType"] == FLOAT and (packed or not accessor.keys() >= _LIMITS.keys()):
+            values = self.values(node, number, "POSITION")
+            assert values is not None
+            accessor |= {name: limit(values.astype("<f4"), axis=0).tolist() for name, limit in _LIMITS.items()}
 
     def values(self, node: int, primitive: int, name: str) -> NDArray[Any] | None:
         """Return an attribute of a primitive of the file, (rows, components), None where it has none of that name."""
@@ -145,20 +155,8 @@ class GltfDocument:
 
     def encode(self, *, binary: bool) -> bytes:
         """Return the file, as GLB or as glTF with its data inside."""
-        self._bound_positions()
         self._patch.store()
         return self._patch.glb() if binary else self._patch.gltf()
-
-    def _bound_positions(self) -> None:
-        """Say between which limits positions lie where the file does not, as the format wants it."""
-        accessors = self.header["accessors"]
-        for node, _ in self.parts():
-            for primitive in self.own_mesh(node)["primitives"]:
-                index = int(primitive["attributes"]["POSITION"])
-                accessor = accessors[index]
-                if accessor["componentType"] == FLOAT and not accessor.keys() >= _LIMITS.keys():
-                    values = self._source.data.accessor(index)
-                    accessor |= {name: limit(values, axis=0).tolist() for name, limit in _LIMITS.items()}
 
 
 _LIMITS = {"min": np.min, "max": np.max}

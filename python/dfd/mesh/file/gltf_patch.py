@@ -128,15 +128,18 @@ class GltfPatch:
         if each.normals is not None and each.file_normals is not None and "NORMAL" in attributes:
             self._collect(node, "NORMAL", attributes, each.file_normals, each.normals)
 
-    def unpack(self, primitive: dict[str, Any]) -> None:
-        """Store what a primitive keeps in a compressed stream as plain data: the stream holds the old positions."""
+    def unpack(self, primitive: dict[str, Any], *, moving: bool = True) -> None:
+        """Store what a primitive keeps in a compressed stream as plain data.
+
+        Positions and normals that are `moving` are left out: the stream holds the old ones.
+        """
         packed = self._source.data.draco(primitive)
         if packed is None:
             return
         stored = extension(primitive, DRACO) or {}
         primitive["extensions"].pop(DRACO)
         for name in stored.get("attributes", {}):
-            if name in packed and name not in ("POSITION", "NORMAL"):
+            if name in packed and not (moving and name in ("POSITION", "NORMAL")):
                 self._fill(primitive["attributes"][name], packed[name])
         if not is_index(primitive.get("indices"), len(self.header["accessors"])):
             self.header["accessors"].append({"type": "SCALAR"})
