@@ -17,13 +17,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import safetensors.numpy
 from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save_file
 
 from dfd.common.files import atomic_write
 from dfd.distillation.contrast import PAIRS, mean_distance, restore_contrast, unit
 from dfd.distillation.targets import PointTargets
+from dfd.field.field_file import with_sorted_header
 
 if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
@@ -73,10 +74,10 @@ class Metric:
         return (self.encoder_weights, self.encoder_block) == _identity(encoder)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write a .safetensors file, whole or not at all."""
+        """Write a .safetensors file, whole or not at all; equal metrics are equal files."""
         told = {"kind": KIND, "encoder_weights": self.encoder_weights, "encoder_block": str(self.encoder_block)}
         with atomic_write(Path(path)) as temporary:
-            save_file({"directions": self.directions}, temporary, metadata=told)
+            temporary.write_bytes(with_sorted_header(safetensors.numpy.save({"directions": self.directions}, told)))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], encoder: Encoder | None = None) -> Metric:

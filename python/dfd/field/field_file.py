@@ -17,7 +17,7 @@ from safetensors import SafetensorError
 from dfd.common.files import atomic_write
 from dfd.field.architecture import Architecture
 
-__all__ = ["Content", "read", "write"]
+__all__ = ["Content", "read", "with_sorted_header", "write"]
 
 FORMAT = "dfd-field"
 VERSION = 1
@@ -44,7 +44,7 @@ def write(path: str | os.PathLike[str], content: Content) -> None:
     }
     arrays: dict[str, NDArray[Any]] = {**content.parameters, "center": content.center, "scale": np.array(content.scale)}
     with atomic_write(path) as temporary:
-        temporary.write_bytes(_with_sorted_header(safetensors.numpy.save(arrays, metadata)))
+        temporary.write_bytes(with_sorted_header(safetensors.numpy.save(arrays, metadata)))
 
 
 def read(path: str | os.PathLike[str]) -> Content:
@@ -63,7 +63,7 @@ def read(path: str | os.PathLike[str]) -> Content:
     return Content(architecture, arrays, center, float(scale), settings)
 
 
-def _with_sorted_header(content: bytes) -> bytes:
+def with_sorted_header(content: bytes) -> bytes:
     """A safetensors file with its header in one order: safetensors writes metadata in another one every time."""
     end = 8 + int.from_bytes(content[:8], "little")
     header = json.dumps(json.loads(content[8:end]), sort_keys=True, separators=(",", ":")).encode()

@@ -101,6 +101,8 @@ def test_metrics_come_back_from_their_files(metric: Metric, encoder: Encoder, tm
     again = Metric.load(tmp_path / "metric.safetensors", encoder)
     assert again.fits(encoder)
     np.testing.assert_array_equal(again.directions, metric.directions)
+    again.save(tmp_path / "again.safetensors")
+    assert (tmp_path / "again.safetensors").read_bytes() == (tmp_path / "metric.safetensors").read_bytes()
 
 
 def test_damaged_and_foreign_metrics_are_refused(metric: Metric, encoder: Encoder, tmp_path: Path) -> None:
