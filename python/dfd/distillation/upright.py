@@ -62,24 +62,23 @@ def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stage
         return file_up()
     with (stages or Stages(show=False)).stage("up"):
         standing = Standing(vertices, mesh.faces)
-        frames = candidates(standing.frame())
+        frames = candidates(standing)
         odds = probe.terms(look_around(mesh, encoder, frames), standing, frames) @ probe.odds
         return decide(frames, odds + [prior(probe, frame) for frame in frames])
 
 
-def candidates(frame: NDArray[np.float64]) -> NDArray[np.float64]:
+def candidates(standing: Standing) -> NDArray[np.float64]:
     """The frames (2K, 3, 3) that may be upright, each followed by the same upside down.
 
-    Those are the file's axes; of a shape that lies along none of them the file's y, and the directions in steps of an
-    eighth turn about the normal of its mirror plane, the first row of `frame`.
+    Those are the file's axes; of a shape that lies along none of them the file's y, and how it would come to rest with
+    its mirror plane upright.
     """
+    frame = standing.frame()
     if np.array_equal(frame, np.eye(3)):
         return np.stack(axis_frames(np.eye(3)))
     found = axis_frames(np.eye(3))[2:4]
-    right, up, front = frame
-    for turn in np.pi / 4 * np.arange(4):
-        turned = np.cos(turn) * up + np.sin(turn) * front
-        found += [np.stack([right, each, np.cross(right, each)]) for each in (turned, -turned)]
+    for up in standing.resting(frame):
+        found += [np.stack([frame[0], each, np.cross(frame[0], each)]) for each in (up, -up)]
     return np.stack(found)
 
 

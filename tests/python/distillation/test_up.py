@@ -14,7 +14,7 @@ from tiny_encoder import save_tiny_encoder
 
 import dfd
 from dfd.distillation.settings import DistillSettings
-from dfd.distillation.standing import EVIDENCE, Standing
+from dfd.distillation.standing import EVIDENCE, RESTS, Standing
 from dfd.distillation.up import UP_WORDS, Up, axis_frames, check_up, said_up
 from dfd.distillation.up_probe import FOLDER, TERMS, UpProbe, find_probe
 from dfd.distillation.upright import CLEAR, candidates, decide, find_up, prior
@@ -141,16 +141,31 @@ def test_a_tilted_shape_gets_axes_of_its_own(seed):
     assert np.abs(frame @ rotation[:, 1]).max() > np.cos(np.radians(3))
 
 
-def test_candidates_come_in_pairs_and_a_tilted_shape_keeps_the_files_y_among_them():
-    assert np.array_equal(candidates(np.eye(3)), axis_frames(np.eye(3)))
-    frame = Rotation.random(rng=np.random.default_rng(0)).as_matrix()
-    found = candidates(frame)
-    assert len(found) == 10
+@pytest.mark.parametrize("seed", range(3))
+def test_candidates_come_in_pairs_and_a_tilted_table_rests_on_its_legs_in_one(seed):
+    mesh = table()
+    assert np.array_equal(candidates(Standing(mesh.vertices, mesh.faces)), axis_frames(np.eye(3)))
+    rotation = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+    standing = Standing(mesh.vertices @ rotation.T, mesh.faces)
+    found = candidates(standing)
+    assert 6 <= len(found) <= 2 + 2 * RESTS
     assert np.array_equal(found[0], np.eye(3))
     assert np.allclose(np.linalg.det(found), 1)
     assert np.allclose(found[::2, 1], -found[1::2, 1])
-    assert np.allclose(found[2:, 1] @ frame[0], 0)  # the mirror plane stands upright
-    assert np.allclose((found[2::2, 1] @ found[2, 1]).round(6), np.cos(np.pi / 4 * np.arange(4)).round(6))
+    assert np.allclose(found[2:, 1] @ standing.frame()[0], 0)  # the mirror plane stands upright
+    assert np.abs(found[:, 1] @ rotation[:, 1]).max() > np.cos(np.radians(3))
+
+
+def test_a_shape_rests_where_its_middle_is_above_an_edge():
+    """A triangle seen from the side rests on each of its sides; one that leans far only on two."""
+    frame = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    for tip, ways in (((0.5, 0.8, 0), 3), ((3.0, 0.5, 0), 2)):
+        mesh = dfd.Mesh([[0, 0, 0], [1, 0, 0], tip], [[0, 1, 2]])
+        ups = Standing(mesh.vertices, mesh.faces).resting(frame)
+        heights = [mesh.vertices @ up for up in ups]
+        lowest = [np.sort(height - height.min())[1] for height in heights]
+        assert sum(second < 1e-9 for second in lowest) == ways
+        assert np.allclose(ups[:, 2], 0)
 
 
 def test_what_is_seen_around_a_candidate_does_not_depend_on_where_it_lies(encoder):
