@@ -3,7 +3,7 @@
 From all shapes in the folder that DFD_MESHES names, which stand as they should, +y up, the samples of dfd, and every
 .glb and .obj in a folder given with `--also`. Equal folders give equal files.
 
-The probe that comes with the package was learned with 132 further models, of Debian's megaglest-data 3.13 (CC BY-SA 3.0)
+The probe that comes with the package was learned with 132 more models, of Debian's megaglest-data 3.13 (CC BY-SA 3.0)
 and flightgear-data-models 2020.3 (GPL 2 or later), converted to .glb: people, animals, plants, houses, ships, machines.
 """
 

@@ -64,7 +64,9 @@ def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stage
         standing = Standing(vertices, mesh.faces)
         frames = candidates(standing)
         odds = probe.terms(look_around(mesh, encoder, frames), standing, frames) @ probe.odds
-        return decide(frames, odds + [prior(probe, frame) for frame in frames])
+        if lies_along_the_file(frames):  # what is tilted follows no convention of files
+            odds += [prior(probe, frame) for frame in frames]
+        return decide(frames, odds)
 
 
 def candidates(standing: Standing) -> NDArray[np.float64]:
@@ -80,6 +82,11 @@ def candidates(standing: Standing) -> NDArray[np.float64]:
     for up in standing.resting(frame):
         found += [np.stack([frame[0], each, np.cross(frame[0], each)]) for each in (up, -up)]
     return np.stack(found)
+
+
+def lies_along_the_file(frames: NDArray[np.float64]) -> bool:
+    """Whether `candidates` are the file's axes."""
+    return np.array_equal(frames, axis_frames(np.eye(3)))
 
 
 def prior(probe: UpProbe, frame: NDArray[np.float64]) -> float:

@@ -269,6 +269,15 @@ def test_the_prior_decides_where_nothing_else_does(encoder):
     assert [prior(silent, frame) for frame in axis_frames(np.eye(3))] == [0, 0, 4, 2, 1, 1]
 
 
+def test_a_tilted_shape_has_no_prior(encoder):
+    rotation = Rotation.random(rng=np.random.default_rng(0)).as_matrix()
+    tilted = dfd.Mesh(table().vertices @ rotation.T, table().faces)
+    silent = probe_of(encoder, odds=np.zeros(len(TERMS)), file_up=9.0, file_down=8.0, file_z=1.0)
+    found = find_up(tilted, encoder, probe=silent)
+    assert found.source == "averaged"
+    assert found.confidence <= 1 / 3
+
+
 def test_another_encoders_probe_is_refused_and_without_one_the_files_up_stays(encoder):
     with pytest.raises(ValueError, match="`probe` was learned from another encoder"):
         find_up(table(), encoder, probe=probe_of(encoder, encoder_block=encoder.block + 1))
