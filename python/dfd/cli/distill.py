@@ -127,6 +127,10 @@ def distill(
         save_loss_curve(loss_curve, field.settings["losses"])
     times = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in stages.seconds.items())
     origin = ", from the cache" if found else ""
+    from dfd.distillation.up import up_sentence
+
+    if up := up_sentence(field.settings):
+        typer.echo(f"up: {up}", err=True)
     typer.echo(f"{output}: a field of {field.dimension} dimensions{origin} ({times})", err=True)
 
 

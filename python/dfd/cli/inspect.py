@@ -67,7 +67,7 @@ def inspect(
     report: dict[str, Any] = {
         "file": str(mesh),
         **asdict(counts),
-        "up": {"axis": str(found), **found.settings},
+        "up": {"axis": str(found), "sentence": found.sentence, **found.settings},
         "unseen": asdict(unseen(shape, frame=found.frame)),
         "findings": [asdict(finding) for finding in findings(shape, counts)],
     }
@@ -172,7 +172,7 @@ def _print_table(report: dict[str, Any]) -> None:
             ]
             table.add_row("symmetry planes", "\n".join(found) or "none")
         elif name == "up":
-            table.add_row("up", _up(value["axis"], value["up_confidence"], value["up_source"]))
+            table.add_row("up", value["sentence"])
         elif name == "suggestions":
             table.add_row("handles", "\n".join(_suggestion(number, **each) for number, each in enumerate(value, 1)))
         elif name == "findings":
@@ -185,12 +185,6 @@ def _print_table(report: dict[str, Any]) -> None:
         else:
             table.add_row(name.replace("_", " "), _shown(value))
     Console(highlight=False, markup=False).print(table)
-
-
-def _up(axis: str, confidence: float, source: str) -> str:
-    if source == "found":
-        return f"{axis}, {confidence:.0%} sure"
-    return axis if source == "said" else f"{axis} by the file's convention: there was nothing to tell it by"
 
 
 def _suggestion(number: int, vertex: int, position: Any, share: float, alike: list[int]) -> str:

@@ -31,7 +31,7 @@ def distill_pictures(
     """Return the field around `mesh` of what `encoder` sees in its pictures; `kept` is where a stopped run goes on."""
     metric = find_metric(encoder) if settings.metric == "learned" else None
     up = said_or_found(mesh, encoder, settings.up, stages=stages)
-    views = render(mesh, **settings.of_pictures(), frame=up.frame, stages=stages)
+    views = render(mesh, **settings.of_pictures(), frame=up.frames, stages=stages)
     tokens = encoder.encode(views.images, covered=views.covered, store=kept, stages=stages)
     pixels = PixelTargets(views, tokens, encoder.device)
     targets: PixelTargets | PointTargets = pixels  # as the paper has it, without smoothing

@@ -80,7 +80,9 @@ def distill(
     up
         Which way is up: "+y", "-z" and the like, a direction, "file" for the +y that files have by convention, or
         "auto", which looks (see `dfd.distillation.upright.find_up`). Cameras stand upright and mirror each other in a
-        frame with this up; mesh and field keep their own coordinates.
+        frame with this up; mesh and field keep their own coordinates. What was found, and how sure, stands in
+        `field.settings` as "up_direction", "up_confidence" and "up_source": "file", "found", "averaged" where two
+        directions share the pictures because none is clear, or "said".
     supervision
         "barycentric" fits every covered pixel (Eq. 2); "vertex" only pixels that hold a vertex, the paper's ablation.
     mirrored

@@ -21,6 +21,8 @@ FACES_UP = 0.9  # cosine
 ALIGNED = 1.25  # an axis of the file is taken for the mirror plane's normal when it misses by so many times the least
 LEAST_MISS = 0.004  # of the diagonal: a mirror image as near as this is exact, for points that are drawn at random
 DIRECTIONS = 200  # over half the sphere, among which mirror planes are looked for
+RESTS = 4  # ways to come to rest that are tried
+_NEARLY = np.cos(np.radians(8))
 _SHRINKING = (0.15, 0.07, 0.03, 0.015, 0.007)  # radians, steps of the search for a plane's exact direction
 
 
@@ -97,6 +99,20 @@ class Standing:
         ranked = sorted(candidates, key=self.mirror_miss)[:3]
         return min((self._refined(normal) for normal in ranked), key=self.mirror_miss)
 
+    def resting(self, frame: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Ups (K, 3), at right angles to the first row of `frame` (3, 3), with which the shape would come to rest.
+
+        It lies with the longest edges of its outline on the ground, its middle above them; no two are along one line,
+        nor nearly so. Where those are few the other rows of `frame` follow.
+        """
+        plane = frame[1:]
+        holding = [up for _, up in _edges_that_hold(self.rim @ plane.T, self.middle @ plane.T)]
+        kept: list[NDArray[np.float64]] = []
+        for up in [*holding, *np.eye(2)]:
+            if len(kept) < RESTS and all(abs(up @ other) < _NEARLY for other in kept):
+                kept.append(up)
+        return np.stack(kept) @ plane
+
     def _refined(self, normal: NDArray[np.float64]) -> NDArray[np.float64]:
         for step in _SHRINKING:
             for _ in range(3):
@@ -126,6 +142,20 @@ class Standing:
         best = min(turned, key=lambda turn: float(np.prod(np.ptp(flat @ turn.T, axis=0))))
         up, _ = best @ np.stack([one, other])
         return np.stack([normal, up, np.cross(normal, up)])
+
+
+def _edges_that_hold(
+    outline: NDArray[np.float64], middle: NDArray[np.float64]
+) -> list[tuple[float, NDArray[np.float64]]]:
+    """Length and inward unit normal (2,) of the hull's edges, of points (N, 2), that have `middle` (2,) above them."""
+    hull = _hull_of(outline)
+    found = []
+    for edge, equation in zip(hull.simplices, hull.equations, strict=True) if hull is not None else ():
+        start, end = outline[edge]
+        length = float(np.linalg.norm(end - start))
+        if 0 < (middle - start) @ (end - start) < length**2:
+            found.append((length, -equation[:2]))
+    return sorted(found, key=lambda each: -each[0])
 
 
 def _across(normal: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["AXES", "UP_WORDS", "Up", "axis_frames", "check_up", "file_up", "said_up"]
+__all__ = ["AXES", "UP_WORDS", "Up", "axis_frames", "check_up", "file_up", "said_up", "up_sentence"]
 
 AXES: dict[str, NDArray[np.float64]] = {
     f"{sign}{name}": float(f"{sign}1") * np.eye(3)[axis] for axis, name in enumerate("xyz") for sign in "+-"
@@ -29,19 +30,34 @@ class Up:
     frame
         (3, 3) rotation, rows in the mesh's coordinates: right, up, front.
     confidence
-        How sure that is, 0 … 1; 1 when it was said.
+        How sure it is that this direction is upright, be it up or down, 0 … 1; 1 when it was said.
     source
-        "said", "file" (its own +y, because nothing could be found), or "found".
+        "said"; "file", its own +y, because that is likeliest or, with a confidence of 0, because nothing could be
+        found; "found"; "averaged", where no direction wins and two share the pictures.
+    shared
+        (K, 3, 3) the frames that share the pictures, the likeliest first; None where `frame` has all of them.
     """
 
     frame: NDArray[np.float64]
     confidence: float
-    source: Literal["said", "file", "found"]
+    source: Literal["said", "file", "found", "averaged"]
+    shared: NDArray[np.float64] | None = None
+
+    @property
+    def frames(self) -> NDArray[np.float64]:
+        """(K, 3, 3) what counts as right, up and front in the pictures; see `dfd.views.render.render`."""
+        return self.frame[None] if self.shared is None else self.shared
 
     @property
     def settings(self) -> dict[str, Any]:
         """What a field says of it, as JSON holds it."""
-        return {"up_direction": self.direction.tolist(), "up_confidence": self.confidence, "up_source": self.source}
+        shared = {} if self.shared is None else {"up_shared": self.shared[:, 1].tolist()}
+        return {
+            "up_direction": self.direction.tolist(),
+            "up_confidence": self.confidence,
+            "up_source": self.source,
+            **shared,
+        }
 
     @property
     def direction(self) -> NDArray[np.float64]:
@@ -51,8 +67,34 @@ class Up:
 
     def __str__(self) -> str:
         """As `up` takes it: an axis, or three numbers."""
-        named = next((name for name, axis in AXES.items() if np.allclose(axis, self.direction)), None)
-        return named or ", ".join(f"{part:.3f}" for part in self.direction)
+        return _named(self.direction)
+
+    @property
+    def sentence(self) -> str:
+        """What happened, for people."""
+        return up_sentence(self.settings)
+
+
+def up_sentence(settings: Mapping[str, Any]) -> str:
+    """What a field's `settings` say of its up, for people; "" where they say nothing."""
+    if "up_source" not in settings:
+        return ""
+    up, source, sure = _named(settings["up_direction"]), settings["up_source"], settings["up_confidence"]
+    if source == "averaged":
+        shared = " and ".join(map(_named, settings["up_shared"]))
+        return f"{up} likeliest, {sure:.0%} sure: {shared} share the pictures"
+    if source == "said":
+        return up
+    if source == "found":
+        return f"{up}, {sure:.0%} sure"
+    if sure == 0:
+        return f"{up} by the file's convention: there was nothing to tell it by"
+    return f"{up} as the file has it, {sure:.0%} sure"
+
+
+def _named(direction: ArrayLike) -> str:
+    named = next((name for name, axis in AXES.items() if np.allclose(axis, direction)), None)
+    return named or ", ".join(f"{part:.3f}" for part in np.asarray(direction))
 
 
 def axis_frames(frame: NDArray[np.float64]) -> list[NDArray[np.float64]]:

@@ -1,8 +1,7 @@
-"""What was learned, once per encoder, about which way is up: a few linear maps of its tokens, kept in a small file.
+"""What was learned, once per encoder, about which way is up: a linear map of its tokens, kept in a small file.
 
-Each token says, by itself, where up is in the picture and how high it lies; the mean of the first over all pictures,
-and the gradient of the second over the surface, are two directions in space. Together with what the surface says
-(`dfd.distillation.standing`) they give every candidate its odds.
+Mean tokens of a shape as it would stand, all of it and its upper, middle and lower third, say how likely it stands so.
+Together with what the surface says (`dfd.distillation.standing`) they give every candidate its odds.
 """
 
 from __future__ import annotations
@@ -18,18 +17,17 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
 from dfd.common.files import atomic_write
-from dfd.distillation.side_views import SideViews
 from dfd.distillation.standing import EVIDENCE, Standing
+from dfd.distillation.views_around import LAYERS
 
 if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
 
-__all__ = ["TERMS", "UpProbe", "directions", "find_probe"]
+__all__ = ["TERMS", "UpProbe", "find_probe"]
 
 KIND = "dfd up probe"
-TERMS = ("towards up", "height", *EVIDENCE)
+TERMS = ("looks", *EVIDENCE)
 FOLDER = Path(__file__).with_name("up_probes")
-_FLAT = 0.02  # of the mean extent: keeps the gradient along an axis without extent small
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,32 +36,28 @@ class UpProbe:
 
     Attributes
     ----------
-    towards_up
-        (D + 1, 3) from a token to up, along the picture's right, up and towards the eye; the last row is an offset.
-    height
-        (D + 1,) from a token to how high it lies.
+    looks
+        (4, D), from the mean tokens of `dfd.distillation.views_around.LAYERS` to how upright a shape looks.
     odds
-        (8,) log-odds that one unit of each of `TERMS` adds to a candidate.
-    file_up, file_z
-        Log-odds that up, and that ±z, has in a file before anything is looked at.
+        (7,) log-odds that one unit of each of `TERMS` adds to a candidate.
+    file_up, file_down, file_z
+        Log-odds that +y, −y, and ±z have in a file before anything is looked at.
     encoder_weights, encoder_block
         The encoder that it was learned from.
     """
 
-    towards_up: NDArray[np.float32]
-    height: NDArray[np.float32]
+    looks: NDArray[np.float32]
     odds: NDArray[np.float64]
     file_up: float
+    file_down: float
     file_z: float
     encoder_weights: str
     encoder_block: int
 
-    def terms(self, seen: SideViews, standing: Standing, frames: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What speaks for each of `frames` (K, 3, 3), (K, 8), see `TERMS`."""
-        pointing, rising = directions(seen, self.towards_up, self.height)
-        ups = frames[:, 1]
+    def terms(self, seen: NDArray[np.float64], standing: Standing, frames: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What speaks for each of `frames` (K, 3, 3), (K, 7), see `TERMS`; `seen` (K, 4, D) are its mean tokens."""
         evidence = np.stack([standing.evidence(frame) for frame in frames])
-        return np.concatenate([(ups @ pointing)[:, None], (ups @ rising)[:, None], evidence], axis=1)
+        return np.concatenate([np.einsum("kld,ld->k", seen, self.looks)[:, None], evidence], axis=1)
 
     def fits(self, encoder: Encoder) -> bool:
         """Whether it was learned from the tokens that `encoder` gives."""
@@ -72,10 +66,9 @@ class UpProbe:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a .safetensors file, whole or not at all."""
         arrays: dict[str, NDArray[Any]] = {
-            "towards_up": self.towards_up,
-            "height": self.height,
+            "looks": self.looks,
             "odds": self.odds,
-            "file": np.array([self.file_up, self.file_z]),
+            "file": np.array([self.file_up, self.file_down, self.file_z]),
         }
         told = {"kind": KIND, "encoder_weights": self.encoder_weights, "encoder_block": str(self.encoder_block)}
         with atomic_write(Path(path)) as temporary:
@@ -98,30 +91,15 @@ class UpProbe:
                 arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
         except SafetensorError as error:
             raise ValueError(f"UpProbe.load: {os.fspath(path)} is no whole .safetensors file: {error}") from None
-        if told.get("kind") != KIND or not {"towards_up", "height", "odds", "file"} <= arrays.keys():
+        if told.get("kind") != KIND or not {"looks", "odds", "file"} <= arrays.keys():
             raise ValueError(f"UpProbe.load: {os.fspath(path)} holds no probe of which way is up")
-        width = len(arrays["height"])
-        shapes = {"towards_up": (width, 3), "height": (width,), "odds": (len(TERMS),), "file": (2,)}
+        shapes = {"looks": (len(LAYERS), arrays["looks"].shape[-1]), "odds": (len(TERMS),), "file": (3,)}
         for name, shape in shapes.items():
             if arrays[name].shape != shape or not np.isfinite(arrays[name]).all():
                 raise ValueError(f"UpProbe.load: `{name}` in {os.fspath(path)} must be finite, of shape {shape}")
-        up, z = map(float, arrays["file"])
+        up, down, z = map(float, arrays["file"])
         weights, block = told["encoder_weights"], int(told["encoder_block"])
-        return cls(arrays["towards_up"], arrays["height"], arrays["odds"], up, z, weights, block)
-
-
-def directions(
-    seen: SideViews, towards_up: NDArray[np.floating], height: NDArray[np.floating]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where up is by the pictures' own account, and where the tokens' heights rise: (3,) each, in mesh coordinates."""
-    said = (seen.tokens @ towards_up) * seen.weight[:, None]
-    by_picture = np.stack([np.bincount(seen.picture, column, minlength=len(seen.axes)) for column in said.T], axis=1)
-    pointing = np.einsum("pk,pkc->c", by_picture, seen.axes)
-    weighted = seen.place * seen.weight[:, None]
-    moments = weighted.T @ seen.place
-    moments += _FLAT * max(float(np.trace(moments)), np.finfo(np.float64).tiny) * np.eye(3)
-    rising = np.linalg.solve(moments, weighted.T @ (seen.tokens @ height).astype(np.float64))
-    return np.asarray(pointing, np.float64), np.asarray(rising, np.float64)
+        return cls(arrays["looks"], arrays["odds"], up, down, z, weights, block)
 
 
 def find_probe(encoder: Encoder) -> UpProbe | None:

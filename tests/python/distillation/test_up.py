@@ -14,11 +14,11 @@ from tiny_encoder import save_tiny_encoder
 
 import dfd
 from dfd.distillation.settings import DistillSettings
-from dfd.distillation.side_views import look_from_sides
-from dfd.distillation.standing import EVIDENCE, Standing
+from dfd.distillation.standing import EVIDENCE, RESTS, Standing
 from dfd.distillation.up import UP_WORDS, Up, axis_frames, check_up, said_up
-from dfd.distillation.up_probe import FOLDER, TERMS, UpProbe, directions, find_probe
-from dfd.distillation.upright import candidates, find_up, prior
+from dfd.distillation.up_probe import FOLDER, TERMS, UpProbe, find_probe
+from dfd.distillation.upright import CLEAR, candidates, decide, find_up, prior
+from dfd.distillation.views_around import LAYERS, look_around
 from dfd.encoders.encode import load_encoder
 from dfd.views.render import render
 
@@ -47,14 +47,13 @@ def encoder(tmp_path_factory):
 
 def probe_of(encoder, **changes):
     """A probe that goes by the surface alone: what stands stably and shows the least of its sides is upright."""
-    width = encoder.dimension + 1
     odds = np.zeros(len(TERMS))
     odds[[TERMS.index("stable"), TERMS.index("facing up"), TERMS.index("mirrors flat")]] = 10.0, 5.0, 20.0
     own = encoder.settings()
     plain = UpProbe(
-        np.zeros((width, 3), np.float32),
-        np.zeros(width, np.float32),
+        np.zeros((len(LAYERS), encoder.dimension), np.float32),
         odds,
+        0.0,
         0.0,
         0.0,
         str(own["encoder_weights"]),
@@ -142,38 +141,108 @@ def test_a_tilted_shape_gets_axes_of_its_own(seed):
     assert np.abs(frame @ rotation[:, 1]).max() > np.cos(np.radians(3))
 
 
-def test_a_tilted_shape_has_the_files_axes_first_among_its_candidates():
-    assert len(candidates(np.eye(3))) == 6
-    frame = Rotation.random(rng=np.random.default_rng(0)).as_matrix()
-    found = candidates(frame)
-    assert len(found) == 20
-    assert np.allclose(found[:6], axis_frames(np.eye(3)))
-    assert np.allclose(np.linalg.det(found), 1)
-
-
-def test_side_views_are_the_same_whichever_axis_is_up(encoder):
+@pytest.mark.parametrize("seed", range(3))
+def test_candidates_come_in_pairs_and_a_tilted_table_rests_on_its_legs_in_one(seed):
     mesh = table()
-    seen = look_from_sides(mesh, encoder, np.eye(3))
-    other = look_from_sides(mesh, encoder, axis_frames(np.eye(3))[4])
-    assert len(seen.axes) == 24
-    assert np.allclose(np.linalg.det(seen.axes), 1)
-    assert seen.weight.sum() == pytest.approx(1)
-    assert np.abs(seen.place).max() == pytest.approx(1)
-    maps = np.random.default_rng(0).normal(size=(2, encoder.dimension + 1, 3))
-    for one, two in zip(
-        directions(seen, maps[0], maps[1, :, 0]), directions(other, maps[0], maps[1, :, 0]), strict=True
-    ):
-        assert np.allclose(one, two, atol=1e-3 * np.abs(one).max())
+    assert np.array_equal(candidates(Standing(mesh.vertices, mesh.faces)), axis_frames(np.eye(3)))
+    rotation = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+    standing = Standing(mesh.vertices @ rotation.T, mesh.faces)
+    found = candidates(standing)
+    assert 6 <= len(found) <= 2 + 2 * RESTS
+    assert np.array_equal(found[0], np.eye(3))
+    assert np.allclose(np.linalg.det(found), 1)
+    assert np.allclose(found[::2, 1], -found[1::2, 1])
+    assert np.allclose(found[2:, 1] @ standing.frame()[0], 0)  # the mirror plane stands upright
+    assert np.abs(found[:, 1] @ rotation[:, 1]).max() > np.cos(np.radians(3))
 
 
-def test_directions_of_made_tokens(encoder):
-    """Tokens that are their own height rise along up; tokens that know where up is point there."""
-    seen = look_from_sides(table(), encoder, np.eye(3))
-    up_in_picture = seen.axes[seen.picture, :, 1]
-    tokens = np.concatenate([up_in_picture, seen.place[:, 1:2]], axis=1).astype(np.float32)
-    pointing, rising = directions(replace(seen, tokens=tokens), np.eye(4)[:, :3], np.eye(4)[3])
-    assert np.allclose(pointing, [0, 1, 0], atol=1e-5)
-    assert rising[1] / np.linalg.norm(rising) > 0.999
+def test_a_shape_rests_where_its_middle_is_above_an_edge():
+    """A triangle seen from the side rests on each of its sides; one that leans far only on two."""
+    frame = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    for tip, ways in (((0.5, 0.8, 0), 3), ((3.0, 0.5, 0), 2)):
+        mesh = dfd.Mesh([[0, 0, 0], [1, 0, 0], tip], [[0, 1, 2]])
+        ups = Standing(mesh.vertices, mesh.faces).resting(frame)
+        heights = [mesh.vertices @ up for up in ups]
+        lowest = [np.sort(height - height.min())[1] for height in heights]
+        assert sum(second < 1e-9 for second in lowest) == ways
+        assert np.allclose(ups[:, 2], 0)
+
+
+def test_what_is_seen_around_a_candidate_does_not_depend_on_where_it_lies(encoder):
+    """All 24 ways to lay a table down show the same pictures, of the axis that was up before."""
+    mesh = table()
+    frames = np.stack(axis_frames(np.eye(3)))
+    seen = look_around(mesh, encoder, frames)
+    assert seen.shape == (6, len(LAYERS), encoder.dimension)
+    scale = np.abs(seen - seen.mean(axis=0)).max()
+    for index in (0, 3, 4):
+        rotation = frames[index].T
+        lying = look_around(dfd.Mesh(mesh.vertices @ rotation.T, mesh.faces), encoder, frames)
+        for number, frame in enumerate(frames):
+            other = int((frames[:, 1] @ (rotation @ frame[1])).argmax())
+            assert np.abs(lying[other] - seen[number]).max() < 0.05 * scale
+
+
+def test_layers_are_thirds_of_the_shape_in_its_pictures(encoder, monkeypatch):
+    """Tokens that are their own row: the upper third has the least."""
+
+    def rows(images, *, covered):
+        side = images.shape[1] // encoder.patch
+        tokens = np.broadcast_to(np.arange(side, dtype=np.float32)[:, None, None], (side, side, encoder.dimension))
+        return np.broadcast_to(tokens, (len(images), *tokens.shape))
+
+    monkeypatch.setattr(encoder, "encode", rows)
+    mean, upper, middle, lower = look_around(table(), encoder, np.eye(3)[None])[0, :, 0]
+    assert upper < middle < lower
+    assert upper < mean < lower
+
+
+def test_looks_decide_when_the_surface_says_nothing(encoder):
+    mesh, frames = table(), np.stack(axis_frames(np.eye(3)))
+    seen = look_around(mesh, encoder, frames)
+    towards = (seen[4] - np.delete(seen, 4, axis=0).mean(axis=0)).astype(np.float32)
+    odds = np.zeros(len(TERMS))
+    odds[TERMS.index("looks")] = 100 / np.square(towards).sum()
+    found = find_up(mesh, encoder, probe=probe_of(encoder, looks=towards, odds=odds))
+    assert str(found) == "+z"
+    assert found.source == "found"
+    assert found.sentence == f"+z, {found.confidence:.0%} sure"
+
+
+def test_the_axis_is_decided_before_its_end():
+    """Two likely ends of one axis outweigh a direction that is likelier than each."""
+    frames = np.stack(axis_frames(np.eye(3)))
+    found = decide(frames, np.log([0.45, 0.45, 0.01, 0.01, 0.07, 0.01]))
+    assert (str(found), found.source) == ("+x", "found")
+    assert found.confidence == pytest.approx(0.9)
+    assert str(decide(frames, np.log([0.44, 0.46, 0.01, 0.01, 0.07, 0.01]))) == "-x"
+    assert decide(frames, np.log([0.01, 0.01, 0.9, 0.06, 0.01, 0.01])).source == "file"
+
+
+def test_without_a_clear_axis_the_two_likeliest_share_the_pictures():
+    frames = np.stack(axis_frames(np.eye(3)))
+    found = decide(frames, np.log([0.05, 0.05, 0.3, 0.2, 0.1, 0.3]))
+    assert found.source == "averaged"
+    assert found.confidence == pytest.approx(0.5)
+    assert found.confidence < CLEAR
+    assert [frame[1].tolist() for frame in found.frames] == [[0, 1, 0], [0, 0, -1]]
+    assert np.array_equal(found.frame, found.frames[0])
+    assert found.sentence == "+y likeliest, 50% sure: +y and -z share the pictures"
+
+
+def test_frames_share_the_pictures_evenly():
+    mesh, frames = table(), np.stack(axis_frames(np.eye(3)))[[2, 4]]
+    alone = [render(mesh, views=16, resolution=32, mirrored=True, frame=frame) for frame in frames]
+    shared = render(mesh, views=16, resolution=32, mirrored=True, frame=frames)
+    assert len(shared.images) == 16
+    assert np.array_equal(shared.frame, frames[0])
+    for number, one in enumerate(alone):
+        own = [camera.position.round(6).tolist() for camera in one.cameras]
+        some = [camera.position.round(6).tolist() for camera in shared.cameras[8 * number : 8 * number + 8]]
+        assert all(position in own for position in some)
+        assert np.allclose([camera.up @ frames[number, 1] > 0 for camera in shared.cameras[8 * number :][:8]], True)
+    one = render(mesh, views=1, resolution=32, mirrored=True, frame=frames)
+    assert len(one.images) == 1
 
 
 @pytest.mark.parametrize("up", range(6))
@@ -183,19 +252,30 @@ def test_a_table_is_found_whichever_way_it_lies(encoder, up):
     lying = dfd.Mesh(mesh.vertices @ rotation.T, mesh.faces)
     before = lying.vertices.copy()
     found = find_up(lying, encoder, probe=probe_of(encoder))
-    assert found.source == "found"
-    assert 0 < found.confidence <= 1
+    assert found.source in ("file", "found")
+    assert CLEAR < found.confidence <= 1
     assert abs(found.direction @ rotation[:, 1]) == pytest.approx(1)
     assert np.array_equal(lying.vertices, before)
 
 
 def test_the_prior_decides_where_nothing_else_does(encoder):
-    silent = probe_of(encoder, odds=np.zeros(len(TERMS)), file_up=2.0, file_z=1.0)
+    silent = probe_of(encoder, odds=np.zeros(len(TERMS)), file_up=4.0, file_down=2.0, file_z=1.0)
     found = find_up(table(), encoder, probe=silent)
     assert np.array_equal(found.frame, np.eye(3))
-    odds = np.exp([0, 0, 2, 0, 1, 1])
-    assert found.confidence == pytest.approx(odds[2] / odds.sum())
-    assert [prior(silent, frame) for frame in axis_frames(np.eye(3))] == [0, 0, 2, 0, 1, 1]
+    assert found.source == "file"
+    odds = np.exp([0, 0, 4, 2, 1, 1])
+    assert found.confidence == pytest.approx(odds[2:4].sum() / odds.sum())
+    assert found.sentence == f"+y as the file has it, {found.confidence:.0%} sure"
+    assert [prior(silent, frame) for frame in axis_frames(np.eye(3))] == [0, 0, 4, 2, 1, 1]
+
+
+def test_a_tilted_shape_has_no_prior(encoder):
+    rotation = Rotation.random(rng=np.random.default_rng(0)).as_matrix()
+    tilted = dfd.Mesh(table().vertices @ rotation.T, table().faces)
+    silent = probe_of(encoder, odds=np.zeros(len(TERMS)), file_up=9.0, file_down=8.0, file_z=1.0)
+    found = find_up(tilted, encoder, probe=silent)
+    assert found.source == "averaged"
+    assert found.confidence <= 1 / 3
 
 
 def test_another_encoders_probe_is_refused_and_without_one_the_files_up_stays(encoder):
@@ -205,6 +285,7 @@ def test_another_encoders_probe_is_refused_and_without_one_the_files_up_stays(en
     found = find_up(table(), encoder)
     assert (found.source, found.confidence) == ("file", 0)
     assert np.array_equal(found.frame, np.eye(3))
+    assert found.sentence == "+y by the file's convention: there was nothing to tell it by"
 
 
 @pytest.mark.parametrize("vertices", [[[0, 0, 0]] * 3, [[0, 0, 0], [1, 0, 0], [2, 0, 0]]])
@@ -236,7 +317,7 @@ def test_damaged_and_foreign_probes_are_refused(encoder, tmp_path):
         UpProbe.load(cut)
     from safetensors.numpy import save_file
 
-    save_file({"height": np.zeros(3, np.float32)}, other)
+    save_file({"looks": np.zeros(3, np.float32)}, other)
     with pytest.raises(ValueError, match="holds no probe"):
         UpProbe.load(other)
     probe_of(encoder, odds=np.full(len(TERMS), np.nan)).save(whole)
@@ -247,7 +328,7 @@ def test_damaged_and_foreign_probes_are_refused(encoder, tmp_path):
 def test_the_packages_own_probes_are_whole():
     found = [UpProbe.load(path) for path in sorted(FOLDER.glob("*.safetensors"))]
     assert found
-    assert all(probe.file_up > probe.file_z >= 0 for probe in found)
+    assert all(probe.file_up > max(probe.file_down, probe.file_z) >= 0 for probe in found)
 
 
 def test_pictures_in_a_frame_are_those_of_the_turned_mesh():
