@@ -818,7 +818,7 @@ export interface InstancesEntry {
   instances: InstanceEntry[];
 }
 /**
- * One of the places where a handle acts: `share` names the buffer uint16 (V,) of how much of a vertex is its own.
+ * One of the places where a handle acts: `share` names the buffer uint16 (V,), how much of a vertex is its own.
  */
 export interface InstanceEntry {
   /**
