@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bench.quality.families import family_of
-from bench.quality.learn_up import TRUE, fit_odds, least_prior, with_prior
+from bench.quality.learn_up import TRUE, decided, fit_odds, least_priors
 from bench.quality.parts import kind_of_part, without_few
 from bench.quality.shapes import Shape, rigs
 from bench.quality.studies import Row
@@ -87,8 +87,8 @@ def test_odds_find_the_term_that_tells():
     assert np.mean((rows @ odds).argmax(axis=1) == TRUE) > 0.9
 
 
-def test_the_least_prior_keeps_whatever_stands():
+def test_the_least_priors_keep_whatever_stands():
     doubtful = np.array([1.0, 0, 0, 0, 0, 0])
-    prior = least_prior({"one": doubtful})
-    assert with_prior(doubtful, TRUE, prior) == TRUE
-    assert with_prior(doubtful, TRUE, prior - 0.2) != TRUE
+    up, down = least_priors({"one": doubtful})
+    assert decided(doubtful, TRUE, (up, down)) == (TRUE // 2, TRUE)
+    assert decided(doubtful, TRUE, (up - 0.2, down - 0.2))[0] != TRUE // 2
