@@ -8,12 +8,15 @@ from typing import Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-__all__ = ["EXPORTS", "BatchSettings", "EditSource", "Step"]
+__all__ = ["EXPORTS", "MOVED", "RIGS", "WEIGHTS", "BatchSettings", "EditSource", "Step"]
 
 Step = Literal["inspect", "distill", "features", "symmetry", "pictures", "edits", "exports"]
 STEPS: tuple[Step, ...] = get_args(Step)
-# The formats of `exports`. The room `export` adds its own here and in `dfd.batch.exports`.
-EXPORTS = ("glb", "obj", "ply", "stl", "off")
+# What `exports` can be, which is also how the files' names end: moved shapes, and what other programs pose.
+MOVED = ("glb", "obj", "ply", "stl", "off")
+RIGS = ("rig.glb", "rig.usdc", "rig.usdz")
+WEIGHTS = ("weights.npz", "weights.safetensors")
+EXPORTS = (*MOVED, *RIGS, *WEIGHTS)
 
 
 class EditSource(BaseModel):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -51,7 +52,11 @@ def batch(
         float, typer.Option(min=0.0, max=1.0, help="Carry no edit with less confidence than this.")
     ] = 0.45,
     export: Annotated[
-        list[str] | None, typer.Option(metavar="FORMATS", help="glb, obj, ply, stl or off; repeatable.")
+        list[str] | None,
+        typer.Option(
+            metavar="FORMATS",
+            help="glb, obj, ply, stl, off; rig.glb, rig.usdc, rig.usdz; weights.npz, weights.safetensors; repeatable.",
+        ),
     ] = None,
     workers: Annotated[
         int | None, typer.Option(min=1, help="Shapes at a time; by default as many as processors and memory allow.")
@@ -118,6 +123,8 @@ def batch(
         )
     except ValidationError as error:
         raise ValueError(f"batch: {error.errors()[0]['msg'].removeprefix('Value error, ')}") from None
+    if any(each.startswith("rig.usd") for each in settings.exports):
+        import_module("dfd.export.usd.export_usd")  # without its package it says so, before a shape is begun
     if memory is not None:
         check.number("batch", "memory", memory, minimum=0.0, exclusive=True)
     usual = DISTILLING if "distill" in settings.steps else LOOKING

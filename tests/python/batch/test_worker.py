@@ -153,7 +153,10 @@ def test_an_edit_that_does_not_fit_is_told_and_is_no_failure(chair, tmp_path):
     session.save(tmp_path / "leg.json")
     files = [(tmp_path / "leg.json", chair)]
     settings = BatchSettings(
-        steps=("edits", "exports"), edits=describe_edits(files), exports=("obj", "glb"), threshold=1.0
+        steps=("edits", "exports"),
+        edits=describe_edits(files),
+        exports=("obj", "rig.glb", "weights.npz"),
+        threshold=1.0,
     )
     folder = BatchFolder.begin(tmp_path / "out", settings)
     place_edits(folder, files, settings.edits)
@@ -165,7 +168,7 @@ def test_an_edit_that_does_not_fit_is_told_and_is_no_failure(chair, tmp_path):
     assert (found.status, found.files) == ("done", [])
     assert found.figures["leg_refused"].startswith("nothing looks enough like what handle 1 held")
     fits = work(job(folder.root, chair, "itself", field=str(chair.with_name("chair.field.safetensors"))))
-    assert fits.files == ["leg.edit.json", "leg.glb", "leg.obj"]
+    assert fits.files == ["leg.edit.json", "leg.obj", "leg.rig.glb", "leg.weights.npz"]
 
 
 def test_a_machine_that_does_not_see_the_folder_stops_the_batch(chair, tmp_path):
