@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import dfd
 from dfd.cli.arguments import MeshArgument, check_output
+from dfd.cli.given_features import check_order, read_features
 from dfd.common.interrupts import heed_interrupts
 from dfd.common.progress import Stages
 from dfd.distillation.distill import DEFAULT_ENCODER, distilling, find_distilled
@@ -17,8 +18,6 @@ from dfd.distillation.settings import DistillSettings
 from dfd.runs.known_meshes import hash_file, note, recall
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from dfd.field.field import Field
 
 __all__ = ["distill"]
@@ -84,7 +83,7 @@ def distill(
 
     # The parameters above are what Typer makes options of; their values are also in its context.
     settings = DistillSettings(**{each.name: context.params[each.name] for each in dataclasses.fields(DistillSettings)})
-    rows = None if features is None else _read_features(features)
+    rows = None if features is None else read_features(features)
     partial = output.with_name(f"{output.name}.partial")
     stages = Stages()
     found: Field | None = None
@@ -96,6 +95,8 @@ def distill(
             found = find_distilled(known, encoder, settings, device=device, checkpoint=partial)
         if found is None:
             shape = dfd.load(mesh)
+            if features is not None and rows is not None:
+                check_order(features, rows, shape)
             if file == hash_file(mesh):  # the file that was read, and no later one
                 note(file, shape)
             if look_up:
@@ -132,22 +133,3 @@ def distill(
     if up := up_sentence(field.settings):
         typer.echo(f"up: {up}", err=True)
     typer.echo(f"{output}: a field of {field.dimension} dimensions{origin} ({times})", err=True)
-
-
-def _read_features(path: Path) -> NDArray[Any]:
-    """The array in an `.npy` file.
-
-    Raises
-    ------
-    ValueError
-        If it is no such file, or cut short, or holds Python objects, which are never opened.
-    OSError
-        If it cannot be read.
-    """
-    import numpy as np
-
-    try:
-        with path.open("rb") as stream:
-            return np.lib.format.read_array(stream, allow_pickle=False)
-    except (ValueError, EOFError) as error:
-        raise ValueError(f"`--features` must be an .npy file of numbers, but {path} is not: {error}") from None

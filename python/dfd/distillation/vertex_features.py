@@ -75,9 +75,12 @@ class GivenFeatures:
             positions = mesh.vertices
             self.features = check.array("distill", "features", features, ("V", "D"))
             if len(self.features) != len(positions):
+                remedy = "features of other points are given as (points, features)"
+                if len(self.features) == len(mesh.faces):
+                    remedy = "these may be those of its faces, which have as many: ask for those of vertices"
                 raise ValueError(
-                    f"distill: `features` must have shape ({len(positions)}, D), a row for each distinct vertex of the "
-                    f"mesh, got {self.features.shape}; features of other points are given as (points, features)"
+                    f"distill: `features` must have shape ({len(positions)}, D), a row for each vertex of the mesh, "
+                    f"got {self.features.shape}; {remedy}"
                 )
         if self.features.shape[1] == 0:
             raise ValueError(f"distill: `features` must have at least one column, got {self.features.shape}")

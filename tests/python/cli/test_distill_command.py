@@ -1,6 +1,7 @@
 """`dfd distill`."""
 
 import errno
+import json
 import sys
 from contextlib import nullcontext
 from inspect import signature
@@ -149,3 +150,66 @@ def test_features_that_are_no_array_are_refused(run):
 def test_distill_names_what_is_wrong(run, tmp_path, arguments, message):
     assert failed(run("distill", "MESH", *arguments), message)
     assert list(tmp_path.iterdir()) == []
+
+
+def distilled_with(run, folder, *more):
+    """What `--features` hands on from rows.npy, and the result of the command."""
+    field = Field.load(folder / "chair.field.safetensors")
+    with mock.patch.object(DISTILL, "distilling", return_value=nullcontext(field)) as distill:
+        return run("distill", "MESH", "-o", "out.safetensors", "--features", *more), distill
+
+
+def write_described(chair, **changes):
+    """MeshFM's files of the chair."""
+    np.save("rows.npy", np.ones((len(chair.vertices), 4), np.float16))
+    said = {"mode": "vertex", "num_vertices": len(chair.vertices), "feature_shape": [len(chair.vertices), 4]}
+    Path("rows.json").write_text(json.dumps({**said, "dtype": "float16", **changes}))
+
+
+def test_described_features_of_the_vertices_are_taken(run, folder, chair):
+    write_described(chair)
+    chair.save("rows_pca.ply")
+    result, distill = distilled_with(run, folder, "rows.npy")
+    assert worked(result)
+    assert distill.call_args.kwargs["features"].shape == (2004, 4)
+    Path("rows.json").write_text('{"of": "another program"}')
+    assert worked(distilled_with(run, folder, "rows.npy")[0])
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"mode": "face"}, "rows.json says mode 'face': extract them with `--mode vertex`"),
+        ({"feature_shape": [3, 4]}, "rows.json describes, of shape [3, 4], got [2004, 4]"),
+        (
+            {"num_vertices": 12024},
+            "has 2004 vertices, but rows.json says 12024; GLB, glTF and STL files have no one list",
+        ),
+    ],
+)
+def test_features_that_are_described_otherwise_are_refused(run, folder, chair, changes, message):
+    write_described(chair, **changes)
+    result, distill = distilled_with(run, folder, "rows.npy")
+    assert failed(result, message)
+    distill.assert_not_called()
+
+
+def test_a_description_that_is_cut_short_is_refused(run, folder, chair):
+    write_described(chair)
+    Path("rows.json").write_text('{"mode": ')
+    assert failed(distilled_with(run, folder, "rows.npy")[0], "rows.json is not JSON")
+
+
+def test_the_order_of_the_vertices_is_that_of_the_file_beside(run, folder, chair):
+    rows = "part_feat_chair_0_batch.npy"  # PartField's, which moves and scales the shape
+    np.save(rows, np.ones((2004, 4), np.float32))
+    moved = (chair.vertices - 3) * 0.7
+    dfd.Mesh(moved, chair.faces).save("feat_pca_chair_0.ply")
+    assert worked(distilled_with(run, folder, rows)[0])
+    swapped = moved.copy()
+    swapped[[5, 900]] = swapped[[900, 5]]
+    dfd.Mesh(swapped, chair.faces).save("feat_pca_chair_0.ply")
+    message = "in the order of the mesh's vertices, but vertex 5 lies elsewhere in feat_pca_chair_0.ply"
+    assert failed(distilled_with(run, folder, rows)[0], message)
+    dfd.Mesh(np.concatenate([moved, moved[:1] + 1]), chair.faces).save("feat_pca_chair_0.ply")
+    assert failed(distilled_with(run, folder, rows)[0], "feat_pca_chair_0.ply beside them has")

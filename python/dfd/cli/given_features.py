@@ -1,0 +1,112 @@
+"""Features from another network's files, and whether their rows are the vertices of the mesh, in its order."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from dfd.mesh.mesh import Mesh
+
+__all__ = ["check_order", "read_features"]
+
+SAME = 1e-4  # of the longest side: the PLY files hold single precision
+
+
+def read_features(path: Path) -> NDArray[Any]:
+    """The array in an `.npy` file.
+
+    Raises
+    ------
+    ValueError
+        If it is no such file, or cut short, or holds Python objects, which are never opened.
+    OSError
+        If it cannot be read.
+    """
+    import numpy as np
+
+    try:
+        with path.open("rb") as stream:
+            return np.lib.format.read_array(stream, allow_pickle=False)
+    except (ValueError, EOFError) as error:
+        raise ValueError(f"`--features` must be an .npy file of numbers, but {path} is not: {error}") from None
+
+
+def check_order(path: Path, features: NDArray[Any], mesh: Mesh) -> None:
+    """Refuse features that the files beside them say are no rows of the vertices of `mesh`.
+
+    MeshFM writes `NAME.json` beside `NAME.npy`, which says what has the features and of how many vertices the mesh was,
+    and with `--visualize` its vertices in `NAME_pca.ply`; PartField writes `feat_pca_NAME_0.ply` beside
+    `part_feat_NAME_0_batch.npy`, moved and scaled. Where none of these is, the number of rows alone is judged, by
+    `dfd.distill`.
+
+    Raises
+    ------
+    ValueError
+        If the rows are not of vertices, or the vertices are others or in another order; the message names the file.
+    OSError
+        If a file that is there cannot be read.
+    """
+    described = path.with_suffix(".json")
+    if described.is_file():
+        _check_description(described, features, mesh)
+    name = path.stem.removesuffix("_batch")
+    drawn = path.with_name(f"{re.sub('^part_feat_', 'feat_pca_', name)}.ply")
+    if not name.startswith("part_feat_"):
+        drawn = path.with_name(f"{path.stem}_pca.ply")
+    if drawn.is_file():
+        _check_vertices(drawn, mesh)
+
+
+def _check_description(path: Path, features: NDArray[Any], mesh: Mesh) -> None:
+    try:
+        said = json.loads(path.read_text("utf-8"))
+    except ValueError as error:
+        raise ValueError(f"`--features` must have a readable description, but {path} is not JSON: {error}") from None
+    if not isinstance(said, dict) or not {"mode", "num_vertices", "feature_shape"} <= said.keys():
+        return  # another program's
+    if said["mode"] != "vertex":
+        raise ValueError(
+            f"`--features` must be those of vertices, but {path} says mode {said['mode']!r}: "
+            "extract them with `--mode vertex`"
+        )
+    if said["feature_shape"] != list(features.shape):
+        raise ValueError(
+            f"`--features` must be the array that {path} describes, of shape {said['feature_shape']}, "
+            f"got {list(features.shape)}"
+        )
+    if said["num_vertices"] != len(mesh.vertices):
+        raise ValueError(
+            f"`--features` must be of this mesh, which has {len(mesh.vertices)} vertices, but {path} says "
+            f"{said['num_vertices']}; GLB, glTF and STL files have no one list of vertices: save the mesh as OBJ first"
+        )
+
+
+def _check_vertices(path: Path, mesh: Mesh) -> None:
+    import numpy as np
+
+    import dfd
+
+    others = dfd.load(path).vertices
+    if len(others) != len(mesh.vertices):
+        raise ValueError(
+            f"`--features` must be of this mesh, which has {len(mesh.vertices)} vertices, "
+            f"but {path} beside them has {len(others)}"
+        )
+    distances = np.linalg.norm(_in_box(others) - _in_box(mesh.vertices), axis=1)
+    if distances.max() > SAME:
+        raise ValueError(
+            "`--features` must have their rows in the order of the mesh's vertices, "
+            f"but vertex {int((distances > SAME).argmax())} lies elsewhere in {path}"
+        )
+
+
+def _in_box(vertices: NDArray[Any]) -> NDArray[Any]:
+    """Vertices around the center of their box, in units of its longest side: what scaling and moving leave alike."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    placed: NDArray[Any] = (vertices - (low + high) / 2) / max((high - low).max(), 1e-300)
+    return placed
