@@ -92,7 +92,7 @@ def _check_encoders(field_from: Field, field_to: Field) -> None:
     if field_from.dimension != field_to.dimension:
         raise ValueError(
             f"transfer: `field_to` must have features of width {field_from.dimension} as `field_from` has, "
-            f"got {field_to.dimension}"
+            f"got {field_to.dimension}: were they distilled with another `encoder` or another `metric`?"
         )
     before, now = ([field.settings.get(key) for key in OF_ENCODER] for field in (field_from, field_to))
     for key, was, found in zip(OF_ENCODER, before, now, strict=True):
