@@ -162,7 +162,7 @@ def _regions(mesh: Mesh, random: np.random.Generator) -> list[Any]:
         Ball(tuple(center), 0.1 * mesh.diagonal),
         Box(tuple(center - 0.1 * mesh.diagonal), tuple(center + 0.2 * mesh.diagonal)),
         HalfSpace((0.0, 1.0, 0.0), float(center[1])),
-        VertexSet.of(mesh, random.random(len(mesh.vertices)) < 0.2) if len(mesh.vertices) > 60 else [0],
+        VertexSet.of(mesh, random.random(len(mesh.vertices)) < 0.2 if len(mesh.vertices) > 60 else [0]),
         "top",
         "part:none",
     ]

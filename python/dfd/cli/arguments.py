@@ -29,7 +29,7 @@ __all__ = [
 ]
 
 # What a handle or a fixed point may be, in the help of every command.
-PLACE = "VERTEX|X,Y,Z|top|part:NAME|…"
+PLACE = "VERTEX|X,Y,Z|top|part:NAME|group:NAME|…"
 
 MeshArgument = Annotated[Path, typer.Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file.")]
 FieldOption = Annotated[
@@ -65,7 +65,7 @@ class Places:
     def fixed(self, option: str, text: str) -> tuple[Place, float]:
         """A place and the strength with which it is held, 1 if `text` does not end in `:NUMBER`."""
         named, _, last = text.rpartition(":")
-        if named in ("", "part", "ball", "box") or not is_number(last):
+        if named in ("", "part", "group", "ball", "box") or not is_number(last):
             return self.find(option, text), 1.0
         strength = check.number("dfd", option, float(last), minimum=0.0, maximum=1.0)
         return self.find(option, named), strength

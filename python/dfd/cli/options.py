@@ -69,7 +69,9 @@ WithoutInstancesOption = Annotated[
 ]
 WithinOption = Annotated[
     str | None,
-    typer.Option(metavar="REGION", help="Nothing follows beyond: part:NAME, 'x>0', ball:x,y,z,r or box:x,y,z,x,y,z."),
+    typer.Option(
+        metavar="REGION", help="Nothing follows beyond: part:NAME, group:NAME, 'x>0', ball:x,y,z,r or box:x,y,z,x,y,z."
+    ),
 ]
 WithinWidthOption = Annotated[
     str | None,

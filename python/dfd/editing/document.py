@@ -65,6 +65,7 @@ __all__ = [
     "DefaultDocument",
     "EditDocument",
     "FixedDocument",
+    "GroupDocument",
     "HalfSpaceDocument",
     "HandleDocument",
     "MeshDocument",
@@ -152,6 +153,13 @@ class PartDocument(Document):
     name: str = Field(min_length=1)
 
 
+class GroupDocument(Document):
+    """A face group of an OBJ file."""
+
+    kind: Literal["group"]
+    name: str = Field(min_length=1)
+
+
 class VertexSetDocument(Document):
     """A list of vertices, and where they lie."""
 
@@ -162,7 +170,8 @@ class VertexSetDocument(Document):
 
 
 RegionDocument = Annotated[
-    BallDocument | BoxDocument | HalfSpaceDocument | PartDocument | VertexSetDocument, Field(discriminator="kind")
+    BallDocument | BoxDocument | GroupDocument | HalfSpaceDocument | PartDocument | VertexSetDocument,
+    Field(discriminator="kind"),
 ]
 
 
@@ -279,7 +288,7 @@ def parse(document: Any, name: str) -> EditDocument:
 
 
 # What pydantic puts into the path of a value to say which member of a union it tried.
-REGION_KINDS = ("ball", "box", "half_space", "part", "vertices")
+REGION_KINDS = ("ball", "box", "group", "half_space", "part", "vertices")
 TAGS = {"list", "number", "text", "plane", *REGION_KINDS}
 PHRASES = {
     "be a valid (dictionary|object) or instance of .*": "be an object",

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.instances import Instance, InstanceFinder
+from dfd.editing.nodes import Share
 from dfd.posing.overlap import interpolating
 from dfd.posing.transforms import Vector
 from dfd.symmetry.search import symmetry_planes
@@ -29,6 +30,7 @@ __all__ = ["Column", "InstanceColumns", "followed_by", "interpolating_columns"]
 LEAST_LEVELED = 0.01  # of the handle's own weight: an instance that follows less is not brought to it
 
 Float32 = NDArray[np.float32]
+Portion = tuple[Instance | None, float]  # what an instance, or all, has of a handle's weights, times a gain
 
 
 class Column(NamedTuple):
@@ -87,19 +89,27 @@ class InstanceColumns:
         wanted = [_wanted(handle) for handle in edit.handles]
         key = (about, tuple(zip(keys, wanted, strict=True)))
         if self._made is None or key != self._key:
+            self._made = None  # to make room
             found: dict[Hashable, tuple[Instance, ...]] = {}
-            parts: list[Float32] = []
+            parts: list[list[Portion]] = []
             columns: list[Column] = []
             for i, handle in enumerate(edit.handles):
                 instances: tuple[Instance, ...] = ()
                 if _told_apart(handle):
                     instances = self.instances(handle, rows, edit.symmetry)
                     found[handle.place, edit.symmetry] = instances
-                for part, instance, gain in self._columns(handle, weights[:, i], instances, rows):
-                    parts.append(part)
-                    columns.append(Column(i, instance, gain))
+                own = self._parts(handle, weights[:, i], instances, rows)
+                apart = bool(instances) and handle.controls.instances != "together"
+                parts += [[part] for part in own] if apart else [own]
+                columns += [Column(i, *part) for part in own] if apart else [Column(i, None)]
+            made = np.zeros((len(columns), len(weights)), np.float32)
+            for out, column, added in zip(made, columns, parts, strict=True):
+                for part in added:
+                    out += _weights_of(part, weights[:, column.handle])
+                if column.instance is None:
+                    np.minimum(out, np.float32(1.0), out=out)
             self._found = found
-            self._made, self._key = (np.stack(parts).T, tuple(columns)), key
+            self._made, self._key = (made.T, tuple(columns)), key
         return self._made
 
     def switches(self, handle: Handle, instances: Sequence[Instance], rows: VertexRows) -> list[bool]:
@@ -110,7 +120,7 @@ class InstanceColumns:
         on = [True] * len(instances)
         for place in handle.controls.without_instances:
             here = rows.anchor(place)
-            most = int(np.argmax([1.0 if one.share is None else one.share[here] for one in instances]))
+            most = int(np.argmax([one.share_at(here) for one in instances]))
             on[most] = most == 0
         return on
 
@@ -123,24 +133,20 @@ class InstanceColumns:
         planes = self._planes if symmetry is None else [symmetry]
         return self._finder.find(looks, rows.anchor(handle.place), handle.place.position, planes=planes)
 
-    def _columns(
+    def _parts(
         self, handle: Handle, weights: Float32, instances: Sequence[Instance], rows: VertexRows
-    ) -> list[tuple[Float32, Instance | None, float]]:
-        """The columns of one handle, each with its instance and gain."""
+    ) -> list[Portion]:
+        """What of a handle's weights moves: all, or its instances that are on."""
         controls = handle.controls
         if not instances:
-            return [(weights, None, 1.0)]
+            return [(None, 1.0)]
         if controls.instances == "only":
-            return [(_part(weights, instances[0], 1.0), instances[0], 1.0)]
+            return [(instances[0], 1.0)]
         gains = [1.0] * len(instances)
         if controls.level:
             instances, gains = _leveled(weights, instances)
         on = self.switches(handle, instances, rows)
-        kept = [(one, gain) for one, gain, is_on in zip(instances, gains, on, strict=True) if is_on]
-        parts = [_part(weights, one, gain) for one, gain in kept]
-        if controls.instances == "own":
-            return [(part, one, gain) for part, (one, gain) in zip(parts, kept, strict=True)]
-        return [(np.minimum(np.sum(parts, axis=0), np.float32(1.0)), None, 1.0)]
+        return [(one, gain) for one, gain, is_on in zip(instances, gains, on, strict=True) if is_on]
 
     @cached_property
     def _planes(self) -> list[SymmetryPlane]:
@@ -159,8 +165,9 @@ def interpolating_columns(weights: Float32, columns: tuple[Column, ...], anchors
     result = np.empty((len(columns), len(weights)), np.float32)
     for out, column in zip(result, columns, strict=True):
         out[:] = mixed[:, column.handle]
-        if counts[column.handle] > 1 and column.instance is not None and column.instance.share is not None:
-            out *= column.instance.share
+        share = None if counts[column.handle] == 1 or column.instance is None else column.instance.share
+        if share is not None:
+            out *= share
     return result.T
 
 
@@ -183,10 +190,12 @@ def _told_apart(handle: Handle) -> bool:
     return _wanted(handle) != ("together", False, ())
 
 
-def _part(weights: Float32, instance: Instance, gain: float) -> Float32:
-    """The column of one instance."""
-    part = weights if instance.share is None else weights * instance.share
-    return part if gain == 1.0 else part * np.float32(gain)
+def _weights_of(part: Portion, weights: Float32) -> Float32:
+    """What of the weights (V,) of a handle is a part's."""
+    instance, gain = part
+    share = None if instance is None else instance.share
+    own = weights if share is None else weights * share
+    return own if gain == 1.0 else own * np.float32(gain)
 
 
 def _leveled(weights: Float32, instances: Sequence[Instance]) -> tuple[list[Instance], list[float]]:
@@ -197,11 +206,14 @@ def _leveled(weights: Float32, instances: Sequence[Instance]) -> tuple[list[Inst
     tops = [float(weights[one.vertex]) for one in instances]
     gains = [tops[0] / top if top >= LEAST_LEVELED * tops[0] > 0 else 1.0 for top in tops]
     total = np.zeros(len(weights), np.float32)
-    for one, gain in zip(instances, gains, strict=True):
-        total += _part(weights, one, gain)
+    for part in zip(instances, gains, strict=True):
+        total += _weights_of(part, weights)
     most = weights.max(initial=0.0)
     if (total <= most).all():
         return list(instances), gains
     less = np.divide(most, total, out=np.ones_like(total), where=total > most)
-    shared = [less if one.share is None else one.share * less for one in instances]
-    return [replace(one, share=share) for one, share in zip(instances, shared, strict=True)], gains
+
+    def lessened(share_of: Share | None) -> Share:
+        return lambda some: less[some] if share_of is None else share_of(some) * less[some]
+
+    return [replace(one, share_of=lessened(one.share_of)) for one in instances], gains

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, diags_array
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from dfd.geometry.surface_graph import surface_graph
+from dfd.editing.nodes import Nodes, Share
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Instance", "InstanceFinder"]
 
-MOST_NODES = 20_000  # of the graph on which peaks are looked for; a finer mesh is gathered into fewer
-CELLS = 100  # along the longest side, in which it is gathered
 LEAST_PERSISTENCE = 0.05  # of weight: below, the field's own ripples have peaks
 LEAST_WEIGHT = 0.15  # of a peak; lower ones go with the instance that is nearest
 MOST_INSTANCES = 64  # the highest peaks; every one costs a column of weights
@@ -56,16 +54,28 @@ class Instance:
         symmetry lies between them.
     weight
         How much it follows the handle, the weight at its counterpart.
-    share
-        (V,) the part of every vertex's weight that is this instance's, in [0, 1]; over all instances it adds up to 1.
-        None stands for all of it, where the handle has one instance.
+    share_of
+        Called with what indexes vertices, it works out the part of their weight that is this instance's; None stands
+        for all of it, where the handle has one instance.
     """
 
     vertex: int
     position: tuple[float, float, float]
     frame: Float64
     weight: float
-    share: Float32 | None
+    share_of: Share | None
+
+    @property
+    def share(self) -> Float32 | None:
+        """(V,) the part of every vertex's weight that is this instance's, in [0, 1]; over all instances they sum to 1.
+
+        None stands for all of it. Worked out anew each time: those of many instances on a large mesh fill the memory.
+        """
+        return None if self.share_of is None else self.share_of(slice(None))
+
+    def share_at(self, vertex: int) -> float:
+        """The share at one vertex."""
+        return 1.0 if self.share_of is None else float(self.share_of(slice(vertex, vertex + 1))[0])
 
     def transform(self, affine: Float64, position: Sequence[float]) -> Float64:
         """The (3, 4) map that does here what `affine` does at a handle at `position` (3,)."""
@@ -160,8 +170,8 @@ class InstanceFinder:
 
     def _shares(
         self, weights: Float64, basin: NDArray[np.int64], saddle: dict[int, float], roots: Sequence[int]
-    ) -> Float32:
-        """(K, V) shares of the instances: 1 on the upper half of a peak, passing smoothly into each other between."""
+    ) -> list[Share]:
+        """The K shares of the instances: 1 on the upper half of a peak, passing smoothly into each other between."""
         closeness = np.empty((len(roots), len(weights)))
         for row, root in enumerate(roots):
             core = np.flatnonzero((basin == root) & (weights >= (weights[root] + saddle[root]) / 2))
@@ -171,92 +181,15 @@ class InstanceFinder:
                 distance = np.where(np.isinf(distance), straight, distance)
             closeness[row] = (distance / self._mesh.diagonal + 1e-4) ** -SHARPNESS
         closeness /= closeness.max(axis=0)  # of the nearest one 1, however many there are
-        smooth = self._nodes.to_vertices(np.maximum(closeness - CLEAR, 0) / (1 - CLEAR))
-        shares: Float32 = smooth / smooth.sum(axis=0)
-        return shares
+        return self._nodes.shares(np.maximum(closeness - CLEAR, 0) / (1 - CLEAR))
 
     @cached_property
-    def _nodes(self) -> _Nodes:
-        return _Nodes(self._mesh.vertices, surface_graph(self._mesh))
+    def _nodes(self) -> Nodes:
+        return Nodes(self._mesh)
 
     @cached_property
     def _tree(self) -> cKDTree:
         return cKDTree(self._mesh.vertices)
-
-
-class _Nodes:
-    """Vertices gathered into nodes, each a connected piece of the surface within a cell of space."""
-
-    def __init__(self, vertices: Float64, graph: csr_array) -> None:
-        count = len(vertices)
-        if count <= MOST_NODES:
-            self.of_vertex = np.arange(count)
-            self.graph = graph
-        else:
-            self.of_vertex = _gathered(vertices, graph)
-            self.graph = _contracted(vertices, graph, self.of_vertex)
-        self.members = np.argsort(self.of_vertex, kind="stable")  # (V,) vertices, node by node
-        self.starts = np.flatnonzero(np.diff(self.of_vertex[self.members], prepend=-1))
-        self.ends = np.append(self.starts[1:], count)
-        size = (self.ends - self.starts)[:, None]
-        self.center = np.add.reduceat(vertices[self.members], self.starts) / size  # (N, 3)
-        self._blend = None if count <= MOST_NODES else _interpolation(vertices, self)
-
-    def to_vertices(self, values: Float64) -> Float32:
-        """Values (K, N) of the nodes, smoothly passed on to the vertices, (K, V)."""
-        if self._blend is None:
-            return values.astype(np.float32)
-        return np.ascontiguousarray((self._blend @ values.T.astype(np.float32)).T)
-
-
-def _gathered(vertices: Float64, graph: csr_array) -> NDArray[np.int64]:
-    """(V,) the node of each vertex: the connected pieces within the cells of a grid."""
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
-    cell = float((high - low).max()) / CELLS
-    place = np.floor((vertices - low) / cell).astype(np.int64)
-    key = (place[:, 0] * (CELLS + 1) + place[:, 1]) * (CELLS + 1) + place[:, 2]
-    edges = graph.tocoo()
-    one, other = edges.coords
-    within = key[one] == key[other]
-    inside = csr_array((np.ones(int(within.sum()), bool), (one[within], other[within])), shape=graph.shape)
-    return np.asarray(connected_components(inside, directed=False)[1], np.int64)
-
-
-def _contracted(vertices: Float64, graph: csr_array, of_vertex: NDArray[np.int64]) -> csr_array:
-    """The graph (N, N) between nodes, with the distances between their centers."""
-    count = int(of_vertex.max()) + 1
-    size = np.bincount(of_vertex, minlength=count)
-    center = np.stack([np.bincount(of_vertex, axis, minlength=count) / size for axis in vertices.T], axis=1)
-    edges = graph.tocoo()
-    one, other = of_vertex[edges.coords[0]], of_vertex[edges.coords[1]]
-    between = one != other
-    linked = csr_array((np.ones(int(between.sum()), bool), (one[between], other[between])), shape=(count, count))
-    linked.sum_duplicates()
-    row, column = linked.tocoo().coords
-    length = np.maximum(np.linalg.norm(center[row] - center[column], axis=1), 1e-12)
-    return csr_array((length, (row, column)), shape=(count, count))
-
-
-def _interpolation(vertices: Float64, nodes: _Nodes) -> csr_array:
-    """Rows (V, N) that blend the values of a vertex's own node and of those beside it, the nearer the more."""
-    count = nodes.graph.shape[0]
-    reach = csr_array((np.ones(len(nodes.graph.data) + count, np.float32), *_with_itself(nodes.graph)), (count, count))
-    beside = reach[nodes.of_vertex]
-    row = np.repeat(np.arange(len(vertices)), np.diff(beside.indptr))
-    squared = np.square(vertices[row] - nodes.center[beside.indices]).sum(axis=1)
-    radius = np.maximum.reduceat(squared, beside.indptr[:-1])[row] * 1.1 + 1e-300
-    beside.data = np.square(1 - squared / radius).astype(np.float32) + np.float32(1e-6)
-    return csr_array(diags_array((1 / beside.sum(axis=1)).astype(np.float32)) @ beside)
-
-
-def _with_itself(graph: csr_array) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Column indices and row starts of `graph` with its diagonal."""
-    count = graph.shape[0]
-    row = np.concatenate([np.repeat(np.arange(count), np.diff(graph.indptr)), np.arange(count)])
-    column = np.concatenate([graph.indices, np.arange(count)])
-    order = np.lexsort((column, row))
-    starts = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=count))])
-    return column[order].astype(np.int32), starts
 
 
 def _basins(weights: Float64, graph: csr_array) -> tuple[NDArray[np.int64], dict[int, float]]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from dfd.common import check
-from dfd.editing.regions import Ball, Box, HalfSpace, Part, Region, VertexSet, members
+from dfd.editing.regions import Ball, Box, Group, HalfSpace, Part, Region, VertexSet, members
 from dfd.posing.transforms import Vector, vector
 
 if TYPE_CHECKING:
@@ -92,8 +92,9 @@ def find(mesh: Mesh, text: str) -> Found:
     """What `text` names on `mesh`, and a line that says so.
 
     `812` is a vertex. `0.1,0.2,0.3` is the vertex nearest to that point. `top`, `bottom`, `left`, `right`, `front` and
-    `back` are the outermost vertices (y is up, the front looks along +z). `part:NAME` is a part of the scene, `x>0.5`
-    and `y<0` are sides of a plane, `ball:x,y,z,radius` and `box:x,y,z,x,y,z` are what they say.
+    `back` are the outermost vertices (y is up, the front looks along +z). `part:NAME` is a part of the scene,
+    `group:NAME` what a `g`, `o` or `usemtl` line of an OBJ file names, `x>0.5` and `y<0` are sides of a plane,
+    `ball:x,y,z,radius` and `box:x,y,z,x,y,z` are what they say.
 
     Raises
     ------
@@ -113,6 +114,8 @@ def find(mesh: Mesh, text: str) -> Found:
             return _found(mesh, said, HalfSpace((x, y, z), towards * float(side[3])))
         if kind == "part" and rest:
             return _found(mesh, said, Part(rest))
+        if kind == "group" and rest:
+            return _found(mesh, said, Group(rest))
         if kind == "ball" and rest:
             x, y, z, radius = (float(number) for number in rest.split(","))
             return _found(mesh, said, Ball((x, y, z), radius))
@@ -128,7 +131,7 @@ def find(mesh: Mesh, text: str) -> Found:
         if "`" in str(error):
             raise
         raise ValueError(
-            f"`at` must be a vertex index, a point x,y,z, {', '.join(EXTREMES)}, part:NAME, x>NUMBER, "
+            f"`at` must be a vertex index, a point x,y,z, {', '.join(EXTREMES)}, part:NAME, group:NAME, x>NUMBER, "
             f"ball:x,y,z,radius or box:x,y,z,x,y,z, got {text!r}"
         ) from None
     return Found(place_on(mesh, vertex), f"vertex {vertex}")

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dfd.editing.document import (
     BallDocument,
     BoxDocument,
+    GroupDocument,
     HalfSpaceDocument,
     PartDocument,
     RegionDocument,
     VertexSetDocument,
 )
-from dfd.editing.regions import Ball, Box, HalfSpace, Part, Region, VertexSet
+from dfd.editing.regions import Ball, Box, Group, HalfSpace, Part, Region, VertexSet
 from dfd.posing.transforms import Vector
 
 __all__ = ["region_from", "region_to"]
@@ -25,6 +26,8 @@ def region_to(region: Region | None) -> RegionDocument | None:
             return BallDocument(kind="ball", center=region.center, radius=region.radius)
         case Box():
             return BoxDocument(kind="box", low=region.low, high=region.high)
+        case Group():
+            return GroupDocument(kind="group", name=region.name)
         case HalfSpace():
             return HalfSpaceDocument(kind="half_space", normal=region.normal, offset=region.offset)
         case Part():
@@ -49,6 +52,8 @@ def region_from(document: RegionDocument) -> Region:
             return Ball(document.center, document.radius)
         case BoxDocument():
             return Box(document.low, document.high)
+        case GroupDocument():
+            return Group(document.name)
         case HalfSpaceDocument():
             return HalfSpace(document.normal, document.offset)
         case PartDocument():

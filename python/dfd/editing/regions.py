@@ -1,4 +1,5 @@
-"""Sets of vertices, as people name them: a ball, a box, one side of a plane, a part of the scene, a list of vertices.
+"""Sets of vertices, as people name them: a ball, a box, one side of a plane, a part of the scene, a face group, a
+list of vertices.
 
 A region is kept as what was said and not as what it held, so that it means the same on another resolution of the shape.
 """
@@ -19,7 +20,18 @@ from dfd.posing.transforms import Vector, vector
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["SAME_POSITION", "Ball", "Box", "HalfSpace", "Part", "Region", "VertexSet", "distances_from", "members"]
+__all__ = [
+    "SAME_POSITION",
+    "Ball",
+    "Box",
+    "Group",
+    "HalfSpace",
+    "Part",
+    "Region",
+    "VertexSet",
+    "distances_from",
+    "members",
+]
 
 # A vertex that moved by no more than this part of the box's diagonal is the same one: files round positions to float32.
 SAME_POSITION = 1e-5
@@ -127,6 +139,29 @@ class Part:
         return inside
 
 
+@dataclass(frozen=True)
+class Group:
+    """The faces of an OBJ file's group, by its name: that of a `g`, `o` or `usemtl` line."""
+
+    name: str
+
+    def __post_init__(self) -> None:
+        """Refuse what is no name."""
+        name: object = self.name
+        if not isinstance(name, str) or not name:
+            raise ValueError(f"Group: `name` must be a text that is not empty, got {self.name!r}")
+
+    def __str__(self) -> str:
+        """Name it for a message."""
+        return f"group:{self.name}"
+
+    def inside(self, mesh: Mesh) -> NDArray[np.bool_]:
+        """(V,) which vertices belong to it."""
+        inside = np.zeros(len(mesh.vertices), bool)
+        inside[mesh.group_vertices(self.name)] = True
+        return inside
+
+
 class VertexSet:
     """A list of vertices, with where they lie on the shape on which they were chosen.
 
@@ -209,7 +244,7 @@ class VertexSet:
         return bool(apart.max() <= SAME_POSITION * mesh.diagonal)
 
 
-Region = Ball | Box | HalfSpace | Part | VertexSet
+Region = Ball | Box | Group | HalfSpace | Part | VertexSet
 
 
 def members(mesh: Mesh, region: Region) -> Indices:

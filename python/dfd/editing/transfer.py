@@ -14,7 +14,7 @@ from dfd.editing.controls import Controls
 from dfd.editing.door import door
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.place import Place, place_on
-from dfd.editing.regions import Ball, Box, HalfSpace, Part, Region, VertexSet, members
+from dfd.editing.regions import Ball, Box, Group, HalfSpace, Part, Region, VertexSet, members
 from dfd.editing.vertex_rows import VertexRows
 from dfd.geometry.topology import face_areas
 from dfd.posing.transforms import Transform, Vector, vector
@@ -66,7 +66,7 @@ def transfer(edit: Edit, mesh_from: Mesh, field_from: Field, mesh_to: Mesh, fiel
     shape's surface: that holds what the whole shape looks like, its style, and a leg is what differs from it as legs
     do. Lengths (translations, pivots, radii) are scaled by the ratio of the longest sides; rotations and scales stay.
     Regions of space are carried from box to box, a set of vertices goes vertex by vertex (at most 2,048 of them, evenly
-    chosen), a part is looked up by its name.
+    chosen), a part or a group is looked up by its name.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def _check_encoders(field_from: Field, field_to: Field) -> None:
     if field_from.dimension != field_to.dimension:
         raise ValueError(
             f"transfer: `field_to` must have features of width {field_from.dimension} as `field_from` has, "
-            f"got {field_to.dimension}"
+            f"got {field_to.dimension}: were they distilled with another `encoder` or another `metric`?"
         )
     before, now = ([field.settings.get(key) for key in OF_ENCODER] for field in (field_from, field_to))
     for key, was, found in zip(OF_ENCODER, before, now, strict=True):
@@ -152,7 +152,7 @@ class _Carrier:
             case HalfSpace():
                 on_plane = self.point(vector("normal", region.offset * np.asarray(region.normal)))
                 return HalfSpace(region.normal, float(np.dot(on_plane, region.normal)))
-            case Part():
+            case Part() | Group():
                 return region
             case VertexSet():
                 return VertexSet.of(self.mesh, np.unique(self.nearest(region.positions)[0]))

@@ -8,12 +8,13 @@ from scipy.sparse import coo_array, csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from dfd import _core
 from dfd.geometry.spread import points_on_faces
 from dfd.geometry.topology import face_sizes
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.weld import weld
 
-__all__ = ["GAPS", "bridges", "edge_graph", "surface_graph"]
+__all__ = ["GAPS", "bridges", "edge_graph", "surface_graph", "surface_links"]
 
 # What counts as the same place, as touching, and as nearly touching, as shares of the box's diagonal. Components that
 # the smaller gap has joined are not bridged across the larger one: legs that meet at the hips stay apart at the knees.
@@ -39,9 +40,7 @@ def surface_graph(mesh: Mesh) -> csr_matrix:
     ValueError
         If the mesh is so large that lengths overflow.
     """
-    size = float(np.max(mesh.extents))
-    if not np.isfinite(2 * size):
-        raise ValueError(f"surface_graph: `mesh` must be smaller than 1e308, got {size:g}")
+    size = _size(mesh)
     scaled = mesh.vertices / size if size > 0 else mesh.vertices  # no square over- or underflows
     graph = edge_graph(scaled, _given_edges(mesh))
     component = connected_components(graph, directed=False)[1]
@@ -50,6 +49,26 @@ def surface_graph(mesh: Mesh) -> csr_matrix:
         graph = graph + edge_graph(scaled, gaps)  # disjoint: bridges join components
     graph.data = np.maximum(graph.data * size, np.finfo(np.float64).tiny)
     return graph
+
+
+def surface_links(mesh: Mesh) -> NDArray[np.int32]:
+    """Return what joins the vertices of `surface_graph` besides the sides of faces, as pairs (L, 2) of vertices.
+
+    Those are links between vertices at one position, and bridges across small gaps. A large mesh is gone through so in
+    a fraction of the graph's memory.
+
+    Raises
+    ------
+    ValueError
+        If the mesh is so large that lengths overflow.
+    """
+    size = _size(mesh)
+    links = _same_places(mesh).astype(np.int32)
+    component = _core.components(len(mesh.vertices), mesh.faces, links)
+    if component.max(initial=0) == 0:
+        return links
+    scaled = mesh.vertices / size if size > 0 else mesh.vertices
+    return np.concatenate([links, bridges(scaled, mesh.faces, component).astype(np.int32)])
 
 
 def edge_graph(vertices: NDArray[np.float64], ends: NDArray[np.integer]) -> csr_matrix:
@@ -63,13 +82,26 @@ def edge_graph(vertices: NDArray[np.float64], ends: NDArray[np.integer]) -> csr_
     return graph
 
 
+def _size(mesh: Mesh) -> float:
+    """The longest side of the mesh's box, if lengths on it can be told."""
+    size = float(np.max(mesh.extents))
+    if not np.isfinite(2 * size):
+        raise ValueError(f"surface_graph: `mesh` must be smaller than 1e308, got {size:g}")
+    return size
+
+
 def _given_edges(mesh: Mesh) -> NDArray[np.int64]:
     """Return the ends (E, 2) of edges of faces, and of links between vertices at one position."""
+    sides = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    return np.concatenate([sides, _same_places(mesh)])
+
+
+def _same_places(mesh: Mesh) -> NDArray[np.int64]:
+    """Return pairs (L, 2) of each vertex whose position an earlier one has, and that one."""
     first, vertex = weld(mesh.vertices)
     stands_for = first[vertex]
     moved = np.flatnonzero(stands_for != np.arange(len(vertex)))
-    sides = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    return np.concatenate([sides, np.column_stack([moved, stands_for[moved]])])
+    return np.column_stack([moved, stands_for[moved]])
 
 
 def bridges(

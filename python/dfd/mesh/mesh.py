@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from dfd.common import check, tensors
 from dfd.mesh.appearance import Appearance
+from dfd.mesh.file.obj_groups import face_groups
 from dfd.mesh.file.read import of_trimesh, read
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.file.write import write
@@ -180,6 +181,36 @@ class Mesh:
             if material:
                 materials.setdefault(str(material), []).append(each.faces)
         return geometries, materials
+
+    @property
+    def group_names(self) -> tuple[str, ...]:
+        """The names of the face groups of an OBJ file: of its `g`, `o` and `usemtl` lines, in this order."""
+        return tuple(self._groups)
+
+    def group_vertices(self, name: str) -> NDArray[np.int64]:
+        """(N,) ascending, the vertices that the faces of a group of an OBJ file use.
+
+        Every word of a `g` line names a group, as does the line as a whole, an `o` and a `usemtl` line; where two kinds
+        have one name, the first of these is meant. Parts and materials need not have been made of them.
+
+        Raises
+        ------
+        ValueError
+            If no faces have that group; the message lists the groups that there are.
+        """
+        if name in self._groups:
+            return np.unique(self.representative[self._groups[name]]).astype(np.int64)
+        if not self._groups:
+            raise ValueError(f"Mesh.group_vertices: `name` must be a face group, and the mesh has none, got {name!r}")
+        known = ", ".join(self.group_names[:20]) + (", …" if len(self._groups) > 20 else "")
+        raise ValueError(f"Mesh.group_vertices: `name` must be a face group of the file ({known}), got {name!r}")
+
+    @cached_property
+    def _groups(self) -> dict[str, NDArray[np.int64]]:
+        """The file's own vertices of each group; its text is read once more for those who ask, and for nobody else."""
+        if self._scene is None or self._scene.obj is None:
+            return {}
+        return face_groups(self._scene.obj.data)
 
     @property
     def diagonal(self) -> float:

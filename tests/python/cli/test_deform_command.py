@@ -7,7 +7,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from command_runs import drawn, worked
+from command_runs import drawn, failed, worked
 from PIL import Image
 
 import dfd
@@ -39,6 +39,26 @@ def test_locality_keeps_a_deformation_near(run, chair):
     assert worked(run(*DEFORM, *move, "--locality", 4, "-o", "near.ply"))
     wide, near = (np.abs(dfd.load(name).vertices - chair.vertices).sum() for name in ("wide.ply", "near.ply"))
     assert 0 < near < 0.8 * wide
+
+
+def test_face_groups_of_an_obj_file_are_regions(run, folder, chair):
+    """Also of a file in which they lie inside objects, and without its materials."""
+    lines = (folder / "chair.obj").read_text().splitlines()
+    corners = [i for i, line in enumerate(lines) if line.startswith("f ")]
+    lines[corners[1500]] = "o second\ng upper\n" + lines[corners[1500]]
+    lines[corners[0]] = "o first\ng lower\nusemtl oak\n" + lines[corners[0]]
+    Path("grouped.obj").write_text("\n".join(lines))
+    grouped = ("deform", "grouped.obj", "--field", "FIELD")
+    held = ("--handle", "group:upper", "--translate", 0, 0.2, 0, "--within", "group:second")
+    assert worked(run(*grouped, *held, "--fix", "group:lower:0.5", "-o", "out.obj", "--save-edit", "edit.json"))
+    edit = read_edit("edit.json", dfd.load("grouped.obj"))
+    assert str(edit.handles[0].place) == "group:upper"
+    assert edit.fixed[0].strength == 0.5
+    moved = np.flatnonzero((np.abs(dfd.load("out.obj").vertices - chair.vertices) > 1e-6).any(axis=1))
+    assert len(moved) > 100
+    assert np.isin(moved, dfd.load("grouped.obj").group_vertices("upper")).all()
+    failure = run(*grouped, "--handle", "group:seat", "--translate", 0, 1, 0, "-o", "none.obj")
+    assert failed(failure, "must be a face group of the file (lower, upper, first, second, oak), got 'seat'")
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ def asked(sample, mesh, monkeypatch):
                 share[members] = 1
                 foot = int(members[mesh.vertices[members, 1].argmin()])
                 frame = np.diag([1.0 if leg % 2 == sample.instances[vertex] % 2 else -1.0, 1, 1])
-                found.append(Instance(foot, tuple(mesh.vertices[foot]), frame, float(weights[foot]), share))
+                found.append(Instance(foot, tuple(mesh.vertices[foot]), frame, float(weights[foot]), share.__getitem__))
             return tuple(found)
 
     monkeypatch.setattr(instance_columns, "InstanceFinder", Labels)
@@ -125,7 +125,10 @@ def test_level_lets_no_vertex_follow_more_than_the_handle(mesh, field, asked, fo
             half = np.full(len(mesh.vertices), 0.5, np.float32)
             low = int(weights.argmin())
             places = [tuple(mesh.vertices[one]) for one in (vertex, low)]
-            return tuple(Instance(one, at, np.eye(3), 1.0, half) for one, at in zip((vertex, low), places, strict=True))
+            return tuple(
+                Instance(one, at, np.eye(3), 1.0, half.__getitem__)
+                for one, at in zip((vertex, low), places, strict=True)
+            )
 
     monkeypatch.setattr(instance_columns, "InstanceFinder", Halves)
     session = dfd.Deformer(mesh, field, features=field.features(mesh))

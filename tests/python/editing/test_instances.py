@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dfd import Mesh, SymmetryPlane
-from dfd.editing import instances
+from dfd.editing import instances, nodes
 from dfd.editing.instances import InstanceFinder
 from dfd.posing.transforms import affine
 
@@ -133,7 +133,7 @@ def test_a_fine_mesh_is_gathered_into_nodes_and_has_the_same_instances():
     weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, 0.5, -0.5, 0.9) + hill(mesh, 0.5, 0.5, 0.6)
     vertex = vertex_at(mesh, -0.5, -0.5)
     exact = find(mesh, weights, vertex)
-    with mock.patch.object(instances, "MOST_NODES", 1000), mock.patch.object(instances, "CELLS", 12):
+    with mock.patch.object(nodes, "MOST_NODES", 1000), mock.patch.object(nodes, "CELLS", 12):
         finder = InstanceFinder(mesh)
         gathered = finder.find(weights, vertex, mesh.vertices[vertex])
         assert finder._nodes.graph.shape[0] < 200

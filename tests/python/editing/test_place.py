@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from made_field import made_field
 from sheet import grid
 
 import dfd
 from dfd.editing.place import Place, find, nearest_vertex, place_on
-from dfd.editing.regions import Ball, Box, HalfSpace, Part, VertexSet, members
+from dfd.editing.regions import Ball, Box, Group, HalfSpace, Part, VertexSet, distances_from, members
 from dfd.mesh.mesh import Mesh
 
 
@@ -29,6 +30,15 @@ def truck(tmp_path_factory):
         scene.add_geometry(wheel, geom_name="wheel", node_name=node, transform=place)
     path = tmp_path_factory.mktemp("scene") / "truck.glb"
     scene.export(path)
+    return dfd.load(path)
+
+
+@pytest.fixture
+def grouped(tmp_path):
+    """A square of two faces, in groups, with materials that nobody describes."""
+    path = tmp_path / "square.obj"
+    faces = "g floor\nf 1 2 3\ng ceiling tiles\nf 2 4 3\n"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\n" + faces)
     return dfd.load(path)
 
 
@@ -110,9 +120,35 @@ def test_parts_of_a_scene_are_known_by_name(truck):
     np.testing.assert_allclose(place.position, (1.5, -1, 0), atol=1e-6)
 
 
+def test_face_groups_of_an_obj_file_are_known_by_name(grouped):
+    place, note = find(grouped, "group:ceiling tiles")
+    assert place.region == Group("ceiling tiles")
+    assert note == "group:ceiling tiles is 3 vertices"
+    assert str(place) == "group:ceiling tiles"
+    np.testing.assert_array_equal(members(grouped, Group("tiles")), [1, 2, 3])
+    np.testing.assert_allclose(distances_from(grouped, Group("tiles")), [1, 0, 0, 0])
+    message = r"`name` must be a face group of the file \(floor, ceiling tiles, ceiling, tiles\), got 'wall'"
+    with pytest.raises(ValueError, match=message):
+        find(grouped, "group:wall")
+    with pytest.raises(ValueError, match="`at` must be a vertex index.* group:NAME"):
+        find(grouped, "group:")
+
+
+def test_a_session_holds_a_face_group_and_remembers_it(grouped, tmp_path):
+    features = np.eye(4, 16, dtype=np.float32)
+    session = dfd.Deformer(grouped, made_field(16), features=features)
+    handle = session.add("group:floor", translation=(0, 0, 1), instances="together", within="group:floor")
+    np.testing.assert_allclose(session.vertices[:, 2], [1, 1, 1, 0])
+    session.save(tmp_path / "edit.json")
+    again = dfd.Deformer.load(tmp_path / "edit.json", grouped, session.field, features=features)
+    assert again.edit == session.edit
+    assert again.handle(handle).controls.within == Group("floor")
+
+
 @pytest.mark.parametrize(
     ("at", "message"),
     [
+        ("group:door", r"`name` must be a face group, and the mesh has none, got 'door'"),
         ("part:door", r"`name` must be a part of the scene \(body, front.*, got 'door'"),
         ("500,500,500", r"`at` must lie near the shape, but 500,500,500 is 86\d.* away, more than the diagonal"),
         ((500, 500, 500), r"`at` must lie near the shape"),
@@ -142,6 +178,7 @@ def test_what_holds_nothing_is_refused_in_one_clear_sentence(truck, at, message)
     [
         (lambda: HalfSpace((0, 0, 0), 1), r"HalfSpace: `normal` must have a length, got \(0.0, 0.0, 0.0\)"),
         (lambda: HalfSpace((0, 0, 1), np.inf), r"HalfSpace: `offset` must be finite"),
+        (lambda: Group(""), r"Group: `name` must be a text that is not empty, got ''"),
         (lambda: Part(""), r"Part: `name` must be a text that is not empty, got ''"),
         (lambda: VertexSet([1, 1], [(0, 0, 0)] * 2), r"VertexSet: `indices` names vertex 1 more than once"),
         (lambda: VertexSet([1, 2], [(0, 0, 0)]), r"VertexSet: `positions` must have shape \(2, 3\), got \(1, 3\)"),

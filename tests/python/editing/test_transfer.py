@@ -109,7 +109,9 @@ def test_regions_are_carried_from_box_to_box(mesh, moved, fields):
 
 def test_fields_of_two_encoders_are_refused(mesh, moved, fields):
     session = dfd.Deformer(mesh, fields[0], features=fields[0].features(mesh))
-    with pytest.raises(ValueError, match=r"transfer: `field_to` must have features of width 16 .*, got 8"):
+    with pytest.raises(
+        ValueError, match=r"transfer: `field_to` must have features of width 16 .*, got 8: .*another `metric`"
+    ):
         transfer(session.edit, mesh, fields[0], moved[0], made_field(8, seed=0))
 
 

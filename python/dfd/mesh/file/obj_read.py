@@ -23,7 +23,7 @@ from dfd.mesh.file.obj_text import ObjText, decoded
 from dfd.mesh.file.pictures import Pictures
 from dfd.mesh.file.primitives import Placing
 
-__all__ = ["ObjSource", "libraries", "picture_name", "read"]
+__all__ = ["ObjSource", "libraries", "picture_name", "read", "state_at_faces"]
 
 _PICTURES = ("map_", "bump", "disp", "decal", "refl", "norm")  # how keywords that name one begin
 _OPTIONS = re.compile(r"-(?:imfchan\s+\w+|\w+(?:\s+(?:on|off|[-+]?[\d.]+(?:[eE][-+]?\d+)?))+)\s+")
@@ -54,7 +54,7 @@ def read(
     """
     materials = _Materials(text, assets)
     part_names, part = _parts(text, path.stem)
-    material_names, material = _state(text, "usemtl", "")
+    material_names, material = state_at_faces(text, "usemtl", "")
     known = np.array([name in materials.found for name in material_names], bool)
     material = np.where(known[material], material, -1)  # faces of materials that are nowhere described are alike
     faces = np.flatnonzero(text.sizes >= 3)
@@ -144,17 +144,17 @@ def _ranges(starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> NDArray[np
 def _parts(text: ObjText, default: str) -> tuple[list[str], NDArray[np.int64]]:
     """Return the names of the parts and the part (P,) of each face."""
     for keyword in ("o", "g"):
-        names, part = _state(text, keyword, default)
+        names, part = state_at_faces(text, keyword, default)
         if len(part) and (part != part[0]).any():
             return names, part
     for keyword in ("o", "g"):  # one part: whichever names it
-        names, part = _state(text, keyword, default)
+        names, part = state_at_faces(text, keyword, default)
         if len(part) and part[0] > 0:
             return names, part
-    return _state(text, "", default)
+    return state_at_faces(text, "", default)
 
 
-def _state(text: ObjText, keyword: str, default: str) -> tuple[list[str], NDArray[np.int64]]:
+def state_at_faces(text: ObjText, keyword: str, default: str) -> tuple[list[str], NDArray[np.int64]]:
     """Return the names that a keyword gave, `default` first, and which of them holds (P,) at each face."""
     names, numbers, lines, values = [default], {default: 0}, [-1], [0]
     for line, found, name in text.statements:

@@ -1,0 +1,135 @@
+"""A mesh as a graph of few nodes, on which what varies smoothly over the surface costs little time and memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from dfd import _core
+from dfd.geometry.surface_graph import surface_graph, surface_links
+
+if TYPE_CHECKING:
+    from dfd.mesh.mesh import Mesh
+
+__all__ = ["Nodes", "Share"]
+
+MOST_NODES = 20_000  # a finer mesh is gathered into fewer
+CELLS = 100  # along the longest side, in which it is gathered
+RUN = 1 << 17  # faces or vertices that are gone through at once: temporary arrays stay small
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+Share = Callable[[slice], Float32]  # from vertices to their values in [0, 1]
+
+
+class Nodes:
+    """Vertices gathered into nodes, each a connected piece of the surface within a cell of space."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        vertices = mesh.vertices
+        count = len(vertices)
+        coarse = count <= MOST_NODES
+        if coarse:
+            self.of_vertex = np.arange(count, dtype=np.int32)
+            self.graph = surface_graph(mesh)
+        else:
+            links = surface_links(mesh)
+            self.of_vertex = _gathered(mesh, links)
+            self.graph = _contracted(mesh, links, self.of_vertex)
+        self.members = np.argsort(self.of_vertex, kind="stable").astype(np.int32)  # (V,) vertices, node by node
+        size = np.bincount(self.of_vertex)
+        self.ends = np.cumsum(size)
+        self.starts = self.ends - size
+        self.center = _centers(vertices, self.of_vertex)  # (N, 3)
+        self._blend = None if coarse else _interpolation(vertices, self)
+
+    def shares(self, parts: Float64) -> list[Share]:
+        """What each row of `parts` (K, N) of the nodes, smoothly passed on to the vertices, is of the sum of all."""
+        rows = parts.astype(np.float32)
+        blend, total = self._blend, rows.sum(axis=0)
+        if blend is not None:
+            total = blend @ total
+
+        def share(row: Float32) -> Share:
+            if blend is None:
+                return lambda some: row[some] / total[some]
+            return lambda some: np.asarray((blend if some == slice(None) else blend[some]) @ row / total[some])
+
+        return [share(row) for row in rows]
+
+
+def _gathered(mesh: Mesh, links: NDArray[np.int32]) -> NDArray[np.int32]:
+    """(V,) the node of each vertex: the connected pieces within the cells of a grid."""
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    cell = float((high - low).max()) / CELLS
+    key = np.zeros(len(mesh.vertices), np.int32)
+    for axis in range(3):
+        key *= CELLS + 1
+        key += ((mesh.vertices[:, axis] - low[axis]) / cell).astype(np.int32)
+    inside = [ends[key[ends[:, 0]] == key[ends[:, 1]]] for ends in _edges(mesh, links)]
+    return _core.components(len(key), np.zeros((0, 3), np.int32), np.concatenate(inside))
+
+
+def _contracted(mesh: Mesh, links: NDArray[np.int32], of_vertex: NDArray[np.int32]) -> csr_array:
+    """The graph (N, N) between nodes, with the distances between their centers."""
+    center = _centers(mesh.vertices, of_vertex)
+    found = [np.zeros(0, np.int64)]
+    for ends in _edges(mesh, links):
+        one, other = of_vertex[ends].T
+        between = one != other
+        low, high = np.minimum(one, other)[between], np.maximum(one, other)[between]
+        found.append(np.unique(low.astype(np.int64) * len(center) + high))
+    low, high = np.divmod(np.unique(np.concatenate(found)), len(center))
+    length = np.maximum(np.linalg.norm(center[low] - center[high], axis=1), 1e-12)
+    both = np.concatenate([low, high]), np.concatenate([high, low])
+    graph = csr_array((np.concatenate([length, length]), both), shape=(len(center), len(center)))
+    graph.sort_indices()
+    return graph
+
+
+def _edges(mesh: Mesh, links: NDArray[np.int32]) -> Iterator[NDArray[np.int32]]:
+    """The ends (E, 2) of the sides of faces, those of some faces after the other, and `links` at last."""
+    for start in range(0, len(mesh.faces), RUN):
+        yield mesh.faces[start : start + RUN, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    yield links
+
+
+def _centers(vertices: Float64, of_vertex: NDArray[np.int32]) -> Float64:
+    """(N, 3) mean positions of the vertices of each node."""
+    size = np.bincount(of_vertex)
+    return np.stack([np.bincount(of_vertex, axis) / size for axis in vertices.T], axis=1)
+
+
+def _interpolation(vertices: Float64, nodes: Nodes) -> csr_array:
+    """Rows (V, N) that blend the values of a vertex's own node and of those beside it, the nearer the more."""
+    count = nodes.graph.shape[0]
+    reach = csr_array((np.ones(len(nodes.graph.data) + count, bool), *_with_itself(nodes.graph)), (count, count))
+    lengths = np.diff(reach.indptr)[nodes.of_vertex]
+    starts = np.concatenate([[0], np.cumsum(lengths)])
+    data, indices = np.empty(starts[-1], np.float32), np.empty(starts[-1], np.int32)
+    for first in range(0, len(vertices), RUN):
+        last = min(first + RUN, len(vertices))
+        here = slice(starts[first], starts[last])
+        beside = reach[nodes.of_vertex[first:last]].indices
+        row = np.repeat(np.arange(first, last), lengths[first:last])
+        squared = np.square(vertices[row] - nodes.center[beside]).sum(axis=1)
+        begins = starts[first:last] - starts[first]
+        radius = np.maximum.reduceat(squared, begins) * 1.1 + 1e-300
+        part = np.square(1 - squared / np.repeat(radius, lengths[first:last])) + 1e-6
+        data[here] = part / np.repeat(np.add.reduceat(part, begins), lengths[first:last])
+        indices[here] = beside
+    return csr_array((data, indices, starts), shape=(len(vertices), count))
+
+
+def _with_itself(graph: csr_array) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Column indices and row starts of `graph` with its diagonal."""
+    count = graph.shape[0]
+    row = np.concatenate([np.repeat(np.arange(count), np.diff(graph.indptr)), np.arange(count)])
+    column = np.concatenate([graph.indices, np.arange(count)])
+    order = np.lexsort((column, row))
+    starts = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=count))])
+    return column[order].astype(np.int32), starts
