@@ -31,6 +31,9 @@ from dfd.batch.settings import BatchSettings
 GOOD = ("chair", "large", "wide")
 WITHOUT_TIMES = ("name", "status", "cause", "sha256", "size", "vertices", "faces", "components", "leg_confidence")
 
+# Where the tests were started with interruptions ignored, as nohup does, a child would ignore them too.
+HEED = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from dfd.cli import main; main()"
+
 
 class Quiet:
     """Notes in which order shapes end."""
@@ -276,11 +279,14 @@ def test_a_driver_that_is_killed_loses_nothing_and_its_workers_leave(shapes, fin
 def test_an_interruption_says_how_to_go_on_and_leaves_nobody_at_work(shapes, tmp_path):
     root = tmp_path / "out"
     Path(tmp_path / "hangs.csv").write_text(f"path\n{shapes / 'bad-hangs.obj'}\n")
-    parts = ("-m", "dfd", "batch", str(tmp_path / "hangs.csv"), "-o", str(root), "--step", "inspect", "--workers", "1")
-    driver = subprocess.Popen([sys.executable, *parts], stderr=subprocess.PIPE, text=True)
-    worker = wait_for(lambda: processes(root).get("bad-hangs.obj"))
-    driver.send_signal(signal.SIGINT)
-    _, told = driver.communicate(timeout=60)
+    parts = ("batch", str(tmp_path / "hangs.csv"), "-o", str(root), "--step", "inspect", "--workers", "1")
+    with subprocess.Popen([sys.executable, "-c", HEED, *parts], stderr=subprocess.PIPE, text=True) as driver:
+        try:
+            worker = wait_for(lambda: processes(root).get("bad-hangs.obj"))
+            driver.send_signal(signal.SIGINT)
+            _, told = driver.communicate(timeout=60)
+        finally:
+            driver.kill()
     assert driver.returncode == 130
     assert told.splitlines()[-1] == (f"dfd: interrupted: the same command goes on from here; what is done is in {root}")
     wait_for(lambda: not psutil.pid_exists(worker))
