@@ -7,7 +7,8 @@ APAP-Bench 3D, one folder a shape::
     axe/keypoints/000/constraint_single_keypoints.txt
 
 Each line of a text is `vertex x y z`: the index of a `v` line of mesh.obj, counted from 0, and where that vertex is to
-be; a line may come twice. The user's are handles and their targets, the constraints fixed points, which lie where they are to be.
+be; a line may come twice. The user's are handles and their targets, the constraints fixed points, which lie where they
+are to be.
 
 DeepMetaHandles, one folder a shape, as its demo has them::
 
