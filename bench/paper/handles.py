@@ -7,7 +7,8 @@ APAP-Bench 3D, one folder a shape::
     axe/keypoints/000/constraint_single_keypoints.txt
 
 Each line of a text is `vertex x y z`: the index of a `v` line of mesh.obj, counted from 0, and where that vertex is to
-be. The user's are handles and their targets, the constraints fixed points, which lie where they are to be.
+be; a line may come twice. The user's are handles and their targets, the constraints fixed points, which lie where they
+are to be.
 
 DeepMetaHandles, one folder a shape, as its demo has them::
 
@@ -38,6 +39,7 @@ __all__ = ["Case", "Found", "find"]
 
 USER, FIXED = "user_single_keypoints.txt", "constraint_single_keypoints.txt"
 APAP_MESH, META_MESH, KEY_POINTS = "mesh.obj", "manifold.obj", "key_point_50.obj"
+SAME = 1e-4  # of the diagonal: places as near as that are one
 NEAR = 0.01  # of the diagonal: farther away a point of a file does not belong to the mesh
 
 
@@ -103,8 +105,8 @@ def read_apap(path: Path, texts: Path) -> Case:
     Raises
     ------
     ValueError
-        If a line is no vertex and its place, a vertex is none of a face or comes twice, or a fixed point lies elsewhere
-        than its vertex; the message names file and line.
+        If a line is no vertex and its place, a vertex is none of a face or is to be at two places, or a fixed point
+        lies elsewhere than its vertex; the message names file and line.
     OSError
         If a file cannot be read.
     """
@@ -131,7 +133,9 @@ def _read_text(
     used = np.zeros(len(mesh.vertices), bool)
     used[mesh.faces] = True
     taken = dict(taken)
-    vertices, places, lines = [], [], []
+    vertices: list[int] = []
+    places: list[list[float]] = []
+    lines: list[int] = []
     for line, text in enumerate(path.read_text("utf-8", errors="replace").splitlines(), 1):
         if not text.strip():
             continue
@@ -148,9 +152,14 @@ def _read_text(
         same = int(mesh.representative[vertex])
         if not used[same]:
             raise ValueError(f"{where}: vertex {vertex} must be a corner of a face, but no face of the mesh uses it")
+        if (
+            same in vertices
+            and np.linalg.norm(np.subtract(places[vertices.index(same)], place)) <= SAME * mesh.diagonal
+        ):
+            continue  # said twice, or once for each side of a seam
         if same in taken:
-            raise ValueError(f"{where}: vertex {vertex} must be named once, but it is {taken[same]}")
-        taken[same] = f"that of line {line}"
+            raise ValueError(f"{where}: vertex {vertex} must go to one place, but it is {taken[same]}")
+        taken[same] = f"that of line {line}, which goes elsewhere"
         vertices.append(same)
         places.append(place)
         lines.append(line)

@@ -74,15 +74,16 @@ def test_apap_lines_are_vertices_of_the_file_and_where_they_go(tmp_path, ball):
     np.testing.assert_allclose(case.held_to[1], ball.vertices[bottom(ball)], atol=1e-6)
 
 
-def test_a_vertex_on_a_seam_is_the_one_that_faces_name(tmp_path):
+def test_both_sides_of_a_seam_are_the_vertex_that_faces_name(tmp_path):
     folder = tmp_path / "seam"
     folder.mkdir()
     (folder / "mesh.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\nf 3 4 5\n")
-    (folder / USER).write_text("3 2 0 0\n")
-    (folder / FIXED).write_text("")
+    (folder / USER).write_text("3 2 0 0\n1 2 0 0\n")
+    (folder / FIXED).write_text("0 0 0 0\n0 0 0 0\n")
     case = read_apap(folder / "mesh.obj", folder)
     assert case.handles.tolist() == [1]
-    assert case.fixed.tolist() == []
+    np.testing.assert_array_equal(case.targets, [(2, 0, 0)])
+    assert case.fixed.tolist() == [0]
 
 
 @pytest.mark.parametrize(
@@ -94,8 +95,8 @@ def test_a_vertex_on_a_seam_is_the_one_that_faces_name(tmp_path):
         (USER, "1 0 nan 0\n", "line 1: must read 'vertex x y z', got '1 0 nan 0'"),
         (USER, "642 0 0 0\n", "line 1: vertex must be one of 0 … 641, got 642"),
         (USER, "-1 0 0 0\n", "line 1: vertex must be one of 0 … 641, got -1"),
-        (USER, "5 0 0 0\n6 0 0 0\n5 1 1 1\n", "line 3: vertex 5 must be named once, but it is that of line 1"),
-        (FIXED, "TOP 0 1 0\n", f"line 1: vertex TOP must be named once, but it is a handle of {USER}"),
+        (USER, "5 0 0 0\n6 0 0 0\n5 1 1 1\n", "line 3: vertex 5 must go to one place, but it is that of line 1"),
+        (FIXED, "TOP 0 1 0\n", f"line 1: vertex TOP must go to one place, but it is a handle of {USER}"),
         (FIXED, "5 9 9 9\n", "the file is of another mesh, or of another order of vertices"),
     ],
 )
