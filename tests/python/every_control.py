@@ -89,7 +89,7 @@ def _told(mesh: Mesh, features: NDArray[np.float32], planes: list[SymmetryPlane]
             assert np.isfinite(instance.frame).all()
             assert instance.share is None or _within(instance.share, 0, 1)
         shares = [one.share for one in each.instances if one.share is not None]
-        assert not shares or np.allclose(np.sum(shares, axis=0), 1, atol=1e-4)
+        assert not shares or _within(np.sum(shares, axis=0), 0, 1 + 1e-4)
 
 
 def _edited(

@@ -30,6 +30,7 @@ __all__ = ["HandleWeights"]
 
 # Of a handle's weight that fixed points leave at the handle itself: with less, dividing by it makes noise of the rest.
 LEAST_LEFT = 0.01
+LEAST_COUNTED = 0.01  # of weight: an instance that nowhere follows as much is none to tell people of
 # Of the largest singular value of the weights among handles: below, they no longer say which handle moves what.
 SINGULAR = 1e-4
 
@@ -134,9 +135,12 @@ class HandleWeights:
         return list(zip(found, self._instances.switches(handle, found, self._rows), strict=True))
 
     def instance_counts(self, edit: Edit) -> list[int]:
-        """(H,) how many columns pose each handle."""
-        columns = self.columns(edit)[1]
-        return [sum(column.handle == i for column in columns) for i in range(len(edit.handles))]
+        """(H,) how many instances pose each handle; those that hardly move with it, for want of reach, do not count."""
+        weights, columns = self.columns(edit)
+        counts = [0] * len(edit.handles)
+        for weight, column in zip(weights.T, columns, strict=True):
+            counts[column.handle] += bool(weight.max(initial=0.0) >= LEAST_COUNTED)
+        return [max(count, 1) for count in counts]
 
     def anchor(self, handle: Handle) -> int:
         """The vertex by which a handle is judged: its own, the nearest one, or that in the middle of its region."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.instances import Instance, InstanceFinder
+from dfd.editing.instances import LEAST_ALIKE, Instance, InstanceFinder
 from dfd.editing.nodes import Share
 from dfd.posing.overlap import interpolating
 from dfd.posing.transforms import Vector
@@ -204,7 +204,8 @@ def _leveled(weights: Float32, instances: Sequence[Instance]) -> tuple[list[Inst
     Where gains add up to more weight than there is anywhere, between two instances, their shares are less.
     """
     tops = [float(weights[one.vertex]) for one in instances]
-    gains = [tops[0] / top if top >= LEAST_LEVELED * tops[0] > 0 else 1.0 for top in tops]
+    alike = [one.weight >= LEAST_ALIKE and tops[i] >= LEAST_LEVELED * tops[0] > 0 for i, one in enumerate(instances)]
+    gains = [tops[0] / top if is_alike else 1.0 for top, is_alike in zip(tops, alike, strict=True)]
     total = np.zeros(len(weights), np.float32)
     for part in zip(instances, gains, strict=True):
         total += _weights_of(part, weights)

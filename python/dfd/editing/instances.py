@@ -26,10 +26,11 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["Instance", "InstanceFinder"]
+__all__ = ["LEAST_ALIKE", "Instance", "InstanceFinder"]
 
 LEAST_PERSISTENCE = 0.05  # of weight: below, the field's own ripples have peaks
-LEAST_WEIGHT = 0.15  # of a peak; lower ones go with the instance that is nearest
+LEAST_WEIGHT = 0.075  # of a peak; lower ones go with the instance that is nearest, on whose lever they would swing
+LEAST_ALIKE = 0.15  # of weight: what looks less alike has a pivot of its own, but is no like of the handle to people
 MOST_INSTANCES = 64  # the highest peaks; every one costs a column of weights
 SHARPNESS = 2  # of the passage from one instance to the next: shares fall with this power of the distance
 CLEAR = 0.03  # a share below this part of the largest is none, so that an instance is moved by itself alone

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import check
-from dfd.editing.instances import Instance, InstanceFinder
+from dfd.editing.instances import LEAST_ALIKE, Instance, InstanceFinder
 from dfd.geometry.topology import face_areas
 from dfd.weights.bind import bind
 from dfd.weights.compact import CompactFeatures
@@ -104,7 +104,8 @@ def suggest_handles(
         vertex = int(some[candidates[column]])
         alike = bind(features, [vertex], reach=REACH)[:, 0]
         instances = finder.find(alike, vertex, mesh.vertices[vertex], planes=planes)
-        found.append(Suggestion(vertex, float(share), instances))
+        likes = tuple(one for one in instances if one is instances[0] or one.weight >= LEAST_ALIKE)
+        found.append(Suggestion(vertex, float(share), likes))
     return found
 
 

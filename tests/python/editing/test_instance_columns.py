@@ -114,6 +114,23 @@ def test_level_keeps_the_strength_of_a_handle(session, sample, mesh, asked, foot
     np.testing.assert_allclose(session.vertices[legs], mesh.vertices[legs] - (0, 0.1, 0), atol=1e-6)
 
 
+def test_level_leaves_what_is_hardly_alike_where_it_is(session, sample, mesh, asked, foot, monkeypatch):
+    monkeypatch.setattr(instance_columns, "LEAST_ALIKE", 0.8)  # the back legs follow by half
+    session.add(foot, translation=(0, -0.2, 0), level=True)
+    front, back = leg(sample, 1), leg(sample, 2)
+    np.testing.assert_allclose(session.vertices[front], mesh.vertices[front] - (0, 0.2, 0), atol=1e-6)
+    assert (session.vertices[back, 1] > mesh.vertices[back, 1] - 0.15).all()
+
+
+def test_instances_beyond_the_reach_are_not_told_of(session, asked, foot):
+    handle = session.add(foot, translation=(0, -0.2, 0))
+    assert session.report().handles[0].instances == 4
+    session.change(handle, reach=0.2)
+    assert session.report().handles[0].instances == 2
+    assert "each of 2 instances" in str(session.report())
+    assert len(session.instances(handle)) == 4
+
+
 def test_level_lets_no_vertex_follow_more_than_the_handle(mesh, field, asked, foot, session, monkeypatch):
     """Between two instances both have a share, and both are brought to full weight."""
 

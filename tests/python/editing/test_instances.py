@@ -85,7 +85,20 @@ def test_ripples_on_a_hill_are_no_instances():
 
 def test_what_is_hardly_alike_goes_with_the_nearest_instance():
     mesh = sheet()
-    assert len(find(mesh, hill(mesh, -0.5, 0, 1) + hill(mesh, 0.5, 0, 0.1), vertex_at(mesh, -0.5, 0))) == 1
+    assert len(find(mesh, hill(mesh, -0.5, 0, 1) + hill(mesh, 0.5, 0, 0.06), vertex_at(mesh, -0.5, 0))) == 1
+
+
+def test_what_is_little_alike_and_far_away_does_not_swing_on_a_long_lever():
+    """A twelfth of a turn at the handle, and a hill a tenth as alike at the other end of the sheet."""
+    mesh = sheet()
+    weights = hill(mesh, -0.8, 0, 1) + hill(mesh, 0.8, 0, 0.1)
+    own, other = find(mesh, weights, vertex_at(mesh, -0.8, 0))
+    assert other.position == pytest.approx((0.8, 0, 0))
+    top = np.array([0.8, 0, 0])
+    linear, shift = np.split(
+        other.transform(affine(rotation=(0, 30, 0), pivot=own.position), own.position), [3], axis=1
+    )
+    np.testing.assert_allclose(linear @ top + shift[:, 0], top, atol=1e-12)
 
 
 def test_across_a_plane_of_symmetry_the_frame_is_mirrored():

@@ -97,7 +97,8 @@ def test_a_name_that_is_not_there_gets_those_that_are(house: Mesh, tmp_path: Pat
 
 @given(st.lists(st.tuples(st.sampled_from(["o", "g", "usemtl"]), st.sampled_from(["a", "b", "a b", ""])), max_size=8))
 def test_groups_are_what_a_reader_line_by_line_finds(statements: list[tuple[str, str]]) -> None:
-    lines, state, wanted = ["v 0 0 0\n" * 20], dict.fromkeys(("g", "o", "usemtl"), ""), {}
+    lines, state = ["v 0 0 0\n" * 20], dict.fromkeys(("g", "o", "usemtl"), "")
+    wanted: dict[str, set[int]] = {}
     by_kind: dict[str, dict[str, set[int]]] = {keyword: {} for keyword in state}
     for number, (keyword, name) in enumerate(statements):
         state[keyword] = name
