@@ -47,6 +47,7 @@ class Tab:
         self._page: WebSocket | None = None
         self._speaking = asyncio.Lock()
         self._crashed = -CRASH_SECONDS
+        self._silent = False  # whether the newest process ended before it said anything
         self.left = time.monotonic()  # when the last page went
 
     @property
@@ -110,11 +111,18 @@ class Tab:
 
     async def _carry(self, link: Link) -> None:
         """Bring the session's messages to whichever page looks at it, until the session ends."""
+        heard = False
         while (message := await link.receive()) is not None:
+            heard = True
             await self.tell(message)
         if self.link is not link:
             return
         self.link = None
+        # One that was begun ahead may have ended before its turn: that was no fault of this session.
+        first, self._silent = not self._silent, not heard
+        if not heard and first:
+            await self._begin()
+            return
         now = time.monotonic()
         again = now - self._crashed < CRASH_SECONDS
         self._crashed = now

@@ -134,3 +134,4 @@ class Shape:
     field: Path
     encoder: Path
     settings: dict[str, Any]  # of a distillation that takes a second
+    alike: tuple[int, ...] = ()  # vertices of parts of which it has several

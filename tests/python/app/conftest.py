@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -21,15 +23,26 @@ SETTINGS = {"views": 4, "resolution": 64, "steps": 40, "batch": 64, "smoothing":
 
 @pytest.fixture(scope="session")
 def shape(tmp_path_factory: pytest.TempPathFactory) -> Shape:
-    folder = tmp_path_factory.mktemp("shape")
+    return _distilled(tmp_path_factory.mktemp("shape"), "chair", dfd.samples.chair(4000), SETTINGS)
+
+
+@pytest.fixture(scope="session")
+def animal(tmp_path_factory: pytest.TempPathFactory) -> Shape:
+    """One whose hooves look alike to its field."""
+    sample = dfd.samples.quadruped(4000)
+    made = _distilled(tmp_path_factory.mktemp("animal"), "quadruped", sample, {**SETTINGS, "steps": 300})
+    return replace(made, alike=tuple(sample.vertices_of("hoof").tolist()))
+
+
+def _distilled(folder: Path, name: str, sample: dfd.samples.Sample, settings: dict[str, Any]) -> Shape:
     encoder = save_tiny_encoder(folder / "encoder")
-    mesh, field = folder / "chair.glb", folder / "chair.field.safetensors"
+    mesh, field = folder / f"{name}.glb", folder / f"{name}.field.safetensors"
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
-    dfd.samples.chair(4000).mesh.save(mesh)
-    dfd.distill(dfd.load(mesh), encoder, **SETTINGS, progress=False, cache=False).save(field)
+    sample.mesh.save(mesh)
+    dfd.distill(dfd.load(mesh), encoder, **settings, progress=False, cache=False).save(field)
     torch.set_num_threads(threads)
-    return Shape(mesh, field, encoder, SETTINGS)
+    return Shape(mesh, field, encoder, settings)
 
 
 @pytest.fixture(scope="session")

@@ -26,7 +26,7 @@ ROOT = Path(__file__).parents[3]
 CLIENT = ROOT / "python" / "dfd" / "app" / "client"
 SCREENS = ROOT / "build" / "screens"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-MINUTES = 20
+MINUTES = 10
 
 
 @pytest.fixture(scope="module")
@@ -55,14 +55,15 @@ def start_page(shape: Shape) -> Iterator[RunningApp]:
 
 
 @pytest.mark.parametrize("story", sorted(path.name for path in (CLIENT / "tests" / "browser").glob("*.test.mjs")))
-def test_story(story: str, browser: str, start_page: RunningApp, shape: Shape, tmp_path: Path) -> None:
+def test_story(story: str, browser: str, start_page: RunningApp, animal: Shape, tmp_path: Path) -> None:
     environment = {
         **os.environ,
         "DFD_URL": start_page.url,
         "DFD_CHROMIUM": browser,
         "DFD_SHOTS": str(SCREENS),
-        "DFD_MESH": str(shape.mesh),
-        "DFD_FIELD": str(shape.field),
+        "DFD_MESH": str(animal.mesh),
+        "DFD_FIELD": str(animal.field),
+        "DFD_ALIKE": json.dumps(animal.alike),
         "DFD_OUT": str(tmp_path),
         "DFD_SERVER": str(os.getpid()),
     }
@@ -78,7 +79,7 @@ def test_story(story: str, browser: str, start_page: RunningApp, shape: Shape, t
     )
     assert done.returncode == 0, done.stdout
     if (tmp_path / "seen.json").exists():
-        assert_exported(tmp_path, shape)
+        assert_exported(tmp_path, animal)
 
 
 def assert_exported(folder: Path, shape: Shape) -> None:
@@ -88,7 +89,7 @@ def assert_exported(folder: Path, shape: Shape) -> None:
     assert np.abs(seen - rest.vertices).max() > 0.01 * rest.diagonal, "something moved"
     tolerance = 1e-4 * rest.diagonal
     for ending in ("glb", "obj", "ply", "stl"):
-        made = dfd.load(folder / f"chair_edited.{ending}")
+        made = dfd.load(folder / f"quadruped_edited.{ending}")
         assert len(made.faces) == len(rest.faces), ending
         corners = made.vertices[made.faces].reshape(-1, 3)
         np.testing.assert_allclose(corners, seen[rest.faces].reshape(-1, 3), atol=tolerance, err_msg=ending)

@@ -74,6 +74,23 @@ def test_a_session_that_is_killed_goes_on_from_what_was_saved(page: Page, new_pa
     assert "begins anew" in page.until(lambda message: message["type"] == "failure")["message"]
 
 
+def test_a_process_that_ended_before_its_turn_harms_no_session(options: SessionOptions, static: Path) -> None:
+    running = RunningApp(options, static=static)
+    running.start()
+    try:
+        spare = running.tabs._spare
+        assert spare is not None
+        assert spare.pid is not None
+        os.kill(spare.pid, signal.SIGKILL)
+        page = Page(running)
+        page.open()
+        assert page.alive()["field"]["status"] == "ready"
+        assert all(message["type"] != "failure" for message in page.heard)
+        page.close()
+    finally:
+        running.stop()
+
+
 def test_a_session_that_ended_for_idleness_comes_back(app: RunningApp, new_page: Page) -> None:
     page = new_page
     page.ask("add", at={"vertex": 5})

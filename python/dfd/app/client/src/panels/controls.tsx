@@ -57,7 +57,7 @@ interface NumberFieldProps {
   readonly axis?: "x" | "y" | "z";
 }
 
-/** A number to type, or to change by the arrow keys; it is taken on Enter and when the field is left. */
+/** A number to type, or to change by the arrow keys; it is taken when the field is left, as by Enter. */
 export function NumberField({ label, value, step, onChange, axis }: NumberFieldProps) {
   const [typed, setTyped] = useState<string | null>(null);
   const take = () => {
@@ -78,7 +78,8 @@ export function NumberField({ label, value, step, onChange, axis }: NumberFieldP
         onInput={(event) => setTyped(event.currentTarget.value)}
         onBlur={take}
         onKeyDown={(event) => {
-          if (event.key === "Enter") take();
+          // What is typed next is meant for the view: there letters are keys.
+          if (event.key === "Enter") event.currentTarget.blur();
           if (event.key === "Escape") setTyped(null);
           if (event.key !== "ArrowUp" && event.key !== "ArrowDown") return;
           event.preventDefault();

@@ -6,7 +6,7 @@ import { chromium } from "playwright-core";
 
 const URL_WITH_TOKEN = process.env.DFD_URL;
 const SHOTS = process.env.DFD_SHOTS ?? "shots";
-export const PATIENCE = 120_000;
+export const PATIENCE = 60_000;
 
 // SwiftShader needs no display; Mesa's llvmpipe under Xvfb draws about twice as fast, where there is one.
 const FLAGS = [
@@ -59,6 +59,26 @@ export async function until(page, read, argument = null) {
     }
     await new Promise((resolve) => setTimeout(resolve, 40));
   }
+}
+
+/** Open files from the start page. */
+export async function open(page, files) {
+  const [chooser] = await Promise.all([page.waitForEvent("filechooser"), page.click(".drop")]);
+  await chooser.setFiles(files);
+  await until(page, (s) => s.page === "shape" && s.edit);
+}
+
+/** Open the shape with the field that it has. */
+export async function openShape(page) {
+  await open(page, [process.env.DFD_MESH, process.env.DFD_FIELD]);
+  await alive(page);
+}
+
+/** Do `work`, and wait until the shape has come anew, as it does with every new connection. */
+export async function anew(page, work) {
+  await page.evaluate(() => (window.before = window.dfd.store.get().mesh));
+  await work();
+  await until(page, (s) => s.mesh !== null && s.mesh !== window.before && s.edit !== null);
 }
 
 export async function alive(page) {

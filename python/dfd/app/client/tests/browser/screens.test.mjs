@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 
-import { alive, drawn, launch, learn, openTab, PATIENCE, shot, state, until, visibleVertex } from "./page.mjs";
+import { drawn, launch, openShape, openTab, PATIENCE, shot, until, visibleVertex } from "./page.mjs";
 
 const SIZES = [
   { width: 1440, height: 900 },
@@ -19,24 +19,17 @@ after(() => browser?.close());
 for (const viewport of SIZES) {
   for (const colorScheme of ["light", "dark"]) {
     const size = `${viewport.width}x${viewport.height}-${colorScheme}`;
-    test(`looks at ${size}`, { timeout: 4 * PATIENCE }, async () => {
+    test(`looks at ${size}`, { timeout: 2 * PATIENCE }, async () => {
       const { context, page, problems } = await openTab(browser, { viewport, colorScheme });
-      if ((await state(page, (s) => s.page)) === "start") {
-        await shot(page, `${size}-start`);
-        const [chooser] = await Promise.all([page.waitForEvent("filechooser"), page.click(".drop")]);
-        await chooser.setFiles(process.env.DFD_MESH);
-        await until(page, (s) => s.page === "shape" && s.edit);
-      }
-      await shot(page, `${size}-opened`);
-      await learn(page);
-      await alive(page);
-      const { at } = await visibleVertex(page);
+      await shot(page, `${size}-start`);
+      await openShape(page);
+      const { at } = await visibleVertex(page, JSON.parse(process.env.DFD_ALIKE));
       await page.mouse.click(...at);
-      await until(page, (s) => s.edit.handles.length === 1 && s.columns.size > 0);
+      await until(page, (s) => s.edit.handles.length === 1 && s.alike !== null && s.alike.places.length > 1);
       await page.mouse.move(4, viewport.height - 4);
       for (const look of ["texture", "clay", "features", "heat"]) {
         await page.evaluate((name) => window.dfd.store.set({ look: name }), look);
-        await page.waitForTimeout(800);
+        await page.waitForTimeout(300);
         const seen = await drawn(page);
         assert.ok(seen.covered > 0.03 && seen.shades > 50, `${look} is blank: ${JSON.stringify(seen)}`);
         await shot(page, `${size}-${look}`);

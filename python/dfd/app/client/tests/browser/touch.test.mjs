@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 
-import { alive, launch, openTab, PATIENCE, shot, state, until, visibleVertex } from "./page.mjs";
+import { launch, openShape, openTab, PATIENCE, shot, state, until, visibleVertex } from "./page.mjs";
 
 let browser, page, problems, fingers;
 
@@ -12,10 +12,7 @@ before(async () => {
   const opened = await openTab(browser, options);
   ({ page, problems } = opened);
   fingers = await opened.context.newCDPSession(page);
-  const [chooser] = await Promise.all([page.waitForEvent("filechooser"), page.tap(".drop")]);
-  await chooser.setFiles([process.env.DFD_MESH, process.env.DFD_FIELD]);
-  await until(page, (s) => s.page === "shape" && s.edit);
-  await alive(page);
+  await openShape(page);
 });
 
 after(() => browser?.close());
