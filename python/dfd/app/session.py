@@ -13,7 +13,7 @@ from dfd.app.joined import joined
 from dfd.app.options import OpenedFile, SessionOptions, Source
 from dfd.app.preparation import Preparation
 from dfd.app.protocol.answers import Answer, FailureMessage, FieldState, ProgressMessage, StartMessage
-from dfd.app.report import report
+from dfd.app.report import check_drawable, report
 from dfd.app.shapes import read_shape
 from dfd.app.state import Looks, empty_state, state_message
 from dfd.app.surface import mesh_message
@@ -296,6 +296,7 @@ class Session:
         joins = merge and topic is not None and self._gesture == (topic, before)
         try:
             result = joined(deformer, work) if joins else work(deformer)
+            check_drawable(deformer)
             columns = self.columns.message()
             did = None if self.columns.owes else report(deformer)
         except BaseException:
