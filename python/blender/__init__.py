@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import distill, operators, panel, properties
+from . import distill, operators, panel, properties, vertex_groups
 
 __all__ = ["register", "unregister"]
 
@@ -23,4 +23,4 @@ def unregister() -> None:
     del bpy.types.Object.dfd
     for each in reversed(CLASSES):
         bpy.utils.unregister_class(each)
-    operators.forget()
+    vertex_groups.forget()

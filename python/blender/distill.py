@@ -11,7 +11,7 @@ from typing import IO
 
 import bpy
 
-from .operators import object_mode
+from .vertex_groups import object_mode
 
 __all__ = ["CLASSES"]
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import bpy
 
+from .vertex_groups import refresh
+
 __all__ = ["CLASSES", "HandleSettings", "ObjectSettings", "Preferences"]
 
 FALLOFFS = [(name, name.capitalize(), "") for name in ("linear", "smooth", "sharp", "root", "sphere", "constant")]
@@ -16,17 +18,13 @@ AXES = [
 
 def _again(handle: HandleSettings, context: bpy.types.Context) -> None:
     """A slider moved: the handle's vertex group follows."""
-    from . import operators
-
-    operators.refresh(handle.id_data, handle)
+    refresh(handle.id_data, handle)
 
 
 def _another(settings: ObjectSettings, context: bpy.types.Context) -> None:
     """Another field, or other axes: every group follows."""
-    from . import operators
-
     for handle in settings.handles:
-        operators.refresh(settings.id_data, handle)
+        refresh(settings.id_data, handle)
 
 
 class HandleSettings(bpy.types.PropertyGroup):
