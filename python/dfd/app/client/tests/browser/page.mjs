@@ -112,6 +112,23 @@ export async function visibleVertex(page, among = null) {
   return found;
 }
 
+/**
+ * Click a vertex that can be seen until there are `count` handles, and return it: the page may be laid out anew between
+ * a look and a click, and a person would click again.
+ */
+export async function hold(page, among, count) {
+  const end = Date.now() + PATIENCE;
+  for (;;) {
+    const { vertex, at } = await visibleVertex(page, among);
+    await page.mouse.click(...at);
+    for (const again = Date.now() + 8000; Date.now() < again;) {
+      if (await state(page, `(s) => s.edit.handles.length === ${count}`)) return vertex;
+      await page.waitForTimeout(40);
+    }
+    if (Date.now() > end) throw new Error(`Nothing was taken hold of at vertex ${vertex}, pixel ${at}.`);
+  }
+}
+
 /** Pull an arm of the gizmo of the selected handle: (x, y) is the way from its center, in pixels. */
 export async function drag(page, [x, y], distance, during = async () => {}) {
   const center = await page.evaluate(() => {

@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 
-import { drawn, launch, openShape, openTab, PATIENCE, shot, until, visibleVertex } from "./page.mjs";
+import { drawn, hold, launch, openShape, openTab, PATIENCE, shot, until } from "./page.mjs";
 
 const SIZES = [
   { width: 1440, height: 900 },
@@ -23,9 +23,8 @@ for (const viewport of SIZES) {
       const { context, page, problems } = await openTab(browser, { viewport, colorScheme });
       await shot(page, `${size}-start`);
       await openShape(page);
-      const { at } = await visibleVertex(page, JSON.parse(process.env.DFD_ALIKE));
-      await page.mouse.click(...at);
-      await until(page, (s) => s.edit.handles.length === 1 && s.alike !== null && s.alike.places.length > 1);
+      await hold(page, JSON.parse(process.env.DFD_ALIKE), 1);
+      await until(page, (s) => s.alike !== null && s.alike.places.length > 1);
       await page.mouse.move(4, viewport.height - 4);
       for (const look of ["texture", "clay", "features", "heat"]) {
         await page.evaluate((name) => window.dfd.store.set({ look: name }), look);

@@ -9,6 +9,7 @@ import {
   anew,
   drag,
   drawn,
+  hold,
   launch,
   openShape,
   openTab,
@@ -69,9 +70,8 @@ step("resting on a point shows the heat map that it would have", async () => {
 });
 
 step("a click takes hold", async () => {
-  const { vertex, at } = await visibleVertex(page, JSON.parse(process.env.DFD_ALIKE));
-  await page.mouse.click(...at);
-  await until(page, (s) => s.edit.handles.length === 1 && s.columns.size > 0);
+  const vertex = await hold(page, JSON.parse(process.env.DFD_ALIKE), 1);
+  await until(page, (s) => s.columns.size > 0);
   assert.equal((await handles())[0].vertex, vertex);
   assert.equal(await state(page, (s) => s.selected), (await handles())[0].handle);
 });
