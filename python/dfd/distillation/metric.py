@@ -14,17 +14,14 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-import safetensors.numpy
 from numpy.typing import NDArray
-from safetensors import SafetensorError, safe_open
 
-from dfd.common.files import atomic_write
 from dfd.distillation.contrast import PAIRS, mean_distance, restore_contrast, unit
+from dfd.distillation.learned_file import encoder_identity, read_learned, write_learned
 from dfd.distillation.targets import PointTargets
-from dfd.field.field_file import with_sorted_header
 
 if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
@@ -71,13 +68,11 @@ class Metric:
 
     def fits(self, encoder: Encoder) -> bool:
         """Whether it was learned from the features that `encoder` gives."""
-        return (self.encoder_weights, self.encoder_block) == _identity(encoder)
+        return (self.encoder_weights, self.encoder_block) == encoder_identity(encoder)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a .safetensors file, whole or not at all; equal metrics are equal files."""
-        told = {"kind": KIND, "encoder_weights": self.encoder_weights, "encoder_block": str(self.encoder_block)}
-        with atomic_write(Path(path)) as temporary:
-            temporary.write_bytes(with_sorted_header(safetensors.numpy.save({"directions": self.directions}, told)))
+        write_learned(path, KIND, {"directions": self.directions}, (self.encoder_weights, self.encoder_block))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], encoder: Encoder | None = None) -> Metric:
@@ -92,12 +87,7 @@ class Metric:
             If it cannot be read.
         """
         name = os.fspath(path)
-        try:
-            with safe_open(path, framework="numpy") as file:
-                told: dict[str, Any] = file.metadata() or {}
-                arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-        except SafetensorError as error:
-            raise ValueError(f"Metric.load: {name} is no whole .safetensors file: {error}") from None
+        told, arrays = read_learned("Metric.load", path)
         block = str(told.get("encoder_block", ""))
         if told.get("kind") != KIND or arrays.keys() != {"directions"} or not block.isdecimal():
             raise ValueError(f"Metric.load: {name} holds no metric")
@@ -120,8 +110,3 @@ def find_metric(encoder: Encoder) -> Metric | None:
     """
     metrics = (Metric.load(path) for path in sorted(FOLDER.glob("*.safetensors")))
     return next((metric for metric in metrics if metric.fits(encoder)), None)
-
-
-def _identity(encoder: Encoder) -> tuple[str, int]:
-    settings = encoder.settings()
-    return str(settings["encoder_weights"]), int(settings["encoder_block"])

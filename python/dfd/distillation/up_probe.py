@@ -13,10 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save_file
 
-from dfd.common.files import atomic_write
+from dfd.distillation.learned_file import encoder_identity, read_learned, write_learned
 from dfd.distillation.standing import EVIDENCE, Standing
 from dfd.distillation.views_around import LAYERS
 
@@ -61,18 +59,16 @@ class UpProbe:
 
     def fits(self, encoder: Encoder) -> bool:
         """Whether it was learned from the tokens that `encoder` gives."""
-        return (self.encoder_weights, self.encoder_block) == _identity(encoder)
+        return (self.encoder_weights, self.encoder_block) == encoder_identity(encoder)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write a .safetensors file, whole or not at all."""
+        """Write a .safetensors file, whole or not at all; equal probes are equal files."""
         arrays: dict[str, NDArray[Any]] = {
             "looks": self.looks,
             "odds": self.odds,
             "file": np.array([self.file_up, self.file_down, self.file_z]),
         }
-        told = {"kind": KIND, "encoder_weights": self.encoder_weights, "encoder_block": str(self.encoder_block)}
-        with atomic_write(Path(path)) as temporary:
-            save_file(arrays, temporary, metadata=told)
+        write_learned(path, KIND, arrays, (self.encoder_weights, self.encoder_block))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> UpProbe:
@@ -85,12 +81,7 @@ class UpProbe:
         OSError
             If it cannot be read.
         """
-        try:
-            with safe_open(path, framework="numpy") as file:
-                told: dict[str, Any] = file.metadata() or {}
-                arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-        except SafetensorError as error:
-            raise ValueError(f"UpProbe.load: {os.fspath(path)} is no whole .safetensors file: {error}") from None
+        told, arrays = read_learned("UpProbe.load", path)
         if told.get("kind") != KIND or not {"looks", "odds", "file"} <= arrays.keys():
             raise ValueError(f"UpProbe.load: {os.fspath(path)} holds no probe of which way is up")
         shapes = {"looks": (len(LAYERS), arrays["looks"].shape[-1]), "odds": (len(TERMS),), "file": (3,)}
@@ -106,8 +97,3 @@ def find_probe(encoder: Encoder) -> UpProbe | None:
     """The probe that comes with the package for `encoder`; None where there is none for its weights and block."""
     probes = (UpProbe.load(path) for path in sorted(FOLDER.glob("*.safetensors")))
     return next((probe for probe in probes if probe.fits(encoder)), None)
-
-
-def _identity(encoder: Encoder) -> tuple[str, int]:
-    settings = encoder.settings()
-    return str(settings["encoder_weights"]), int(settings["encoder_block"])

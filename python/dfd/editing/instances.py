@@ -157,12 +157,12 @@ class InstanceFinder:
             for other, nearest in zip(found, self._tree.query(images)[1].tolist(), strict=True):
                 on_it = basin[self._nodes.of_vertex[nearest]] == root
                 if on_it and weights[nearest] >= weights[peak] - AS_ALIKE:
-                    return nearest, _reflection(plane) @ other.frame
+                    return nearest, plane.reflection[:3, :3] @ other.frame
         frame = np.eye(3)
         for plane in planes:
             ours, theirs = plane.signed_distance([found[0].position, self._mesh.vertices[peak]])
             if ours * theirs < 0:
-                frame = _reflection(plane) @ frame
+                frame = plane.reflection[:3, :3] @ frame
         return peak, frame
 
     def _peak(self, weights: NDArray[np.floating], node: int) -> int:
@@ -244,9 +244,3 @@ def _basins(weights: Float64, graph: csr_array) -> tuple[NDArray[np.int64], dict
     settled_of = {peak: settled(peak) for peak in parent}
     basin = np.array([settled_of[peak] if peak >= 0 else -1 for peak in label.tolist()], np.int64)
     return basin, saddle
-
-
-def _reflection(plane: SymmetryPlane) -> Float64:
-    """The linear part (3, 3) of the reflection at `plane`."""
-    normal = np.asarray(plane.normal)
-    return np.eye(3) - 2.0 * np.outer(normal, normal)

@@ -125,7 +125,7 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
         name = handle.name or f"handle {handle.id}"
         carry = _carry(column, handle)
         for mirror in (False,) if edit.symmetry is None else (False, True):
-            image = _reflection(edit.symmetry) @ carry if mirror and edit.symmetry is not None else carry
+            image = edit.symmetry.reflection @ carry if mirror and edit.symmetry is not None else carry
             named = names.unique(f"{name} mirrored" if mirror else name)
             frame = _frame(moves[handle.id])
             joints.append(Joint(named, handle.id, handle.place.position, np.asarray(handle.pivot), frame, image))
@@ -170,15 +170,6 @@ def _carry(column: Column, handle: Handle) -> Float64:
         there = np.asarray(handle.place.position)
         carry[:3, 3] = np.asarray(column.instance.position) - column.instance.frame @ there
     return carry
-
-
-def _reflection(plane: SymmetryPlane) -> Float64:
-    """(4, 4) R of Eq. 8."""
-    normal = np.asarray(plane.normal)
-    reflection = np.eye(4)
-    reflection[:3, :3] -= 2.0 * np.outer(normal, normal)
-    reflection[:3, 3] = 2.0 * plane.offset * normal
-    return reflection
 
 
 def _stands_below(edit: Edit, column: Column, handle: Handle) -> bool:

@@ -108,9 +108,7 @@ def _posed(
     normal = torch.tensor(plane.normal, dtype=torch.float64)
     _, places = standing("pose", options["handles"], vertices.detach().numpy(), weights.detach().float().numpy())
     positive = torch.from_numpy(places @ np.asarray(plane.normal) >= plane.offset)[:, None, None]
-    reflection = torch.eye(4, dtype=torch.float64)
-    reflection[:3, :3] -= 2 * torch.outer(normal, normal)
-    reflection[:3, 3] = 2 * plane.offset * normal
+    reflection = torch.from_numpy(plane.reflection)
     bottom = torch.tensor([0.0, 0.0, 0.0, 1.0], dtype=torch.float64).expand(len(affine), 1, 4)
     other = (reflection @ torch.cat([affine, bottom], dim=1) @ reflection)[:, :3]
     height = vertices @ normal - plane.offset

@@ -59,6 +59,15 @@ class SymmetryPlane:
         object.__setattr__(self, "offset", check.number("SymmetryPlane", "offset", self.offset))
         object.__setattr__(self, "band", check.number("SymmetryPlane", "band", self.band, minimum=0.0))
 
+    @property
+    def reflection(self) -> NDArray[np.float64]:
+        """(4, 4) R of Eq. 8: it takes points to their mirror images."""
+        normal = np.asarray(self.normal)
+        matrix = np.eye(4)
+        matrix[:3, :3] -= 2.0 * np.outer(normal, normal)
+        matrix[:3, 3] = 2.0 * self.offset * normal
+        return matrix
+
     def signed_distance(self, points: ArrayLike) -> NDArray[np.float64]:
         """Distance of (N, 3) points from the plane, (N,), mesh units; positive where the normal points."""
         array = check.array("SymmetryPlane", "points", points, ("N", 3), dtype=np.float64)

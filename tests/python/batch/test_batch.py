@@ -17,6 +17,7 @@ from urllib.parse import unquote
 import numpy as np
 import psutil
 import pytest
+from heeding import HEED
 from made_field import made_field
 from pyarrow import parquet
 
@@ -30,9 +31,6 @@ from dfd.batch.settings import BatchSettings
 
 GOOD = ("chair", "large", "wide")
 WITHOUT_TIMES = ("name", "status", "cause", "sha256", "size", "vertices", "faces", "components", "leg_confidence")
-
-# Where the tests were started with interruptions ignored, as nohup does, a child would ignore them too.
-HEED = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from dfd.cli import main; main()"
 
 
 class Quiet:

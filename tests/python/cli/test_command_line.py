@@ -10,6 +10,7 @@ from unittest import mock
 
 import pytest
 from command_runs import failed, worked
+from heeding import HEED
 
 DISTILL = sys.modules["dfd.cli.distill"]  # by its own name there is the command
 
@@ -67,10 +68,6 @@ def test_help_lists_every_command_and_option(run):
 
 def test_unknown_commands_are_refused(run):
     assert failed(run("deforme"), "No such command 'deforme'")
-
-
-# What ignores SIGINT hands that on to its children, as `nohup` does: they begin with Python's own handler again.
-HEED = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from dfd.cli import main; main()"
 
 
 def dfd_process(*arguments, module=False, **options):

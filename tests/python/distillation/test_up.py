@@ -307,6 +307,8 @@ def test_probes_come_back_from_their_files(encoder, tmp_path):
     assert again.fits(encoder)
     assert again.file_up == 1.5
     assert np.array_equal(again.odds, probe.odds)
+    again.save(tmp_path / "again.safetensors")
+    assert (tmp_path / "again.safetensors").read_bytes() == (tmp_path / "probe.safetensors").read_bytes()
 
 
 def test_damaged_and_foreign_probes_are_refused(encoder, tmp_path):

@@ -87,3 +87,11 @@ def test_a_written_plane_reads_back(direction: tuple[float, float, float], offse
     read = plane_from_text(plane_text(plane), creature())
     assert np.allclose(read.normal, normal, atol=1e-5) or np.allclose(read.normal, -normal, atol=1e-5)
     assert read.offset * np.sign(np.dot(read.normal, normal)) == pytest.approx(offset, rel=1e-4, abs=1e-4)
+
+
+def test_the_reflection_takes_points_to_the_other_side_and_back():
+    plane = SymmetryPlane((0.6, 0.0, 0.8), 0.25)
+    points = np.random.default_rng(0).standard_normal((20, 3))
+    images = points @ plane.reflection[:3, :3].T + plane.reflection[:3, 3]
+    np.testing.assert_allclose(plane.signed_distance(images), -plane.signed_distance(points), atol=1e-12)
+    np.testing.assert_allclose(plane.reflection @ plane.reflection, np.eye(4), atol=1e-12)
