@@ -1,8 +1,8 @@
 """python -m tests.fuzz [--seconds N] [--seed N] [TARGET …]: each target gets its part of the time.
 
-The kernels are run with every instruction set of the machine, each in a process of its own. An input that fails is
-kept, as small as Hypothesis can make it, in tests/corpus under its target's name, where the tests find it from then on.
-Exits 1 if anything failed.
+Each runs in a process of its own, and the kernels in one for every instruction set of the machine. An input that fails
+is kept, as small as Hypothesis can make it, in tests/corpus under its target's name, where the tests find it from then
+on; where the process itself died, in a decoder say, the input that it died of. Exits 1 if anything failed.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -19,6 +20,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 CORPUS = ROOT / "tests/corpus"
 SLOWEST = 20.0  # seconds that one input may take
+LONGEST = 400.0  # seconds beyond its own that a target may take, to make what failed small
 
 
 def main() -> int:
@@ -26,6 +28,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz")
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--seed", type=int, default=None, help="the same inputs each time, as far as the time goes")
+    parser.add_argument("--input", type=Path, help=argparse.SUPPRESS)  # a child's: where its input lies
     parser.add_argument("targets", nargs="*")
     given = parser.parse_args()
     sys.path.insert(0, str(ROOT / "tests/python"))
@@ -37,25 +40,43 @@ def main() -> int:
     unknown = set(given.targets) - set(TARGETS)
     if unknown:
         parser.error(f"there is no target {', '.join(sorted(unknown))}; there are {', '.join(TARGETS)}")
-    runs = [(name, None) for name in given.targets or TARGETS if name != "kernels.json"]
-    if "kernels.json" in (given.targets or TARGETS):
-        runs += [("kernels.json", isa) for isa in _core.instruction_sets()]
-    chosen = os.environ.get("DFD_FUZZ_ISA_CHILD")
     seed = int(time.time()) if given.seed is None else given.seed
-    share = given.seconds / len(runs)
-    failed = 0
-    for name, isa in runs:
-        if isa not in (None, _core.instruction_set()) and chosen is None:
-            environment = {**os.environ, "DFD_ISA": isa, "DFD_FUZZ_ISA_CHILD": isa}
-            command = [sys.executable, "-m", "tests.fuzz", f"--seconds={share}", f"--seed={seed}", name]
-            failed += subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode != 0
-        elif chosen in (None, isa):
-            failed += not fuzz(name, share, seed, isa)
-    return failed
+    if given.input is not None:
+        return not fuzz(given.targets[0], given.seconds, seed, given.input)
+    runs: list[tuple[str, str | None]] = []
+    for name in given.targets or TARGETS:
+        runs += [(name, isa) for isa in (_core.instruction_sets() if name == "kernels.json" else (None,))]
+    return sum(not survives(name, isa, given.seconds / len(runs), seed) for name, isa in runs)
 
 
-def fuzz(name: str, seconds: float, seed: int, isa: str | None) -> bool:
-    """Run one target for `seconds`; say what came of it and whether it held."""
+def survives(name: str, isa: str | None, seconds: float, seed: int) -> bool:
+    """Run one target in a process of its own; say whether it held, and keep what it died of."""
+    print(name if isa is None else f"{name} with {isa}", end=": ", flush=True)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, name)
+        options = [f"--seconds={seconds}", f"--seed={seed}", f"--input={path}"]
+        command = [sys.executable, "-m", "tests.fuzz", *options, name]
+        environment = os.environ if isa is None else {**os.environ, "DFD_ISA": isa}
+        try:
+            code = subprocess.run(command, cwd=ROOT, env=environment, timeout=seconds + LONGEST).returncode
+        except subprocess.TimeoutExpired:
+            code = -signal.SIGKILL
+        if code < 0:
+            print(f"killed by {signal.Signals(-code).name}; kept as {keep(name, path.read_bytes())}", flush=True)
+    return code == 0
+
+
+def keep(name: str, content: bytes) -> Path:
+    """Write an input that fails to where the tests find it."""
+    CORPUS.mkdir(exist_ok=True)
+    stem, ending = name.split(".")
+    kept = CORPUS / f"{stem}-{hashlib.sha256(content).hexdigest()[:12]}.{ending}"
+    kept.write_bytes(content)
+    return kept
+
+
+def fuzz(name: str, seconds: float, seed: int, path: Path) -> bool:
+    """Run one target for `seconds`, each input at `path`; say what came of it and whether it held."""
     import hypothesis
     from hypothesis import HealthCheck, Phase, given, settings
 
@@ -66,47 +87,42 @@ def fuzz(name: str, seconds: float, seed: int, isa: str | None) -> bool:
     tried = 0
     worst: bytes | None = None
     failure: BaseException | None = None
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, name)
 
-        def attempt(content: bytes) -> None:
-            nonlocal tried, worst, failure
-            if time.monotonic() > end and failure is None:
-                return
-            tried += 1
-            path.write_bytes(content)
-            began = time.monotonic()
-            try:
-                run(check, path)
-                assert time.monotonic() - began < SLOWEST, "it takes too long"
-            except BaseException as error:
-                worst, failure = content, error
-                raise
+    def attempt(content: bytes) -> None:
+        nonlocal tried, worst, failure
+        if time.monotonic() > end and failure is None:
+            return
+        tried += 1
+        path.write_bytes(content)
+        began = time.monotonic()
+        try:
+            run(check, path)
+            assert time.monotonic() - began < SLOWEST, "it takes too long"
+        except BaseException as error:
+            worst, failure = content, error
+            raise
 
-        batch = 0
-        while time.monotonic() < end and failure is None:
-            once = settings(
-                max_examples=200,
-                deadline=None,
-                database=None,
-                suppress_health_check=list(HealthCheck),
-                phases=[Phase.generate, Phase.shrink],
-            )(hypothesis.seed(seed + batch)(given(strategy)(attempt)))
-            batch += 1
-            try:
-                once()
-            except KeyboardInterrupt:
-                raise
-            except BaseException as error:
-                failure = failure or error
-    label = name if isa is None else f"{name} with {isa}"
+    batch = 0
+    while time.monotonic() < end and failure is None:
+        once = settings(
+            max_examples=200,
+            deadline=None,
+            database=None,
+            suppress_health_check=list(HealthCheck),
+            phases=[Phase.generate, Phase.shrink],
+        )(hypothesis.seed(seed + batch)(given(strategy)(attempt)))
+        batch += 1
+        try:
+            once()
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            failure = failure or error
     if failure is None or worst is None:
-        print(f"{label}: {tried} inputs, none failed", flush=True)
+        print(f"{tried} inputs, none failed", flush=True)
         return True
-    CORPUS.mkdir(exist_ok=True)
-    kept = CORPUS / f"{name.split('.')[0]}-{hashlib.sha256(worst).hexdigest()[:12]}.{name.split('.')[1]}"
-    kept.write_bytes(worst)
-    print(f"{label}: {type(failure).__name__} after {tried} inputs: {str(failure)[:300]}; kept as {kept}", flush=True)
+    kept = keep(name, worst)
+    print(f"{type(failure).__name__} after {tried} inputs: {str(failure)[:300]}; kept as {kept}", flush=True)
     return False
 
 

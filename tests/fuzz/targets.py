@@ -5,6 +5,7 @@ A refusal is a ValueError or an OSError of one line, that quotes no more of the 
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import tempfile
 import warnings
@@ -12,6 +13,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
+from compressed_files import draco_cube, ktx2_quad, meshopt_cube, packed_glb
 from hypothesis import strategies as st
 from made_field import made_field
 from mesh_files import CORNERS, CUBE, obj_cube, scene_of_three, textured_quad
@@ -89,11 +91,22 @@ def load_checkpoint(path: Path) -> None:
         assert checkpoint.read_tokens(image, None) is None
 
 
+def compressed(folder: Path) -> list[bytes]:
+    """A GLB file for each decoder that is installed."""
+    made = {
+        "DracoPy": lambda: draco_cube().glb(),
+        "meshopt": lambda: packed_glb(meshopt_cube()),
+        "opengl_basisu": lambda: ktx2_quad(folder).glb(),
+    }
+    return [make() for package, make in made.items() if importlib.util.find_spec(package)]
+
+
 def seeds() -> Mapping[str, list[bytes]]:
     """Good files, by ending."""
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         found = {".glb": [textured_quad(folder).glb(), scene_of_three(folder).read_bytes()]}
+        found["compressed"] = compressed(folder)
         for ending in (".obj", ".ply", ".stl", ".off"):
             Mesh(CORNERS, CUBE).save(folder / f"cube{ending}")
             found[ending] = [(folder / f"cube{ending}").read_bytes()]
@@ -121,6 +134,13 @@ def damaged_glb(good: bytes) -> st.SearchStrategy[bytes]:
     return damaged_json(json.loads(text)).map(lambda header: glb.join(json.dumps(header).encode(), data or b""))
 
 
+def damaged_data(good: bytes) -> st.SearchStrategy[bytes]:
+    """A GLB file whose JSON is whole, and whose data, what decoders read, is damaged."""
+    text, data = glb.split(good)
+    longer = damaged_bytes(data or b"").map(lambda found: found[: len(data or b"")].ljust(len(data or b""), b"\0"))
+    return longer.map(lambda found: glb.join(text, found))
+
+
 def _targets() -> dict[str, Target]:
     good = seeds()
     made: dict[str, Target] = {}
@@ -129,6 +149,12 @@ def _targets() -> dict[str, Target]:
         if ending == ".glb":
             damaged += [damaged_glb(seed) for seed in good[ending]] * 3
         made[f"mesh{ending}"] = (st.one_of(damaged), load_mesh)
+    if good["compressed"]:
+        streams = [damaged_data(seed) for seed in good["compressed"]]
+        made["compressed.glb"] = (
+            st.one_of(streams + streams + [damaged_glb(seed) for seed in good["compressed"]]),
+            load_mesh,
+        )
     made["field.safetensors"] = (damaged_bytes(good[".safetensors"][0]), load_field)
     edit = json.loads(good[".json"][0])
     texts = damaged_json(edit).map(lambda document: json.dumps(document).encode())

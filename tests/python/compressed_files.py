@@ -1,0 +1,83 @@
+"""glTF files that are compressed, as the encoders of their formats make them."""
+
+from __future__ import annotations
+
+import base64
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mesh_files import CORNERS, CUBE, Gltf, textured_quad
+
+from dfd.mesh.file import glb
+
+__all__ = ["BASISU", "DRACO", "MESHOPT", "draco_cube", "ktx2_quad", "meshopt_cube", "packed_glb"]
+
+DRACO, MESHOPT, BASISU = "KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_texture_basisu"
+
+
+def draco_cube(**attributes: Any) -> Gltf:
+    import DracoPy
+
+    stream = DracoPy.encode(CORNERS.astype(np.float32), CUBE.astype(np.uint32), quantization_bits=14, **attributes)
+    decoded = DracoPy.decode(stream)
+    gltf = Gltf()
+    position = next(each["unique_id"] for each in decoded.attributes if each["data"].shape[1] == 3)
+    packed = {"bufferView": gltf.view(stream), "attributes": {"POSITION": position}}
+    gltf.header["accessors"] += [
+        {"componentType": 5126, "count": len(decoded.points), "type": "VEC3"},
+        {"componentType": 5125, "count": decoded.faces.size, "type": "SCALAR"},
+    ]
+    primitive = {"attributes": {"POSITION": 0}, "indices": 1, "extensions": {DRACO: packed}}
+    gltf.header["meshes"] = [{"name": "cube", "primitives": [primitive]}]
+    gltf.header |= {name: [DRACO] for name in ("extensionsUsed", "extensionsRequired")}
+    gltf.node(name="cube", mesh=0)
+    return gltf
+
+
+def meshopt_cube() -> Gltf:
+    import meshopt
+
+    positions = np.pad(CORNERS, ((0, 0), (0, 1))).astype("<f4")
+    indices = CUBE.astype("<u4").ravel()
+    packed = [
+        meshopt.encode_gltf_buffer(positions, "ATTRIBUTES"),
+        meshopt.encode_gltf_buffer(indices, "TRIANGLES"),
+    ]
+    gltf = Gltf()
+    gltf.node(name="cube", mesh=gltf.mesh("cube", CORNERS, CUBE))
+    gltf.header["bufferViews"], gltf.data = [], b""
+    start = 0
+    for stream, count, stride, mode in zip(packed, (8, 36), (16, 4), ("ATTRIBUTES", "TRIANGLES"), strict=True):
+        place = len(gltf.data)
+        gltf.data += stream + b"\0" * (-len(stream) % 4)
+        extension = {"buffer": 0, "byteOffset": place, "byteLength": len(stream), "byteStride": stride, "count": count}
+        view = {
+            "buffer": 1,
+            "byteOffset": start,
+            "byteLength": count * stride,
+            "extensions": {MESHOPT: extension | {"mode": mode}},
+        }
+        gltf.header["bufferViews"].append(view | ({"byteStride": 16} if stride == 16 else {}))
+        start += count * stride
+    gltf.header["buffers"] = [
+        {"byteLength": len(gltf.data)},
+        {"byteLength": start, "extensions": {MESHOPT: {"fallback": True}}},
+    ]
+    gltf.header |= {name: [MESHOPT] for name in ("extensionsUsed", "extensionsRequired")}
+    return gltf
+
+
+def packed_glb(gltf: Gltf) -> bytes:
+    header = {key: value for key, value in gltf.header.items() if value != []}
+    return glb.join(json.dumps(header).encode(), gltf.data)
+
+
+def ktx2_quad(tmp_path: Path) -> Gltf:
+    gltf = textured_quad(tmp_path)
+    data = base64.b64decode((Path(__file__).parent / "mesh/quarters.ktx2.txt").read_bytes())
+    gltf.header["images"] = [{"bufferView": gltf.view(data), "mimeType": "image/ktx2"}]
+    gltf.header["textures"] = [{"extensions": {BASISU: {"source": 0}}}]
+    gltf.header |= {name: [BASISU] for name in ("extensionsUsed", "extensionsRequired")}
+    return gltf
