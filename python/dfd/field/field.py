@@ -171,12 +171,16 @@ class Field:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, mesh: Mesh | None = None) -> Field:
-        """Read a field from `path`: what `save` wrote, or a `.pth` of the method's public reference implementation.
+        """Read a field from `path`: what `save` wrote, or what other programs have written for a mesh.
+
+        Those are a `.pth` of the method's public reference implementation, and an `.npy` with a row of another network
+        for each vertex, which becomes a `VertexField`. MeshFM and PartField write files beside theirs; what these say
+        of the vertices is checked.
 
         Parameters
         ----------
         mesh
-            For a `.pth` the mesh that it was distilled from, whose normalization the file does not hold; unused else.
+            The mesh that a `.pth` or `.npy` is of; unused else.
 
         Raises
         ------
@@ -184,10 +188,14 @@ class Field:
             If `path` does not exist or cannot be read.
         ValueError
             If it is no field, cut short, of another version, does not hold the tensors that it promises, or gives
-            features that are not finite.
+            features that are not finite; if an `.npy` has not one row for each vertex, in the order of the vertices.
         """
         if not Path(path).is_file():
             raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is no file")
+        if Path(path).suffix.lower() == ".npy":
+            from dfd.field.vertex_field import read_vertex_field
+
+            return read_vertex_field(Path(path), mesh)
         if Path(path).suffix.lower() == ".pth":
             from dfd.field.reference_file import read_reference
 
@@ -197,7 +205,7 @@ class Field:
         else:
             content = field_file.read(path)
         try:
-            field = cls(
+            field = Field(
                 content.parameters,
                 octaves=content.architecture.octaves,
                 center=content.center,
