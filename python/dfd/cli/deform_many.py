@@ -146,9 +146,11 @@ def _check(files: Sequence[Path], asked: Asked) -> None:
 
 
 def _original(files: Sequence[Path], asked: Asked) -> Original:
-    """The edit and the shape that it was made on: the one that is named, or the one of the files that it fits."""
+    """The edit and the shape that it was made on: what is named, the one of the files that it fits, or what it says."""
     import dfd
     from dfd.batch.one_edit import Original
+    from dfd.batch.prepare import find_files
+    from dfd.editing.edit_file import read_made_on
 
     if asked.made_on is not None:
         shape = dfd.load(asked.made_on)
@@ -159,6 +161,10 @@ def _original(files: Sequence[Path], asked: Asked) -> Original:
             shape = dfd.load(file)
             if shape.content_hash == recorded:
                 return Original.read(asked.edit, shape, _field(file, shape, asked))
+    if read_made_on(asked.edit)[0] is not None:
+        _, mesh, field = find_files(asked.edit)
+        shape = dfd.load(mesh)
+        return Original.read(asked.edit, shape, dfd.Field.load(field, mesh=shape))
     raise ValueError(
         f"`--made-on` must name the mesh that {asked.edit} was made on: it is none of the {len(files)} shapes"
     )

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from dfd.common import check, tensors
-from dfd.field.field import FARTHEST, Field
+from dfd.field.field import FARTHEST, Field, FieldSource
 from dfd.field.given_features import check_order, read_features
 from dfd.mesh.normalization import normalization
 
@@ -114,9 +114,11 @@ def read_vertex_field(path: Path, mesh: Mesh | None) -> VertexField:
     rows = read_features(path, named)
     check_order(path, rows, mesh, named)
     try:
-        return VertexField(mesh, rows)
+        field = VertexField(mesh, rows)
     except ValueError as error:
         raise ValueError(f"{named} {path}: {str(error).removeprefix('VertexField: ')}") from None
+    field.source = FieldSource.of(path)
+    return field
 
 
 def _unit(rows: NDArray[np.float32]) -> NDArray[np.float32]:
