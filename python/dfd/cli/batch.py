@@ -51,8 +51,11 @@ def batch(
         ),
     ] = None,
     threshold: Annotated[
-        float, typer.Option(min=0.0, max=1.0, help="Carry no edit with less confidence than this.")
-    ] = 0.45,
+        float | None,
+        typer.Option(
+            min=0.0, max=1.0, help="Carry no edit with less confidence; by default 0.25 of a learned metric, else 0.45."
+        ),
+    ] = None,
     export: Annotated[
         list[str] | None,
         typer.Option(

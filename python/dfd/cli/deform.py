@@ -112,7 +112,11 @@ def deform(
     ] = None,
     threshold: Annotated[
         float | None,
-        typer.Option(min=0.0, max=1.0, help="Of several shapes, leave out those with less confidence; usually 0.45."),
+        typer.Option(
+            min=0.0,
+            max=1.0,
+            help="Of several shapes, leave out those with less confidence; 0.25 of a learned metric, else 0.45.",
+        ),
     ] = None,
     encoder: Annotated[
         str, typer.Option(metavar="NAME", help="What makes fields of several shapes that have none.")

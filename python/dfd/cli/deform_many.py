@@ -34,7 +34,7 @@ class Asked:
     fields: Path | None  # a folder
     made_on: Path | None
     encoder: str
-    threshold: float | None  # None is SURE_ENOUGH
+    threshold: float | None  # None goes by the field
     sheet: Path | None
 
 
@@ -73,10 +73,9 @@ def deform_many(meshes: Sequence[str], asked: Asked) -> None:
     _check(files, asked)
 
     import dfd
-    from dfd.batch.one_edit import SURE_ENOUGH, UnlikeError, before_and_after, carry
+    from dfd.batch.one_edit import UnlikeError, before_and_after, carry
     from dfd.pictures.picture import picture
 
-    threshold = SURE_ENOUGH if asked.threshold is None else asked.threshold
     original = _original(files, asked)
     asked.output.mkdir(exist_ok=True)
     sheet = _Sheet(asked.sheet or asked.output / "sheet.png", asked.edit.name)
@@ -85,7 +84,7 @@ def deform_many(meshes: Sequence[str], asked: Asked) -> None:
         shape = None
         try:
             shape = dfd.load(file)
-            carried = carry(original, shape, _field(file, shape, asked), threshold=threshold)
+            carried = carry(original, shape, _field(file, shape, asked), threshold=asked.threshold)
             shape.save(asked.output / file.name, carried.deformer.vertices)
             carried.deformer.save(asked.output / f"{file.stem}.edit.json")
             sure = _listed(carried.confidence)
