@@ -51,7 +51,7 @@ def arap(case: Case, ball: float = BALL) -> NDArray[np.float64]:
 def biharmonic(case: Case, ball: float = BALL) -> NDArray[np.float64]:
     """Biharmonic displacements: by the set's own coordinates where it has them, else by libigl over the surface.
 
-    The paper solves within tetrahedra, which libigl cannot make.
+    The paper solves within tetrahedra; over the surface none are needed, and meshes with holes are solved as well.
 
     Raises
     ------

@@ -1,15 +1,19 @@
 """`python -m bench.quality.skin_weights`: the weights of `dfd rig` beside those of the artists who made the rigs.
 
-For every skinned GLB in the folder "rigs" of DFD_MESHES: the share of a vertex's weight that went to other joints than
-the artist's, the share that lies far from its bone along the surface, and how far vertices are, under the file's own
-animations, from where the artist's weights put them. Beside it weights by the distance to bones, straight through
-space. All have four influences a vertex, and of the file know only its bones and which of them move anything at all.
+For every skinned GLB in DFD_MESHES and in its folder "rigs": the share of a vertex's weight that went to other joints
+than the artist's, the share that lies far from its bone along the surface, and how far vertices are, under the file's
+own animations, from where the artist's weights put them. Beside it weights by the distance to bones straight through
+space, by that through voxels of the body, and bounded biharmonic ones (`pip install libigl wildmeshing`), with a line
+where those cannot be made. All have four influences a vertex, and of the file know only its bones and which of them
+move anything at all.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +21,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 import dfd
+from bench.quality.baselines import PeerError
+from bench.quality.skin_peers import bounded_biharmonic, geodesic_voxels
 from bench.quality.skins import nodes_in_place, read
 from dfd.export.bone_weights import BoneDistances, bone_weights, straight_weights
 from dfd.export.bones import Bones, bones_of
@@ -25,7 +31,7 @@ from dfd.export.weigh_skin import bleed
 
 MOMENTS = 8  # of every animation
 INFLUENCES = 4
-METHODS = ("artist", "distance to bones", "dfd rig")
+METHODS = ("artist", "distance to bones", "geodesic voxels", "bounded biharmonic", "dfd rig")
 
 Float64 = NDArray[np.float64]
 
@@ -38,13 +44,13 @@ def main() -> None:
     options = parser.parse_args()
     if not os.environ.get("DFD_MESHES"):
         parser.error("DFD_MESHES must name the folder of the meshes")
-    folder = Path(os.environ["DFD_MESHES"]) / "rigs"
+    folder = Path(os.environ["DFD_MESHES"])
     columns = [f"{method}: {what}" for method in METHODS for what in ("elsewhere", "far", "off")]
     print("| rig | " + " | ".join(columns) + " |")
     print("|---" * (1 + len(columns)) + "|")
     rows = []
-    for path in sorted(folder.glob("*.glb")):
-        if options.rigs and path.stem not in options.rigs:
+    for path in sorted((*folder.glob("*.glb"), *(folder / "rigs").glob("*.glb")), key=lambda path: path.stem):
+        if (options.rigs and path.stem not in options.rigs) or not _has_skin(path):
             continue
         rows.append(compared(path, options.fields))
         print(f"| {path.stem} | " + " | ".join(map(_shown, rows[-1])) + " |", flush=True)
@@ -60,15 +66,33 @@ def compared(path: Path, fields: Path | None) -> Float64:
     distances = BoneDistances(mesh, bones)
     joints = np.flatnonzero(bones.weights.any(axis=0))
     artist = bones.weights / np.maximum(bones.weights.sum(axis=1, keepdims=True), 1e-30)
-    others = (straight_weights(distances, joints), bone_weights(mesh, field, distances, joints))
+    methods: tuple[Callable[[], Float64], ...] = (
+        lambda: artist,
+        lambda: _four(straight_weights(distances, joints)),
+        lambda: _four(geodesic_voxels(mesh, bones, joints)),
+        lambda: _four(bounded_biharmonic(mesh, bones, joints)),
+        lambda: _four(bone_weights(mesh, field, distances, joints)),
+    )
     moves = motions(path, mesh, bones)
     found = []
-    for weights in (artist, *(_four(each) for each in others)):
+    for name, method in zip(METHODS, methods, strict=True):
+        try:
+            weights = method()
+        except PeerError as error:
+            print(f"{path.stem}: {name} {error}", file=sys.stderr, flush=True)
+            found += [np.nan] * 3
+            continue
         difference = weights - artist
         elsewhere = np.abs(difference[bones.skinned]).sum(axis=1).mean() / 2
-        far = bleed(weights[bones.skinned], distances.along[bones.skinned]).far
+        far = bleed(weights[bones.skinned][:, joints], distances.along[bones.skinned][:, joints]).far
         found += [elsewhere, far, _off(mesh, bones, difference, moves)]
     return np.array(found)
+
+
+def _has_skin(path: Path) -> bool:
+    import pygltflib
+
+    return bool(pygltflib.GLTF2().load_binary(str(path)).skins)
 
 
 def motions(path: Path, mesh: dfd.Mesh, bones: Bones) -> list[Float64]:

@@ -25,6 +25,7 @@ class DFD_PT_weights(bpy.types.Panel):  # noqa: N801
         """Draw it from top to bottom in the order of work."""
         layout, settings = self.layout, context.object.dfd
         layout.use_property_split = True
+        layout.use_property_decorate = False  # weights follow a slider once, and not from frame to frame
         layout.prop(settings, "field")
         if settings.field:
             layout.prop(settings, "axes")

@@ -17,8 +17,11 @@ AXES = [
 
 
 def _again(handle: HandleSettings, context: bpy.types.Context) -> None:
-    """A slider moved: the handle's vertex group follows."""
+    """A slider moved: the handle's vertex group follows, and is the one that weight painting shows."""
     refresh(handle.id_data, handle)
+    group = handle.id_data.vertex_groups.get(handle.name)
+    if group is not None:
+        handle.id_data.vertex_groups.active_index = group.index
 
 
 def _another(settings: ObjectSettings, context: bpy.types.Context) -> None:

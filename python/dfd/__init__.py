@@ -27,6 +27,7 @@ if _typing.TYPE_CHECKING:
     from dfd.export.key_poses import KeyPose
     from dfd.export.weigh_skin import weigh_skin
     from dfd.field.field import Field
+    from dfd.field.vertex_field import VertexField
     from dfd.geometry.geodesics import Geodesics
     from dfd.mesh.mesh import Mesh, load
     from dfd.pictures.notebook import show
@@ -44,6 +45,7 @@ __all__ = [
     "Mesh",
     "RotationalSymmetry",
     "SymmetryPlane",
+    "VertexField",
     "bind",
     "compact",
     "distill",
@@ -72,6 +74,7 @@ _LATER = {
     "Mesh": "dfd.mesh.mesh",
     "RotationalSymmetry": "dfd.symmetry.rotation",
     "SymmetryPlane": "dfd.symmetry.plane",
+    "VertexField": "dfd.field.vertex_field",
     "distill": "dfd.distillation.distill",
     "edit_schema": "dfd.editing.document",
     "export_rig": "dfd.export.export_rig",

@@ -133,6 +133,17 @@ def test_a_file_that_blender_turned_finds_its_field(ball, field_file, tmp_path):
     np.testing.assert_allclose(group_weights(ball, "dfd 11"), wanted, atol=1e-6)
 
 
+def test_the_group_whose_slider_moved_is_the_active_one(ball, field_file):
+    ball.dfd.axes, ball.dfd.field = "SAME", str(field_file)
+    select(ball, 3, 40)
+    bpy.ops.dfd.weigh()
+    assert ball.vertex_groups.active.name == "dfd 40"
+    ball.dfd.handles[0].reach = 0.7
+    assert ball.vertex_groups.active.name == "dfd 3"
+    ball.dfd.field = ""
+    assert ball.vertex_groups.active.name == "dfd 3"
+
+
 def test_edit_mode_is_left_as_it_was(ball, field_file):
     ball.dfd.axes, ball.dfd.field = "SAME", str(field_file)
     select(ball, 5)

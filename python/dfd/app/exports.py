@@ -9,6 +9,8 @@ import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dfd.editing.edit_file import write_edit
+
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
 
@@ -37,7 +39,7 @@ def export(deformer: Deformer, kind: str, name: str, folder: Path, field: Path |
     try:
         if kind == "edit":
             path = place / f"{stem}_edit.json"
-            deformer.save(path)
+            write_edit(path, deformer.edit, deformer.mesh)  # without the places of files here, which are nobody else's
         elif kind == "field":
             path = place / f"{stem}.field.safetensors"
             deformer.field.save(path)

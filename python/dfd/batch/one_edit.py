@@ -25,12 +25,22 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["SURE_ENOUGH", "Carried", "Original", "UnlikeError", "before_and_after", "carry", "field_path"]
+__all__ = [
+    "SURE_ENOUGH",
+    "SURE_ENOUGH_LEARNED",
+    "Carried",
+    "Original",
+    "UnlikeError",
+    "before_and_after",
+    "carry",
+    "field_path",
+]
 
-# Below this confidence a handle is on nothing that looks like what it held. Of a chair's leg, the legs of other chairs,
-# of a bench, a couch and a nightstand have 0.54 to 0.70, the foot of a pedestal table 0.42, and what comes nearest on a
-# bird 0.31.
-SURE_ENOUGH = 0.45
+# Below this confidence a handle is on nothing that looks like what it held. Without a learned metric, of a chair's leg
+# the legs of other chairs, of a bench, a couch and a nightstand have 0.40 to 0.71, the foot of a pedestal table 0.42,
+# and what comes nearest on a bird 0.29 to 0.34. A learned metric sets shapes farther apart: the legs of a chair and a
+# bench have 0.26 to 0.65, what comes nearest on a bird 0.16 to 0.28, on a whale and a snake 0.06 to 0.12.
+SURE_ENOUGH, SURE_ENOUGH_LEARNED = 0.45, 0.25
 
 
 @dataclass(frozen=True)
@@ -91,7 +101,7 @@ class Carried:
 
 
 def carry(
-    original: Original, mesh: Mesh, field: Field, *, threshold: float = SURE_ENOUGH, features: Any = None
+    original: Original, mesh: Mesh, field: Field, *, threshold: float | None = None, features: Any = None
 ) -> Carried:
     """Carry an edit to another shape of its class; to the shape that it was made on as it is.
 
@@ -100,7 +110,7 @@ def carry(
     mesh, field
         The other shape, and its field, of the same encoder.
     threshold
-        In [0, 1]: the lowest confidence that is taken.
+        In [0, 1]: the lowest confidence that is taken; if left out 0.25 for fields with a learned metric, else 0.45.
     features
         As `Deformer` takes them.
 
@@ -111,6 +121,8 @@ def carry(
     ValueError
         As `transfer` and `Deformer`.
     """
+    if threshold is None:
+        threshold = SURE_ENOUGH if field.settings.get("metric", "none") == "none" else SURE_ENOUGH_LEARNED
     lowest = check.number("carry", "threshold", threshold, minimum=0.0, maximum=1.0)
     edit, names = original.edit, [_name(handle) for handle in original.edit.handles]
     names += [f"fixed {number}" for number in range(1, 1 + len(edit.fixed))]

@@ -47,7 +47,7 @@ class BatchSettings(BaseModel):
     distill: dict[str, Any] = Field(default_factory=dict)
     device: str = "cpu"
     edits: tuple[EditSource, ...] = ()
-    threshold: float = Field(default=0.45, ge=0.0, le=1.0)
+    threshold: float | None = Field(default=None, ge=0.0, le=1.0)
     exports: tuple[str, ...] = ()
     sharded: bool = False
 

@@ -33,7 +33,12 @@ PLACE = "VERTEX|X,Y,Z|top|part:NAME|group:NAME|…"
 
 MeshArgument = Annotated[Path, typer.Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file.")]
 FieldOption = Annotated[
-    Path, typer.Option("--field", metavar="FIELD", help="The shape's field, as `dfd distill` wrote it.")
+    Path,
+    typer.Option(
+        "--field",
+        metavar="FIELD",
+        help="The shape's field, as `dfd distill` wrote it, or an .npy with another network's row for each vertex.",
+    ),
 ]
 
 

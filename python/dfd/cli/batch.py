@@ -45,12 +45,17 @@ def batch(
     made_on: Annotated[
         list[Path] | None,
         typer.Option(
-            metavar="MESH", help="What each --edit was made on, with its field NAME.field.safetensors beside."
+            metavar="MESH",
+            help="What each --edit was made on, with its field NAME.field.safetensors beside; where left"
+            " out, what the edits say.",
         ),
     ] = None,
     threshold: Annotated[
-        float, typer.Option(min=0.0, max=1.0, help="Carry no edit with less confidence than this.")
-    ] = 0.45,
+        float | None,
+        typer.Option(
+            min=0.0, max=1.0, help="Carry no edit with less confidence; by default 0.25 of a learned metric, else 0.45."
+        ),
+    ] = None,
     export: Annotated[
         list[str] | None,
         typer.Option(
@@ -84,7 +89,7 @@ def batch(
     """
     if rank >= world_size:
         raise ValueError(f"`--rank` must be below `--world-size`, got {rank} of {world_size}")
-    if len(edit or ()) != len(made_on or ()):
+    if made_on and len(edit or ()) != len(made_on):
         raise ValueError("`--edit` and `--made-on` must be given equally often: each edit was made on a mesh")
     if workers is not None and ray_address is not None:
         raise ValueError(
@@ -101,13 +106,14 @@ def batch(
     from pydantic import ValidationError
 
     from dfd.batch.inputs import find_shapes
-    from dfd.batch.prepare import describe_edits, place_edits
+    from dfd.batch.prepare import describe_edits, find_files, place_edits
     from dfd.batch.record import Limits
     from dfd.batch.resources import DISTILLING, LOOKING
     from dfd.batch.settings import BatchSettings
 
     shapes = find_shapes(inputs)
-    files = list(zip(edit or (), made_on or (), strict=True))
+    originals: list[Path | None] = [*made_on] if made_on else [None] * len(edit or ())
+    files = [find_files(*each) for each in zip(edit or (), originals, strict=True)]
     steps = _listed(step)
     sources = describe_edits(files)
     try:

@@ -43,7 +43,8 @@ def deform(
         typer.Option(
             "--field",
             metavar="FIELD",
-            help="The shape's field, as `dfd distill` wrote it; for several shapes a folder with NAME.field.safetensors"
+            help="The shape's field, as `dfd distill` wrote it, or an .npy with another network's row for each vertex;"
+            " for several shapes a folder with NAME.field.safetensors"
             " (by default their own), and what is not there is found or made.",
         ),
     ] = None,
@@ -111,7 +112,11 @@ def deform(
     ] = None,
     threshold: Annotated[
         float | None,
-        typer.Option(min=0.0, max=1.0, help="Of several shapes, leave out those with less confidence; usually 0.45."),
+        typer.Option(
+            min=0.0,
+            max=1.0,
+            help="Of several shapes, leave out those with less confidence; 0.25 of a learned metric, else 0.45.",
+        ),
     ] = None,
     encoder: Annotated[
         str, typer.Option(metavar="NAME", help="What makes fields of several shapes that have none.")

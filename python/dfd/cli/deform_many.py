@@ -34,7 +34,7 @@ class Asked:
     fields: Path | None  # a folder
     made_on: Path | None
     encoder: str
-    threshold: float | None  # None is SURE_ENOUGH
+    threshold: float | None  # None goes by the field
     sheet: Path | None
 
 
@@ -73,10 +73,9 @@ def deform_many(meshes: Sequence[str], asked: Asked) -> None:
     _check(files, asked)
 
     import dfd
-    from dfd.batch.one_edit import SURE_ENOUGH, UnlikeError, before_and_after, carry
+    from dfd.batch.one_edit import UnlikeError, before_and_after, carry
     from dfd.pictures.picture import picture
 
-    threshold = SURE_ENOUGH if asked.threshold is None else asked.threshold
     original = _original(files, asked)
     asked.output.mkdir(exist_ok=True)
     sheet = _Sheet(asked.sheet or asked.output / "sheet.png", asked.edit.name)
@@ -85,7 +84,7 @@ def deform_many(meshes: Sequence[str], asked: Asked) -> None:
         shape = None
         try:
             shape = dfd.load(file)
-            carried = carry(original, shape, _field(file, shape, asked), threshold=threshold)
+            carried = carry(original, shape, _field(file, shape, asked), threshold=asked.threshold)
             shape.save(asked.output / file.name, carried.deformer.vertices)
             carried.deformer.save(asked.output / f"{file.stem}.edit.json")
             sure = _listed(carried.confidence)
@@ -146,9 +145,11 @@ def _check(files: Sequence[Path], asked: Asked) -> None:
 
 
 def _original(files: Sequence[Path], asked: Asked) -> Original:
-    """The edit and the shape that it was made on: the one that is named, or the one of the files that it fits."""
+    """The edit and the shape that it was made on: what is named, the one of the files that it fits, or what it says."""
     import dfd
     from dfd.batch.one_edit import Original
+    from dfd.batch.prepare import find_files
+    from dfd.editing.edit_file import read_made_on
 
     if asked.made_on is not None:
         shape = dfd.load(asked.made_on)
@@ -159,6 +160,10 @@ def _original(files: Sequence[Path], asked: Asked) -> Original:
             shape = dfd.load(file)
             if shape.content_hash == recorded:
                 return Original.read(asked.edit, shape, _field(file, shape, asked))
+    if read_made_on(asked.edit)[0] is not None:
+        _, mesh, field = find_files(asked.edit)
+        shape = dfd.load(mesh)
+        return Original.read(asked.edit, shape, dfd.Field.load(field, mesh=shape))
     raise ValueError(
         f"`--made-on` must name the mesh that {asked.edit} was made on: it is none of the {len(files)} shapes"
     )

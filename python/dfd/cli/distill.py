@@ -10,11 +10,11 @@ import typer
 
 import dfd
 from dfd.cli.arguments import MeshArgument, check_output
-from dfd.cli.given_features import check_order, read_features
 from dfd.common.interrupts import heed_interrupts
 from dfd.common.progress import Stages
 from dfd.distillation.distill import DEFAULT_ENCODER, distilling, find_distilled
 from dfd.distillation.settings import DistillSettings
+from dfd.field.given_features import check_order, read_features
 from dfd.runs.known_meshes import hash_file, note, recall
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["distill"]
 
 DEFAULTS = DistillSettings()
+FEATURES = "`--features`"
 
 
 def distill(
@@ -83,7 +84,7 @@ def distill(
 
     # The parameters above are what Typer makes options of; their values are also in its context.
     settings = DistillSettings(**{each.name: context.params[each.name] for each in dataclasses.fields(DistillSettings)})
-    rows = None if features is None else read_features(features)
+    rows = None if features is None else read_features(features, FEATURES)
     partial = output.with_name(f"{output.name}.partial")
     stages = Stages()
     found: Field | None = None
@@ -96,7 +97,7 @@ def distill(
         if found is None:
             shape = dfd.load(mesh)
             if features is not None and rows is not None:
-                check_order(features, rows, shape)
+                check_order(features, rows, shape, FEATURES)
             if file == hash_file(mesh):  # the file that was read, and no later one
                 note(file, shape)
             if look_up:

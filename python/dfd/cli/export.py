@@ -68,4 +68,5 @@ def export(
         typer.echo(f"{', '.join(map(str, report.paths))}: {report}", err=True)
     if weights is not None:
         export_weights(session, weights)
-        typer.echo(f"{weights}: weights of {len(session.handles)} handles", err=True)
+        count = len(session.handles)
+        typer.echo(f"{weights}: weights of {count} {'handle' if count == 1 else 'handles'}", err=True)

@@ -371,12 +371,14 @@ class Deformer(WholeShape):
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the present edit, without its history, as the JSON document of `dfd.editing.document`.
 
+        Where the field was read from a file it says which one, and which one the mesh was read from.
+
         Raises
         ------
         OSError
             If `path` cannot be written; a file that was there stays as it was.
         """
-        write_edit(path, self.edit, self.mesh)
+        write_edit(path, self.edit, self.mesh, self.field)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], mesh: MeshLike, field: Field, *, features: Any = None) -> Deformer:

@@ -5,6 +5,7 @@
       "version": 2,
       "units": {"length": "mesh", "angle": "degree"},
       "mesh": {"vertices": 2930, "hash": null, "bounds": null},
+      "made_on": {"mesh": "cow.glb", "field": "cow.field.safetensors", "field_sha256": null},
       "handles": [
         {
           "id": 1,
@@ -68,6 +69,7 @@ __all__ = [
     "GroupDocument",
     "HalfSpaceDocument",
     "HandleDocument",
+    "MadeOnDocument",
     "MeshDocument",
     "PartDocument",
     "PlaceDocument",
@@ -120,6 +122,14 @@ class MeshDocument(Document):
     bounds: Annotated[tuple[Three, Three], Field(strict=False)] | None = Field(
         None, description="The smallest and largest coordinates of its box, mesh units."
     )
+
+
+class MadeOnDocument(Document):
+    """The files that the edit was made on: from its own folder where they are inside, else from the root."""
+
+    mesh: str | None = Field(None, min_length=1)
+    field: str | None = Field(None, min_length=1)
+    field_sha256: str | None = Field(None, pattern="^[0-9a-f]{64}$")
 
 
 class BallDocument(Document):
@@ -244,6 +254,7 @@ class EditDocument(Document):
     version: Literal[2]
     units: UnitsDocument = UnitsDocument()
     mesh: MeshDocument | None = None
+    made_on: MadeOnDocument | None = Field(None, description="Where whoever carries it to other shapes finds its own.")
     handles: list[HandleDocument] = []
     fixed: list[FixedDocument] = []
     symmetry: (
@@ -307,6 +318,7 @@ KNOWN_KEYS: dict[str, type[Document]] = {
     "": EditDocument,
     "units": UnitsDocument,
     "mesh": MeshDocument,
+    "made_on": MadeOnDocument,
     "handles": HandleDocument,
     "without_instances": PointDocument,
     "fixed": FixedDocument,

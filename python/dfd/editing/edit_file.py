@@ -20,6 +20,7 @@ from dfd.editing.document import (
     EditDocument,
     FixedDocument,
     HandleDocument,
+    MadeOnDocument,
     MeshDocument,
     PlaceDocument,
     PlaneDocument,
@@ -34,9 +35,10 @@ from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
 
 if TYPE_CHECKING:
+    from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["from_document", "read_edit", "to_document", "write_edit"]
+__all__ = ["from_document", "read_edit", "read_made_on", "to_document", "write_edit"]
 
 # Two resolutions of one shape have boxes whose corners are nearer than this part of the diagonal.
 SAME_BOX = 0.05
@@ -44,15 +46,16 @@ TRANSFORM_KEYS = ("translation", "rotation", "scale", "pivot", "axes")
 CONTROL_KEYS = ("reach", "falloff", "locality", "radius", "strength", "instances", "level", "within_width")
 
 
-def write_edit(path: str | os.PathLike[str], edit: Edit, mesh: Mesh) -> None:
-    """Write `edit` of `mesh` to `path`, whole or not at all.
+def write_edit(path: str | os.PathLike[str], edit: Edit, mesh: Mesh, field: Field | None = None) -> None:
+    """Write `edit` of `mesh` to `path`, whole or not at all; with a `field` that has a file also where both files are.
 
     Raises
     ------
     OSError
         If `path` cannot be written; a file that was there stays as it was.
     """
-    text = json.dumps(to_document(edit, mesh), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    document = to_document(edit, mesh) | {"made_on": _made_on(Path(path), mesh, field)}
+    text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     # Lists of numbers on one line each, for people; no text of a JSON document holds a line break as it is.
     text = re.sub(r"\[\n[-+.\de,\s]+\]", lambda numbers: "[" + " ".join(numbers[0][1:-1].split()) + "]", text)
     with atomic_write(path) as temporary:
@@ -74,6 +77,23 @@ def read_edit(path: str | os.PathLike[str], mesh: Mesh) -> Edit:
     UserWarning
         If a vertex of the edit is no longer where it was, and counts as a point of space.
     """
+    return from_document(_parsed(path), mesh, name=os.fspath(path))
+
+
+def read_made_on(path: str | os.PathLike[str]) -> tuple[Path | None, Path | None, str | None]:
+    """The mesh and the field that the edit in `path` says it was made on, and the SHA-256 of the field's file.
+
+    Raises what `read_edit` raises of a document; the files may be gone.
+    """
+    said = parse(_parsed(path), os.fspath(path)).made_on
+    if said is None:
+        return None, None, None
+    folder = Path(path).parent
+    mesh, field = (None if each is None else folder / each for each in (said.mesh, said.field))
+    return mesh, field, said.field_sha256
+
+
+def _parsed(path: str | os.PathLike[str]) -> Any:
     name = os.fspath(path)
     try:
         text = Path(path).read_text(encoding="utf-8-sig")  # some editors begin a file with a byte order mark
@@ -82,14 +102,31 @@ def read_edit(path: str | os.PathLike[str], mesh: Mesh) -> Edit:
     except OSError as error:
         raise OSError(error.errno, f"{name}: the edit could not be read: {error.strerror}") from error
     try:
-        document = json.loads(text, object_pairs_hook=_distinct, parse_constant=_refuse)
+        return json.loads(text, object_pairs_hook=_distinct, parse_constant=_refuse)
     except json.JSONDecodeError as error:
         raise ValueError(f"{name}: no whole JSON document: {error}") from None
     except RecursionError:
         raise ValueError(f"{name}: no edit: nested too deeply") from None
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
-    return from_document(document, mesh, name=name)
+
+
+def _made_on(path: Path, mesh: Mesh, field: Field | None) -> dict[str, str | None] | None:
+    """Where the files of a mesh and its field are, as the edit in `path` names them; None where the field has none."""
+    source = None if field is None else field.source
+    if source is None:
+        return None
+    folder = path.resolve().parent
+    places = {"mesh": _from(folder, mesh.source), "field": _from(folder, source.path)}
+    return MadeOnDocument(**places, field_sha256=source.sha256).model_dump(mode="json")
+
+
+def _from(folder: Path, file: Path | None) -> str | None:
+    """A file inside `folder` from there, so that both can be moved together; any other from the root."""
+    if file is None:
+        return None
+    whole = file.resolve()
+    return (whole.relative_to(folder) if whole.is_relative_to(folder) else whole).as_posix()
 
 
 def to_document(edit: Edit, mesh: Mesh) -> dict[str, Any]:
@@ -100,6 +137,7 @@ def to_document(edit: Edit, mesh: Mesh) -> dict[str, Any]:
         format="dfd-edit",
         version=2,
         mesh=MeshDocument(vertices=len(mesh.vertices), hash=mesh.content_hash, bounds=(tuple(low), tuple(high))),
+        made_on=None,
         handles=[_handle_to(handle) for handle in edit.handles],
         fixed=[FixedDocument(**_place_to(fixed.place), strength=fixed.strength) for fixed in edit.fixed],
         symmetry=(None if plane is None else PlaneDocument(normal=plane.normal, offset=plane.offset, band=plane.band)),

@@ -10,12 +10,12 @@ from scipy.sparse.csgraph import dijkstra
 
 from dfd.editing.vertex_rows import VertexRows
 from dfd.geometry.surface_graph import surface_graph
+from dfd.mesh.mesh import Mesh
 from dfd.weights.bind import bind
 
 if TYPE_CHECKING:
     from dfd.export.bones import Bones
     from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
 
 __all__ = ["BoneDistances", "bone_weights", "straight_weights"]
 
@@ -30,7 +30,9 @@ Float64 = NDArray[np.float64]
 
 
 class BoneDistances:
-    """How far vertices are from bones; distances are parts of the diagonal of the box.
+    """How far vertices are from bones; distances are parts of the diagonal of the box around what has the skin.
+
+    Parts without the skin, such as what a character holds, are no way from one bone to another and around none.
 
     Attributes
     ----------
@@ -43,7 +45,9 @@ class BoneDistances:
     """
 
     def __init__(self, mesh: Mesh, bones: Bones) -> None:
-        size = mesh.diagonal or 1.0
+        skin = Mesh(mesh.vertices, np.concatenate([mesh.faces[each.faces] for each in bones.primitives]))
+        self._skinned = bones.skinned
+        size = float(np.linalg.norm(np.ptp(mesh.vertices[bones.skinned], axis=0))) or 1.0
         count = len(bones.names)
         self.straight = np.full((len(mesh.vertices), count), np.inf)
         for start, end, joint in zip(bones.starts, bones.ends, bones.joint, strict=True):
@@ -51,7 +55,7 @@ class BoneDistances:
             np.minimum(self.straight[:, joint], distance, out=self.straight[:, joint])
         nearest = self.straight.argmin(axis=1)
         self.surface = [self._around(nearest, joint) for joint in range(count)]
-        graph = surface_graph(mesh)
+        graph = surface_graph(skin)
         along = [dijkstra(graph, indices=around, min_only=True) / size for around in self.surface]
         # Where no way leads along the surface, it is the straight one and farther than any other.
         self.along = np.stack(along, axis=1)
@@ -59,9 +63,9 @@ class BoneDistances:
 
     def _around(self, nearest: NDArray[np.int64], joint: int) -> NDArray[np.int64]:
         distance = self.straight[:, joint]
-        own = np.flatnonzero(nearest == joint)
+        own = np.flatnonzero((nearest == joint) & self._skinned)
         if len(own) == 0:
-            return np.array([distance.argmin()])
+            return np.array([np.where(self._skinned, distance, np.inf).argmin()])
         nearer: NDArray[np.int64] = own[distance[own] <= np.median(distance[own])]
         return nearer
 

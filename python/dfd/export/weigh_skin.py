@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Bleed", "SkinReport", "bleed", "weigh_skin"]
 
-FAR = 0.1  # of the diagonal, along the surface: beyond, a weight bleeds
+FAR = 0.1  # of the diagonal, along the surface, farther than from the nearest bone: there, a weight bleeds
 OUTSIDE = 0.25  # of the diagonal: a bone farther than that from every vertex is none of the mesh
 
 Float64 = NDArray[np.float64]
@@ -37,8 +37,8 @@ class Bleed:
     Attributes
     ----------
     far
-        The share of all weight, in [0, 1], on vertices farther than 10 % of the diagonal along the surface from what
-        lies around the bone.
+        The share of all weight, in [0, 1], on vertices that are farther along the surface from what lies around its
+        bone than from what lies around their nearest bone, by more than 10 % of the diagonal of the skinned parts.
     unweighted
         How many vertices follow no joint.
     """
@@ -121,6 +121,7 @@ def weigh_skin(mesh: Mesh, field: Field, path: str | os.PathLike[str], *, influe
     joints = wanted[inside[wanted]]
     if len(joints) == 0:
         raise ValueError("weigh_skin: `mesh` must have bones near its surface, got all of them far outside")
+    along = distances.along[bones.skinned][:, wanted]
     order, single, _ = heaviest(bone_weights(mesh, field, distances, joints), min(most, len(bones.names)))
     _write(mesh, bones, Influences(order, single, 0.0, 0), target)
     after = np.zeros_like(bones.weights)
@@ -129,17 +130,21 @@ def weigh_skin(mesh: Mesh, field: Field, path: str | os.PathLike[str], *, influe
         target,
         len(joints),
         tuple(bones.names[joint] for joint in wanted[~inside[wanted]]),
-        bleed(bones.weights[bones.skinned], distances.along[bones.skinned]),
-        bleed(after[bones.skinned], distances.along[bones.skinned]),
+        bleed(bones.weights[bones.skinned][:, wanted], along),
+        bleed(after[bones.skinned][:, wanted], along),
         float(np.abs(_whole(bones.weights[bones.skinned]) - after[bones.skinned]).sum(axis=1).mean() / 2),
     )
 
 
 def bleed(weights: Float64, along: Float64) -> Bleed:
-    """What is wrong with weights (V, J) whose bones are `along` (V, J) the surface, in diagonals."""
+    """What is wrong with weights (V, J) whose bones are `along` (V, J) the surface, in diagonals.
+
+    A part without a bone of its own, such as a horn, may lie far from all of them: the nearest one is no fault.
+    """
     total = weights.sum()
+    far = along > along.min(axis=1, keepdims=True) + FAR
     return Bleed(
-        float(weights[along > FAR].sum() / total) if total > 0 else 0.0,
+        float(weights[far].sum() / total) if total > 0 else 0.0,
         int((weights.sum(axis=1) <= 0).sum()),
     )
 

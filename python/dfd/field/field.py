@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import copy
+import hashlib
 import os
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -23,10 +26,29 @@ if TYPE_CHECKING:
 
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Field"]
+__all__ = ["Field", "FieldSource"]
 
 # Farther from the middle of the shape, in halves of its box, a network of float32 has nothing to say.
 FARTHEST = 1e6
+# What reads features of vertices: it builds on this file, and is looked up by name when somebody has such.
+OF_VERTICES = "dfd.field.vertex_field"
+
+
+@dataclass(frozen=True)
+class FieldSource:
+    """The file that a field was read from, and the SHA-256 of what was in it, 64 hexadecimal digits."""
+
+    path: Path
+    sha256: str
+
+    @classmethod
+    def of(cls, path: str | os.PathLike[str]) -> FieldSource:
+        """That of a file as it is now."""
+        digest = hashlib.sha256()
+        with Path(path).open("rb") as stream:
+            while data := stream.read(1 << 20):
+                digest.update(data)
+        return cls(Path(path), digest.hexdigest())
 
 
 class Field:
@@ -38,7 +60,8 @@ class Field:
     `octaves` the network also sees sines and cosines of the coordinates, the longest two boxes long (Mildenhall et al.
     2020, section 5.1): borders between parts are then fitted in far fewer steps.
 
-    A field never changes. It is evaluated by a kernel: neither torch nor a GPU is needed.
+    A field never changes. It is evaluated by a kernel: neither torch nor a GPU is needed. `source` is the file that it
+    was read from, None where it was made.
 
     Parameters
     ----------
@@ -58,6 +81,8 @@ class Field:
     ValueError
         If a parameter is missing, unknown, of another shape or not finite, or a number is out of its range.
     """
+
+    source: FieldSource | None = None
 
     def __init__(
         self,
@@ -119,6 +144,7 @@ class Field:
         """The same field, said to have come to be by other `settings`."""
         other = copy.copy(self)
         other.settings = dict(settings)
+        other.source = None
         return other
 
     def features(self, mesh: Mesh) -> NDArray[np.float32]:
@@ -171,12 +197,16 @@ class Field:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, mesh: Mesh | None = None) -> Field:
-        """Read a field from `path`: what `save` wrote, or a `.pth` of the method's public reference implementation.
+        """Read a field from `path`: what `save` wrote, or what other programs have written for a mesh.
+
+        Those are a `.pth` of the method's public reference implementation, and an `.npy` with a row of another network
+        for each vertex, which becomes a `VertexField`. MeshFM and PartField write files beside theirs; what these say
+        of the vertices is checked.
 
         Parameters
         ----------
         mesh
-            For a `.pth` the mesh that it was distilled from, whose normalization the file does not hold; unused else.
+            The mesh that a `.pth` or `.npy` is of; unused else.
 
         Raises
         ------
@@ -184,10 +214,13 @@ class Field:
             If `path` does not exist or cannot be read.
         ValueError
             If it is no field, cut short, of another version, does not hold the tensors that it promises, or gives
-            features that are not finite.
+            features that are not finite; if an `.npy` has not one row for each vertex, in the order of the vertices.
         """
         if not Path(path).is_file():
             raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is no file")
+        if Path(path).suffix.lower() == ".npy":
+            of_vertices: Field = import_module(OF_VERTICES).read_vertex_field(Path(path), mesh)
+            return of_vertices
         if Path(path).suffix.lower() == ".pth":
             from dfd.field.reference_file import read_reference
 
@@ -197,7 +230,7 @@ class Field:
         else:
             content = field_file.read(path)
         try:
-            field = cls(
+            field = Field(
                 content.parameters,
                 octaves=content.architecture.octaves,
                 center=content.center,
@@ -210,6 +243,7 @@ class Field:
         corners = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
         if not np.isfinite(field(field.center + corners / field.scale)).all():
             raise ValueError(f"Field.load: `path` {os.fspath(path)} is damaged: its features are not finite")
+        field.source = FieldSource.of(path)
         return field
 
 

@@ -8,6 +8,7 @@ from made_field import made_field
 
 import dfd
 from dfd.batch.one_edit import Original, UnlikeError, before_and_after, carry
+from dfd.editing.transfer import Transferred
 
 
 def field_of(mesh: dfd.Mesh, seed: int = 3) -> dfd.Field:
@@ -63,6 +64,17 @@ def test_an_edit_that_moves_nothing_is_refused(chair, tmp_path):
     dfd.Deformer(chair, field_of(chair)).save(tmp_path / "none.json")
     with pytest.raises(ValueError, match=r"none.json: `handles` must hold a handle: the edit moves nothing"):
         Original.read(tmp_path / "none.json", chair, field_of(chair))
+
+
+def test_the_threshold_goes_by_the_metric(other, original, monkeypatch):
+    sure = dict.fromkeys((handle.id for handle in original.edit.handles), 0.3)
+    found = Transferred(original.edit, sure, (1.0,) * len(original.edit.fixed))
+    monkeypatch.setattr("dfd.batch.one_edit.transfer", lambda *_: found)
+    plain = field_of(other)
+    for settings in ({}, {"metric": "none"}):
+        with pytest.raises(UnlikeError, match=r"confidence 0.30, asked for 0.45"):
+            carry(original, other, plain.with_settings(settings))
+    assert set(carry(original, other, plain.with_settings({"metric": "learned"})).confidence.values()) <= {0.3, 1.0}
 
 
 def test_a_threshold_is_a_part(other, original):

@@ -15,7 +15,7 @@ from tiny_encoder import save_tiny_encoder
 import dfd
 from dfd.batch import steps
 from dfd.batch.folder import BatchFolder
-from dfd.batch.prepare import describe_edits, place_edits
+from dfd.batch.prepare import describe_edits, find_files, place_edits
 from dfd.batch.record import Job, Limits, Stopped, new_token
 from dfd.batch.settings import BatchSettings
 from dfd.batch.worker import work
@@ -123,7 +123,7 @@ def test_edits_come_into_the_folder_with_what_they_were_made_on(chair, tmp_path)
     session = dfd.Deformer(mesh, field)
     session.add(40, translation=(0, 0.1, 0))
     session.save(tmp_path / "leg.json")
-    files = [(tmp_path / "leg.json", chair)]
+    files = [find_files(tmp_path / "leg.json", chair)]
     (source,) = describe_edits(files)
     settings = BatchSettings(steps=("edits",), edits=(source,))
     folder = BatchFolder.begin(tmp_path / "out", settings)
@@ -138,10 +138,42 @@ def test_edits_come_into_the_folder_with_what_they_were_made_on(chair, tmp_path)
         describe_edits(files * 2)
     (tmp_path / "other.json").write_text("{}")
     with pytest.raises(ValueError, match=r"other.json: "):
-        describe_edits([(tmp_path / "other.json", chair)])
+        find_files(tmp_path / "other.json", chair)
     chair.with_name("lonely.ply").write_bytes(chair.read_bytes())
-    with pytest.raises(FileNotFoundError, match="field"):
-        describe_edits([(tmp_path / "leg.json", chair.with_name("lonely.ply"))])
+    with pytest.raises(
+        FileNotFoundError, match=r"lonely.field.safetensors, the field of .*, does not exist: `dfd distill`"
+    ):
+        find_files(tmp_path / "leg.json", chair.with_name("lonely.ply"))
+    with pytest.raises(
+        ValueError, match=r"`--made-on` must name the mesh that .*leg.json was made on: it does not say"
+    ):
+        find_files(tmp_path / "leg.json")
+
+
+def test_an_edit_says_where_its_mesh_and_its_field_are(chair, tmp_path):
+    mesh = dfd.load(chair)
+    field = made_field(16, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents))
+    (tmp_path / "fields").mkdir()
+    kept = tmp_path / "fields" / "any.field.safetensors"
+    field.save(kept)
+    session = dfd.Deformer(mesh, dfd.Field.load(kept))
+    session.add(40, translation=(0, 0.1, 0))
+    (tmp_path / "edits").mkdir()
+    session.save(tmp_path / "edits" / "leg.json")
+    assert find_files(tmp_path / "edits" / "leg.json") == (tmp_path / "edits" / "leg.json", chair.resolve(), kept)
+    session.save(tmp_path / "leg.json")
+    assert '"field": "fields/any.field.safetensors"' in (tmp_path / "leg.json").read_text()
+    (source,) = describe_edits([find_files(tmp_path / "leg.json")])
+    assert source.mesh == "leg.original.ply"
+
+    kept.write_bytes(b"another")
+    with pytest.raises(FileNotFoundError, match=r"does not exist, and .*any.field.safetensors is another one"):
+        find_files(tmp_path / "leg.json")
+    field.save(chair.with_name("chair.field.safetensors"))
+    assert find_files(tmp_path / "leg.json").field == chair.resolve().with_name("chair.field.safetensors")
+    chair.rename(chair.with_name("moved.ply"))
+    with pytest.raises(FileNotFoundError, match=r"on which .*leg.json was made, does not exist: `--made-on` must say"):
+        find_files(tmp_path / "leg.json")
 
 
 def test_an_edit_that_does_not_fit_is_told_and_is_no_failure(chair, tmp_path):
@@ -151,7 +183,7 @@ def test_an_edit_that_does_not_fit_is_told_and_is_no_failure(chair, tmp_path):
     session = dfd.Deformer(mesh, field)
     session.add(40, translation=(0, 0.1, 0))
     session.save(tmp_path / "leg.json")
-    files = [(tmp_path / "leg.json", chair)]
+    files = [find_files(tmp_path / "leg.json", chair)]
     settings = BatchSettings(
         steps=("edits", "exports"),
         edits=describe_edits(files),

@@ -33,10 +33,14 @@ def shapes(run, chair, folder):
         (("batch", "twice.csv", "-o", "out"), "`name` must be distinct"),
         ((*BATCH, "--step", "dance"), "`steps` must be of inspect"),
         ((*BATCH, "--step", "inspect,edits"), "`edits` and the step edits must be given together"),
-        ((*BATCH, "--edit", "edit.json"), "`--edit` and `--made-on` must be given equally often"),
+        (
+            (*BATCH, "--edit", "a.json", "--edit", "b.json", "--made-on", "far.ply"),
+            "`--edit` and `--made-on` must be given equally often",
+        ),
+        ((*BATCH, "--edit", "none.json"), "none.json: the edit could not be read"),
         (
             (*BATCH, "--step", "edits", "--edit", "edit.json", "--made-on", "far.ply"),
-            "far.field.safetensors does not exist",
+            "far.field.safetensors, the field of far.ply, does not exist",
         ),
         ((*BATCH, "--distill", "views"), "`distill` must be NAME=VALUE with one of batch"),
         ((*BATCH, "--distill", "views=none"), "`views` must be a whole number"),
@@ -74,6 +78,19 @@ def test_what_cannot_be_is_said_before_anything_is_written(shapes, chair, argume
 def test_a_ray_cluster_that_does_not_answer_is_said(shapes, address, message):
     assert failed(shapes(*BATCH, "--ray-address", address), message)
     assert not Path("out").exists()
+
+
+def test_an_edit_says_which_mesh_and_field_it_was_made_on(shapes):
+    Path("shapes/chair.field.safetensors").rename("shapes/other.field.safetensors")
+    moved = Path("edit.json").read_text().replace("chair.field", "other.field")
+    Path("edit.json").write_text(moved)
+    Path("list.csv").write_text("path,field\nshapes/chair.ply,shapes/other.field.safetensors\n")
+    assert worked(shapes("batch", "list.csv", "-o", "out", "--step", "edits", "--edit", "edit.json", "--workers", 1))
+    assert sorted(path.name for path in Path("out/edits").iterdir()) == [
+        "edit.edit.json",
+        "edit.field.safetensors",
+        "edit.original.ply",
+    ]
 
 
 def test_what_it_does_is_written_down(shapes):

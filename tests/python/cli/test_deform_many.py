@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +49,13 @@ def test_the_shape_that_it_was_made_on_may_be_another(shapes):
     assert Path("sheet.png").is_file()
 
 
+def test_an_edit_says_what_it_was_made_on(shapes):
+    assert worked(shapes("deform", "large.ply", "large.ply", "--edit", "edit.json", "-o", "out"))
+    wanted = dfd.load("out/large.ply").vertices
+    assert worked(shapes("deform", "large.ply", "--made-on", "first.ply", "--edit", "edit.json", "-o", "again"))
+    np.testing.assert_array_equal(dfd.load("again/large.ply").vertices, wanted)
+
+
 def test_shapes_that_do_not_fit_or_cannot_be_read_are_left_out_and_named(shapes, chair):
     save(dfd.Mesh(2 * chair.vertices, chair.faces), "stranger", seed=8)
     Path("broken.ply").write_text("no mesh at all")
@@ -74,12 +82,13 @@ def test_shapes_that_do_not_fit_or_cannot_be_read_are_left_out_and_named(shapes,
         (("*.ply", "--edit", "edit.json", "-o", "out", "--field", "first.ply"), "`--field` must be a folder"),
         (("*.ply", "--edit", "none.json", "-o", "out"), "none.json"),
         (("*.ply", "first.obj", "--edit", "edit.json", "-o", "out"), "would have one name in out"),
-        (("large.ply", "second.ply", "--edit", "edit.json", "-o", "out"), "`--made-on` must name the mesh"),
+        (("large.ply", "second.ply", "--edit", "old.json", "-o", "out"), "`--made-on` must name the mesh"),
     ],
 )
 def test_what_cannot_be_is_said_before_anything_is_written(shapes, chair, arguments, message):
     chair.save("first.obj")
     save(dfd.Mesh(2 * chair.vertices, chair.faces), "second")
+    Path("old.json").write_text(json.dumps(json.loads(Path("edit.json").read_text()) | {"made_on": None}))
     before = sorted(Path().iterdir())
     assert failed(shapes("deform", *arguments), message)
     assert sorted(Path().iterdir()) == before

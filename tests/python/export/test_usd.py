@@ -4,7 +4,8 @@ import sys
 
 import numpy as np
 import pytest
-from mesh_files import scene_of_three, textured_quad, write
+from mesh_files import CORNERS, CUBE, Gltf, scene_of_three, textured_quad, write
+from PIL import Image
 
 import dfd
 from dfd.posing.transforms import Transform
@@ -135,6 +136,148 @@ def test_parts_colors_and_textures_come_along(tmp_path, make_session):
     np.testing.assert_allclose(st.Get(), [(0, 0), (1, 0), (1, 1), (0, 0), (1, 1), (0, 1)], atol=1e-6)
     colors = np.array(UsdGeom.Mesh(meshes["near"]).GetDisplayColorPrimvar().Get())
     assert {tuple(row) for row in colors.tolist()} == {(1, 0, 0), (0, 1, 0)}
+
+
+def lit_quad(folder, **material):
+    """The textured square with a material of every kind of texture, and a second set of coordinates, moved."""
+    uv = [(0, 1), (0.5, 1), (0.5, 0.5), (0, 0.5)]
+    gltf = textured_quad(folder, TEXCOORD_1=(uv, 5126, "VEC2"))
+    for number, color in enumerate([(128, 128, 255), (0, 64, 192), (255, 128, 0), (10, 20, 30)], 1):
+        Image.new("RGB", (2, 2), color).save(folder / f"{number}.png")
+        view = gltf.view((folder / f"{number}.png").read_bytes())
+        gltf.header["images"].append({"bufferView": view, "mimeType": "image/png"})
+        gltf.header["textures"].append({"source": number, "sampler": 0})
+    gltf.header["samplers"] = [{"wrapS": 33071, "wrapT": 33648}]
+    moved = {"KHR_texture_transform": {"offset": [0.25, 0], "scale": [2, 2]}}
+    gltf.header["materials"][0] |= {
+        "normalTexture": {"index": 1},
+        "occlusionTexture": {"index": 3, "texCoord": 1, "strength": 0.75},
+        "emissiveTexture": {"index": 4, "extensions": moved},
+        "emissiveFactor": [1, 0.5, 0.25],
+        "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 4}},
+        **material,
+    }
+    base = gltf.header["materials"][0]["pbrMetallicRoughness"]
+    base |= {"metallicFactor": 0.5, "roughnessFactor": 0.25, "metallicRoughnessTexture": {"index": 2, "texCoord": 1}}
+    return write(folder / "quad.glb", gltf.glb())
+
+
+def preview(stage, name):
+    """Of an input of the first surface: its value, or the shader that feeds it and the name of its output."""
+    surface = UsdShade.Shader(stage.GetPrimAtPath("/shape/materials/material_0/surface"))
+    sources, _ = surface.GetInput(name).GetConnectedSources()
+    if not sources:
+        return surface.GetInput(name).Get()
+    return UsdShade.Shader(sources[0].source.GetPrim()), sources[0].sourceName
+
+
+def shown(shader, name):
+    return shader.GetInput(name).Get()
+
+
+def varname(shader):
+    reader = UsdShade.Shader(shader.GetInput("st").GetConnectedSources()[0][0].source.GetPrim())
+    return reader.GetInput("varname").Get()
+
+
+def test_materials_are_those_of_the_gltf_file(tmp_path, make_session):
+    session = make_session(dfd.load(lit_quad(tmp_path)))
+    session.add(0, translation=(0, 0, 1))
+    report = dfd.export_rig(session, tmp_path / "rig.usda")
+    assert found_by_validators(tmp_path / "rig.usda") == []
+    assert [path.name for path in report.paths[1:]] == [f"rig_texture_{number}.png" for number in range(5)]
+    assert report.notes == ()
+    stage = Usd.Stage.Open(str(tmp_path / "rig.usda"))
+
+    rough, green = preview(stage, "roughness")
+    metal, blue = preview(stage, "metallic")
+    assert (green, blue) == ("g", "b")
+    assert rough.GetPrim() == metal.GetPrim()
+    np.testing.assert_allclose(shown(rough, "scale"), (1, 0.25, 0.5, 1))
+    assert shown(rough, "sourceColorSpace") == "raw"
+    assert (shown(rough, "wrapS"), shown(rough, "wrapT")) == ("clamp", "mirror")
+
+    normal, _ = preview(stage, "normal")
+    np.testing.assert_allclose(shown(normal, "scale"), (2, 2, 2, 1))
+    np.testing.assert_allclose(shown(normal, "bias"), (-1, -1, -1, 0))
+    occlusion, _ = preview(stage, "occlusion")
+    assert shown(occlusion, "scale")[0] == 0.75
+    assert shown(occlusion, "bias")[0] == 0.25
+    glow, _ = preview(stage, "emissiveColor")
+    np.testing.assert_allclose(shown(glow, "scale"), (4, 2, 1, 1))
+    assert shown(glow, "sourceColorSpace") == "sRGB"
+
+    texels = np.array(Image.open(tmp_path / shown(rough, "file").path))
+    assert texels.reshape(-1, 3).tolist() == [[0, 64, 192]] * 4
+    mesh = UsdGeom.Mesh(next(prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)))
+    corners = [0, 1, 2, 0, 2, 3]
+    second = np.array([(0, 0), (0.5, 0), (0.5, 0.5), (0, 0.5)])[corners]
+    base = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])[corners]
+    moved = np.column_stack([0.25 + 2 * base[:, 0], 1 - 2 * (1 - base[:, 1])])
+    for shader, wanted in ((normal, base), (rough, second), (occlusion, second), (glow, moved)):
+        found = UsdGeom.PrimvarsAPI(mesh).GetPrimvar(varname(shader)).Get()
+        np.testing.assert_allclose(found, wanted, atol=1e-6)
+    assert mesh.GetDoubleSidedAttr().Get() is False
+
+
+def test_opacity_and_both_sides(tmp_path, make_session):
+    clear = {"alphaMode": "MASK", "alphaCutoff": 0.25, "doubleSided": True, "normalTexture": {"index": 1, "scale": 0.5}}
+    session = make_session(dfd.load(lit_quad(tmp_path, **clear)))
+    session.add(0, translation=(0, 0, 1))
+    report = dfd.export_rig(session, tmp_path / "rig.usdz", form="baked")
+    assert found_by_validators(tmp_path / "rig.usdz") == []
+    assert report.notes == ("USD does not scale normal textures: paint",)
+    stage = Usd.Stage.Open(str(tmp_path / "rig.usdz"))
+    assert preview(stage, "opacityThreshold") == 0.25
+    assert preview(stage, "opacity")[1] == "a"
+    assert next(UsdGeom.Mesh(prim) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)).GetDoubleSidedAttr().Get()
+
+
+def test_vertex_colors_are_display_colors_times_the_factor(tmp_path, make_session):
+    gltf = Gltf()
+    colors = gltf.accessor(np.tile([(1, 0.5, 0.25, 0.5)], (8, 1)), 5126, "VEC4")
+    gltf.node(name="cube", mesh=gltf.mesh("cube", CORNERS, CUBE, attributes={"COLOR_0": colors}, material=0))
+    factor = {"baseColorFactor": [0.5, 1, 1, 0.5], "metallicFactor": 0, "roughnessFactor": 0.5}
+    gltf.header["materials"] = [{"pbrMetallicRoughness": factor, "alphaMode": "BLEND", "emissiveFactor": [0, 1, 0]}]
+    session = make_session(dfd.load(write(tmp_path / "cube.glb", gltf.glb())))
+    session.add(0, translation=(0, 0, 1))
+    dfd.export_rig(session, tmp_path / "rig.usdc")
+    assert found_by_validators(tmp_path / "rig.usdc") == []
+    stage = Usd.Stage.Open(str(tmp_path / "rig.usdc"))
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/shape/cube"))
+    np.testing.assert_allclose(mesh.GetDisplayColorPrimvar().Get()[0], (0.5, 0.5, 0.25), atol=2e-3)
+    np.testing.assert_allclose(mesh.GetDisplayOpacityPrimvar().Get()[0], 0.25, atol=1e-6)
+    assert shown(preview(stage, "diffuseColor")[0], "varname") == "displayColor"
+    assert shown(preview(stage, "opacity")[0], "varname") == "displayOpacity"
+    assert (preview(stage, "metallic"), preview(stage, "roughness")) == (0, 0.5)
+    np.testing.assert_allclose(preview(stage, "emissiveColor"), (0, 1, 0))
+
+
+def test_materials_that_make_no_sense_are_taken_as_far_as_they_do(tmp_path, make_session):
+    odd = {
+        "emissiveFactor": [1, "x"],
+        "normalTexture": {"index": 99},
+        "occlusionTexture": {"index": 1, "texCoord": 7, "strength": float(3)},
+        "emissiveTexture": "no",
+        "doubleSided": "yes",
+    }
+    session = make_session(dfd.load(lit_quad(tmp_path, **odd)))
+    session.add(0, translation=(0, 0, 1))
+    report = dfd.export_rig(session, tmp_path / "rig.usda")
+    assert found_by_validators(tmp_path / "rig.usda") == []
+    assert report.notes == ("could not be read: the texture of material 'paint'",)
+    stage = Usd.Stage.Open(str(tmp_path / "rig.usda"))
+    surface = UsdShade.Shader(stage.GetPrimAtPath("/shape/materials/material_0/surface"))
+    named = {each.GetBaseName() for each in surface.GetInputs()}
+    assert named == {"diffuseColor", "opacity", "metallic", "roughness"}
+
+
+def test_textures_that_vertex_colors_tint_are_told(tmp_path, make_session):
+    gltf = textured_quad(tmp_path, COLOR_0=([(1, 0, 0, 1)] * 4, 5126, "VEC4"))
+    session = make_session(dfd.load(write(tmp_path / "quad.glb", gltf.glb())))
+    session.add(0, translation=(0, 0, 1))
+    assert "vertex colors do not tint textures" in str(dfd.export_rig(session, tmp_path / "rig.usda"))
+    assert found_by_validators(tmp_path / "rig.usda") == []
 
 
 def test_a_package_holds_its_texture(tmp_path, make_session):

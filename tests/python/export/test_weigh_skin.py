@@ -25,8 +25,8 @@ def bar(count=21):
     return vertices, np.array(faces)
 
 
-def character(path, *, weights=None, joints=(2, 3, 4), skin=None, node=None, binds=None):
-    """The bar with joints at x = 0, 1 and 2 and one that nothing follows at x = 1.5, weighted the wrong way round."""
+def character(path, *, weights=None, joints=(2, 3, 4), skin=None, node=None, binds=None, beam=False):
+    """The bar with joints at x = 0, 1 and 2, weighted the wrong way round; `beam`: inside it one without the skin."""
     vertices, faces = bar()
     gltf = Gltf()
     if weights is None:
@@ -40,8 +40,12 @@ def character(path, *, weights=None, joints=(2, 3, 4), skin=None, node=None, bin
     gltf.node(name="armature", children=[2])
     gltf.header["scenes"][0]["nodes"] = [0, 1]
     nodes = gltf.header["nodes"]
+    beam_mesh = gltf.mesh("beam", vertices * (1, 0.9, 0.9), faces) if beam else None
     nodes += [{"name": "upper", "children": [3]}, {"name": "lower", "translation": [1, 0, 0], "children": [4]}]
     nodes += [{"name": "tip", "translation": [1, 0, 0]}]
+    if beam:
+        gltf.node(name="beam", mesh=beam_mesh)
+        gltf.header["scenes"][0]["nodes"] += [5]
     if binds is None:
         binds = np.tile(np.eye(4), (3, 1, 1))
         binds[:, 0, 3] = (0, -1, -2)
@@ -128,12 +132,25 @@ def test_distances_are_those_to_lines_and_along_the_surface(tmp_path):
     assert both[:, 2].max() == 0
 
 
-def test_bleed_is_what_lies_far_along_the_surface():
-    weights = np.array([(1.0, 0.0), (0.25, 0.75), (0.0, 0.0)])
-    along = np.array([(0.0, 0.5), (0.2, 0.3), (0.5, 0.5)])
+def test_bleed_is_what_lies_farther_along_the_surface_than_the_nearest_bone():
+    weights = np.array([(0.5, 0.5), (0.25, 0.75), (1.0, 0.0), (0.0, 0.0)])
+    along = np.array([(0.0, 0.5), (0.2, 0.25), (0.8, 0.9), (0.5, 0.5)])
     found = bleed(weights, along)
-    assert found.far == pytest.approx(0.5)
+    assert found.far == pytest.approx(0.5 / 3)
     assert found.unweighted == 1
+
+
+def test_what_is_held_is_no_way_between_bones_and_around_none(tmp_path):
+    """A beam without the skin lies all along the bar, and the bones run inside it."""
+    mesh = dfd.load(character(tmp_path / "bar.glb", beam=True))
+    bones = bones_of(mesh)
+    assert bones.skinned.sum() == 84 < len(mesh.vertices)
+    with_beam = BoneDistances(mesh, bones)
+    bare = dfd.load(character(tmp_path / "bare.glb"))
+    alone = BoneDistances(bare, bones_of(bare))
+    np.testing.assert_allclose(with_beam.along[bones.skinned], alone.along, atol=1e-6)
+    for around, wanted in zip(with_beam.surface, alone.surface, strict=True):
+        np.testing.assert_allclose(mesh.vertices[around], bare.vertices[wanted], atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ try:
     from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, UsdUtils, Vt
 
     from dfd.export.usd import looks, skeleton
+    from dfd.export.usd.surfaces import Surfaces, read_surfaces
 except ImportError as missing:
     raise ValueError(f"export_rig: USD files need more packages ({missing.name}): pip install 'dfd[export]'") from None
 
@@ -43,10 +44,11 @@ def export_usd(rig: Rig, target: Path, form: str, most: int | None) -> RigReport
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)  # as glTF has it
-    images = looks.pictures(rig.mesh.appearance, target.stem)
+    files = looks.PictureFiles(target.stem)
     root = (UsdGeom.Xform if form == "baked" else UsdSkel.Root).Define(stage, "/shape")
     stage.SetDefaultPrim(root.GetPrim())
-    meshes = _meshes(stage, rig, {number: f"./{name}" for number, (name, _) in images.items()})
+    surfaces = read_surfaces(rig.mesh)
+    meshes = _meshes(stage, rig, surfaces, files)
     if form == "skin":
         report = _skin(stage, rig, target, most, meshes)
     elif form == "morph":
@@ -55,13 +57,22 @@ def export_usd(rig: Rig, target: Path, form: str, most: int | None) -> RigReport
         for mesh, part in meshes:
             _set_points(mesh, rig.posed(rig.edit)[part.vertices])
         report = rig_report(rig, (target,), form)
-    return replace(report, paths=_write(stage, target, dict(images.values())))
+    return replace(report, paths=_write(stage, target, files.files), notes=(*report.notes, *_lost(rig, surfaces)))
 
 
-def _meshes(stage: Any, rig: Rig, files: dict[int, str]) -> list[tuple[Any, MeshPart]]:
+def _lost(rig: Rig, surfaces: Surfaces) -> tuple[str, ...]:
+    """Sentences about looks that USD has no place for."""
+    look = rig.mesh.appearance
+    if look is None or look.colors is None or all(each.texture is None for each in look.materials):
+        return surfaces.notes
+    return (*surfaces.notes, "vertex colors do not tint textures in USD")
+
+
+def _meshes(stage: Any, rig: Rig, surfaces: Surfaces, files: looks.PictureFiles) -> list[tuple[Any, MeshPart]]:
     """A mesh for each part of the scene, at rest."""
-    appearance = rig.mesh.appearance
-    materials = looks.add_materials(stage, "/shape/materials", appearance, files) if appearance is not None else []
+    appearance, materials = rig.mesh.appearance, []
+    if appearance is not None:
+        materials = looks.add_materials(stage, "/shape/materials", appearance, surfaces, files)
     found = []
     names = skeleton.identifiers(["materials", "skeleton", *(part.name for part in rig.mesh.parts)])[2:]
     for name, part in zip(names, rig.mesh.parts, strict=True):
@@ -76,7 +87,7 @@ def _meshes(stage: Any, rig: Rig, files: dict[int, str]) -> list[tuple[Any, Mesh
         mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals))
         mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
         if appearance is not None:
-            looks.add_looks(mesh, part, appearance, materials)
+            looks.add_looks(mesh, part, appearance, surfaces, materials)
         found.append((mesh, part))
     return found
 

@@ -1,4 +1,4 @@
-"""What surfaces look like in USD: UsdPreviewSurface with the base color, and the pictures that it names."""
+"""What surfaces look like in USD: UsdPreviewSurface, and the pictures that it names."""
 
 from __future__ import annotations
 
@@ -10,110 +10,242 @@ from numpy.typing import NDArray
 from PIL import Image
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
+from dfd.export.usd.surfaces import BASE, Picture, Surface, Surfaces
 from dfd.mesh.appearance import Appearance, Material, linear
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import MeshPart
 
-__all__ = ["add_looks", "add_materials", "pictures"]
+__all__ = ["PictureFiles", "add_looks", "add_materials"]
 
-_WRAPS = {"repeat": "repeat", "mirror": "mirror", "clamp": "clamp"}
+_TYPES = {
+    "r": Sdf.ValueTypeNames.Float,
+    "g": Sdf.ValueTypeNames.Float,
+    "b": Sdf.ValueTypeNames.Float,
+    "a": Sdf.ValueTypeNames.Float,
+    "rgb": Sdf.ValueTypeNames.Float3,
+}
+
+Four = tuple[float, float, float, float]
 
 
-def pictures(appearance: Appearance | None, stem: str) -> dict[int, tuple[str, bytes]]:
-    """The name and the PNG file of the texture of each material that has one."""
-    found: dict[int, tuple[str, bytes]] = {}
-    of_texture: dict[int, tuple[str, bytes]] = {}
-    for number, material in enumerate(appearance.materials if appearance is not None else ()):
-        if material.texture is None:
-            continue
-        if id(material.texture) not in of_texture:
+class PictureFiles:
+    """PNG files beside a USD file, one for each picture.
+
+    Attributes
+    ----------
+    files
+        Their content, by their names.
+    """
+
+    def __init__(self, stem: str) -> None:
+        self.files: dict[str, bytes] = {}
+        self._stem = stem
+        self._names: dict[tuple[int, bool], str] = {}
+        self._kept: list[NDArray[np.uint8]] = []  # so that no other array takes the place of one that is known
+
+    def name(self, texels: NDArray[np.uint8], *, opaque: bool = False) -> str:
+        """The path, from the USD file, of a picture (rows, columns, 4), with its fourth channel unless `opaque`."""
+        opaque = opaque or bool((texels[..., 3] == 255).all())
+        key = (id(texels), opaque)
+        if key not in self._names:
             stream = io.BytesIO()
-            opaque = bool((material.texture[..., 3] == 255).all())
-            image = Image.fromarray(material.texture[..., :3] if opaque else material.texture)
-            image.save(stream, "PNG")
-            of_texture[id(material.texture)] = (f"{stem}_texture_{len(of_texture)}.png", stream.getvalue())
-        found[number] = of_texture[id(material.texture)]
-    return found
+            Image.fromarray(texels[..., :3] if opaque else texels).save(stream, "PNG")
+            self._names[key] = f"{self._stem}_texture_{len(self._names)}.png"
+            self._kept.append(texels)
+            self.files[self._names[key]] = stream.getvalue()
+        return f"./{self._names[key]}"
 
 
-def add_materials(stage: Usd.Stage, scope: str, appearance: Appearance, files: dict[int, str]) -> list[Any]:
-    """Define a UsdPreviewSurface for each material; `files` names the picture of each that has one."""
+def add_materials(
+    stage: Usd.Stage, scope: str, appearance: Appearance, surfaces: Surfaces, files: PictureFiles
+) -> list[Any]:
+    """Define a UsdPreviewSurface for each material, and have `files` keep its pictures."""
     UsdGeom.Scope.Define(stage, scope)
+    painted = {number for number, _ in enumerate(appearance.materials) if _is_painted(appearance, number)}
     return [
-        _material(stage, f"{scope}/material_{number}", material, files.get(number))
-        for number, material in enumerate(appearance.materials)
+        _Preview(stage, f"{scope}/material_{number}", files).of(look, surface, painted=number in painted)
+        for number, (look, surface) in enumerate(zip(appearance.materials, surfaces.of_material, strict=True))
     ]
 
 
-def add_looks(mesh: UsdGeom.Mesh, part: MeshPart, appearance: Appearance, materials: list[Any]) -> None:
+def add_looks(
+    mesh: UsdGeom.Mesh, part: MeshPart, appearance: Appearance, surfaces: Surfaces, materials: list[Any]
+) -> None:
     """Give a part texture coordinates and colors at its corners, and each of its faces its material."""
     rows = appearance.corner_faces[part.faces].ravel()
-    primvars = UsdGeom.PrimvarsAPI(mesh)
-    if appearance.uv is not None:
-        st = primvars.CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying)
-        st.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(appearance.uv[rows], np.float32)))
-    if appearance.colors is not None:
-        color = mesh.CreateDisplayColorPrimvar(UsdGeom.Tokens.faceVarying)
-        color.Set(Vt.Vec3fArray.FromNumpy(linear(appearance.colors[rows, :3]).astype(np.float32)))
     of_face = appearance.face_material[part.faces]
-    used = np.unique(of_face)
-    if appearance.colors is not None and all(appearance.materials[int(each)].texture is None for each in used):
-        return  # a material would hide the colors
-    if len(used) == 1:
-        UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(materials[int(used[0])])
-        return
+    used = [int(each) for each in np.unique(of_face)]
+    coordinates = {picture.coordinates for each in used for picture in surfaces.of_material[each].pictures}
+    if appearance.uv is not None:
+        _add_coordinates(mesh, BASE, appearance.uv[rows])
+    for name in sorted(coordinates - {BASE}):
+        _add_coordinates(mesh, name, surfaces.coordinates[name][rows])
+    if appearance.colors is not None:
+        _add_colors(mesh, appearance, rows, np.repeat(of_face, 3))
+    mesh.CreateDoubleSidedAttr(any(surfaces.of_material[each].double_sided for each in used))
     binding = UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim())
+    if len(used) == 1:
+        binding.Bind(materials[used[0]])
+        return
     for number in used:
         faces = np.flatnonzero(of_face == number).astype(np.int32)
         subset = binding.CreateMaterialBindSubset(f"material_{number}", Vt.IntArray.FromNumpy(faces))
-        UsdShade.MaterialBindingAPI.Apply(subset.GetPrim()).Bind(materials[int(number)])
+        UsdShade.MaterialBindingAPI.Apply(subset.GetPrim()).Bind(materials[number])
     binding.SetMaterialBindSubsetsFamilyType(UsdGeom.Tokens.partition)
 
 
-def _material(stage: Usd.Stage, path: str, look: Material, file: str | None) -> Any:
-    material = UsdShade.Material.Define(stage, path)
-    surface = UsdShade.Shader.Define(stage, f"{path}/surface")
-    surface.CreateIdAttr("UsdPreviewSurface")
-    surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(0.8)
-    surface.CreateInput("metallic", Sdf.ValueTypeNames.Float).Set(0.0)
-    color = surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
-    opacity = surface.CreateInput("opacity", Sdf.ValueTypeNames.Float)
-    factor = _linear(look)
-    clear = look.alpha_mode != "OPAQUE"
-    if look.alpha_mode == "MASK":
-        surface.CreateInput("opacityThreshold", Sdf.ValueTypeNames.Float).Set(look.alpha_cutoff)
-    if file is None:
-        color.Set(Gf.Vec3f(*factor[:3]))
-        opacity.Set(factor[3] if clear else 1.0)
-    else:
-        texture = _texture(stage, path, look, file, factor)
-        color.ConnectToSource(texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3))
-        if clear:
-            opacity.ConnectToSource(texture.CreateOutput("a", Sdf.ValueTypeNames.Float))
+def _is_painted(appearance: Appearance, number: int) -> bool:
+    """Whether the colors of a material are those of vertices: a texture hides them, since USD multiplies nothing."""
+    return appearance.colors is not None and appearance.materials[number].texture is None
+
+
+def _add_coordinates(mesh: UsdGeom.Mesh, name: str, places: NDArray[np.float32]) -> None:
+    primvars = UsdGeom.PrimvarsAPI(mesh)
+    st = primvars.CreatePrimvar(name, Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying)
+    st.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(places, np.float32)))
+
+
+def _add_colors(
+    mesh: UsdGeom.Mesh, appearance: Appearance, rows: NDArray[np.int32], material: NDArray[np.int32]
+) -> None:
+    """Vertex colors times those of their materials, as corners show them."""
+    assert appearance.colors is not None
+    factors = np.array([_linear(each) for each in appearance.materials])[material]
+    colors = appearance.colors[rows]
+    shown = linear(colors[:, :3]) * factors[:, :3]
+    displayed = mesh.CreateDisplayColorPrimvar(UsdGeom.Tokens.faceVarying)
+    displayed.Set(Vt.Vec3fArray.FromNumpy(shown.astype(np.float32)))
+    clear = np.array([each.alpha_mode != "OPAQUE" for each in appearance.materials])[material]
+    if clear.any():
+        opacity = np.where(clear, colors[:, 3] * factors[:, 3], 1.0).astype(np.float32)
+        mesh.CreateDisplayOpacityPrimvar(UsdGeom.Tokens.faceVarying).Set(Vt.FloatArray.FromNumpy(opacity))
+
+
+class _Preview:
+    """One UsdPreviewSurface, and the shaders that feed it."""
+
+    def __init__(self, stage: Usd.Stage, path: str, files: PictureFiles) -> None:
+        self._stage, self._path, self._files = stage, path, files
+        self._material = UsdShade.Material.Define(stage, path)
+        self._surface = self._shader("surface", "UsdPreviewSurface")
+        self._readers: dict[str, Any] = {}
+
+    def of(self, look: Material, surface: Surface, *, painted: bool) -> Any:
+        """Make it `look` like that; `painted` takes the color of the mesh's vertices."""
+        self._color(look, painted)
+        rough = surface.metallic_roughness
+        if rough is None:
+            self._set("metallic", surface.metallic)
+            self._set("roughness", surface.roughness)
         else:
-            opacity.Set(1.0)
-    material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
-    return material
+            scale = (1.0, surface.roughness, surface.metallic, 1.0)
+            node = self._picture("metallic_roughness", rough, scale=scale)
+            self._connect("metallic", node, "b")
+            self._connect("roughness", node, "g")
+        if surface.glow is not None:
+            self._connect("emissiveColor", self._picture("glow", surface.glow, "sRGB", (*surface.emissive, 1.0)), "rgb")
+        elif any(surface.emissive):
+            self._set("emissiveColor", Gf.Vec3f(*surface.emissive))
+        if surface.normal is not None:
+            # from [0, 1] to [−1, 1], as USD asks of pictures with eight bits
+            spread: tuple[Four, Four] = ((2.0, 2.0, 2.0, 1.0), (-1.0, -1.0, -1.0, 0.0))
+            self._connect("normal", self._picture("normal", surface.normal, "raw", *spread), "rgb")
+        if surface.occlusion is not None:
+            part = surface.occlusion_strength
+            rest = 1.0 - part
+            node = self._picture(
+                "occlusion", surface.occlusion, "raw", (part, part, part, 1.0), (rest, rest, rest, 0.0)
+            )
+            self._connect("occlusion", node, "r")
+        self._material.CreateSurfaceOutput().ConnectToSource(self._surface.ConnectableAPI(), "surface")
+        return self._material
+
+    def _color(self, look: Material, painted: bool) -> None:
+        factor = _linear(look)
+        clear = look.alpha_mode != "OPAQUE"
+        if look.alpha_mode == "MASK":
+            self._set("opacityThreshold", look.alpha_cutoff)
+        if look.texture is not None:
+            name = self._files.name(look.texture)
+            node = self._texture("texture", name, look.wrap, BASE, "sRGB", factor)
+            self._connect("diffuseColor", node, "rgb")
+            if clear:
+                self._connect("opacity", node, "a")
+        elif painted:
+            self._connect("diffuseColor", self._primvar("color", "UsdPrimvarReader_float3", "displayColor"), "result")
+            if clear:
+                reader = self._primvar("opacity", "UsdPrimvarReader_float", "displayOpacity")
+                self._connect("opacity", reader, "result")
+        else:
+            self._set("diffuseColor", Gf.Vec3f(*factor[:3]))
+            if clear:
+                self._set("opacity", factor[3])
+        if not clear:
+            self._set("opacity", 1.0)
+
+    def _picture(
+        self,
+        name: str,
+        picture: Picture,
+        space: str = "raw",
+        scale: Four = (1.0, 1.0, 1.0, 1.0),
+        bias: Four = (0.0, 0.0, 0.0, 0.0),
+    ) -> Any:
+        file = self._files.name(picture.texels, opaque=True)
+        return self._texture(name, file, picture.wrap, picture.coordinates, space, scale, bias)
+
+    def _texture(
+        self,
+        name: str,
+        file: str,
+        wrap: tuple[str, str],
+        coordinates: str,
+        space: str,
+        scale: Four,
+        bias: Four = (0.0, 0.0, 0.0, 0.0),
+    ) -> Any:
+        texture = self._shader(name, "UsdUVTexture")
+        texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(file)
+        if coordinates not in self._readers:
+            self._readers[coordinates] = self._primvar(coordinates, "UsdPrimvarReader_float2", coordinates)
+        places = self._readers[coordinates].GetOutput("result")
+        texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(places)
+        texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set(space)
+        texture.CreateInput("scale", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*scale))
+        if any(bias):
+            texture.CreateInput("bias", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*bias))
+        for side, each in zip(("wrapS", "wrapT"), wrap, strict=True):
+            texture.CreateInput(side, Sdf.ValueTypeNames.Token).Set(each)
+        return texture
+
+    def _primvar(self, name: str, kind: str, primvar: str) -> Any:
+        types = {"2": Sdf.ValueTypeNames.Float2, "3": Sdf.ValueTypeNames.Float3, "t": Sdf.ValueTypeNames.Float}
+        reader = self._shader(name, kind)
+        reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set(primvar)
+        reader.CreateOutput("result", types[kind[-1]])
+        return reader
+
+    def _shader(self, name: str, kind: str) -> Any:
+        shader = UsdShade.Shader.Define(self._stage, f"{self._path}/{name}")
+        shader.CreateIdAttr(kind)
+        return shader
+
+    def _connect(self, name: str, node: Any, output: str) -> None:
+        found = node.GetOutput(output)
+        source = found if found else node.CreateOutput(output, _TYPES[output])
+        self._input(name).ConnectToSource(source)
+
+    def _set(self, name: str, value: Any) -> None:
+        self._input(name).Set(value)
+
+    def _input(self, name: str) -> Any:
+        kinds = {"diffuseColor": Sdf.ValueTypeNames.Color3f, "emissiveColor": Sdf.ValueTypeNames.Color3f,
+                 "normal": Sdf.ValueTypeNames.Normal3f}  # fmt: skip
+        return self._surface.CreateInput(name, kinds.get(name, Sdf.ValueTypeNames.Float))
 
 
-def _texture(stage: Usd.Stage, path: str, look: Material, file: str, factor: list[float]) -> Any:
-    reader = UsdShade.Shader.Define(stage, f"{path}/st")
-    reader.CreateIdAttr("UsdPrimvarReader_float2")
-    reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
-    texture = UsdShade.Shader.Define(stage, f"{path}/texture")
-    texture.CreateIdAttr("UsdUVTexture")
-    texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(file)
-    coordinates = reader.CreateOutput("result", Sdf.ValueTypeNames.Float2)
-    texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(coordinates)
-    texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("sRGB")
-    texture.CreateInput("scale", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*factor))
-    for name, wrap in zip(("wrapS", "wrapT"), look.wrap, strict=True):
-        texture.CreateInput(name, Sdf.ValueTypeNames.Token).Set(_WRAPS[wrap])
-    return texture
-
-
-def _linear(look: Material) -> list[float]:
+def _linear(look: Material) -> Four:
     """The factor of the color, which is linear in USD, and of the opacity."""
-    encoded: NDArray[np.float64] = np.array(look.color[:3])
-    return [*(float(value) for value in linear(encoded)), float(look.color[3])]
+    red, green, blue = (float(value) for value in linear(np.array(look.color[:3])))
+    return red, green, blue, float(look.color[3])

@@ -16,7 +16,7 @@ from dfd.mesh.file.gltf_data import GltfData
 from dfd.mesh.file.gltf_header import Header, extension, item
 from dfd.mesh.file.pictures import Pictures, ktx2_is_readable
 
-__all__ = ["GltfMaterials", "Surface"]
+__all__ = ["GltfMaterials", "Surface", "coordinates"]
 
 _WRAPS: dict[object, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 _BASISU = "KHR_texture_basisu"
@@ -63,7 +63,7 @@ class GltfMaterials:
         image: Image.Image | None = None
         wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
         if reference is not None:
-            image, texels, wrap = self._texture(reference, name)
+            image, texels, wrap = self.texture(reference, name)
         look = Material()
         if reference is None or image is not None:
             mode = content.get("alphaMode")
@@ -82,9 +82,9 @@ class GltfMaterials:
             alphaMode=look.alpha_mode if look.alpha_mode != "OPAQUE" else None,
             alphaCutoff=look.alpha_cutoff if look.alpha_mode == "MASK" else None,
         )
-        return Surface(material, look, *_coordinates(reference))
+        return Surface(material, look, *coordinates(reference))
 
-    def _texture(
+    def texture(
         self, reference: Any, name: str
     ) -> tuple[Image.Image | None, NDArray[np.uint8] | None, tuple[Wrap, Wrap]]:
         """Return the picture of a texture, its texels and what lies beyond it; None where it cannot be read."""
@@ -117,7 +117,7 @@ class GltfMaterials:
         )
 
 
-def _coordinates(reference: Any) -> tuple[int, NDArray[np.float64] | None]:
+def coordinates(reference: Any) -> tuple[int, NDArray[np.float64] | None]:
     """Return the set of texture coordinates that a texture uses and what KHR_texture_transform does to them."""
     if not isinstance(reference, dict):
         return 0, None

@@ -20,7 +20,7 @@ from dfd.mesh.file.gltf_materials import GltfMaterials
 from dfd.mesh.file.pictures import Pictures
 from dfd.mesh.file.primitives import Placing, UniqueNames
 
-__all__ = ["read", "triangles", "world_transforms"]
+__all__ = ["from_below", "read", "triangles", "world_transforms"]
 
 _STRIP, _FAN = 5, 6
 
@@ -92,7 +92,7 @@ def _geometry(
         looks[id(surface.material)] = surface.look
         uv = values(f"TEXCOORD_{surface.uv_set}", 2)
         visual = TextureVisuals(
-            uv=None if uv is None else _from_below(uv, surface.uv_transform), material=surface.material
+            uv=None if uv is None else from_below(uv, surface.uv_transform), material=surface.material
         )
         if colors is not None:
             visual.vertex_attributes["color"] = np.array(colors)
@@ -125,7 +125,7 @@ def triangles(indices: NDArray[Any], mode: int) -> NDArray[np.int64]:
     return numbers.reshape(-1, 3)
 
 
-def _from_below(uv: NDArray[Any], transform: NDArray[np.float64] | None) -> NDArray[np.float64]:
+def from_below(uv: NDArray[Any], transform: NDArray[np.float64] | None) -> NDArray[np.float64]:
     """Return texture coordinates with v upwards of glTF's, which point down."""
     with np.errstate(invalid="ignore", over="ignore"):
         placed = uv.astype(np.float64)

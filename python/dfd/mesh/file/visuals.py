@@ -42,7 +42,10 @@ def has_image(geometry: trimesh.Trimesh) -> bool:
 def _copied(visual: Any) -> Any:
     if not isinstance(visual, TextureVisuals):
         return visual.copy()
-    copy = TextureVisuals(uv=visual.uv, material=_physical(visual.material), face_materials=visual.face_materials)
+    material = _physical(visual.material)
+    if visual.uv is None:
+        material = _without_textures(material)
+    copy = TextureVisuals(uv=visual.uv, material=material, face_materials=visual.face_materials)
     colors = visual.vertex_attributes.get("color")
     if colors is not None:  # written as bytes: trimesh would cut floats in [0, 1] down to 0
         scale = np.iinfo(colors.dtype).max if colors.dtype.kind in "iu" else 1
@@ -71,6 +74,17 @@ def _lossless(image: Image.Image | None) -> Image.Image | None:
     if image is None or image.format == "PNG":
         return image
     return image.copy() if image.mode in ("L", "RGB", "RGBA", "P") else image.convert("RGB")
+
+
+def _without_textures(material: Any) -> Any:
+    """Return a material that names no picture, as glTF asks of what has no texture coordinates."""
+    if not isinstance(material, PBRMaterial):
+        return material
+    names = ("name", "baseColorFactor", "metallicFactor", "roughnessFactor", "doubleSided", "alphaMode", "alphaCutoff")
+    plain = PBRMaterial(**{name: getattr(material, name) for name in names})
+    if material.emissiveTexture is None:
+        plain.emissiveFactor = material.emissiveFactor
+    return plain
 
 
 def _physical(material: Any) -> Any:

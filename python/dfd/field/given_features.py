@@ -17,8 +17,8 @@ __all__ = ["check_order", "read_features"]
 SAME = 1e-4  # of the longest side: the PLY files hold single precision
 
 
-def read_features(path: Path) -> NDArray[Any]:
-    """The array in an `.npy` file.
+def read_features(path: Path, named: str) -> NDArray[Any]:
+    """The array in an `.npy` file; errors call it what it is `named` where it was given.
 
     Raises
     ------
@@ -33,16 +33,16 @@ def read_features(path: Path) -> NDArray[Any]:
         with path.open("rb") as stream:
             return np.lib.format.read_array(stream, allow_pickle=False)
     except (ValueError, EOFError) as error:
-        raise ValueError(f"`--features` must be an .npy file of numbers, but {path} is not: {error}") from None
+        raise ValueError(f"{named} must be an .npy file of numbers, but {path} is not: {error}") from None
 
 
-def check_order(path: Path, features: NDArray[Any], mesh: Mesh) -> None:
+def check_order(path: Path, features: NDArray[Any], mesh: Mesh, named: str) -> None:
     """Refuse features that the files beside them say are no rows of the vertices of `mesh`.
 
     MeshFM writes `NAME.json` beside `NAME.npy`, which says what has the features and of how many vertices the mesh was,
     and with `--visualize` its vertices in `NAME_pca.ply`; PartField writes `feat_pca_NAME_0.ply` beside
-    `part_feat_NAME_0_batch.npy`, moved and scaled. Where none of these is, the number of rows alone is judged, by
-    `dfd.distill`.
+    `part_feat_NAME_0_batch.npy`, moved and scaled. Where none of these is, the number of rows alone can be judged, by
+    whoever takes them.
 
     Raises
     ------
@@ -53,54 +53,54 @@ def check_order(path: Path, features: NDArray[Any], mesh: Mesh) -> None:
     """
     described = path.with_suffix(".json")
     if described.is_file():
-        _check_description(described, features, mesh)
+        _check_description(described, features, mesh, named)
     name = path.stem.removesuffix("_batch")
     drawn = path.with_name(f"{re.sub('^part_feat_', 'feat_pca_', name)}.ply")
     if not name.startswith("part_feat_"):
         drawn = path.with_name(f"{path.stem}_pca.ply")
     if drawn.is_file():
-        _check_vertices(drawn, mesh)
+        _check_vertices(drawn, mesh, named)
 
 
-def _check_description(path: Path, features: NDArray[Any], mesh: Mesh) -> None:
+def _check_description(path: Path, features: NDArray[Any], mesh: Mesh, named: str) -> None:
     try:
         said = json.loads(path.read_text("utf-8"))
     except ValueError as error:
-        raise ValueError(f"`--features` must have a readable description, but {path} is not JSON: {error}") from None
+        raise ValueError(f"{named} must have a readable description, but {path} is not JSON: {error}") from None
     if not isinstance(said, dict) or not {"mode", "num_vertices", "feature_shape"} <= said.keys():
         return  # another program's
     if said["mode"] != "vertex":
         raise ValueError(
-            f"`--features` must be those of vertices, but {path} says mode {said['mode']!r}: "
+            f"{named} must be those of vertices, but {path} says mode {said['mode']!r}: "
             "extract them with `--mode vertex`"
         )
     if said["feature_shape"] != list(features.shape):
         raise ValueError(
-            f"`--features` must be the array that {path} describes, of shape {said['feature_shape']}, "
+            f"{named} must be the array that {path} describes, of shape {said['feature_shape']}, "
             f"got {list(features.shape)}"
         )
     if said["num_vertices"] != len(mesh.vertices):
         raise ValueError(
-            f"`--features` must be of this mesh, which has {len(mesh.vertices)} vertices, but {path} says "
+            f"{named} must be of this mesh, which has {len(mesh.vertices)} vertices, but {path} says "
             f"{said['num_vertices']}; GLB, glTF and STL files have no one list of vertices: save the mesh as OBJ first"
         )
 
 
-def _check_vertices(path: Path, mesh: Mesh) -> None:
+def _check_vertices(path: Path, mesh: Mesh, named: str) -> None:
     import numpy as np
 
-    import dfd
+    from dfd.mesh.mesh import load
 
-    others = dfd.load(path).vertices
+    others = load(path).vertices
     if len(others) != len(mesh.vertices):
         raise ValueError(
-            f"`--features` must be of this mesh, which has {len(mesh.vertices)} vertices, "
+            f"{named} must be of this mesh, which has {len(mesh.vertices)} vertices, "
             f"but {path} beside them has {len(others)}"
         )
     distances = np.linalg.norm(_in_box(others) - _in_box(mesh.vertices), axis=1)
     if distances.max() > SAME:
         raise ValueError(
-            "`--features` must have their rows in the order of the mesh's vertices, "
+            f"{named} must have their rows in the order of the mesh's vertices, "
             f"but vertex {int((distances > SAME).argmax())} lies elsewhere in {path}"
         )
 

@@ -1,0 +1,226 @@
+"""What a glTF file says of its surfaces beyond the base color: what UsdPreviewSurface has a place for.
+
+The format: Khronos Group, "glTF 2.0 Specification", 2021, section 3.9.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.mesh.appearance import Wrap
+from dfd.mesh.file.gltf_header import Header, extension, item
+from dfd.mesh.file.gltf_materials import GltfMaterials, coordinates
+from dfd.mesh.file.gltf_read import from_below
+from dfd.mesh.file.pictures import Pictures
+
+if TYPE_CHECKING:
+    from dfd.mesh.file.gltf_data import GltfData
+    from dfd.mesh.file.primitives import Primitive
+    from dfd.mesh.mesh import Mesh
+
+__all__ = ["Picture", "Surface", "Surfaces", "read_surfaces"]
+
+BASE = "st"  # the primvar with the places of corners on the base color's picture
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A texture.
+
+    Attributes
+    ----------
+    texels
+        (rows, columns, 4) RGBA, the first row on top.
+    wrap
+        What lies beyond it along u and v.
+    coordinates
+        The primvar with the places of corners on it.
+    """
+
+    texels: NDArray[np.uint8]
+    wrap: tuple[Wrap, Wrap]
+    coordinates: str
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A material without its base color.
+
+    Attributes
+    ----------
+    metallic, roughness
+        In [0, 1]; they multiply the blue and the green of `metallic_roughness`.
+    emissive
+        Linear red, green and blue of the light that it gives off; they multiply those of `glow`.
+    double_sided
+        Whether it is seen from behind.
+    metallic_roughness, normal, occlusion, glow
+        Textures; None where there is none, or it cannot be read.
+    occlusion_strength
+        In [0, 1], how much `occlusion` darkens.
+    """
+
+    metallic: float = 0.0
+    roughness: float = 0.8
+    emissive: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    double_sided: bool = True
+    metallic_roughness: Picture | None = None
+    normal: Picture | None = None
+    occlusion: Picture | None = None
+    occlusion_strength: float = 1.0
+    glow: Picture | None = None
+
+    @property
+    def pictures(self) -> tuple[Picture, ...]:
+        """The textures that there are."""
+        every = (self.metallic_roughness, self.normal, self.occlusion, self.glow)
+        return tuple(each for each in every if each is not None)
+
+
+@dataclass(frozen=True, eq=False)
+class Surfaces:
+    """The surfaces of a mesh.
+
+    Attributes
+    ----------
+    of_material
+        One for each material of the mesh's appearance.
+    coordinates
+        (R, 2) texture coordinates, v upwards, of the rows of the appearance, by the names of primvars.
+    notes
+        Sentences about what USD has no place for.
+    """
+
+    of_material: tuple[Surface, ...]
+    coordinates: dict[str, NDArray[np.float32]]
+    notes: tuple[str, ...]
+
+
+def read_surfaces(mesh: Mesh) -> Surfaces:
+    """The surfaces of the glTF file that a mesh is from; dull ones for a mesh of another kind."""
+    if mesh.appearance is None:
+        return Surfaces((), {}, ())
+    count = len(mesh.appearance.materials)
+    source = None if mesh.scene is None else mesh.scene.gltf
+    if mesh.scene is None or source is None:
+        return Surfaces((Surface(),) * count, {}, ())
+    reader = _Reader(source.header, source.data, len(mesh.appearance.corners))
+    shown: dict[int, list[Primitive]] = {}
+    for each in mesh.scene.primitives:
+        shown.setdefault(int(mesh.appearance.face_material[each.faces.start]), []).append(each)
+    found = [
+        reader.surface(shown.get(number, []), material.texture is not None)
+        for number, material in enumerate(mesh.appearance.materials)
+    ]
+    notes = [f"USD does not scale normal textures: {', '.join(reader.scaled)}"] if reader.scaled else []
+    notes += [f"could not be read: {', '.join(sorted(reader.unreadable))}"] if reader.unreadable else []
+    return Surfaces(tuple(found), reader.coordinates, tuple(notes))
+
+
+class _Reader:
+    """Reads materials, each picture once."""
+
+    def __init__(self, header: Header, data: GltfData, rows: int) -> None:
+        self.unreadable: set[str] = set()
+        self.scaled: list[str] = []
+        self.coordinates: dict[str, NDArray[np.float32]] = {}
+        self._header, self._data, self._rows = header, data, rows
+        self._materials = GltfMaterials(header, data, Pictures(), self.unreadable)
+        self._names: dict[tuple[int, bytes], str] = {}
+
+    def surface(self, primitives: Sequence[Primitive], has_picture: bool) -> Surface:
+        """The surface of the material that all of these primitives have."""
+        if not primitives:
+            return Surface()
+        content = item(self._header, "materials", self._primitive(primitives[0]).get("material"))
+        if content is None:  # what the format says of a primitive without one
+            return Surface(1.0, 1.0, double_sided=False)
+        base = _object(content, "pbrMetallicRoughness")
+        known = _key(base.get("baseColorTexture")) if has_picture else None
+        named = str(content.get("name", ""))
+
+        def picture(owner: Header, name: str) -> Picture | None:
+            return self._picture(owner.get(name), named, primitives, known)
+
+        strength = _number(extension(content, "KHR_materials_emissive_strength") or {}, "emissiveStrength", np.inf)
+        red, green, blue = _three(content.get("emissiveFactor"))
+        normal = picture(content, "normalTexture")
+        if normal is not None and _number(content["normalTexture"], "scale", np.inf) != 1.0:
+            self.scaled.append(named or "a material without a name")
+        sheen = extension(content, "KHR_materials_pbrSpecularGlossiness") is None
+        return Surface(
+            metallic=_number(base, "metallicFactor") if sheen else 0.0,
+            roughness=_number(base, "roughnessFactor") if sheen else 0.8,
+            emissive=(strength * red, strength * green, strength * blue),
+            double_sided=content.get("doubleSided") is True,
+            metallic_roughness=picture(base, "metallicRoughnessTexture"),
+            normal=normal,
+            occlusion=picture(content, "occlusionTexture"),
+            occlusion_strength=_number(_object(content, "occlusionTexture"), "strength"),
+            glow=picture(content, "emissiveTexture"),
+        )
+
+    def _picture(
+        self, reference: Any, named: str, primitives: Sequence[Primitive], known: tuple[int, bytes] | None
+    ) -> Picture | None:
+        if reference is None:
+            return None
+        image, texels, wrap = self._materials.texture(reference, named)
+        key = _key(reference)
+        places = [self._places(each, reference) for each in primitives]
+        if image is None or texels is None or all(each is None for each in places):
+            return None
+        if key == known:
+            return Picture(texels, wrap, BASE)
+        name = self._names.setdefault(key, f"{BASE}{len(self._names) + 1}")
+        rows = self.coordinates.setdefault(name, np.zeros((self._rows, 2), np.float32))
+        for each, place in zip(primitives, places, strict=True):
+            if place is not None:
+                rows[each.rows] = np.where(np.isfinite(place), place, 0.0).clip(-1e6, 1e6)
+        return Picture(texels, wrap, name)
+
+    def _places(self, primitive: Primitive, reference: Any) -> NDArray[np.float64] | None:
+        """(rows, 2) where the rows of a primitive lie on a texture; None where the file does not say."""
+        number, transform = coordinates(reference)
+        content, name = self._primitive(primitive), f"TEXCOORD_{number}"
+        packed = self._data.draco(content) or {}
+        if name not in packed and name not in content["attributes"]:
+            return None
+        found = packed[name] if name in packed else self._data.accessor(content["attributes"][name])
+        if found.shape != (primitive.rows.stop - primitive.rows.start, 2):
+            return None
+        return from_below(found, transform)
+
+    def _primitive(self, primitive: Primitive) -> Header:
+        _, mesh, number = primitive.source
+        found: Header = self._header["meshes"][mesh]["primitives"][number]
+        return found
+
+
+def _key(reference: Any) -> tuple[int, bytes]:
+    """What two textures have in common that lie in the same places."""
+    number, transform = coordinates(reference)
+    return number, b"" if transform is None else transform.tobytes()
+
+
+def _object(owner: Header, name: str) -> Header:
+    found = owner.get(name)
+    return found if isinstance(found, dict) else {}
+
+
+def _number(owner: Header, name: str, most: float = 1.0) -> float:
+    """A factor of a material, 1 where the file has none."""
+    value = owner.get(name, 1.0)
+    return min(max(float(value), 0.0), most) if isinstance(value, int | float) and np.isfinite(value) else 1.0
+
+
+def _three(values: Any) -> tuple[float, float, float]:
+    if isinstance(values, list) and len(values) == 3:
+        red, green, blue = (_number({"value": each}, "value") for each in values)
+        return red, green, blue
+    return 0.0, 0.0, 0.0

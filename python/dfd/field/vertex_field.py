@@ -1,0 +1,136 @@
+"""A field of features that another network has given to the vertices of a mesh."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
+
+from dfd.common import check, tensors
+from dfd.field.field import FARTHEST, Field, FieldSource
+from dfd.field.given_features import check_order, read_features
+from dfd.mesh.normalization import normalization
+
+if TYPE_CHECKING:
+    from dfd.mesh.mesh import Mesh
+
+__all__ = ["VertexField", "read_vertex_field"]
+
+ROWS_AT_ONCE = 1 << 16  # to bound memory
+
+
+class VertexField(Field):
+    """Φ from features that are given for the vertices of one mesh; elsewhere it has those of the nearest vertex.
+
+    Nothing is fitted, so that weights are those of the given features to the bit of their distances. Vertices at one
+    position have the features of the first of them, as faces do: seams stay closed. Where the features should serve
+    other resolutions of the shape, `dfd.distill(mesh, features=features)` fits a network to them.
+
+    Parameters
+    ----------
+    mesh
+        The mesh, whose order of vertices `features` has.
+    features
+        (V, D), a row a vertex. Only their directions count.
+    settings
+        How they came to be, JSON values.
+
+    Raises
+    ------
+    ValueError
+        If `features` has another shape, is not finite, or a row has no direction.
+    """
+
+    def __init__(self, mesh: Mesh, features: ArrayLike, *, settings: Mapping[str, Any] | None = None) -> None:
+        rows = check.array("VertexField", "features", features, ("V", "D"))
+        if len(rows) != len(mesh.vertices) or rows.shape[1] == 0:
+            hint = (
+                "; these may be those of its faces: ask for those of vertices" if len(rows) == len(mesh.faces) else ""
+            )
+            raise ValueError(
+                f"VertexField: `features` must have shape ({len(mesh.vertices)}, D), a row for each vertex, "
+                f"got {rows.shape}{hint}"
+            )
+        places, first = np.unique(mesh.representative, return_inverse=True)
+        self._rows = _unit(rows[places])
+        self._of_vertex = first
+        self._places = mesh.vertices[places]
+        center, scale = normalization(mesh)
+        self.center, self.scale = np.array(center, np.float64), float(scale)
+        self.settings = {"features": "vertices", **(settings or {})}
+
+    @property
+    def dimension(self) -> int:
+        """Width D of a feature row."""
+        return int(self._rows.shape[1])
+
+    def __repr__(self) -> str:
+        """Say of what it is."""
+        return f"VertexField({self.dimension} dimensions of {len(self._of_vertex)} vertices)"
+
+    def __call__(self, points: Any) -> Any:
+        """Features (N, D) of `points` (N, 3) in mesh units, as `Field` gives them; a tensor's have no gradient."""
+        if tensors.is_tensor(points):
+            import torch
+
+            return torch.from_numpy(self(points.detach().cpu().numpy())).to(points.device)
+        array = check.array("Field", "points", points, ("N", 3), dtype=np.float64)
+        with np.errstate(over="ignore"):
+            farthest = float(np.abs((array - self.center) * self.scale).max(initial=0.0))
+        if not farthest <= FARTHEST:
+            raise ValueError(f"Field: `points` must lie near the shape, got one {farthest:.3g} times as far as its box")
+        found: NDArray[np.float32] = self._rows[self._nearest.query(array)[1]]
+        return found
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Refuse: features of vertices are kept as the array that they came as.
+
+        Raises
+        ------
+        ValueError
+            Always.
+        """
+        raise ValueError(
+            "VertexField.save: features of vertices have no file of their own: keep their array, or fit a field with "
+            "dfd.distill(mesh, features=features)"
+        )
+
+    @cached_property
+    def _nearest(self) -> cKDTree:
+        return cKDTree(self._places)
+
+
+def read_vertex_field(path: Path, mesh: Mesh | None) -> VertexField:
+    """What `Field.load` makes of an `.npy`, and raises."""
+    if mesh is None:
+        raise ValueError(f"Field.load: `mesh` must be given for {path}: its rows are those of the mesh's vertices")
+    named = "Field.load: `path`"
+    rows = read_features(path, named)
+    check_order(path, rows, mesh, named)
+    try:
+        field = VertexField(mesh, rows)
+    except ValueError as error:
+        raise ValueError(f"{named} {path}: {str(error).removeprefix('VertexField: ')}") from None
+    field.source = FieldSource.of(path)
+    return field
+
+
+def _unit(rows: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Rows at unit length, whatever their length was."""
+    result = np.empty_like(rows)
+    for start in range(0, len(rows), ROWS_AT_ONCE):
+        some = rows[start : start + ROWS_AT_ONCE].astype(np.float64)
+        largest = np.abs(some).max(axis=1, keepdims=True)
+        if not largest.all():
+            row = start + int((largest == 0).argmax())
+            raise ValueError(f"VertexField: `features` must have rows with a direction, got only zeros in row {row}")
+        some /= largest  # so that no square overflows
+        result[start : start + ROWS_AT_ONCE] = some / np.linalg.norm(some, axis=1, keepdims=True)
+    result.flags.writeable = False
+    return result

@@ -1,0 +1,145 @@
+"""`dfd.VertexField`: features of the vertices as they are given, in place of a field."""
+
+import json
+import pickle
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+import dfd
+
+ROWS = arrays(np.float64, (8, 3), elements=st.integers(-(2**20), 2**20)).filter(lambda rows: rows.any(axis=1).all())
+
+
+@pytest.fixture
+def chair():
+    return dfd.samples.chair(4000).mesh
+
+
+@pytest.fixture
+def rows(chair):
+    return np.random.default_rng(1).normal(size=(len(chair.vertices), 12)).astype(np.float32)
+
+
+def unit(rows):
+    return rows / np.linalg.norm(rows.astype(np.float64), axis=1, keepdims=True)
+
+
+def test_vertices_have_what_was_given(chair, rows):
+    before = rows.copy()
+    field = dfd.VertexField(chair, rows)
+    np.testing.assert_allclose(field.features(chair), unit(rows), atol=1e-7)
+    assert field.dimension == 12
+    assert field.features(chair).dtype == np.float32
+    np.testing.assert_array_equal(rows, before)
+    rows[:] = 7
+    np.testing.assert_allclose(field.features(chair), unit(before), atol=1e-7)
+    assert repr(field) == f"VertexField(12 dimensions of {len(chair.vertices)} vertices)"
+    assert field.settings == {"features": "vertices"}
+
+
+@given(rows=ROWS)
+def test_only_directions_count(rows):
+    cube = dfd.Mesh([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], [(0, 1, 3), (4, 6, 7)])
+    found = dfd.VertexField(cube, rows).features(cube)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1, atol=1e-6)
+    np.testing.assert_array_equal(dfd.VertexField(cube, rows * 0.5).features(cube), found)
+
+
+def test_points_have_what_the_nearest_vertex_has(chair, rows):
+    field = dfd.VertexField(chair, rows)
+    points = chair.vertices[[5, 80]] + 1e-6
+    np.testing.assert_array_equal(field(points), field.features(chair)[[5, 80]])
+    tensor = field(torch.tensor(points))
+    np.testing.assert_array_equal(tensor.numpy(), field(points))
+    assert field(np.zeros((0, 3))).shape == (0, 12)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(field))(points), field(points))
+
+
+def test_vertices_at_one_position_have_the_features_of_the_first(tmp_path):
+    (tmp_path / "seam.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 4 6 5\n")
+    mesh = dfd.load(tmp_path / "seam.obj")
+    rows = np.eye(6)
+    found = dfd.VertexField(mesh, rows).features(mesh)
+    np.testing.assert_array_equal(found, rows[[0, 1, 2, 1, 2, 5]])
+
+
+def test_a_session_weighs_by_them(chair, rows):
+    session = dfd.Deformer(chair, dfd.VertexField(chair, rows))
+    session.add(17, translation=(0, 0.1, 0), instances="together")
+    weights = dfd.bind(unit(rows).astype(np.float32), [17])
+    np.testing.assert_allclose(session.weights, weights, atol=1e-6)
+    moved = dfd.pose(chair.vertices, weights, np.array([np.c_[np.eye(3), (0, 0.1, 0)]]))
+    np.testing.assert_allclose(session.vertices, moved, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda rows, mesh: rows[:-1],
+            r"`features` must have shape \(\d+, D\), a row for each vertex, got \(\d+, 12\)$",
+        ),
+        (
+            lambda rows, mesh: np.ones((len(mesh.faces), 2)),
+            "these may be those of its faces: ask for those of vertices",
+        ),
+        (lambda rows, mesh: rows[:, :0], r"`features` must have shape"),
+        (lambda rows, mesh: rows * np.nan, "`features` must be finite"),
+        (
+            lambda rows, mesh: rows * (np.arange(len(rows)) != 3)[:, None],
+            "rows with a direction, got only zeros in row 3",
+        ),
+    ],
+)
+def test_what_is_no_row_for_each_vertex_is_refused(chair, rows, change, message):
+    with pytest.raises(ValueError, match=message):
+        dfd.VertexField(chair, change(rows, chair))
+
+
+def test_points_far_off_are_refused_and_nothing_is_saved(chair, rows, tmp_path):
+    field = dfd.VertexField(chair, rows)
+    with pytest.raises(ValueError, match="Field: `points` must lie near the shape"):
+        field([(1e9, 0, 0)])
+    with pytest.raises(ValueError, match="VertexField.save: .* fit a field with dfd.distill"):
+        field.save(tmp_path / "x.safetensors")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_of_another_network_is_loaded_as_a_field(chair, rows, tmp_path):
+    np.save(tmp_path / "chair.npy", rows)
+    said = {"mode": "vertex", "num_vertices": len(rows), "feature_shape": list(rows.shape)}
+    (tmp_path / "chair.json").write_text(json.dumps(said))
+    field = dfd.Field.load(tmp_path / "chair.npy", mesh=chair)
+    assert isinstance(field, dfd.VertexField)
+    np.testing.assert_array_equal(field.features(chair), dfd.VertexField(chair, rows).features(chair))
+
+
+def test_the_order_of_vertices_is_checked(chair, rows, tmp_path):
+    np.save(tmp_path / "part_feat_chair_0_batch.npy", rows)
+    dfd.Mesh(chair.vertices * 3 + 1, chair.faces).save(tmp_path / "feat_pca_chair_0.ply")
+    dfd.Field.load(tmp_path / "part_feat_chair_0_batch.npy", mesh=chair)
+    turned = np.roll(np.arange(len(rows)), 1)
+    dfd.Mesh(chair.vertices[turned], np.argsort(turned)[chair.faces]).save(tmp_path / "feat_pca_chair_0.ply")
+    with pytest.raises(
+        ValueError, match=r"Field.load: `path` must have their rows in the order of the mesh's vertices"
+    ):
+        dfd.Field.load(tmp_path / "part_feat_chair_0_batch.npy", mesh=chair)
+
+
+def test_files_that_are_not_of_the_mesh_are_refused(chair, rows, tmp_path):
+    np.save(tmp_path / "few.npy", rows[:5])
+    with pytest.raises(ValueError, match=r"Field.load: `path` .*few.npy: `features` must have shape"):
+        dfd.Field.load(tmp_path / "few.npy", mesh=chair)
+    with pytest.raises(ValueError, match=r"Field.load: `mesh` must be given for .*few.npy"):
+        dfd.Field.load(tmp_path / "few.npy")
+    (tmp_path / "text.npy").write_text("1 2")
+    with pytest.raises(ValueError, match=r"Field.load: `path` must be an .npy file of numbers"):
+        dfd.Field.load(tmp_path / "text.npy", mesh=chair)
+    (tmp_path / "few.json").write_text('{"mode": "vertex", "num_vertices": 9, "feature_shape": [5, 12]}')
+    with pytest.raises(ValueError, match=r"must be of this mesh, which has \d+ vertices, but .*few.json says 9"):
+        dfd.Field.load(tmp_path / "few.npy", mesh=chair)
