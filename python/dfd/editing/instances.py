@@ -34,6 +34,7 @@ LEAST_ALIKE = 0.15  # of weight: what looks less alike has a pivot of its own, b
 MOST_INSTANCES = 64  # the highest peaks; every one costs a column of weights
 SHARPNESS = 2  # of the passage from one instance to the next: shares fall with this power of the distance
 CLEAR = 0.03  # a share below this part of the largest is none, so that an instance is moved by itself alone
+BESIDE = 0.1  # of a box's sides: what stands so near it is inside
 AS_ALIKE = 0.05  # of weight: by so much less alike, the mirror image of the handle is still preferred to a peak
 
 Float32 = NDArray[np.float32]
@@ -124,6 +125,7 @@ class InstanceFinder:
         x, y, z = (float(value) for value in position)
         of_node = np.maximum.reduceat(weights[self._nodes.members], self._nodes.starts)
         basin, saddle = _basins(np.asarray(of_node, np.float64), self._nodes.graph)
+        self._join_inside(of_node, basin, saddle)
         own = int(basin[self._nodes.of_vertex[vertex]])
         highest = {int(root): float(of_node[root]) for root in saddle}
         others = sorted((root for root in highest if root != own), key=lambda root: (-highest[root], root))
@@ -165,6 +167,30 @@ class InstanceFinder:
                 frame = plane.reflection[:3, :3] @ frame
         return peak, frame
 
+    def _join_inside(self, weights: Float64, basin: NDArray[np.int64], saddle: dict[int, float]) -> None:
+        """Give peaks that stand inside what a higher one is to it: the hub of a wheel, the arch around it.
+
+        Only those of another component of the surface: on one component the way along it tells what is another limb.
+        """
+        roots = sorted(saddle, key=lambda root: (-weights[root], root))
+        core_of = {root: self._core(root, weights, basin, saddle) for root in roots}
+        boxes: list[tuple[int, _Box]] = []
+        for root in roots:
+            center = self._nodes.center[core_of[root]].mean(axis=0)
+            component = self._nodes.component[root]
+            around = (one for one, box in boxes if self._nodes.component[one] != component and center in box)
+            whole = next(around, None)
+            if whole is None:
+                boxes.append((root, _Box(self._nodes.center[core_of[root]])))
+            else:
+                basin[basin == root] = whole
+                del saddle[root]
+
+    @staticmethod
+    def _core(root: int, weights: Float64, basin: NDArray[np.int64], saddle: dict[int, float]) -> NDArray[np.int64]:
+        """The nodes of the upper half of a peak."""
+        return np.flatnonzero((basin == root) & (weights >= (weights[root] + saddle[root]) / 2))
+
     def _peak(self, weights: NDArray[np.floating], node: int) -> int:
         members = self._nodes.members[self._nodes.starts[node] : self._nodes.ends[node]]
         return int(members[weights[members].argmax()])
@@ -175,7 +201,7 @@ class InstanceFinder:
         """The K shares of the instances: 1 on the upper half of a peak, passing smoothly into each other between."""
         closeness = np.empty((len(roots), len(weights)))
         for row, root in enumerate(roots):
-            core = np.flatnonzero((basin == root) & (weights >= (weights[root] + saddle[root]) / 2))
+            core = self._core(root, weights, basin, saddle)
             distance = dijkstra(self._nodes.graph, indices=core, min_only=True)
             if np.isinf(distance).any():  # no way along the surface: the straight one, and farther than any other
                 straight = cKDTree(self._nodes.center[core]).query(self._nodes.center)[0] + self._mesh.diagonal
@@ -191,6 +217,23 @@ class InstanceFinder:
     @cached_property
     def _tree(self) -> cKDTree:
         return cKDTree(self._mesh.vertices)
+
+
+class _Box:
+    """The box around points (N, 3) along their own principal axes, a little larger than they are."""
+
+    def __init__(self, points: Float64) -> None:
+        self._center = points.mean(axis=0)
+        self._axes = np.linalg.svd(points - self._center, full_matrices=False)[2] if len(points) > 2 else np.eye(3)
+        along = (points - self._center) @ self._axes.T
+        self._low, self._high = along.min(axis=0), along.max(axis=0)
+        margin = BESIDE * (self._high - self._low)
+        self._low -= margin
+        self._high += margin
+
+    def __contains__(self, point: Float64) -> bool:
+        along = (point - self._center) @ self._axes.T
+        return bool(((along >= self._low) & (along <= self._high)).all())
 
 
 def _basins(weights: Float64, graph: csr_array) -> tuple[NDArray[np.int64], dict[int, float]]:
