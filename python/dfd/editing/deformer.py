@@ -289,7 +289,9 @@ class Deformer(WholeShape):
     ) -> Transform:
         """`transform` with what is given exchanged, `axes` in numbers."""
         along: Along | None = None
-        if isinstance(axes, str) and axes in get_args(Along):
+        if isinstance(axes, str) and axes != "auto":
+            if axes not in get_args(Along):
+                raise ValueError(f"`axes` must be normal, limb, auto or 3 unit vectors at right angles, got {axes!r}")
             along = check.choice("Deformer", "axes", axes, Along)
             axes = self._weights.axes(place, along)
             if axes is None:

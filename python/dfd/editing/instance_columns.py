@@ -134,7 +134,8 @@ class InstanceColumns:
             return self._found[key]
         looks: Float32 = bind(rows.features, rows.points([handle.place]))[:, 0]
         planes = self._planes if symmetry is None else [symmetry]
-        return self._finder.find(looks, rows.anchor(handle.place), handle.place.position, planes=planes)
+        held = None if handle.place.region is None else rows.members(handle.place)
+        return self._finder.find(looks, rows.anchor(handle.place), handle.place.position, held=held, planes=planes)
 
     def _parts(
         self, handle: Handle, weights: Float32, instances: Sequence[Instance], rows: VertexRows

@@ -105,6 +105,7 @@ class InstanceFinder:
         vertex: int,
         position: Sequence[float],
         *,
+        held: NDArray[np.integer] | None = None,
         planes: Sequence[SymmetryPlane] = (),
     ) -> tuple[Instance, ...]:
         """Find the instances of a handle.
@@ -115,6 +116,8 @@ class InstanceFinder:
             (V,) of the handle by looks alone, without what holds it back.
         vertex, position
             Where it is: the vertex nearest to it, and (3,) mesh units.
+        held
+            (N,) all vertices of a handle that is a region: whatever peaks it has are one instance, its own.
         planes
             Planes of symmetry of the shape, for frames.
 
@@ -125,6 +128,10 @@ class InstanceFinder:
         x, y, z = (float(value) for value in position)
         of_node = np.maximum.reduceat(weights[self._nodes.members], self._nodes.starts)
         basin, saddle = _basins(np.asarray(of_node, np.float64), self._nodes.graph)
+        first = int(basin[self._nodes.of_vertex[vertex]])
+        if held is not None and first >= 0:
+            for root in {*basin[self._nodes.of_vertex[held]].tolist()} - {first, -1}:
+                _give(basin, saddle, root, first)
         self._join_inside(of_node, basin, saddle)
         own = int(basin[self._nodes.of_vertex[vertex]])
         highest = {int(root): float(of_node[root]) for root in saddle}
@@ -183,8 +190,7 @@ class InstanceFinder:
             if whole is None:
                 boxes.append((root, _Box(self._nodes.center[core_of[root]])))
             else:
-                basin[basin == root] = whole
-                del saddle[root]
+                _give(basin, saddle, root, whole)
 
     @staticmethod
     def _core(root: int, weights: Float64, basin: NDArray[np.int64], saddle: dict[int, float]) -> NDArray[np.int64]:
@@ -217,6 +223,12 @@ class InstanceFinder:
     @cached_property
     def _tree(self) -> cKDTree:
         return cKDTree(self._mesh.vertices)
+
+
+def _give(basin: NDArray[np.int64], saddle: dict[int, float], root: int, whole: int) -> None:
+    """Make what belongs to the peak `root` a part of that of `whole`."""
+    basin[basin == root] = whole
+    del saddle[root]
 
 
 class _Box:
