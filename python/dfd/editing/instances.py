@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
 from dfd.editing.nodes import Nodes, Share
@@ -50,7 +50,8 @@ class Instance:
     vertex
         Its counterpart of the handle: the vertex that looks most like it.
     position
-        (3,) where that is, mesh units; for the handle's own instance the handle's own position.
+        (3,) where that is, mesh units; for the handle's own instance the handle's own position, and of a region in
+        several pieces the center of one.
     frame
         (3, 3) orthogonal: turns directions at the handle into those at the counterpart; a reflection where a plane of
         symmetry lies between them.
@@ -117,7 +118,8 @@ class InstanceFinder:
         vertex, position
             Where it is: the vertex nearest to it, and (3,) mesh units.
         held
-            (N,) all vertices of a handle that is a region: whatever peaks it has are one instance, its own.
+            (N,) all vertices of a handle that is a region: a connected piece of it is one instance, whatever peaks it
+            has, and of several pieces each moves about its own center.
         planes
             Planes of symmetry of the shape, for frames.
 
@@ -128,10 +130,7 @@ class InstanceFinder:
         x, y, z = (float(value) for value in position)
         of_node = np.maximum.reduceat(weights[self._nodes.members], self._nodes.starts)
         basin, saddle = _basins(np.asarray(of_node, np.float64), self._nodes.graph)
-        first = int(basin[self._nodes.of_vertex[vertex]])
-        if held is not None and first >= 0:
-            for root in {*basin[self._nodes.of_vertex[held]].tolist()} - {first, -1}:
-                _give(basin, saddle, root, first)
+        centers = {} if held is None else self._join_held(held, of_node, basin, saddle)
         self._join_inside(of_node, basin, saddle)
         own = int(basin[self._nodes.of_vertex[vertex]])
         highest = {int(root): float(of_node[root]) for root in saddle}
@@ -140,10 +139,11 @@ class InstanceFinder:
         if own < 0 or len(roots) == 1:
             return (Instance(vertex, (x, y, z), np.eye(3), float(weights[vertex]), None),)
         shares = self._shares(of_node, basin, saddle, roots)
+        x, y, z = centers.get(own, (x, y, z))
         found = [Instance(vertex, (x, y, z), np.eye(3), float(weights[vertex]), shares[0])]
         for root, share in zip(roots[1:], shares[1:], strict=True):
             peak, frame = self._counterpart(root, weights, basin, found, planes)
-            here = self._mesh.vertices[peak]
+            here = centers.get(root, self._mesh.vertices[peak])
             found.append(Instance(peak, (here[0], here[1], here[2]), frame, float(weights[peak]), share))
         return tuple(found)
 
@@ -173,6 +173,28 @@ class InstanceFinder:
             if ours * theirs < 0:
                 frame = plane.reflection[:3, :3] @ frame
         return peak, frame
+
+    def _join_held(
+        self, held: NDArray[np.integer], weights: Float64, basin: NDArray[np.int64], saddle: dict[int, float]
+    ) -> dict[int, Float64]:
+        """Make one of all peaks on each connected piece of the vertices `held` (N,): all of a region is held alike.
+
+        Returns
+        -------
+        By peak, the center (3,) of its piece, mesh units; of a region in one piece that is the handle itself.
+        """
+        nodes, of_held = np.unique(self._nodes.of_vertex[held], return_inverse=True)
+        count, piece = connected_components(self._nodes.graph[nodes][:, nodes], directed=False)
+        centers = {}
+        for number in range(count):
+            roots = {*basin[nodes[piece == number]].tolist()} - {-1}
+            if not roots:
+                continue
+            highest = max(roots, key=lambda root: (weights[root], -root))
+            for root in roots - {highest}:
+                _give(basin, saddle, root, highest)
+            centers[highest] = self._mesh.vertices[held[piece[of_held] == number]].mean(axis=0)
+        return centers if count > 1 else {}
 
     def _join_inside(self, weights: Float64, basin: NDArray[np.int64], saddle: dict[int, float]) -> None:
         """Give peaks that stand inside what a higher one is to it: the hub of a wheel, the arch around it.

@@ -59,13 +59,17 @@ def test_every_hill_is_an_instance_with_its_own_counterpart():
     assert (own.weight, second.weight, third.weight) == pytest.approx((1, 0.9, 0.6), abs=1e-3)
 
 
-def test_all_peaks_of_a_region_that_is_held_are_its_own():
+def test_all_peaks_of_a_piece_of_a_region_that_is_held_are_one_instance():
     mesh = sheet()
     weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, 0.5, -0.5, 1) + hill(mesh, 0.5, 0.5, 0.6)
-    held = np.array([vertex_at(mesh, -0.5, -0.5), vertex_at(mesh, 0.5, -0.5), vertex_at(mesh, 0, 0.9)])
-    own, other = find(mesh, weights, held[0], held=held)
+    row = np.array([vertex_at(mesh, x, -0.5) for x in np.linspace(-0.5, 0.5, 21)])
+    own, other = find(mesh, weights, row[0], held=row)
     np.testing.assert_allclose(other.position, (0.5, 0, 0.5), atol=1e-12)
-    np.testing.assert_array_equal(own.share[held[:2]], 1)
+    np.testing.assert_array_equal(own.share[row[[0, -1]]], 1)
+    own, second, third = find(mesh, weights, row[0], held=row[[0, 1, -2, -1]])
+    np.testing.assert_allclose(own.position, mesh.vertices[row[:2]].mean(axis=0), atol=1e-12)
+    np.testing.assert_allclose(second.position, mesh.vertices[row[-2:]].mean(axis=0), atol=1e-12)
+    np.testing.assert_allclose(third.position, other.position, atol=1e-12)
 
 
 def test_what_stands_inside_a_peak_of_another_component_is_part_of_it():
