@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from dfd.editing.distances import Distances
 from dfd.editing.edit import Handle
-from dfd.editing.instances import Instance
+from dfd.editing.instances import LEAST_ALIKE, Instance
 from dfd.posing.transforms import Along, Frame, frame_of_normal
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class SurfaceAxes:
     def turned(self, handle: Handle, anchor: int, instances: Sequence[Instance]) -> tuple[Instance, ...]:
         """`instances` of a handle, each but the first with its frame turned the shortest way to its own normal or limb.
 
-        `anchor` is the handle's vertex. Where an instance has no normal or limb its frame stays.
+        `anchor` is the handle's vertex. Where an instance has none, or is hardly alike, its frame stays.
         """
         axes, along = handle.transform.axes, handle.transform.along
         if axes is None or along is None:
@@ -49,7 +49,7 @@ class SurfaceAxes:
         sign = 1.0 if own is None or own @ third >= 0 else -1.0
         found = list(instances[:1])
         for one in instances[1:]:
-            theirs, told = self._direction(one.vertex, along)
+            theirs, told = self._direction(one.vertex, along) if one.weight >= LEAST_ALIKE else (None, False)
             if theirs is None:
                 found.append(one)
                 continue

@@ -24,7 +24,7 @@ def asked(sample, mesh, monkeypatch):
         def __init__(self, mesh):
             pass
 
-        def find(self, weights, vertex, position, *, planes=()):
+        def find(self, weights, vertex, position, *, held=None, planes=()):
             calls.append((vertex, planes))
             found = []
             for leg in sorted(range(4), key=lambda leg: leg != sample.instances[vertex]):
@@ -140,7 +140,7 @@ def test_level_lets_no_vertex_follow_more_than_the_handle(mesh, field, asked, fo
         def __init__(self, mesh):
             pass
 
-        def find(self, weights, vertex, position, *, planes=()):
+        def find(self, weights, vertex, position, *, held=None, planes=()):
             half = np.full(len(mesh.vertices), 0.5, np.float32)
             low = int(weights.argmin())
             places = [tuple(mesh.vertices[one]) for one in (vertex, low)]

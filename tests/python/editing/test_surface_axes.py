@@ -108,6 +108,12 @@ def test_where_there_is_no_limb_the_frame_stays():
     assert list(found) == before
 
 
+def test_what_is_hardly_alike_keeps_its_frame(fingers):
+    axes = SurfaceAxes(fingers, Distances(fingers))
+    before = [*instances_at(fingers, [tip(0)]), Instance(tip(1), tuple(fingers.vertices[tip(1)]), np.eye(3), 0.1, None)]
+    assert list(axes.turned(held(fingers, axes.at(tip(0), "limb"), "limb"), tip(0), before)) == before
+
+
 def test_a_session_s_instances_scale_along_their_own_limbs(session_of_feet):
     session, foot = session_of_feet
     handle = session.add(foot, scale=(1.5, 1.5, 1.0), axes="limb")
