@@ -101,7 +101,9 @@ def _stories(shape: Callable[[str, str], Shape]) -> list[tuple[str, Shape, list[
     """A title, a shape, its edits with their captions, and from where they are seen, for each row."""
     truck, animal = shape("milk_truck_textured", "chair"), shape("spot", "quadruped")
     chair, horned, robot = shape("chair", "chair"), shape("quadruped", "quadruped"), shape("robot", "robot")
+    fish = shape("anglerfish", "quadruped")
     wheel = _wheel(truck)
+    jaw, opened = fish.top(y=-1.5, z=1), {"translation": (0, -0.1 * fish.mesh.extents[1], 0)}
     feet = [chair.top(x=x, y=-3, z=z) for x in (-1, 1) for z in (-1, 1)]
     horse, figure = shape("horse", "quadruped"), shape("man", "robot")
     poll, hand = horse.top(y=1, z=0.3), figure.top(x=1)
@@ -138,7 +140,7 @@ def _stories(shape: Callable[[str, str], Shape]) -> list[tuple[str, Shape, list[
         (
             "Instances: a wheel is scaled",
             truck,
-            [(kind, add(wheel, scale=1.5, reach=0.6, instances=kind)) for kind in ("together", "own", "only")],
+            [(kind, add(wheel, scale=1.5, instances=kind)) for kind in ("together", "own", "only")],
             60.0,
         ),
         (
@@ -152,9 +154,9 @@ def _stories(shape: Callable[[str, str], Shape]) -> list[tuple[str, Shape, list[
             "Instances: some of them are switched off",
             animal,
             [
-                ("all", add(hoof, reach=0.6, **lowered)),
-                ("without the most alike", also(add(hoof, reach=0.6, **lowered), without(1))),
-                ("without all others", also(add(hoof, reach=0.6, **lowered), without(None))),
+                ("all", add(hoof, **lowered)),
+                ("without the most alike", also(add(hoof, **lowered), without(1))),
+                ("without all others", also(add(hoof, **lowered), without(None))),
             ],
             40.0,
         ),
@@ -177,8 +179,8 @@ def _stories(shape: Callable[[str, str], Shape]) -> list[tuple[str, Shape, list[
             "Axes: a leg grows thicker and not longer",
             animal,
             [
-                ("every way", add(hoof, scale=1.6, reach=0.6)),
-                ("limb", add(hoof, scale=(1.6, 1.6, 1), axes="limb", reach=0.6)),
+                ("every way", add(hoof, scale=1.6)),
+                ("limb", add(hoof, scale=(1.6, 1.6, 1), axes="limb")),
             ],
             40.0,
         ),
@@ -191,7 +193,8 @@ def _stories(shape: Callable[[str, str], Shape]) -> list[tuple[str, Shape, list[
         (
             "Reach",
             animal,
-            [(f"reach {reach}", add(ear, reach=reach, **lifted)) for reach in (1.0, 0.6, 0.3, "auto")],
+            [("the paper's", add(ear, reach=1.0, falloff="linear", **lifted))]
+            + [(f"reach {reach}", add(ear, reach=reach, **lifted)) for reach in (1.0, 0.7, 0.4, "auto")],
             None,
         ),
         (
@@ -209,6 +212,13 @@ def _stories(shape: Callable[[str, str], Shape]) -> list[tuple[str, Shape, list[
             [(f"locality {value}", add(horn, locality=value, scale=1.8)) for value in (0.0, 2.0, 6.0)]
             + [(f"radius {value}", add(horn, radius=value, scale=1.8)) for value in ("40%", "15%")],
             None,
+        ),
+        (
+            "Many pieces: a jaw is opened, and its teeth come along",
+            fish,
+            [(f"locality {value}", add(jaw, locality=value, **opened)) for value in (0.0, 2.0, 6.0)]
+            + [("radius 25%", add(jaw, radius="25%", **opened))],
+            35.0,
         ),
         (
             "Fixed points: the muzzle holds while a horn is bent",

@@ -194,7 +194,7 @@ def _tried(step: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
 REFUSALS = re.compile(
     "must have a face with an area|must hold a vertex|must be a part of the scene|look the same|cannot both arrive|"
     "cannot arrive|must leave something|must lie at distinct places|must be free places|"
-    "at no vertex with a normal|as wide as it is long"
+    "the surface has no normal|as wide as it is long"
 )
 
 

@@ -165,7 +165,8 @@ class Columns:
             # Instances are found by looks alone, so that reach and falloff stay the page's own.
             instances = None
             if _instanced(handle):
-                instances = (controls.instances, controls.without_instances, edit.symmetry)
+                axes = handle.transform.axes if handle.transform.along is not None else None
+                instances = (controls.instances, controls.without_instances, edit.symmetry, axes)
             return Key(kind, (handle.place, sources, controls.radius, instances))
         # What weights are when they are sent as such, or are at the counterparts, depends on all that shapes them.
         return Key(kind, (handle.place, sources, controls, edit.fixed, edit.arrive, edit.symmetry))

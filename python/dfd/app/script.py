@@ -6,6 +6,7 @@ import shlex
 from typing import TYPE_CHECKING, Any
 
 from dfd.app.exports import file_stem
+from dfd.editing.deformer import NEW_HANDLE
 from dfd.editing.edit_file import to_document
 
 if TYPE_CHECKING:
@@ -14,16 +15,16 @@ if TYPE_CHECKING:
 __all__ = ["as_command", "as_python"]
 
 # Keys of the edit document that `Deformer.add` takes under other names or not at all.
-NOT_CONTROLS = ("id", "vertex", "position")
+NOT_CONTROLS = ("id", "vertex", "position", "along")
 AT_REST = {
     "translation": [0.0] * 3,
     "rotation": [0.0] * 3,
     "scale": [1.0] * 3,
     "locality": 0.0,
-    "reach": 1.0,
-    "falloff": "linear",
+    "reach": NEW_HANDLE.reach,
+    "falloff": NEW_HANDLE.falloff,
     "strength": 1.0,
-    "instances": "own",
+    "instances": NEW_HANDLE.instances,
     "level": False,
     "without_instances": [],
     "within_width": 0.0,
@@ -101,6 +102,8 @@ def _held(document: dict[str, Any]) -> list[dict[str, Any]]:
 
 def _said(entry: dict[str, Any]) -> dict[str, Any]:
     """What of a handle is not as it is by itself."""
+    if entry.get("along") is not None:
+        entry = {**entry, "axes": entry["along"]}
     return {
         key: value
         for key, value in entry.items()

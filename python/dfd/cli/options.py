@@ -40,11 +40,14 @@ CONTROLS = (
 
 ReachOption = Annotated[
     str | None,
-    typer.Option(metavar="R|auto", help="How unlike it what follows may be: 1 is the paper's, less takes less along."),
+    typer.Option(metavar="R|auto", help="How unlike it what follows may be: 0.7 unless given, 1 is the paper's."),
 ]
 FalloffOption = Annotated[
     str | None,
-    typer.Option(metavar="CURVE", help="From the handle to that end: linear, smooth, sharp, root, sphere or constant."),
+    typer.Option(
+        metavar="CURVE",
+        help="From it to that end: smooth unless given, linear (the paper's), sharp, root, sphere or constant.",
+    ),
 ]
 LocalityOption = Annotated[
     float | None, typer.Option(metavar="λ", help="0 reaches all that looks alike, more stays nearer.")

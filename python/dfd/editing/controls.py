@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 from dfd.common import check
 from dfd.editing.place import Place, place_on
 from dfd.editing.regions import Region
-from dfd.posing.pose import Blend
+from dfd.posing.pose import Blend, Overlap
 from dfd.weights.bind import Falloff
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
 __all__ = [
+    "CONTROL_NAMES",
     "Blend",
     "Controls",
     "Falloff",
@@ -28,7 +29,6 @@ __all__ = [
 ]
 
 Instances = Literal["own", "together", "only"]
-Overlap = Literal["add", "interpolate", "normalize", "paper"]
 
 LARGEST = 1e38  # what the kernels compute with are 32-bit floats
 
@@ -124,6 +124,9 @@ class Controls:
         return replace(self, **parts) if parts else self
 
 
+CONTROL_NAMES = tuple(each.name for each in fields(Controls))  # those of the arguments of `Deformer.add`, too
+
+
 def controls_with_places(mesh: Mesh, controls: Controls) -> Controls:
     """`controls` with the vertices of their places where those of `mesh` lie."""
     if not controls.without_instances:
@@ -132,7 +135,9 @@ def controls_with_places(mesh: Mesh, controls: Controls) -> Controls:
 
 
 def controls_on(mesh: Mesh, given: dict[str, Any]) -> dict[str, Any]:
-    """`given` as `Controls.changed` takes it: lengths in mesh units, `within` a region and others places of `mesh`.
+    """The controls of `given` as `Controls.changed` takes them: lengths in mesh units, regions and places of `mesh`.
+
+    What else `given` holds, such as the other arguments of a call, does not count.
 
     Raises
     ------
@@ -140,7 +145,7 @@ def controls_on(mesh: Mesh, given: dict[str, Any]) -> dict[str, Any]:
         If a length is neither a number nor a percentage, `without_instances` is no list of points, or `within` is no
         region or holds no vertex.
     """
-    found = dict(given)
+    found = {name: given[name] for name in CONTROL_NAMES if name in given}
     if given.get("without_instances") is not None:
         found["without_instances"] = _points_on(mesh, given["without_instances"])
     if given.get("radius") is not None:

@@ -6,11 +6,12 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dfd.common import check
 from dfd.editing.compatibility import check_compatible
 from dfd.editing.controls import Controls, Falloff, Instances, controls_on
 from dfd.editing.door import door
@@ -23,7 +24,7 @@ from dfd.editing.regions import Region
 from dfd.editing.report import Report, report
 from dfd.editing.whole_shape import WholeShape
 from dfd.mesh.mesh import MeshLike, as_mesh
-from dfd.posing.transforms import Transform, frame_of_normal
+from dfd.posing.transforms import Along, Transform
 from dfd.weights.compact import CompactFeatures
 
 if TYPE_CHECKING:
@@ -31,8 +32,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Deformer"]
 
-# What a handle starts with: wheels turn about their own axles, and legs grow where they stand. All else is the paper's.
-NEW_HANDLE = Controls(instances="own")
+# What a handle starts with, by what pictures say: with the paper's reach of 1 an ear widens the whole head, and with a
+# linear falloff what is pulled has a point. Wheels turn about their own axles, and legs grow where they stand.
+NEW_HANDLE = Controls(reach=0.7, falloff="smooth", instances="own")
 # What shows a session in a page: a later room, looked up by name when somebody asks for it.
 PAGE = "dfd.app"
 
@@ -123,12 +125,13 @@ class Deformer(WholeShape):
         axes
             (3, 3) orthonormal vectors, one a row, along which it scales; "normal" for a frame whose third vector is the
             surface's normal at the handle, "limb" for one whose third vector runs along the limb there, so that
-            (1.5, 1.5, 1) makes it thicker and not longer; the mesh's own axes if left out.
+            (1.5, 1.5, 1) makes it thicker and not longer, each instance along its own; the mesh's own if left out.
         reach
-            Feature distance at which the weight is 0: 1 is the paper's, less takes fewer look-alikes along; "auto"
-            stops at the largest gap of the distances.
+            Feature distance at which the weight is 0: 0.7 if left out, 1 is the paper's, less takes fewer look-alikes
+            along; "auto" stops at the largest gap of the distances.
         falloff
-            The curve from the handle to the end of its reach, by the names of `dfd.bind`; "linear" if left out.
+            The curve from the handle to the end of its reach, by the names of `dfd.bind`; "smooth" if left out, the
+            paper's is "linear".
         locality
             λ of Eq. 7: 0 reaches everything that looks alike, more stays nearer.
         radius
@@ -165,23 +168,7 @@ class Deformer(WholeShape):
                 self._next_id,
                 place,
                 transform,
-                NEW_HANDLE.changed(
-                    **controls_on(
-                        self.mesh,
-                        {
-                            "reach": reach,
-                            "falloff": falloff,
-                            "locality": locality,
-                            "radius": radius,
-                            "strength": strength,
-                            "instances": instances,
-                            "level": level,
-                            "without_instances": without_instances,
-                            "within": within,
-                            "within_width": within_width,
-                        },
-                    )
-                ),
+                NEW_HANDLE.changed(**controls_on(self.mesh, locals())),
                 name,
             )
             self._commit(replace(self.edit, handles=(*self.handles, handle)))
@@ -252,22 +239,16 @@ class Deformer(WholeShape):
         """
         with door("Deformer.change"):
             held = self.edit.handle(handle)
-            given = {
-                "reach": reach,
-                "falloff": falloff,
-                "locality": locality,
-                "radius": radius,
-                "strength": strength,
-                "instances": instances,
-                "level": level,
-                "without_instances": without_instances,
-                "within": within,
-                "within_width": within_width,
-            }
+            place = held.place if at is None else place_on(self.mesh, at)
+            transform, along = held.transform, held.transform.along
+            if place != held.place and along is not None:
+                axes = self._weights.axes(place, along)
+                transform = transform if axes is None else transform.changed(axes=axes, along=along)
             changed = replace(
                 held,
-                place=held.place if at is None else place_on(self.mesh, at),
-                controls=held.controls.changed(**controls_on(self.mesh, given)),
+                place=place,
+                transform=transform,
+                controls=held.controls.changed(**controls_on(self.mesh, locals())),
                 name=held.name if name is None else name,
             )
             self._commit(self.edit.replaced(changed))
@@ -307,17 +288,17 @@ class Deformer(WholeShape):
         axes: ArrayLike | None,
     ) -> Transform:
         """`transform` with what is given exchanged, `axes` in numbers."""
-        if isinstance(axes, str) and axes == "normal":
-            normal = np.zeros(3) if place.vertex is None else self.mesh.normals[place.vertex]
-            if not normal.any():
-                raise ValueError("`axes` cannot be 'normal': the handle is at no vertex with a normal")
-            axes = frame_of_normal(normal)
-        elif isinstance(axes, str) and axes == "limb":
-            along = self._weights.limb(place)
-            if along is None:
-                raise ValueError("`axes` cannot be 'limb': the shape is as wide as it is long at the handle")
-            axes = frame_of_normal(along)
-        return transform.changed(translation=translation, rotation=rotation, scale=scale, pivot=pivot, axes=axes)
+        along: Along | None = None
+        if isinstance(axes, str) and axes != "auto":
+            if axes not in get_args(Along):
+                raise ValueError(f"`axes` must be normal, limb, auto or 3 unit vectors at right angles, got {axes!r}")
+            along = check.choice("Deformer", "axes", axes, Along)
+            axes = self._weights.axes(place, along)
+            if axes is None:
+                why = "the surface has no normal" if along == "normal" else "the shape is as wide as it is long"
+                raise ValueError(f"`axes` cannot be {along!r}: {why} at the handle")
+        given = {"translation": translation, "rotation": rotation, "scale": scale, "pivot": pivot, "axes": axes}
+        return transform.changed(**given, along=along)
 
     # --- what comes of it
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dfd.editing.controls import Controls
 from dfd.editing.place import Place
-from dfd.geometry.limbs import limb_direction
+from dfd.geometry.limbs import Limb, limb_at
 from dfd.posing.transforms import Vector
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ class Distances:
     def __init__(self, mesh: Mesh) -> None:
         self._mesh = mesh
         self._rows: dict[int, Float32] = {}  # (V,) each, by its source
+        self._limbs: dict[int, Limb | None] = {}  # by the vertex
         self._found: dict[Vector, int] = {}  # nearest vertices: every frame of a drag asks for the same ones
 
     def sources(self, own: Indices, place: Place, symmetry: SymmetryPlane | None) -> tuple[int, ...]:
@@ -59,9 +60,12 @@ class Distances:
         reached = np.minimum(self._nearest_of(sources) * in_radii, np.float32(1.0))
         return np.square(reached)[None], 2.0
 
-    def limb(self, vertex: int) -> NDArray[np.float64] | None:
-        """The direction (3,) in which the limb at a vertex runs, or None where there is none."""
-        return limb_direction(self._mesh, self._geodesics.extent * self._nearest_of((vertex,)))
+    def limb(self, vertex: int) -> Limb | None:
+        """The limb at a vertex, or None where there is none."""
+        if vertex not in self._limbs:
+            distances = self._geodesics.distances([vertex])[0]
+            self._limbs[vertex] = limb_at(self._mesh, self._geodesics.extent * distances)
+        return self._limbs[vertex]
 
     def keep(self, sources: set[int]) -> None:
         """Forget the distances of handles that are gone: they are not worth their memory."""

@@ -18,6 +18,7 @@
           "scale": [1.0, 1.0, 1.0],
           "pivot": null,
           "axes": null,
+          "along": null,
           "reach": 1.0,
           "falloff": "linear",
           "locality": 2.0,
@@ -42,7 +43,7 @@ Required: `format`, `version`, and for every handle and fixed point a `vertex`, 
 be left out. Unknown keys, keys that are given twice, and numbers that are not finite are refused: a misspelt key is an
 error, never a default.
 
-A version 1 document has none of `hash`, `bounds`, `region`, `axes`, `reach`, `falloff`, `radius`, `strength`,
+A version 1 document has none of `hash`, `bounds`, `region`, `axes`, `along`, `reach`, `falloff`, `radius`, `strength`,
 `instances`, `level`, `without_instances`, `within`, `within_width`, `overlap`, `blend` and `arrive`. It is read as
 one of version 2 that leaves them out, but for `arrive`, which is false there: fixed points shortened the move.
 """
@@ -57,6 +58,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError
 
 from dfd.editing.controls import Blend, Falloff, Instances, Overlap
+from dfd.posing.transforms import Along
 
 __all__ = [
     "FORMAT",
@@ -225,6 +227,7 @@ class HandleDocument(PlaceDocument, DefaultDocument):
 
     id: int | None = Field(None, ge=1, description="Once each; given in order where it is missing.")
     name: str | None = Field(None, min_length=1)
+    along: Along | None = Field(None, description="What the third of `axes` runs along; each instance has its own.")
     reach: Annotated[
         Annotated[float, Field(gt=0), Tag("number")] | Annotated[Literal["auto"], Tag("text")], _text_or("number")
     ] = 1.0

@@ -232,7 +232,7 @@ def symmetry_on(
     Raises
     ------
     ValueError
-        If `plane` is neither, "auto" finds none, or `band` is negative or not finite.
+        If `plane` is neither, "auto" finds none, it lies beside the shape, or `band` is negative or not finite.
     """
     if isinstance(plane, str) and plane == "auto" and field is not None:
         found = symmetry_planes(field, mesh)
@@ -243,7 +243,15 @@ def symmetry_on(
         plane = _plane_in(plane, mesh)
     elif not isinstance(plane, SymmetryPlane):
         raise ValueError(f"`plane` must be a text such as x or x=0.1, or a SymmetryPlane, got {type(plane).__name__}")
-    return plane if band is None else replace(plane, band=check.number("band", "band", band, minimum=0.0))
+    if band is not None:
+        plane = replace(plane, band=check.number("band", "band", band, minimum=0.0))
+    heights = plane.signed_distance(mesh.vertices)
+    low, high = float(heights.min()), float(heights.max())
+    if low > plane.band or high < -plane.band:
+        raise ValueError(
+            f"`plane` must pass through the shape, which lies from {low:.3g} to {high:.3g} of it, along its normal"
+        )
+    return plane
 
 
 def _plane_in(text: str, mesh: Mesh) -> SymmetryPlane:

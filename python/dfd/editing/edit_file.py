@@ -155,6 +155,7 @@ def _handle_to(handle: Handle) -> HandleDocument:
         name=handle.name,
         **_place_to(handle.place),
         **_transform_to(handle.transform),
+        along=handle.transform.along,
         **{key: getattr(handle.controls, key) for key in CONTROL_KEYS},
         without_instances=[_point_to(place) for place in handle.controls.without_instances],
         within=region_to(handle.controls.within),
@@ -311,7 +312,10 @@ class _Reading:
                 raise self._error(f"`{key}[{i}].position` must be numbers of at most {LARGEST:g}, got {point}")
 
     def _transform(self, entry: DefaultDocument, path: str) -> Transform:
-        made: Transform = self._named(path, Transform, **{key: getattr(entry, key) for key in TRANSFORM_KEYS})
+        parts = {key: getattr(entry, key) for key in TRANSFORM_KEYS}
+        if isinstance(entry, HandleDocument):
+            parts["along"] = entry.along
+        made: Transform = self._named(path, Transform, **parts)
         return made
 
     def _symmetry(self) -> SymmetryPlane | None:

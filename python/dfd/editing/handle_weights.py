@@ -15,7 +15,9 @@ from dfd.editing.edit import Edit, Fixed, Handle
 from dfd.editing.instance_columns import Column, InstanceColumns, followed_by, interpolating_columns
 from dfd.editing.instances import Instance
 from dfd.editing.place import Place
+from dfd.editing.surface_axes import SurfaceAxes
 from dfd.editing.vertex_rows import VertexRows
+from dfd.posing.transforms import Along, Frame
 from dfd.weights.bind import bind
 from dfd.weights.compact import CompactFeatures
 from dfd.weights.reach import auto_reach
@@ -30,7 +32,7 @@ __all__ = ["HandleWeights"]
 
 # Of a handle's weight that fixed points leave at the handle itself: with less, dividing by it makes noise of the rest.
 LEAST_LEFT = 0.01
-LEAST_COUNTED = 0.01  # of weight: an instance that nowhere follows as much is none to tell people of
+LEAST_COUNTED = 0.35  # of the most that the handle itself moves: what follows less is no like of it to people
 # Of the largest singular value of the weights among handles: below, they no longer say which handle moves what.
 SINGULAR = 1e-4
 
@@ -68,7 +70,8 @@ class HandleWeights:
         self._mesh = mesh
         self._rows = VertexRows(mesh, field, features)
         self._distances = Distances(mesh)
-        self._instances = InstanceColumns(mesh, field)
+        self._axes = SurfaceAxes(mesh, self._distances)
+        self._instances = InstanceColumns(mesh, field, self._axes)
         self._columns = Columns(len(mesh.vertices))
         self._keys: list[Key] = []
         self._fixed: tuple[Fixed, ...] = ()
@@ -135,12 +138,19 @@ class HandleWeights:
         return list(zip(found, self._instances.switches(handle, found, self._rows), strict=True))
 
     def instance_counts(self, edit: Edit) -> list[int]:
-        """(H,) how many instances pose each handle; those that hardly move with it, for want of reach, do not count."""
+        """(H,) how many instances pose each handle; those that hardly move with it do not count."""
         weights, columns = self.columns(edit)
-        counts = [0] * len(edit.handles)
-        for weight, column in zip(weights.T, columns, strict=True):
-            counts[column.handle] += bool(weight.max(initial=0.0) >= LEAST_COUNTED)
-        return [max(count, 1) for count in counts]
+        most = weights.max(axis=0, initial=0.0)
+        own = [
+            max((most[i] for i, column in enumerate(columns) if column.handle == h), default=0.0)
+            for h in range(len(edit.handles))
+        ]
+        follows = [
+            column.handle
+            for column, top in zip(columns, most, strict=True)
+            if top >= LEAST_COUNTED * own[column.handle]
+        ]
+        return [max(follows.count(h), 1) for h in range(len(edit.handles))]
 
     def anchor(self, handle: Handle) -> int:
         """The vertex by which a handle is judged: its own, the nearest one, or that in the middle of its region."""
@@ -156,9 +166,9 @@ class HandleWeights:
         distances, power = self._distances.falloff(key.sources, key.controls)
         return key.sources, None if distances is None else distances[0], power
 
-    def limb(self, place: Place) -> NDArray[np.float64] | None:
-        """The direction (3,) in which the limb at a place runs, or None where there is none."""
-        return self._distances.limb(self._rows.anchor(place))
+    def axes(self, place: Place, along: Along) -> Frame | None:
+        """Three axes whose third runs along the surface's normal or the limb at a place, as `SurfaceAxes.at`."""
+        return self._axes.at(self._rows.anchor(place), along)
 
     def held(self, edit: Edit) -> Float32:
         """(V,) max_p s_p W_p of Eq. 6: what the fixed points of `edit` take away."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.instances import LEAST_ALIKE, Instance, InstanceFinder
 from dfd.editing.nodes import Share
+from dfd.editing.surface_axes import SurfaceAxes
 from dfd.posing.overlap import interpolating
 from dfd.posing.transforms import Vector
 from dfd.symmetry.search import symmetry_planes
@@ -58,9 +59,10 @@ class Column(NamedTuple):
 class InstanceColumns:
     """The columns of one mesh, kept as long as what they depend on stays."""
 
-    def __init__(self, mesh: Mesh, field: Field) -> None:
+    def __init__(self, mesh: Mesh, field: Field, axes: SurfaceAxes) -> None:
         self._mesh = mesh
         self._field = field
+        self._axes = axes
         self._finder = InstanceFinder(mesh)
         self._found: dict[Hashable, tuple[Instance, ...]] = {}
         self._key: Hashable = None
@@ -98,6 +100,7 @@ class InstanceColumns:
                 if _told_apart(handle):
                     instances = self.instances(handle, rows, edit.symmetry)
                     found[handle.place, edit.symmetry] = instances
+                    instances = self._axes.turned(handle, rows.anchor(handle.place), instances)
                 own = self._parts(handle, weights[:, i], instances, rows)
                 apart = bool(instances) and handle.controls.instances != "together"
                 parts += [[part] for part in own] if apart else [own]
@@ -131,7 +134,8 @@ class InstanceColumns:
             return self._found[key]
         looks: Float32 = bind(rows.features, rows.points([handle.place]))[:, 0]
         planes = self._planes if symmetry is None else [symmetry]
-        return self._finder.find(looks, rows.anchor(handle.place), handle.place.position, planes=planes)
+        held = None if handle.place.region is None else rows.members(handle.place)
+        return self._finder.find(looks, rows.anchor(handle.place), handle.place.position, held=held, planes=planes)
 
     def _parts(
         self, handle: Handle, weights: Float32, instances: Sequence[Instance], rows: VertexRows
@@ -181,13 +185,15 @@ def followed_by(weights: Float32, columns: tuple[Column, ...], count: int) -> Fl
 
 def _wanted(handle: Handle) -> Hashable:
     """What of a handle its columns depend on, besides its weights."""
-    controls = handle.controls
-    return controls.instances, controls.level, controls.without_instances
+    controls, transform = handle.controls, handle.transform
+    axes = transform.axes if transform.along is not None else None
+    return controls.instances, controls.level, controls.without_instances, transform.along, axes
 
 
 def _told_apart(handle: Handle) -> bool:
     """Whether a handle has use for its instances."""
-    return _wanted(handle) != ("together", False, ())
+    controls = handle.controls
+    return controls.instances != "together" or controls.level or controls.without_instances != ()
 
 
 def _weights_of(part: Portion, weights: Float32) -> Float32:

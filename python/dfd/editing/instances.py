@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
 from dfd.editing.nodes import Nodes, Share
@@ -34,6 +34,7 @@ LEAST_ALIKE = 0.15  # of weight: what looks less alike has a pivot of its own, b
 MOST_INSTANCES = 64  # the highest peaks; every one costs a column of weights
 SHARPNESS = 2  # of the passage from one instance to the next: shares fall with this power of the distance
 CLEAR = 0.03  # a share below this part of the largest is none, so that an instance is moved by itself alone
+BESIDE = 0.1  # of a box's sides: what stands so near it is inside
 AS_ALIKE = 0.05  # of weight: by so much less alike, the mirror image of the handle is still preferred to a peak
 
 Float32 = NDArray[np.float32]
@@ -49,7 +50,8 @@ class Instance:
     vertex
         Its counterpart of the handle: the vertex that looks most like it.
     position
-        (3,) where that is, mesh units; for the handle's own instance the handle's own position.
+        (3,) where that is, mesh units; for the handle's own instance the handle's own position, and of a region in
+        several pieces the center of one.
     frame
         (3, 3) orthogonal: turns directions at the handle into those at the counterpart; a reflection where a plane of
         symmetry lies between them.
@@ -104,6 +106,7 @@ class InstanceFinder:
         vertex: int,
         position: Sequence[float],
         *,
+        held: NDArray[np.integer] | None = None,
         planes: Sequence[SymmetryPlane] = (),
     ) -> tuple[Instance, ...]:
         """Find the instances of a handle.
@@ -114,6 +117,9 @@ class InstanceFinder:
             (V,) of the handle by looks alone, without what holds it back.
         vertex, position
             Where it is: the vertex nearest to it, and (3,) mesh units.
+        held
+            (N,) all vertices of a handle that is a region: a connected piece of it is one instance, whatever peaks it
+            has, and of several pieces each moves about its own center.
         planes
             Planes of symmetry of the shape, for frames.
 
@@ -124,6 +130,8 @@ class InstanceFinder:
         x, y, z = (float(value) for value in position)
         of_node = np.maximum.reduceat(weights[self._nodes.members], self._nodes.starts)
         basin, saddle = _basins(np.asarray(of_node, np.float64), self._nodes.graph)
+        centers = {} if held is None else self._join_held(held, of_node, basin, saddle)
+        self._join_inside(of_node, basin, saddle)
         own = int(basin[self._nodes.of_vertex[vertex]])
         highest = {int(root): float(of_node[root]) for root in saddle}
         others = sorted((root for root in highest if root != own), key=lambda root: (-highest[root], root))
@@ -131,10 +139,11 @@ class InstanceFinder:
         if own < 0 or len(roots) == 1:
             return (Instance(vertex, (x, y, z), np.eye(3), float(weights[vertex]), None),)
         shares = self._shares(of_node, basin, saddle, roots)
+        x, y, z = centers.get(own, (x, y, z))
         found = [Instance(vertex, (x, y, z), np.eye(3), float(weights[vertex]), shares[0])]
         for root, share in zip(roots[1:], shares[1:], strict=True):
             peak, frame = self._counterpart(root, weights, basin, found, planes)
-            here = self._mesh.vertices[peak]
+            here = centers.get(root, self._mesh.vertices[peak])
             found.append(Instance(peak, (here[0], here[1], here[2]), frame, float(weights[peak]), share))
         return tuple(found)
 
@@ -165,6 +174,51 @@ class InstanceFinder:
                 frame = plane.reflection[:3, :3] @ frame
         return peak, frame
 
+    def _join_held(
+        self, held: NDArray[np.integer], weights: Float64, basin: NDArray[np.int64], saddle: dict[int, float]
+    ) -> dict[int, Float64]:
+        """Make one of all peaks on each connected piece of the vertices `held` (N,): all of a region is held alike.
+
+        Returns
+        -------
+        By peak, the center (3,) of its piece, mesh units; of a region in one piece that is the handle itself.
+        """
+        nodes, of_held = np.unique(self._nodes.of_vertex[held], return_inverse=True)
+        count, piece = connected_components(self._nodes.graph[nodes][:, nodes], directed=False)
+        centers = {}
+        for number in range(count):
+            roots = {*basin[nodes[piece == number]].tolist()} - {-1}
+            if not roots:
+                continue
+            highest = max(roots, key=lambda root: (weights[root], -root))
+            for root in roots - {highest}:
+                _give(basin, saddle, root, highest)
+            centers[highest] = self._mesh.vertices[held[piece[of_held] == number]].mean(axis=0)
+        return centers if count > 1 else {}
+
+    def _join_inside(self, weights: Float64, basin: NDArray[np.int64], saddle: dict[int, float]) -> None:
+        """Give peaks that stand inside what a higher one is to it: the hub of a wheel, the arch around it.
+
+        Only those of another component of the surface: on one component the way along it tells what is another limb.
+        """
+        roots = sorted(saddle, key=lambda root: (-weights[root], root))
+        core_of = {root: self._core(root, weights, basin, saddle) for root in roots}
+        boxes: list[tuple[int, _Box]] = []
+        for root in roots:
+            center = self._nodes.center[core_of[root]].mean(axis=0)
+            component = self._nodes.component[root]
+            around = (one for one, box in boxes if self._nodes.component[one] != component and center in box)
+            whole = next(around, None)
+            if whole is None:
+                boxes.append((root, _Box(self._nodes.center[core_of[root]])))
+            else:
+                _give(basin, saddle, root, whole)
+
+    @staticmethod
+    def _core(root: int, weights: Float64, basin: NDArray[np.int64], saddle: dict[int, float]) -> NDArray[np.int64]:
+        """The nodes of the upper half of a peak."""
+        return np.flatnonzero((basin == root) & (weights >= (weights[root] + saddle[root]) / 2))
+
     def _peak(self, weights: NDArray[np.floating], node: int) -> int:
         members = self._nodes.members[self._nodes.starts[node] : self._nodes.ends[node]]
         return int(members[weights[members].argmax()])
@@ -175,7 +229,7 @@ class InstanceFinder:
         """The K shares of the instances: 1 on the upper half of a peak, passing smoothly into each other between."""
         closeness = np.empty((len(roots), len(weights)))
         for row, root in enumerate(roots):
-            core = np.flatnonzero((basin == root) & (weights >= (weights[root] + saddle[root]) / 2))
+            core = self._core(root, weights, basin, saddle)
             distance = dijkstra(self._nodes.graph, indices=core, min_only=True)
             if np.isinf(distance).any():  # no way along the surface: the straight one, and farther than any other
                 straight = cKDTree(self._nodes.center[core]).query(self._nodes.center)[0] + self._mesh.diagonal
@@ -191,6 +245,29 @@ class InstanceFinder:
     @cached_property
     def _tree(self) -> cKDTree:
         return cKDTree(self._mesh.vertices)
+
+
+def _give(basin: NDArray[np.int64], saddle: dict[int, float], root: int, whole: int) -> None:
+    """Make what belongs to the peak `root` a part of that of `whole`."""
+    basin[basin == root] = whole
+    del saddle[root]
+
+
+class _Box:
+    """The box around points (N, 3) along their own principal axes, a little larger than they are."""
+
+    def __init__(self, points: Float64) -> None:
+        self._center = points.mean(axis=0)
+        self._axes = np.linalg.svd(points - self._center, full_matrices=False)[2] if len(points) > 2 else np.eye(3)
+        along = (points - self._center) @ self._axes.T
+        self._low, self._high = along.min(axis=0), along.max(axis=0)
+        margin = BESIDE * (self._high - self._low)
+        self._low -= margin
+        self._high += margin
+
+    def __contains__(self, point: Float64) -> bool:
+        along = (point - self._center) @ self._axes.T
+        return bool(((along >= self._low) & (along <= self._high)).all())
 
 
 def _basins(weights: Float64, graph: csr_array) -> tuple[NDArray[np.int64], dict[int, float]]:

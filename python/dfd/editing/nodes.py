@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 
 from dfd import _core
 from dfd.geometry.surface_graph import surface_graph, surface_links
+from dfd.geometry.topology import first_at_place
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
@@ -45,6 +46,7 @@ class Nodes:
         self.ends = np.cumsum(size)
         self.starts = self.ends - size
         self.center = _centers(vertices, self.of_vertex)  # (N, 3)
+        self.component = _components(mesh)[self.members[self.starts]]  # (N,) of the surface without bridges
         self._blend = None if coarse else _interpolation(vertices, self)
 
     def shares(self, parts: Float64) -> list[Share]:
@@ -60,6 +62,12 @@ class Nodes:
             return lambda some: np.asarray((blend if some == slice(None) else blend[some]) @ row / total[some])
 
         return [share(row) for row in rows]
+
+
+def _components(mesh: Mesh) -> NDArray[np.int32]:
+    """(V,) which connected component of the faces a vertex is of."""
+    first = first_at_place(mesh)
+    return _core.components(len(first), first[mesh.faces], np.zeros((0, 2), np.int32))[first]
 
 
 def _gathered(mesh: Mesh, links: NDArray[np.int32]) -> NDArray[np.int32]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.editing.controls import Overlap
-from dfd.editing.edit import Edit, box_center
+from dfd.editing.edit import Edit, Handle, box_center
 from dfd.editing.instance_columns import Column
 from dfd.posing.pose import Drag, pose
 
@@ -97,9 +97,17 @@ def _moved(before: Edit, after: Edit) -> list[int] | None:
     for i, (old, new) in enumerate(zip(before.handles, after.handles, strict=True)):
         if old is not new and (old.place, old.controls) != (new.place, new.controls):
             return None
+        if _instance_axes(old) != _instance_axes(new):
+            return None
         if old is not new and old.transform != new.transform:
             moved.append(i)
     return moved
+
+
+def _instance_axes(handle: Handle) -> tuple[Any, ...]:
+    """What of a transform turns the frames of a handle's instances."""
+    transform = handle.transform
+    return (transform.along, transform.axes) if transform.along is not None else ()
 
 
 def _whole_shape(edit: Edit) -> tuple[Any, ...]:

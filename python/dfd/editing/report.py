@@ -115,18 +115,27 @@ def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: NDArray[np.flo
     farthest = float(distances.max())
     moved = float(np.mean(distances > UNSEEN * mesh.diagonal))
     counts = weights.instance_counts(edit)
+    own = {
+        column.handle: column for column in reversed(weights.columns(edit)[1])
+    }  # a handle's own instance is its first
     handles = tuple(
-        _handle_report(mesh, edit, handle, weights.anchor(handle), count, posed)
-        for handle, count in zip(edit.handles, counts, strict=True)
+        _handle_report(mesh, edit, handle, own[i].matrix(handle), weights.anchor(handle), counts[i], posed)
+        for i, handle in enumerate(edit.handles)
     )
     warning = _warning(edit) if moved == 0 else None
     return Report(moved, farthest, handles, warning, _advice(edit, weights, handles))
 
 
 def _handle_report(
-    mesh: Mesh, edit: Edit, handle: Handle, vertex: int, instances: int, posed: NDArray[np.float64]
+    mesh: Mesh,
+    edit: Edit,
+    handle: Handle,
+    matrix: NDArray[np.float64],
+    vertex: int,
+    instances: int,
+    posed: NDArray[np.float64],
 ) -> HandleReport:
-    target = handle.matrix[:, :3] @ mesh.vertices[vertex] + handle.matrix[:, 3]
+    target = matrix[:, :3] @ mesh.vertices[vertex] + matrix[:, 3]
     missing = float(np.linalg.norm(posed[vertex] - target))
     mirrored = None
     if edit.symmetry is not None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.vectors import unit
 from dfd.editing.controls import Controls
 from dfd.editing.door import door
 from dfd.editing.edit import Edit, Handle
@@ -139,8 +140,10 @@ class _Carrier:
             return place_on(self.mesh, VertexSet.of(self.mesh, np.unique(vertices))), _sure(cosines)
         carried = self.region(place.region)
         held = self.mesh.vertices[members(self.mesh, carried)].mean(axis=0, keepdims=True)
-        before = _unit(self.field_from(np.array([place.position])) - self.mean_from)
-        return place_on(self.mesh, carried), _sure((before * _unit(self.field_to(held) - self.mean_to)).sum(axis=1))
+        before = unit(self.field_from(np.array([place.position])) - self.mean_from, least=TOO_SHORT)
+        return place_on(self.mesh, carried), _sure(
+            (before * unit(self.field_to(held) - self.mean_to, least=TOO_SHORT)).sum(axis=1)
+        )
 
     def region(self, region: Region) -> Region:
         """A region of the other shape."""
@@ -191,7 +194,7 @@ class _Carrier:
     def nearest(self, positions: Points) -> tuple[NDArray[np.int64], Points]:
         """(N,) the vertices that look most like points of the first shape, and the cosines between the two."""
         chosen = positions[:: -(-len(positions) // MOST_POSITIONS)]
-        wanted = _unit(self.field_from(chosen) - self.mean_from)
+        wanted = unit(self.field_from(chosen) - self.mean_from, least=TOO_SHORT)
         meant = self.center_to + self.ratio * (chosen - self.center_from)
         offset, length = self.mean_to, self.lengths
         vertices, cosines = np.empty(len(chosen), np.int64), np.empty(len(chosen))
@@ -235,13 +238,6 @@ def _mean(mesh: Mesh, field: Field) -> Points:
     points = (1 - first) * corners[:, 0] + first * (1 - second) * corners[:, 1] + first * second * corners[:, 2]
     mean: Points = np.asarray(field(points), np.float64).mean(axis=0)
     return mean
-
-
-def _unit(rows: NDArray[np.floating]) -> Points:
-    """Rows of length 1; of no length stay what has none to speak of."""
-    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
-    rows_of_length_1: Points = np.where(lengths > TOO_SHORT, rows / np.maximum(lengths, TOO_SHORT), 0.0)
-    return rows_of_length_1
 
 
 def _sure(cosines: NDArray[np.floating]) -> float:

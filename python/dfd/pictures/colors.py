@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dfd.common import check
-from dfd.mesh.appearance import srgb
+from dfd.mesh.appearance import linear, srgb
 
 __all__ = ["CLAY", "feature_colors", "ratio_colors", "weight_colors"]
 
@@ -98,15 +98,9 @@ def feature_colors(features: ArrayLike) -> NDArray[np.float32]:
     return np.float32(0.06) + np.float32(0.88) * colours
 
 
-def to_linear(values: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
-    """Linear light of sRGB values in [0, 1]."""
-    linear = np.where(values <= 0.04045, values / 12.92, ((np.maximum(values, 0.04045) + 0.055) / 1.055) ** 2.4)
-    return linear.astype(np.float32)
-
-
 def oklab(colours: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     """Lightness and two hue axes, (N, 3), in which equal steps look equally large (Oklab, Ottosson 2020)."""
-    lab: NDArray[np.float64] = np.cbrt(to_linear(colours).astype(np.float64) @ _TO_CONE.T) @ _TO_LAB.T
+    lab: NDArray[np.float64] = np.cbrt(linear(colours) @ _TO_CONE.T) @ _TO_LAB.T
     return lab
 
 

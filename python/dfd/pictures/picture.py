@@ -17,9 +17,9 @@ from scipy.ndimage import uniform_filter
 from dfd.common import check
 from dfd.common.files import atomic_write
 from dfd.common.threads import get_num_threads
-from dfd.mesh.appearance import srgb
+from dfd.mesh.appearance import linear, srgb
 from dfd.mesh.normals import smooth_normals
-from dfd.pictures.colors import CLAY, to_linear, weight_colors
+from dfd.pictures.colors import CLAY, weight_colors
 from dfd.pictures.contact_sheet import contact_sheet, heat_bar
 from dfd.pictures.labels import draw_axes, draw_labels, draw_numbers
 from dfd.pictures.marks import draw_marks
@@ -240,7 +240,7 @@ class _Painter:
             rgba = self._appearance.albedo(hits.face, hits.barycentric)
         else:
             rgba[:, :3] = CLAY
-        rgba[:, :3] = to_linear(rgba[:, :3])
+        rgba[:, :3] = linear(rgba[:, :3])
         return rgba
 
     def _light(self, normals: NDArray[np.float32], open_sky: NDArray[np.float32]) -> NDArray[np.float32]:

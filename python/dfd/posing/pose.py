@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Blend", "Drag", "Overlap", "pose"]
 
-Overlap = Literal["add", "paper", "normalize", "interpolate"]  # the first three numbered as in the kernels
+Overlap = Literal["add", "interpolate", "normalize", "paper"]
+KERNEL_OVERLAPS = ("add", "paper", "normalize")  # numbered as in the kernels; interpolating weights are made before
 Blend = Literal["linear", "dual_quaternion", "polar"]  # numbered as in the kernels
 
 Float64 = NDArray[np.float64]
@@ -258,7 +259,7 @@ def _run(
         rule.positive,
         rule.places,
         rule.mixing,
-        0 if rule.overlap == "interpolate" else get_args(Overlap).index(rule.overlap),
+        0 if rule.overlap == "interpolate" else KERNEL_OVERLAPS.index(rule.overlap),
         get_args(Blend).index(rule.blend),
         base,
         normals,

@@ -9,7 +9,7 @@ more than a whole turn stays more than a whole turn, and about a single axis it 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from dfd.common import check
 
 __all__ = [
+    "Along",
     "Frame",
     "Transform",
     "Vector",
@@ -32,6 +33,7 @@ __all__ = [
 
 Vector = tuple[float, float, float]
 Frame = tuple[Vector, Vector, Vector]  # three orthonormal vectors
+Along = Literal["normal", "limb"]
 
 # Beyond it a float64 has no digits left for the part that matters, what exceeds the whole turns.
 LARGEST_ANGLE = 1e9
@@ -53,6 +55,9 @@ class Transform:
         (3,) in mesh units; None is the handle's own position, or for the default transform the center of the box.
     axes
         Three orthonormal vectors along which `scale` acts, the columns of A; None is the mesh's own axes.
+    along
+        What of the surface the third of `axes` runs along, "normal" or "limb"; what looks alike then goes along its
+        own. None where they are numbers and nothing else.
     linear
         (3, 3) read-only, R A S Aᵀ.
 
@@ -60,7 +65,8 @@ class Transform:
     ------
     ValueError
         If an attribute has another shape or is not finite, a rotation is the quaternion 0 or beyond ±1e9 degrees,
-        `axes` are not orthonormal, or the numbers are so large that the matrix is not finite.
+        `axes` are not orthonormal, `along` is another word or without them, or the numbers are so large that the matrix
+        is not finite.
     """
 
     translation: Vector = (0.0, 0.0, 0.0)
@@ -68,6 +74,7 @@ class Transform:
     scale: Vector = (1.0, 1.0, 1.0)
     pivot: Vector | None = None
     axes: Frame | None = None
+    along: Along | None = None
     linear: NDArray[np.float64] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -80,6 +87,10 @@ class Transform:
             keep(self, "pivot", vector("pivot", self.pivot))
         if self.axes is not None:
             keep(self, "axes", frame_vectors("axes", self.axes))
+        if self.along is not None:
+            check.choice("Transform", "along", self.along, Along)
+            if self.axes is None:
+                raise ValueError("Transform: `axes` must be given when `along` is")
         keep(self, "linear", _linear(self.rotation, self.scale, self.axes))
 
     def changed(
@@ -90,8 +101,11 @@ class Transform:
         scale: ArrayLike | None = None,
         pivot: ArrayLike | None = None,
         axes: ArrayLike | None = None,
+        along: Along | None = None,
     ) -> Transform:
         """The transform with some of its parts exchanged; None leaves a part, "auto" takes pivot or axes away.
+
+        `along` says what `axes` run along; other ones than before run along nothing without it.
 
         Raises
         ------
@@ -103,6 +117,9 @@ class Transform:
         for name in ("pivot", "axes"):
             if isinstance(parts.get(name), str) and parts[name] == "auto":
                 parts[name] = None
+        others = "axes" in parts and (parts["axes"] is None or not np.array_equal(parts["axes"], self.axes or ()))
+        if along is not None or others:
+            parts["along"] = along
         return replace(self, **parts) if parts else self
 
     @property

@@ -182,7 +182,7 @@ def test_the_heat_of_a_probe_is_the_column_of_a_handle_there(client: Client) -> 
     deformer = client.deformer
     header, arrays = unpack(heat_message(deformer, place_on(deformer.mesh, 3), request=9))
     assert (header["id"], header["vertex"]) == (9, 3)
-    deformer.add(3)
+    deformer.add(3, reach=1.0, falloff="linear")
     weights = np.maximum(1 - arrays["values"] * (header["scale"] / 65535), 0)
     np.testing.assert_allclose(weights, deformer.weights[:, 0], atol=5e-5)
     assert arrays["values"][3] == 0

@@ -99,7 +99,7 @@ def test_a_handle_is_marked_without_a_field(run):
         ("--locality", 6),
         ("--radius", "15%"),
         ("--strength", 0.2),
-        ("--within", "y>0.5"),
+        ("--within", "x>0"),
         ("--fix", 900),
         ("--fix", "900:0.3"),
         ("--fix", 900, "--no-arrive"),

@@ -33,6 +33,12 @@ def deformer(mesh, field, features):
 
 
 @pytest.fixture
+def paper_handles(monkeypatch):
+    """New handles reach as far as the paper's and fall off as those do; they have instances of their own."""
+    monkeypatch.setattr("dfd.editing.deformer.NEW_HANDLE", Controls(instances="own"))
+
+
+@pytest.fixture
 def geodesics(deformer, mesh):
     counting = Counting(mesh)
     deformer._weights._distances.__dict__["_geodesics"] = counting

@@ -54,6 +54,7 @@ def test_reach_and_falloff_are_those_of_bind(session, labeled, foot):
     assert session.handle(handle).controls == Controls(0.5, "sharp")
 
 
+@pytest.mark.usefixtures("paper_handles")
 def test_a_reach_can_find_itself(session, chair, labeled, foot):
     handle = session.add(foot, reach="auto")
     distances = np.linalg.norm(labeled - labeled[foot], axis=1)
@@ -120,6 +121,7 @@ def test_the_edge_of_a_set_of_vertices_is_soft_too(session, foot, mesh):
     assert (session.weights[far, 0] == 0).all()
 
 
+@pytest.mark.usefixtures("paper_handles")
 def test_strength_is_a_factor_and_within_a_limit(session, labeled, foot, mesh):
     handle = session.add(foot, strength=0.25, within="x>0")
     weights = 0.25 * dfd.bind(labeled, [foot])[:, 0]
@@ -129,6 +131,7 @@ def test_strength_is_a_factor_and_within_a_limit(session, labeled, foot, mesh):
     np.testing.assert_array_equal(session.weights, dfd.bind(labeled, [foot]))
 
 
+@pytest.mark.usefixtures("paper_handles")
 def test_a_region_is_held_as_its_nearest_member_is(session, labeled, chair):
     seat = chair.vertices_of("seat")
     session.add(seat, translation=(0, 0.2, 0))
@@ -145,6 +148,7 @@ def test_a_region_is_held_as_its_nearest_member_is(session, labeled, chair):
 # --- fixed points and regions
 
 
+@pytest.mark.usefixtures("paper_handles")
 def test_handles_arrive_although_fixed_points_take_from_them(session, chair, labeled, foot, mesh):
     seat = int(chair.vertices_of("seat")[0])
     session.add(foot, translation=(0, -0.2, 0))
@@ -161,6 +165,7 @@ def test_handles_arrive_although_fixed_points_take_from_them(session, chair, lab
     assert session.weights[foot, 0] == 1
 
 
+@pytest.mark.usefixtures("paper_handles")
 def test_points_in_space_and_regions_arrive_too(session, field, labeled, chair, mesh):
     legs = chair.vertices_of("leg")
     session.add(legs)
@@ -177,6 +182,7 @@ def test_points_in_space_and_regions_arrive_too(session, field, labeled, chair, 
     np.testing.assert_allclose(other.weights, np.minimum(wanted, 1), atol=1e-4)
 
 
+@pytest.mark.usefixtures("paper_handles")
 @pytest.mark.parametrize("strength", [0.0, 0.5, 1.0])
 def test_a_fixed_point_holds_by_its_strength(session, labeled, chair, foot, strength):
     seat = int(chair.vertices_of("seat")[0])
@@ -300,6 +306,12 @@ def test_scale_along_the_normal_makes_thicker_and_not_longer(session, foot, mesh
     np.testing.assert_allclose(session.transforms[0][:, :3], np.diag([1, 1, 2]))
 
 
+def test_a_point_of_space_has_the_normal_of_the_nearest_vertex(session, mesh):
+    vertex = int(np.abs(mesh.normals).max(axis=1).argmin())
+    handle = session.add(mesh.vertices[vertex] + 1e-4 * mesh.normals[vertex], axes="normal")
+    np.testing.assert_allclose(session.handle(handle).transform.axes[2], mesh.normals[vertex], atol=1e-9)
+
+
 # --- what is refused
 
 
@@ -321,7 +333,6 @@ def test_scale_along_the_normal_makes_thicker_and_not_longer(session, foot, mesh
         ({"within": "y>0", "within_width": "wide"}, r"Deformer.add: `within_width` must be a length or a percentage"),
         ({"within": "top"}, r"Deformer.add: `within` must be a region, got 'top'"),
         ({"within": "y>70"}, r"Deformer.add: `region` must hold a vertex, but the side"),
-        ({"axes": "normal", "at": (0, 0.5, 0)}, r"Deformer.add: `axes` cannot be 'normal': the handle is at no vertex"),
         ({"axes": np.ones((3, 3))}, r"Deformer.add: `axes` must be 3 unit vectors at right angles"),
     ],
 )

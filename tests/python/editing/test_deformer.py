@@ -82,6 +82,7 @@ def test_a_handle_turns_about_itself_unless_told_otherwise(deformer, mesh):
     assert deformer.handle(handle).pivot == tuple(mesh.vertices[5])
 
 
+@pytest.mark.usefixtures("paper_handles")
 def test_a_handle_at_a_vertex_s_place_in_space_weighs_as_the_vertex_does(deformer, mesh):
     deformer.add(Place(tuple(mesh.vertices[70])))
     vertex = dfd.bind(deformer.features, [70])
@@ -106,6 +107,7 @@ def test_fixed_points_stay_and_can_be_released(deformer, mesh):
     assert deformer.weights[20, 0] > 0
 
 
+@pytest.mark.usefixtures("paper_handles")
 def test_points_in_space_can_be_fixed_among_vertices(deformer, field, features):
     deformer.add(5)
     deformer.fix(600)

@@ -1,6 +1,7 @@
 """What a session asks geodesics for."""
 
 import numpy as np
+import pytest
 
 import dfd
 
@@ -23,6 +24,7 @@ def test_geodesics_are_for_those_who_ask_for_locality(deformer, geodesics, bound
     assert deformer.handle(far).controls.locality == 0
 
 
+@pytest.mark.usefixtures("paper_handles")
 def test_locality_is_each_handle_s_own(deformer, geodesics, mesh):
     deformer.add(5, locality=3.0)
     deformer.add(900)
@@ -36,6 +38,7 @@ def test_a_point_s_distances_start_at_the_nearest_vertex(deformer, geodesics, me
     assert geodesics.asked == [[70]]
 
 
+@pytest.mark.usefixtures("paper_handles")
 def test_locality_of_a_symmetric_edit_starts_at_both_mirror_images(deformer, geodesics, bound, mesh):
     vertex = int(mesh.vertices[:, 0].argmax())
     mirrored = int(np.linalg.norm(mesh.vertices - mesh.vertices[vertex] * [-1, 1, 1], axis=1).argmin())

@@ -16,6 +16,7 @@ from dfd.field.field import Field
 # --- what it costs
 
 
+@pytest.mark.usefixtures("paper_handles")
 def test_a_move_binds_nothing_and_a_new_handle_binds_itself(deformer, bound):
     first = deformer.add(5)
     _ = deformer.vertices
@@ -47,6 +48,7 @@ def test_nothing_is_bound_before_somebody_looks(deformer, bound):
     assert bound == [10]
 
 
+@pytest.mark.usefixtures("paper_handles")
 def test_one_call_binds_what_it_can(deformer, bound, geodesics, features, field):
     for at in (1, 2, (0.1, 0.2, 0.3), (0.2, 0.1, 0.3), 3):
         deformer.add(at)
@@ -240,6 +242,7 @@ def test_columns_that_nobody_was_given_make_room_in_their_place(deformer):
     assert deformer._weights._columns._rows is not first
 
 
+@pytest.mark.usefixtures("paper_handles")
 def test_handles_may_come_in_another_order(deformer, features):
     for vertex in (5, 6, 7):
         deformer.add(vertex)
@@ -251,6 +254,7 @@ def test_handles_may_come_in_another_order(deformer, features):
 STEPS = st.sampled_from(["add", "remove", "change", "turn", "undo", "redo", "look", "hold"])
 
 
+@pytest.mark.usefixtures("paper_handles")
 @given(st.lists(st.tuples(STEPS, st.integers(0))))
 def test_weights_are_those_of_the_handles_whatever_was_done_before(steps):
     features = FEW.features(SMALL)
@@ -310,6 +314,7 @@ def compacted():
         yield
 
 
+@pytest.mark.usefixtures("paper_handles")
 def test_many_vertices_bind_from_compact_features(compacted, mesh, field, features):
     deformer = dfd.Deformer(mesh, field)
     deformer.arrive = False

@@ -24,7 +24,7 @@ def asked(sample, mesh, monkeypatch):
         def __init__(self, mesh):
             pass
 
-        def find(self, weights, vertex, position, *, planes=()):
+        def find(self, weights, vertex, position, *, held=None, planes=()):
             calls.append((vertex, planes))
             found = []
             for leg in sorted(range(4), key=lambda leg: leg != sample.instances[vertex]):
@@ -62,6 +62,7 @@ def leg(sample, number):
     return sample.vertices_of("leg", number)
 
 
+@pytest.mark.usefixtures("paper_handles")
 def test_each_instance_turns_about_its_own_pivot_in_its_own_frame(session, sample, mesh, asked, foot):
     rotation = (0, 40, 0)
     session.add(foot, rotation=rotation, translation=(0.1, 0, 0), instances="own")
@@ -95,6 +96,7 @@ def test_only_moves_the_handle_s_own(session, sample, mesh, asked, foot):
     np.testing.assert_allclose(session.vertices[others], mesh.vertices[others], atol=1e-12)
 
 
+@pytest.mark.usefixtures("paper_handles")
 @pytest.mark.parametrize("instances", ["own", "together"])
 def test_level_brings_all_instances_to_full_weight(session, sample, mesh, asked, foot, instances):
     handle = session.add(foot, translation=(0, -0.2, 0), instances=instances)
@@ -123,7 +125,7 @@ def test_level_leaves_what_is_hardly_alike_where_it_is(session, sample, mesh, as
 
 
 def test_instances_beyond_the_reach_are_not_told_of(session, asked, foot):
-    handle = session.add(foot, translation=(0, -0.2, 0))
+    handle = session.add(foot, translation=(0, -0.2, 0), reach=1.0, falloff="linear")
     assert session.report().handles[0].instances == 4
     session.change(handle, reach=0.2)
     assert session.report().handles[0].instances == 2
@@ -138,7 +140,7 @@ def test_level_lets_no_vertex_follow_more_than_the_handle(mesh, field, asked, fo
         def __init__(self, mesh):
             pass
 
-        def find(self, weights, vertex, position, *, planes=()):
+        def find(self, weights, vertex, position, *, held=None, planes=()):
             half = np.full(len(mesh.vertices), 0.5, np.float32)
             low = int(weights.argmin())
             places = [tuple(mesh.vertices[one]) for one in (vertex, low)]
@@ -225,7 +227,7 @@ def test_four_alike_handles_arrive_each_with_instances_of_its_own(session, sampl
 
 def test_a_new_handle_has_instances_of_its_own(session, mesh, foot):
     handle = session.add(foot, scale=1.5)
-    assert session.handle(handle).controls == Controls(instances="own")
+    assert session.handle(handle).controls == Controls(reach=0.7, falloff="smooth", instances="own")
     by_default = session.vertices
     session.change(handle, instances="own")
     np.testing.assert_array_equal(session.vertices, by_default)

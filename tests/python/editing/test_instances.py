@@ -59,6 +59,42 @@ def test_every_hill_is_an_instance_with_its_own_counterpart():
     assert (own.weight, second.weight, third.weight) == pytest.approx((1, 0.9, 0.6), abs=1e-3)
 
 
+def test_all_peaks_of_a_piece_of_a_region_that_is_held_are_one_instance():
+    mesh = sheet()
+    weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, 0.5, -0.5, 1) + hill(mesh, 0.5, 0.5, 0.6)
+    row = np.array([vertex_at(mesh, x, -0.5) for x in np.linspace(-0.5, 0.5, 21)])
+    own, other = find(mesh, weights, row[0], held=row)
+    np.testing.assert_allclose(other.position, (0.5, 0, 0.5), atol=1e-12)
+    np.testing.assert_array_equal(own.share[row[[0, -1]]], 1)
+    own, second, third = find(mesh, weights, row[0], held=row[[0, 1, -2, -1]])
+    np.testing.assert_allclose(own.position, mesh.vertices[row[:2]].mean(axis=0), atol=1e-12)
+    np.testing.assert_allclose(second.position, mesh.vertices[row[-2:]].mean(axis=0), atol=1e-12)
+    np.testing.assert_allclose(third.position, other.position, atol=1e-12)
+
+
+def test_what_stands_inside_a_peak_of_another_component_is_part_of_it():
+    """A hub within a wheel turns with it; beside it, or on the same surface, it is another one."""
+    wheel, hub = sheet(), sheet()
+    both = np.concatenate([wheel.faces, hub.faces + len(wheel.vertices)])
+
+    def mesh(x: float) -> Mesh:
+        # Far enough above that no bridge joins them.
+        return Mesh(np.concatenate([wheel.vertices, 0.2 * hub.vertices + (x, 0.1, 0)]), both)
+
+    def weights(shape: Mesh) -> np.ndarray:
+        on_hub = 0.8 - np.abs(shape.vertices - shape.vertices[-1]).sum(axis=1) / 10
+        large = 1 - np.linalg.norm(shape.vertices * (1, 0, 1), axis=1) / 3
+        return np.where(np.arange(len(shape.vertices)) < len(wheel.vertices), large, on_hub).astype(np.float32)
+
+    tilted = mesh(0.0)
+    tilted_vertices = tilted.vertices.copy()
+    tilted_vertices[: len(wheel.vertices), 1] = 0.3 * np.cos(4 * tilted_vertices[: len(wheel.vertices), 0])
+    inside = Mesh(tilted_vertices, both)
+    assert len(find(inside, weights(inside), vertex_at(inside, 0, 0))) == 1
+    beside = mesh(5.0)
+    assert len(find(beside, weights(beside), vertex_at(beside, 0, 0))) == 2
+
+
 def test_shares_add_up_to_one_and_each_has_its_counterpart_to_itself():
     mesh = sheet()
     found = find(mesh, hill(mesh, -0.5, 0, 1) + hill(mesh, 0.5, 0, 0.9), vertex_at(mesh, -0.5, 0))

@@ -41,6 +41,7 @@ def test_several_handles_are_told_in_a_few_words_when_all_is_well(deformer):
     assert str(deformer.report()).endswith("; all 2 handles arrived")
 
 
+@pytest.mark.usefixtures("paper_handles")
 def test_handles_that_push_one_another_are_told_what_helps(deformer, mesh):
     feet = [int((mesh.vertices @ (x, -3, z)).argmax()) for x in (-1, 1) for z in (-1, 1)]
     with deformer.step():

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dfd.mesh.appearance import srgb
-from dfd.pictures.colors import CLAY, feature_colors, oklab, to_linear, weight_colors
+from dfd.mesh.appearance import linear, srgb
+from dfd.pictures.colors import CLAY, feature_colors, oklab, weight_colors
 
 
 def test_heat_begins_at_clay_and_is_clamped() -> None:
@@ -38,8 +38,8 @@ def test_oklab_knows_white_black_and_red() -> None:
 
 def test_srgb_and_linear_light_undo_each_other() -> None:
     values = np.linspace(0, 1, 256)
-    np.testing.assert_allclose(srgb(to_linear(values)), values, atol=1e-6)
-    assert to_linear(np.array([0.5]))[0] == pytest.approx(0.21404, abs=1e-5)
+    np.testing.assert_allclose(srgb(linear(values)), values, atol=1e-6)
+    assert linear(np.array([0.5]))[0] == pytest.approx(0.21404, abs=1e-5)
 
 
 def test_like_features_get_like_colors_and_others_do_not() -> None:

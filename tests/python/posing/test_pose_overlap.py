@@ -163,7 +163,7 @@ IDLE[1] = 0
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"overlap": "sum"}, r"`overlap` must be one of add, paper, normalize, interpolate, got 'sum'"),
+        ({"overlap": "sum"}, r"`overlap` must be one of add, interpolate, normalize, paper, got 'sum'"),
         ({"blend": "cubic"}, r"`blend` must be one of linear, dual_quaternion, polar, got 'cubic'"),
         ({"weights": ALIKE}, r"handles 0 and 2 stand at one place, or look alike there, and cannot both arrive"),
         ({"weights": IDLE}, r"handle 1 cannot arrive: no handle has a weight where it stands"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.vectors import unit
 from dfd.mesh.file.primitives import Primitive
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.weld import weld
@@ -50,7 +51,7 @@ def follow(
         if normals is not None:
             here = group[each.rows]
             followed = normals.copy()
-            followed[stale[here]] = _unit(new[here[stale[here]]] @ each.transform[:3, :3])
+            followed[stale[here]] = unit(new[here[stale[here]]] @ each.transform[:3, :3])
             normals = followed
         result.append(normals)
     return result
@@ -58,7 +59,7 @@ def follow(
 
 def _to_scene(primitive: Primitive, normals: NDArray[np.float64]) -> NDArray[np.float64]:
     """Turn normals (N, 3) by the inverse transpose of the part's transform."""
-    return _unit(normals @ np.linalg.pinv(primitive.transform[:3, :3]))
+    return unit(normals @ np.linalg.pinv(primitive.transform[:3, :3]))
 
 
 def _sums(vertices: NDArray[np.float64], scene: SceneFile, faces: NDArray[np.int64], count: int) -> NDArray[np.float64]:
@@ -66,9 +67,3 @@ def _sums(vertices: NDArray[np.float64], scene: SceneFile, faces: NDArray[np.int
     corners = vertices[scene.vertex[scene.corner_faces]]
     crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     return np.stack([np.bincount(faces.ravel(), np.repeat(axis, 3), count) for axis in crossed.T], axis=1)
-
-
-def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    unit: NDArray[np.float64] = np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
-    return unit

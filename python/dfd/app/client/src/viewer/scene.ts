@@ -111,8 +111,8 @@ function shownColumn(layer: Column["layer"], fixed: Column["fixed"], heat: numbe
     fixed,
     share: null,
     shareGain: 1,
-    reach: 1,
-    falloff: "linear",
+    reach: 0.7, // of a new handle, as Deformer.add has it
+    falloff: "smooth",
     exponent: 0,
     gain: 1,
     strength: 1,
