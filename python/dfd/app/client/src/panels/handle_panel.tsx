@@ -10,10 +10,13 @@ import { niceStep } from "../viewer/viewer";
 import { IconButton, readable, Select, Slider, Toggle } from "./controls";
 import { Scale, Triple } from "./triple";
 
+/** Milliseconds between numbers. */
+const readably = () => (store.get().dragging ? 150 : 0);
 const count = new Intl.NumberFormat("en");
 
 export function HandlePanel({ known }: { readonly known: HandleState }) {
-  const state = useStore(store, (all) => all);
+  // Numbers that change with every frame of a drag are read no faster, and painting them costs more than the frame.
+  const state = useStore(store, (all) => all, readably);
   const handle = present(state, known);
   const { transform } = handle;
   const size = state.mesh?.diagonal ?? 1;
@@ -152,16 +155,13 @@ function Limit({ handle }: { readonly handle: HandleState }) {
 
 /** Each place that looks like the handle's own, and whether it moves along. */
 function LookAlikes({ handle }: { readonly handle: number }) {
-  const state = useStore(store, (all) => all);
-  const places = othersOf(state);
+  const alike = useStore(store, (state) => state.alike);
+  const shown = useStore(store, (state) => state.showGhosts);
+  const places = alike ? othersOf(store.get()) : [];
   if (places.length === 0) return null;
   return (
     <div class="instances" role="group" aria-label="Look-alikes">
-      <Toggle
-        label="Show where it acts"
-        checked={state.showGhosts}
-        onChange={(showGhosts) => store.set({ showGhosts })}
-      />
+      <Toggle label="Show where it acts" checked={shown} onChange={(showGhosts) => store.set({ showGhosts })} />
       <ul class="rows">
         {places.map(({ vertex, weight, on }, i) => (
           <li key={vertex}>
