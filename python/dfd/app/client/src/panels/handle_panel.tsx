@@ -5,13 +5,14 @@ import { present, store } from "../store/state";
 import { useStore } from "../store/use";
 import type { Transform } from "../viewer/affine";
 import { isFalloff } from "../viewer/columns";
+import { drawsInSoftware } from "../viewer/graphics";
 import { heldPart } from "../viewer/measure";
 import { niceStep } from "../viewer/viewer";
 import { IconButton, readable, Select, Slider, Toggle } from "./controls";
 import { Scale, Triple } from "./triple";
 
 /** Milliseconds between numbers. */
-const readably = () => (store.get().dragging ? 150 : 0);
+const readably = () => (store.get().dragging ? (drawsInSoftware() ? 1000 : 100) : 0);
 const count = new Intl.NumberFormat("en");
 
 export function HandlePanel({ known }: { readonly known: HandleState }) {

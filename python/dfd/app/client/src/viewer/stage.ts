@@ -4,6 +4,7 @@ import { PerspectiveCamera, Scene as ThreeScene, Vector3, WebGLRenderer } from "
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
 import type { Vec3 } from "./affine";
+import { drawsInSoftware } from "./graphics";
 
 const FIELD_OF_VIEW = 38;
 
@@ -143,12 +144,4 @@ export class Stage {
     // At once: a resized canvas is empty until something is drawn.
     this.draw();
   }
-}
-
-function drawsInSoftware(): boolean {
-  const context = document.createElement("canvas").getContext("webgl2");
-  const names = context?.getExtension("WEBGL_debug_renderer_info");
-  const name = context && names ? String(context.getParameter(names.UNMASKED_RENDERER_WEBGL)) : "";
-  context?.getExtension("WEBGL_lose_context")?.loseContext();
-  return /swiftshader|llvmpipe|software|basic render/i.test(name);
 }
