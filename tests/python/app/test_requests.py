@@ -49,7 +49,7 @@ def test_a_shape_is_shown_and_edited(page: Page, deformer: Deformer) -> None:
     assert page.last("state")["symmetry"]["normal"] == [1, 0, 0]
     page.ask("release", index=0)
     page.ask("reset")
-    assert page.last("report")["moved"] == 0
+    page.until(lambda message: message["type"] == "report" and message["moved"] == 0)
     page.ask("remove", handle=handle)
     assert page.last("state")["handles"] == []
     assert page.last("state")["can_undo"]
