@@ -1,5 +1,5 @@
 import { othersOf, switchLookAlike } from "../actions/alike";
-import { change, limitTo, moveTo, setAxes, slide } from "../actions/edit";
+import { change, limitTo, moveTo, setAxes, slide, softenLimit } from "../actions/edit";
 import type { HandleState } from "../protocol/messages";
 import { present, store } from "../store/state";
 import { useStore } from "../store/use";
@@ -108,6 +108,18 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
         />
       )}
       {offers("within") && <Limit handle={handle} />}
+      {offers("within_width") && handle.within > 0 && (
+        <Slider
+          label="Limit's edge"
+          hint="How far beyond the limit the handle fades, in parts of the shape's size; 0 cuts it off"
+          value={handle.within_width / size}
+          min={0}
+          max={0.3}
+          step={0.005}
+          text={handle.within_width === 0 ? "sharp" : `${readable(handle.within_width)} wide`}
+          onInput={(part) => softenLimit(handle.handle, part * size)}
+        />
+      )}
       {offers("instances") && (state.edit?.instances.length ?? 0) > 1 && (
         <Select
           label="Look-alikes"
