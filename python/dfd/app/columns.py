@@ -23,7 +23,7 @@ from dfd.weights.bind import bind
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
     from dfd.editing.edit import Handle
-    from dfd.editing.instance_columns import Column
+    from dfd.editing.instances import Instance
     from dfd.editing.place import Place
 
 __all__ = ["Columns", "column_kind", "heat_message", "nearest"]
@@ -97,21 +97,31 @@ class Columns:
         return message
 
     def instances_message(self) -> bytes | None:
-        """The instances of the columns that were sent without; None where there are none such."""
+        """The instances of one of the columns that were sent without; None where there are none such."""
         owed = self._owed()
         if not owed:
             return None
-        deformer = self._deformer
+        number, index = next(iter(owed.items()))
+        self._whole.add(number)  # also where it fails: once is enough
         arrays: Arrays = {}
-        entries = []
-        posing = deformer.bound.columns(deformer.edit)[1]
-        for number, index in owed.items():
-            found = [column for column in posing if column.handle == index and column.instance is not None]
-            instances = tuple(self._instance(number, order, column, arrays) for order, column in enumerate(found))
-            entries.append(InstancesEntry(column=number, instances=instances))
-        message = pack(InstancesMessage, arrays, columns=tuple(entries))
-        self._whole |= set(owed)
-        return message
+        found = tuple(
+            self._instance(number, order, instance, gain, arrays)
+            for order, (instance, gain) in enumerate(self._acting(self._deformer.handles[index], index))
+        )
+        return pack(InstancesMessage, arrays, columns=(InstancesEntry(column=number, instances=found),))
+
+    def _acting(self, handle: Handle, index: int) -> list[tuple[Instance, float]]:
+        """The instances through which the handle at `index` acts, and the gain of each."""
+        bound, edit = self._deformer.bound, self._deformer.edit
+        if handle.controls.instances == "own" and not handle.controls.level:
+            # Without the weights of all handles, which a person need not wait for.
+            return [(instance, 1.0) for instance, on in bound.instances(edit, handle) if on]
+        columns = bound.columns(edit)[1]
+        return [
+            (column.instance, column.gain)
+            for column in columns
+            if column.handle == index and column.instance is not None
+        ]
 
     def _owed(self) -> dict[int, int]:
         """The handles whose instances are still to be sent, by the numbers of their columns."""
@@ -138,12 +148,11 @@ class Columns:
                 arrays[geodesic] = _packed(along, 1.0)
         return _entry(number, kind, geodesic)
 
-    def _instance(self, number: int, index: int, column: Column, arrays: Arrays) -> InstanceEntry:
-        instance = column.instance
-        assert instance is not None
+    def _instance(self, number: int, index: int, instance: Instance, gain: float, arrays: Arrays) -> InstanceEntry:
         share = f"share{number}_{index}"
         count = len(self._deformer.mesh.vertices)
-        own = np.ones(count, np.float32) if instance.share is None else instance.share
+        found = instance.share
+        own = np.ones(count, np.float32) if found is None else found
         arrays[share] = _packed(own, 1.0)
         frame: Any = tuple(tuple(float(x) for x in row) for row in np.asarray(instance.frame))
         return InstanceEntry(
@@ -152,7 +161,7 @@ class Columns:
             pivot=instance.position,
             frame=frame,
             position=instance.position,
-            gain=column.gain,
+            gain=gain,
             share=share,
         )
 

@@ -21,6 +21,7 @@ __all__ = ["Loop"]
 # Only the newest of these is worth an answer: the pointer, or the shape, has moved on.
 OVERTAKEN = ("probe", "compute")
 REST = 0.5  # seconds without a word, after which there is time to save
+PAUSE = 0.05  # seconds without a word, after which there is time for instances
 
 Work = Callable[["Session"], None]
 
@@ -60,9 +61,9 @@ class Loop:
         """Do one thing after the other, until `end`."""
         while True:
             try:
-                work = self._inbox.get(timeout=REST)
+                work = self._inbox.get(timeout=PAUSE if session.owes else REST)
             except queue.Empty:
-                session.guarded(0, session.rest)
+                session.guarded(0, session.pay if session.owes else session.rest)
                 continue
             if work is None:
                 session.guarded(0, session.end)

@@ -255,7 +255,7 @@ def _set_poses(session: Session, message: requests.SetPoses) -> None:
 
 
 def _export(session: Session, message: requests.Export) -> Answer:
-    url, name = export(session.living(), message.format, session.name, session.folder, session.field_path)
+    url, name = export(session.living(), message.format, session.name, session.folder, session.looks.poses)
     return DownloadMessage(url=url, name=name)
 
 

@@ -71,7 +71,7 @@ class Session:
         self._kept: Edit | None = None  # what is on disk
         self._shown: Edit | None = None  # what the page was told last
         self._gesture: tuple[Hashable, Edit] | None = None  # what the newest step is about, and what it made
-        self._ready = True  # to find instances
+        self._ready, self._unreported = True, False  # to find instances; whether the page lacks a report
         self._wanted: OpenedFile | None = None  # the edit to open as soon as the field is there
         self.source: Source | None = None
         self.mesh: Mesh | None = None
@@ -152,7 +152,7 @@ class Session:
             self._preparation.drop()
         self._preparation = self._progress = self._kept = self._shown = self._wanted = None
         self.source = self.mesh = self.field_path = self.deformer = self.columns = None
-        self.looks = Looks()
+        self.looks, self._unreported = Looks(), False
 
     def show_start(self) -> None:
         """Close the shape and go back to the start page."""
@@ -342,25 +342,27 @@ class Session:
             self._send(columns)
         self._shown = self.deformer.edit
         self.send(state_message(self.deformer, self.columns, self.looks, after=self._after))
-        if self.columns.owes:
-            self._post(lambda: self.guarded(0, self._tell_instances))
+        self._unreported = self._unreported or self.columns.owes
+
+    @property
+    def owes(self) -> bool:
+        """Whether there are instances, which the page waits for less than for a heat map."""
+        return self._ready and self.columns is not None and self.columns.owes
+
+    def pay(self) -> None:
+        """Send those of one handle; not all, so that the next click does not wait for all."""
+        instances = None if self.columns is None else self.columns.instances_message()
+        if instances is not None:
+            self._send(instances)
 
     def _tell_all(self) -> None:
         self.tell_state()
         self._report()
 
-    def _tell_instances(self) -> None:
-        """Send what the page has waited for less than for the heat map."""
-        if self.columns is None or not self._ready:
-            return
-        instances = self.columns.instances_message()
-        if instances is not None:
-            self._send(instances)
-            self._report()
-
     def _report(self) -> None:
         """Tell the page what the edit does, unless instances must be found first."""
         if self.deformer is not None and self.columns is not None and not self.columns.owes:
+            self._unreported = False
             self.send(report(self.deformer))
 
     def keep_poses(self) -> None:
@@ -368,12 +370,14 @@ class Session:
         self._autosave.keep_poses(self.looks.poses)
 
     def rest(self) -> None:
-        """Nothing has come for a while: save, and look whether somebody else has changed the edit."""
+        """Nothing has come for a while: report, save, and look whether somebody else has changed the edit."""
         if self.deformer is None or self.mesh is None:
             return
         edit = self.deformer.edit
         if edit is not self._shown:
             self._tell_all()
+        elif self._unreported:
+            self._report()
         if edit is not self._kept:
             self._autosave.keep_edit(edit, self.mesh)
             self._kept = edit

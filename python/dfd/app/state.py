@@ -36,6 +36,7 @@ CONTROLS = (
     "level",
     "without_instances",
     "within",
+    "within_width",
 )
 NO_FIELD = FieldState(status="none", origin=None, settings={})
 
@@ -132,6 +133,7 @@ def _handle(deformer: Deformer, columns: Columns, handle: Handle, controls: dict
             place.vertex for place in handle.controls.without_instances if place.vertex is not None
         ),
         within=0 if handle.controls.within is None else len(members(deformer.mesh, handle.controls.within)),
+        within_width=handle.controls.within_width,
         region=_region_size(deformer, handle.place),
         kind=column_kind(handle),
         gain=bound.gain(edit, handle),

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from app_page import Shape
 
 import dfd
@@ -93,3 +94,15 @@ def assert_exported(folder: Path, shape: Shape) -> None:
         assert len(made.faces) == len(rest.faces), ending
         corners = made.vertices[made.faces].reshape(-1, 3)
         np.testing.assert_allclose(corners, seen[rest.faces].reshape(-1, 3), atol=tolerance, err_msg=ending)
+    animated = trimesh.load_scene(folder / "quadruped_poses.glb")
+    header = json.loads(glb_header(folder / "quadruped_poses.glb"))
+    times = [header["accessors"][each["input"]] for each in header["animations"][0]["samplers"]]
+    assert {(each["min"][0], each["max"][0]) for each in times} == {(0.0, 1.0)}, "two key poses, a second apart"
+    assert len(header["skins"][0]["joints"]) > 1
+    assert sum(len(each.faces) for each in animated.geometry.values()) == len(rest.faces)
+
+
+def glb_header(path: Path) -> bytes:
+    """The JSON of a GLB file: its first chunk."""
+    data = path.read_bytes()
+    return data[20 : 20 + int.from_bytes(data[12:16], "little")]

@@ -34,8 +34,7 @@ class Client:
                 values = arrays[entry["values"]] * (entry["scale"] / 65535)
                 geodesic = None if entry["geodesic"] is None else arrays[entry["geodesic"]] / 65535
                 self.entries[entry["column"]] = {**entry, "values": values, "geodesic": geodesic, "instances": ()}
-        later = self.columns.instances_message()
-        if later is not None:
+        while (later := self.columns.instances_message()) is not None:
             header, arrays = unpack(later)
             for entry in header["columns"]:
                 for instance in entry["instances"]:

@@ -49,7 +49,7 @@ def test_a_shape_is_shown_and_edited(page: Page, deformer: Deformer) -> None:
     assert page.last("state")["symmetry"]["normal"] == [1, 0, 0]
     page.ask("release", index=0)
     page.ask("reset")
-    assert page.last("report")["moved"] == 0
+    page.until(lambda message: message["type"] == "report" and message["moved"] == 0)
     page.ask("remove", handle=handle)
     assert page.last("state")["handles"] == []
     assert page.last("state")["can_undo"]
@@ -168,6 +168,11 @@ def test_radius_level_and_limits_are_set_and_taken_away(page: Page, deformer: De
     state = page.last("state")["handles"][0]
     assert (state["radius"], state["level"], state["within"]) == (0.3, True, count // 2)
     assert page.last("columns")["columns"][0]["kind"] == "weight"
+    assert state["within_width"] == 0
+    page.ask("change", handle=handle, controls={"within_width": 0.25})
+    assert page.last("state")["handles"][0]["within_width"] == 0.25
+    assert page.last("columns")["columns"][0]["column"] == page.last("state")["handles"][0]["column"]
+    assert page.ask("change", handle=handle, controls={"within_width": -1})["type"] == "failure"
     page.ask("change", handle=handle, controls={"locality": 0.0, "within": "everywhere"})
     state = page.last("state")["handles"][0]
     assert (state["radius"], state["within"], state["kind"]) == (None, 0, "distance")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,7 @@ from app_page import Shape
 
 import dfd
 from dfd.app.exports import export, file_stem
+from dfd.app.protocol.parts import KeyPose, PoseTransform
 from dfd.app.script import as_command, as_python
 from dfd.cli import main
 from dfd.editing.deformer import Deformer
@@ -100,7 +102,7 @@ def test_a_name_with_quotes_stays_one_word(deformer: Deformer) -> None:
 def test_an_export_is_the_kernels_shape(kind: str, deformer: Deformer, tmp_path: Path) -> None:
     several(deformer)
     folder = tmp_path / ("0" * 32)
-    url, name = export(deformer, kind, "chair.glb", folder, None)
+    url, name = export(deformer, kind, "chair.glb", folder)
     assert name == f"chair_edited.{kind}"
     (file,) = (folder / "exports" / url.rsplit("/", 1)[1]).iterdir()
     made = dfd.load(file)
@@ -112,10 +114,37 @@ def test_edit_and_field_can_be_taken_along(deformer: Deformer, tmp_path: Path) -
     several(deformer)
     folder = tmp_path / ("0" * 32)
     for kind, ending in (("edit", "_edit.json"), ("field", ".field.safetensors")):
-        url, name = export(deformer, kind, "../../chair.glb", folder, None)
+        url, name = export(deformer, kind, "../../chair.glb", folder)
         assert name == f"chair{ending}"
         (file,) = (folder / "exports" / url.rsplit("/", 1)[1]).iterdir()
         if kind == "edit":
             assert Deformer.load(file, deformer.mesh, deformer.field).edit == deformer.edit
         else:
             np.testing.assert_array_equal(dfd.Field.load(file)([[0, 0, 0]]), deformer.field([[0, 0, 0]]))
+
+
+def test_key_poses_become_an_animation(deformer: Deformer, tmp_path: Path) -> None:
+    handle = deformer.add(5)
+    deformer.add(40, translation=(0.1, 0, 0))
+    rest, up = (
+        PoseTransform(handle=handle, translation=(0, y, 0), rotation=(0, 0, 0), scale=(1, 1, 1)) for y in (0.0, 0.5)
+    )
+    gone = PoseTransform(handle=99, translation=(9, 9, 9), rotation=(0, 0, 0), scale=(1, 1, 1))
+    poses = [KeyPose(name="a", seconds=0, transforms=(rest, gone)), KeyPose(name="b", seconds=2, transforms=(up,))]
+    url, name = export(deformer, "animation", "chair.glb", tmp_path / "session", poses)
+    assert name == "chair_poses.glb"
+    (file,) = (tmp_path / "session" / "exports" / url.rsplit("/", 1)[1]).iterdir()
+    data = file.read_bytes()
+    header = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+    inputs = {sampler["input"] for sampler in header["animations"][0]["samplers"]}
+    assert [header["accessors"][each]["max"] for each in inputs] == [[2.0]]
+
+
+def test_an_animation_needs_two_poses_at_two_moments(deformer: Deformer, tmp_path: Path) -> None:
+    deformer.add(5)
+    pose = KeyPose(name="a", seconds=1, transforms=())
+    with pytest.raises(ValueError, match="^Store at least two poses on the timeline"):
+        export(deformer, "animation", "chair.glb", tmp_path / "session", [pose])
+    with pytest.raises(ValueError, match="must come one after the other in time"):
+        export(deformer, "animation", "chair.glb", tmp_path / "session", [pose, pose])
+    assert list((tmp_path / "session" / "exports").iterdir()) == []

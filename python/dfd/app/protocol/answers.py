@@ -69,6 +69,7 @@ class HandleState(Model):
     level: bool  # whether all instances follow with full weight
     without_instances: tuple[int, ...]  # vertices on those that are switched off
     within: int  # how many vertices the region has beyond which nothing follows; 0 is everywhere
+    within_width: Number  # mesh units beyond that region, over which it fades
     region: int  # how many vertices it holds as one; 0 where it is no region
     kind: Literal["distance", "weight"]
     gain: Number  # what Eq. 6 left at the handle, undone

@@ -96,6 +96,7 @@ class Controls(Model):
     strength: Annotated[Number, Field(ge=0, le=1)] | None = None
     level: bool | None = None
     within: RegionPlace | Literal["everywhere"] | None = None
+    within_width: Annotated[Number, Field(ge=0)] | None = None  # mesh units beyond it, over which the handle fades
     without_instances: Annotated[tuple[Index, ...], Field(max_length=MOST_INSTANCES)] | None = None  # vertices
     more: dict[str, JsonValue] | None = None  # further keywords of `Deformer.add` and `Deformer.change`, as they are
 

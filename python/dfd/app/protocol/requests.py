@@ -242,10 +242,10 @@ class Instances(Request):
 
 
 class Export(Request):
-    """Write what was done. Answer: `download`."""
+    """Write what was done; "animation" is a GLB with the key poses, on joints. Answer: `download`."""
 
     type: Literal["export"]
-    format: Literal["glb", "obj", "ply", "stl", "edit", "field"]
+    format: Literal["glb", "obj", "ply", "stl", "animation", "edit", "field"]
 
 
 class Script(Request):

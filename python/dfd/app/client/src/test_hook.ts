@@ -26,9 +26,9 @@ export interface TestHook {
   camera(): readonly number[];
   /** Lose the connection to the server, as a network does. */
   drop(): void;
-  /** Draw now, so that the canvas can be read in the same task. */
-  draw(): void;
-  /** Pictures drawn in that many seconds when each asks for the next. */
+  /** Draw now, so that the canvas can be read in the same task; without the shape where `bare`. */
+  draw(bare?: boolean): void;
+  /** Pictures drawn a second, over that many, when each asks for the next. */
   framesPerSecond(seconds: number): Promise<number>;
 }
 
@@ -49,7 +49,12 @@ export function exposeForTests(viewer: Viewer): void {
   window.dfd = {
     store,
     twin,
-    positions: () => shape().shape.posed.read(viewer.stage.renderer, viewer.stage.camera),
+    positions: () => {
+      const found = shape().shape.posed.read();
+      const error = viewer.stage.renderer.getContext().getError();
+      if (error !== 0) throw new Error(`The graphics refused something: ${error}`);
+      return found;
+    },
     rest: () => {
       const { vertexOf, positions, message } = shape().shape;
       const rest = new Float32Array(3 * message.vertices);
@@ -70,21 +75,32 @@ export function exposeForTests(viewer: Viewer): void {
     },
     camera: () => viewer.stage.camera.position.toArray(),
     drop,
-    draw: () => viewer.stage.draw(),
+    draw: (bare) => {
+      const { group } = shape().shape;
+      group.visible = !bare;
+      viewer.stage.draw();
+      group.visible = true;
+    },
     framesPerSecond: (seconds) =>
       new Promise((resolve) => {
+        const { stage } = viewer;
+        const { drawn } = stage;
         const begun = performance.now();
         let count = 0;
-        const frame = (now: number) => {
-          viewer.stage.step(now);
-          // Without reading a pixel, frames would only queue up.
-          viewer.stage.renderer.getContext().finish();
+        stage.drawn = () => {
+          drawn();
+          // Without waiting for the pixels, frames would only queue up.
+          stage.renderer.getContext().finish();
           count++;
           const gone = (performance.now() - begun) / 1000;
-          if (gone < seconds) requestAnimationFrame(frame);
-          else resolve(count / gone);
+          if (gone < seconds) {
+            stage.invalidate();
+            return;
+          }
+          stage.drawn = drawn;
+          resolve(count / gone);
         };
-        requestAnimationFrame(frame);
+        stage.invalidate();
       }),
   };
 }

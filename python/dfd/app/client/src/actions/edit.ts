@@ -74,6 +74,13 @@ export function limitTo(handle: number, mask: Uint8Array | null): void {
   void ask({ type: "change", handle, controls: { within: mask ? regionOf(mask) : "everywhere" } });
 }
 
+/** How far beyond that region the handle fades, mesh units. */
+export function softenLimit(handle: number, width: number): void {
+  gently(`${handle} within_width`, (merge) => {
+    tell({ type: "change", handle, controls: { within_width: width }, merge });
+  });
+}
+
 // --- a drag, and sliders: shown at once, told in passing
 
 class Drag {

@@ -4,7 +4,7 @@ import { store } from "../store/state";
 import { ask } from "./server";
 import { note, problem } from "./toasts";
 
-export type ExportFormat = "glb" | "obj" | "ply" | "stl" | "edit" | "field";
+export type ExportFormat = "glb" | "obj" | "ply" | "stl" | "animation" | "edit" | "field";
 
 export async function upload(files: readonly File[]): Promise<void> {
   const { session } = store.get();

@@ -2,23 +2,19 @@
 
 import { store } from "../store/state";
 import type { Stage } from "../viewer/stage";
-import { themeColor } from "../viewer/theme";
 import { saveBlob, stem } from "./files";
 import { note, problem } from "./toasts";
 
 const TURN_SECONDS = 6;
 const FRAMES_PER_SECOND = 30;
 
-/** Save what the view shows, on the page's background, without marks. */
+/** Save what the view shows, without marks. */
 export async function screenshot(stage: Stage, helpers: readonly { visible: boolean }[]): Promise<void> {
   const shown = helpers.map((helper) => helper.visible);
   helpers.forEach((helper) => (helper.visible = false));
   stage.draw();
-  const picture = document.createElement("canvas");
-  picture.width = stage.canvas.width;
-  picture.height = stage.canvas.height;
-  paintBackground(picture);
-  picture.getContext("2d")?.drawImage(stage.canvas, 0, 0);
+  // Whatever is drawn is gone after this task: the copy is made now.
+  const picture = copied(stage.canvas);
   helpers.forEach((helper, i) => (helper.visible = shown[i]));
   stage.invalidate();
   const blob = await new Promise<Blob | null>((resolve) => picture.toBlob(resolve, "image/png"));
@@ -59,7 +55,6 @@ export async function turntable(stage: Stage, helpers: readonly { visible: boole
       stage.camera.position.copy(start.target).add(turned);
       stage.camera.lookAt(start.target);
       stage.draw();
-      paintBackground(film);
       film.getContext("2d")?.drawImage(stage.canvas, 0, 0);
       if (part < 1) requestAnimationFrame(frame);
       else resolve();
@@ -75,11 +70,12 @@ export async function turntable(stage: Stage, helpers: readonly { visible: boole
   saveBlob(new Blob(parts, { type }), `${stem()}.${type.startsWith("video/mp4") ? "mp4" : "webm"}`);
 }
 
-function paintBackground(canvas: HTMLCanvasElement): void {
-  const context = canvas.getContext("2d");
-  if (!context) return;
-  context.fillStyle = themeColor("--stage");
-  context.fillRect(0, 0, canvas.width, canvas.height);
+function copied(canvas: HTMLCanvasElement): HTMLCanvasElement {
+  const copy = document.createElement("canvas");
+  copy.width = canvas.width;
+  copy.height = canvas.height;
+  copy.getContext("2d")?.drawImage(canvas, 0, 0);
+  return copy;
 }
 
 /** "Heat map of …" is what a person shares: switch to it, keep it for the picture, go back. */

@@ -1,19 +1,23 @@
 import { othersOf, switchLookAlike } from "../actions/alike";
-import { change, limitTo, moveTo, setAxes, slide } from "../actions/edit";
+import { change, limitTo, moveTo, setAxes, slide, softenLimit } from "../actions/edit";
 import type { HandleState } from "../protocol/messages";
 import { present, store } from "../store/state";
 import { useStore } from "../store/use";
 import type { Transform } from "../viewer/affine";
 import { isFalloff } from "../viewer/columns";
+import { drawsInSoftware } from "../viewer/graphics";
 import { heldPart } from "../viewer/measure";
 import { niceStep } from "../viewer/viewer";
 import { IconButton, readable, Select, Slider, Toggle } from "./controls";
 import { Scale, Triple } from "./triple";
 
+/** Milliseconds between numbers. */
+const readably = () => (store.get().dragging ? (drawsInSoftware() ? 1000 : 100) : 0);
 const count = new Intl.NumberFormat("en");
 
 export function HandlePanel({ known }: { readonly known: HandleState }) {
-  const state = useStore(store, (all) => all);
+  // Numbers that change with every frame of a drag are read no faster, and painting them costs more than the frame.
+  const state = useStore(store, (all) => all, readably);
   const handle = present(state, known);
   const { transform } = handle;
   const size = state.mesh?.diagonal ?? 1;
@@ -104,6 +108,18 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
         />
       )}
       {offers("within") && <Limit handle={handle} />}
+      {offers("within_width") && handle.within > 0 && (
+        <Slider
+          label="Limit's edge"
+          hint="How far beyond the limit the handle fades, in parts of the shape's size; 0 cuts it off"
+          value={handle.within_width / size}
+          min={0}
+          max={0.3}
+          step={0.005}
+          text={handle.within_width === 0 ? "sharp" : `${readable(handle.within_width)} wide`}
+          onInput={(part) => softenLimit(handle.handle, part * size)}
+        />
+      )}
       {offers("instances") && (state.edit?.instances.length ?? 0) > 1 && (
         <Select
           label="Look-alikes"
@@ -152,16 +168,13 @@ function Limit({ handle }: { readonly handle: HandleState }) {
 
 /** Each place that looks like the handle's own, and whether it moves along. */
 function LookAlikes({ handle }: { readonly handle: number }) {
-  const state = useStore(store, (all) => all);
-  const places = othersOf(state);
+  const alike = useStore(store, (state) => state.alike);
+  const shown = useStore(store, (state) => state.showGhosts);
+  const places = alike ? othersOf(store.get()) : [];
   if (places.length === 0) return null;
   return (
     <div class="instances" role="group" aria-label="Look-alikes">
-      <Toggle
-        label="Show where it acts"
-        checked={state.showGhosts}
-        onChange={(showGhosts) => store.set({ showGhosts })}
-      />
+      <Toggle label="Show where it acts" checked={shown} onChange={(showGhosts) => store.set({ showGhosts })} />
       <ul class="rows">
         {places.map(({ vertex, weight, on }, i) => (
           <li key={vertex}>

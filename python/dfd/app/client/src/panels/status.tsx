@@ -21,6 +21,7 @@ export function StatusLine() {
   const timeline = useStore(store, (state) => state.timeline);
   const pending = useStore(store, (state) => state.ahead.size > 0);
   const comparing = useStore(store, (state) => state.comparing);
+  const said = report && !dragging ? report.text : "";
   const hint = dragging
     ? "Wheel changes reach"
     : comparing
@@ -34,8 +35,8 @@ export function StatusLine() {
         {link === "open" ? (pending ? "Saving…" : "Saved") : link === "lost" ? "Reconnecting…" : titled(link)}
       </span>
       <span class="hint">{hint}</span>
-      <span class="report" role="status">
-        {report && !dragging ? report.text : ""}
+      <span class="report" role="status" title={said}>
+        {said}
       </span>
       {hover && <span class="where">vertex {hover.vertex}</span>}
       <button

@@ -27,6 +27,7 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
   const theme = THEMES[useStore(store, (state) => state.theme)];
   const inspector = useStore(store, (state) => state.inspector);
   const ready = useStore(store, alive);
+  const moves = (known?.poses.length ?? 0) > 1;
   const { stage } = viewer;
   return (
     <header class="topbar">
@@ -85,6 +86,14 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
               { text: "OBJ", hint: "materials", run: () => void exportAs("obj") },
               { text: "PLY", run: () => void exportAs("ply") },
               { text: "STL", hint: "shape alone", run: () => void exportAs("stl") },
+            ],
+            [
+              {
+                text: "Animated GLB",
+                hint: moves ? "key poses" : "needs two poses",
+                disabled: !moves,
+                run: () => void exportAs("animation"),
+              },
             ],
             [
               { text: "Copy as Python", run: () => void copyScript("python") },

@@ -136,6 +136,7 @@ export interface Controls {
   reach?: number | "auto" | null;
   strength?: number | null;
   within?: RegionPlace | "everywhere" | null;
+  within_width?: number | null;
   without_instances?: number[] | null;
 }
 /**
@@ -183,6 +184,7 @@ export interface Controls1 {
   reach?: number | "auto" | null;
   strength?: number | null;
   within?: RegionPlace | "everywhere" | null;
+  within_width?: number | null;
   without_instances?: number[] | null;
 }
 /**
@@ -260,6 +262,7 @@ export interface Controls2 {
   reach?: number | "auto" | null;
   strength?: number | null;
   within?: RegionPlace | "everywhere" | null;
+  within_width?: number | null;
   without_instances?: number[] | null;
 }
 /**
@@ -438,10 +441,10 @@ export interface Instances {
   type: "instances";
 }
 /**
- * Write what was done. Answer: `download`.
+ * Write what was done; "animation" is a GLB with the key poses, on joints. Answer: `download`.
  */
 export interface Export {
-  format: "glb" | "obj" | "ply" | "stl" | "edit" | "field";
+  format: "glb" | "obj" | "ply" | "stl" | "animation" | "edit" | "field";
   id: number;
   type: "export";
 }
@@ -607,6 +610,7 @@ export interface HandleState {
   translation: [number, number, number];
   vertex: number | null;
   within: number;
+  within_width: number;
   without_instances: number[];
 }
 /**

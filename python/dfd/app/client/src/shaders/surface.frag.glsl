@@ -1,27 +1,50 @@
+// MAP, COLORS, FEATURES, HEAT and FLAT are defined where the look needs them: what no look needs costs nothing.
 precision highp float;
 
-uniform int look;       // 0 texture, 1 clay, 2 features, 3 heat map
 uniform vec3 baseColor; // linear
-uniform bool hasMap;
-uniform sampler2D map;
-uniform vec3 clay;
-uniform float heatStrength; // how much of the heat map lies over the look
 uniform float opacity;
-uniform float cutoff;
-uniform bool blends;
-uniform bool hasColors;
-uniform bool hasFeatures;
-uniform bool flatColor;
-
-in vec3 viewPosition;
-in vec3 viewNormal;
-in vec3 lookColor;
-in vec2 textureAt;
-in float heat;
-in vec3 ownColor;
 
 layout(location = 0) out vec4 color;
 
+// From linear to sRGB by square roots, within half a step of 255.
+vec3 toScreen(vec3 linear) {
+  vec3 c = clamp(linear, 0.0, 1.0);
+  vec3 a = sqrt(c);
+  vec3 b = sqrt(a);
+  return mix(0.662002687 * a + 0.684122060 * b - 0.323583601 * sqrt(b) - 0.0225411470 * c, 12.92 * c,
+             vec3(lessThan(c, vec3(0.0031308))));
+}
+
+#ifdef FLAT
+void main() {
+  color = vec4(toScreen(baseColor) * opacity, opacity);
+}
+#else
+uniform vec3 lookColor;     // of clay, where the shape's own color is not shown
+uniform bool ownLook;
+uniform float cutoff;
+uniform bool blends;
+uniform float heatStrength; // how much of the heat map lies over the look
+uniform bool heatAlone;
+uniform sampler2D map;
+
+in vec3 viewPosition;
+in vec3 viewNormal;
+#ifdef HEAT
+in float heat;
+#endif
+#ifdef MAP
+in vec2 textureAt;
+#endif
+#if defined(FEATURES) || defined(COLORS)
+in vec3 ownColor;
+
+vec3 fromScreen(vec3 c) {
+  return c * (c * (c * 0.305306011 + 0.682171111) + 0.012522878);
+}
+#endif
+
+#ifdef HEAT
 // A ramp from a pale, quiet blue through violet to a warm yellow, of rising contrast to the clay beneath.
 vec3 ramp(float t) {
   vec3 cold = vec3(0.079, 0.100, 0.258);
@@ -37,38 +60,50 @@ vec3 ramp(float t) {
   result = mix(result, amber, smoothstep(3.0, 4.0, x));
   return mix(result, light, smoothstep(4.0, 5.0, x));
 }
+#endif
 
 void main() {
-  if (flatColor) {
-    color = vec4(linearToOutputTexel(vec4(baseColor, 1.0)).rgb * opacity, opacity);
-    return;
-  }
   vec3 n = normalize(viewNormal);
   vec3 toEye = normalize(-viewPosition);
+  float facingEye = dot(n, toEye);
   // Scans hold triangles that face either way.
-  if (dot(n, toEye) < 0.0) n = -n;
+  if (facingEye < 0.0) n = -n;
 
-  vec3 albedo = clay;
+  vec3 albedo = lookColor;
   float alpha = 1.0;
-  if (look == 0) {
+#ifdef FEATURES
+  albedo = fromScreen(ownColor);
+#else
+  if (ownLook) {
     vec4 own = vec4(baseColor, opacity);
-    if (hasMap) own *= texture(map, textureAt);
-    if (hasColors) own.rgb *= pow(ownColor, vec3(2.2));
+#ifdef MAP
+    own *= texture(map, textureAt);
+#endif
+#ifdef COLORS
+    own.rgb *= fromScreen(ownColor);
+#endif
     if (own.a < cutoff) discard;
     albedo = own.rgb;
     alpha = blends ? own.a : 1.0;
   }
-  if (look == 2 && hasFeatures) albedo = pow(lookColor, vec3(2.2));
+#endif
+#ifdef HEAT
   // One hundredth of a weight must not tint the whole shape, unless the heat map is all that is asked for.
-  float shown = look == 3 ? 0.94 : look == 2 ? 0.0 : 0.86 * smoothstep(0.01, 0.12, heat);
+  float shown = heatAlone ? 0.94 : 0.86 * smoothstep(0.01, 0.12, heat);
   albedo = mix(albedo, ramp(heat), heatStrength * shown);
+#endif
 
-  vec3 key = normalize(vec3(-0.35, 0.55, 0.76));
+  const vec3 key = vec3(-0.3495, 0.5492, 0.7589); // unit length
   float facing = max(dot(n, key), 0.0);
   float sky = 0.5 + 0.5 * n.y;
-  float rim = pow(1.0 - max(dot(n, toEye), 0.0), 3.0);
+  float edge = 1.0 - abs(facingEye);
+  float rim = edge * edge * edge;
   vec3 light = mix(vec3(0.33, 0.32, 0.34), vec3(0.60, 0.62, 0.66), sky) + facing * vec3(0.62, 0.60, 0.57);
-  float gloss = pow(max(dot(n, normalize(key + toEye)), 0.0), 36.0) * 0.06;
-  color = vec4(albedo * light + gloss + rim * 0.05, alpha);
-  color = linearToOutputTexel(color);
+  float shine = max(dot(n, normalize(key + toEye)), 0.0);
+  float shine2 = shine * shine;
+  float shine4 = shine2 * shine2;
+  float shine16 = shine4 * shine4 * shine4 * shine4;
+  float gloss = shine16 * shine16 * shine4 * 0.06;
+  color = vec4(toScreen(albedo * light + gloss + rim * 0.05), alpha);
 }
+#endif

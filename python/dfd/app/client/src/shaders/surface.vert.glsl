@@ -1,21 +1,44 @@
-in vec3 featureColor;
+in vec4 posedPosition; // and heat
+in vec3 posedNormal;
+#ifdef FEATURES
+in vec4 featureColor;
+#endif
+#ifdef COLORS
 in vec4 rowColor;
+#endif
 
+#ifdef FLAT
+void main() {
+  gl_Position = projectionMatrix * modelViewMatrix * vec4(posedPosition.xyz, 1.0);
+}
+#else
 out vec3 viewPosition;
 out vec3 viewNormal;
-out vec3 lookColor;
-out vec2 textureAt;
+#ifdef HEAT
 out float heat;
+#endif
+#ifdef MAP
+out vec2 textureAt;
+#endif
+#if defined(FEATURES) || defined(COLORS)
 out vec3 ownColor;
+#endif
 
 void main() {
-  vec4 row = posedRow();
-  vec4 view = modelViewMatrix * vec4(row.xyz, 1.0);
+  vec4 view = modelViewMatrix * vec4(posedPosition.xyz, 1.0);
   viewPosition = view.xyz;
-  viewNormal = normalMatrix * posedRowNormal();
-  lookColor = featureColor;
+  viewNormal = normalMatrix * posedNormal;
+#ifdef HEAT
+  heat = posedPosition.w;
+#endif
+#ifdef MAP
   textureAt = uv;
-  heat = row.w;
+#endif
+#if defined(FEATURES)
+  ownColor = featureColor.rgb;
+#elif defined(COLORS)
   ownColor = rowColor.rgb;
+#endif
   gl_Position = projectionMatrix * view;
 }
+#endif

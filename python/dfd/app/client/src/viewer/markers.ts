@@ -66,8 +66,10 @@ export class Markers {
     this.ring = ring;
     this.ringBox.hidden = ring === null;
     if (ring) {
-      this.arc.setAttribute("stroke-dasharray", `${ring.held.toFixed(4)} 1`);
-      this.ringText.textContent = ring.text;
+      // What is set again is painted again.
+      const dashes = `${ring.held.toFixed(3)} 1`;
+      if (this.arc.getAttribute("stroke-dasharray") !== dashes) this.arc.setAttribute("stroke-dasharray", dashes);
+      if (this.ringText.textContent !== ring.text) this.ringText.textContent = ring.text;
     }
     this.place();
   }
@@ -89,16 +91,18 @@ export class Markers {
       this.elements.set(mark.key, element);
       this.layer.append(element);
     }
-    element.className = `mark ${mark.kind}`;
-    element.classList.toggle("selected", mark.selected ?? false);
-    element.classList.toggle("off", mark.off ?? false);
-    element.title = mark.label;
-    element.setAttribute("aria-label", mark.label);
+    const name = `mark ${mark.kind}${mark.selected ? " selected" : ""}${mark.off ? " off" : ""}`;
+    if (element.className !== name) element.className = name;
+    if (element.title !== mark.label) {
+      element.title = mark.label;
+      element.setAttribute("aria-label", mark.label);
+    }
     if (mark.press) element.onclick = mark.press;
   }
 }
 
 function move(element: HTMLElement, at: readonly [number, number] | null): void {
-  element.style.visibility = at ? "visible" : "hidden";
+  const visibility = at ? "visible" : "hidden";
+  if (element.style.visibility !== visibility) element.style.visibility = visibility;
   if (at) element.style.transform = `translate(${at[0].toFixed(1)}px, ${at[1].toFixed(1)}px)`;
 }

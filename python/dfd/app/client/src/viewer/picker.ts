@@ -3,16 +3,18 @@
 import {
   DoubleSide,
   Mesh,
+  NearestFilter,
+  RGBAIntegerFormat,
   Scene as ThreeScene,
+  UnsignedIntType,
+  WebGLRenderTarget,
   type PerspectiveCamera,
   type WebGLRenderer,
-  type WebGLRenderTarget,
 } from "three";
 
 import type { Vec3 } from "./affine";
 import type { FacePoint } from "./faces";
-import { integerTarget } from "./pose_pass";
-import { poseMaterial } from "./shaders";
+import { material } from "./shaders";
 import type { Shape } from "./shape";
 
 export interface Pick extends FacePoint {
@@ -22,7 +24,7 @@ export interface Pick extends FacePoint {
 }
 
 export class Picker {
-  private readonly target = integerTarget(1, 1);
+  private readonly target = onePixel();
   private readonly scene = new ThreeScene();
   private readonly mesh: Mesh;
 
@@ -30,7 +32,7 @@ export class Picker {
     private readonly renderer: WebGLRenderer,
     private readonly shape: Shape,
   ) {
-    this.mesh = new Mesh(shape.geometry, poseMaterial("pick", shape.posed.uniforms, { side: DoubleSide }));
+    this.mesh = new Mesh(shape.geometry, material("pick", {}, { side: DoubleSide }));
     this.mesh.frustumCulled = false;
     this.scene.add(this.mesh);
     this.scene.matrixWorldAutoUpdate = false;
@@ -39,7 +41,7 @@ export class Picker {
   /** At (x, y) in pixels of the page within a view of `width` × `height`; null beside the shape. */
   pick(camera: PerspectiveCamera, x: number, y: number, width: number, height: number): Pick | null {
     // One pixel of the view fills the target, so the GPU throws away all else before a fragment is made.
-    this.shape.posed.update(this.renderer, camera);
+    this.shape.posed.update();
     camera.setViewOffset(width, height, Math.floor(x), Math.floor(y), 1, 1);
     const bits = this.draw(this.target, camera, this.scene);
     camera.clearViewOffset();
@@ -52,7 +54,7 @@ export class Picker {
 
   dispose(): void {
     this.target.dispose();
-    [this.mesh.material].flat().forEach((material) => material.dispose());
+    [this.mesh.material].flat().forEach((each) => each.dispose());
   }
 
   private draw(target: WebGLRenderTarget, camera: PerspectiveCamera, scene: ThreeScene): Uint32Array {
@@ -66,4 +68,16 @@ export class Picker {
     renderer.setRenderTarget(before);
     return bits;
   }
+}
+
+/** Integers, which every WebGL 2 can draw into. */
+function onePixel(): WebGLRenderTarget {
+  return new WebGLRenderTarget(1, 1, {
+    format: RGBAIntegerFormat,
+    type: UnsignedIntType,
+    internalFormat: "RGBA32UI",
+    minFilter: NearestFilter,
+    magFilter: NearestFilter,
+    generateMipmaps: false,
+  });
 }

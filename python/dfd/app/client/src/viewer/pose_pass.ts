@@ -1,57 +1,53 @@
-/** The shape posed on the GPU, once for each change: what is drawn and picked afterwards only looks it up. */
+/** The shape posed on the GPU, once for each change, into buffers: what is drawn and picked afterwards only reads them. */
 
-import {
-  NearestFilter,
-  Points,
-  RGBAIntegerFormat,
-  Scene as ThreeScene,
-  UnsignedIntType,
-  WebGLRenderTarget,
-  type BufferGeometry,
-  type Camera,
-  type IUniform,
-  type ShaderMaterial,
-  type Texture,
-  type WebGLRenderer,
-} from "three";
+import { GLBufferAttribute, Matrix4, type WebGLRenderer } from "three";
 
-import { poseMaterial } from "./shaders";
+import { ATTRIBUTES, PosePrograms } from "./pose_program";
+import { matrix4, type PoseTextures } from "./pose_textures";
 
-const WIDTH = 2048;
+/** What every row is made of: (R, 3) at rest, (R, 4) normals of length 32767, (R) vertices. */
+export interface Rows {
+  readonly positions: Float32Array;
+  readonly normals: Int16Array;
+  readonly vertexOf: Uint32Array;
+}
 
-export interface PosedUniforms extends Record<string, IUniform> {
-  posedPositions: IUniform<Texture>;
-  posedNormals: IUniform<Texture>;
+/** (R, 3) positions and (R, 4) normals that the server posed. */
+export interface Given {
+  readonly positions: Float32Array;
+  readonly normals: Int16Array;
 }
 
 export class PosePass {
-  readonly uniforms: PosedUniforms;
-  private readonly target: WebGLRenderTarget;
-  private readonly scene = new ThreeScene();
-  private readonly geometry: BufferGeometry;
-  private readonly material: ShaderMaterial;
+  /** (R, 4) posed positions and heat. */
+  readonly position: GLBufferAttribute;
+  /** (R, 3) posed unit normals. */
+  readonly normal: GLBufferAttribute;
+  /** (R, 3) at rest. */
+  readonly rest: GLBufferAttribute;
+  private readonly gl: WebGL2RenderingContext;
+  private readonly programs: PosePrograms;
+  private readonly count: number;
+  private made: Buffers;
+  private given: Given | null = null;
+  private showsGiven = false;
   private stale = true;
 
   constructor(
-    private readonly shape: BufferGeometry,
-    private readonly rows: number,
-    pose: Record<string, IUniform>,
+    private readonly renderer: WebGLRenderer,
+    private readonly rows: Rows,
+    private readonly pose: PoseTextures,
   ) {
-    const height = Math.max(Math.ceil(rows / WIDTH), 1);
-    this.target = integerTarget(WIDTH, height, 2);
-    const [positions, normals] = this.target.textures;
-    this.uniforms = { posedPositions: { value: positions }, posedNormals: { value: normals } };
-    const uniforms = { ...pose, targetSize: { value: [WIDTH, height] } };
-    this.material = poseMaterial("pose", uniforms, { depthTest: false, depthWrite: false });
-    // Points take rows in their order, without the index; attributes are the shape's own, also those that come later.
-    this.geometry = shape.clone().setIndex(null);
-    this.geometry.clearGroups();
-    this.geometry.setDrawRange(0, rows);
-    this.geometry.attributes = shape.attributes;
-    const points = new Points(this.geometry, this.material);
-    points.frustumCulled = false;
-    this.scene.add(points);
-    this.scene.matrixWorldAutoUpdate = false;
+    const gl = renderer.getContext() as WebGL2RenderingContext;
+    this.gl = gl;
+    this.count = rows.vertexOf.length;
+    this.programs = new PosePrograms(gl);
+    this.made = new Buffers(gl, rows);
+    this.position = new GLBufferAttribute(this.made.position, gl.FLOAT, 4, 4, this.count);
+    this.normal = new GLBufferAttribute(this.made.normal, gl.FLOAT, 3, 4, this.count);
+    this.rest = new GLBufferAttribute(this.made.rest, gl.FLOAT, 3, 4, this.count);
+    renderer.resetState();
+    renderer.domElement.addEventListener("webglcontextrestored", this.restore);
   }
 
   /** Something that the pose is made of has changed. */
@@ -59,41 +55,168 @@ export class PosePass {
     this.stale = true;
   }
 
+  /** Take what the server posed, or null; it is shown where `useGiven` says so. */
+  setGiven(given: Given | null): void {
+    this.given = given;
+    this.made.setGiven(given);
+    this.renderer.resetState();
+    this.stale = true;
+  }
+
+  useGiven(on: boolean): void {
+    this.showsGiven = on;
+    this.stale = true;
+  }
+
   /** Pose again, if anything has changed since. */
-  update(renderer: WebGLRenderer, camera: Camera): void {
-    if (!this.stale) return;
+  update(): void {
+    if (!this.stale || this.gl.isContextLost()) return;
     this.stale = false;
-    const before = renderer.getRenderTarget();
-    renderer.setRenderTarget(this.target);
-    renderer.render(this.scene, camera);
-    renderer.setRenderTarget(before);
+    const { gl, pose, renderer } = this;
+    pose.textures.forEach((texture) => renderer.initTexture(texture));
+    const parts: ReadonlySet<string> = this.showsGiven && this.given ? new Set([...pose.parts, "GIVEN"]) : pose.parts;
+    const { program, at } = this.programs.with(parts);
+    gl.useProgram(program);
+    const { mirror, defaultTransform } = pose.scene;
+    [gl.TEXTURE_2D_ARRAY, gl.TEXTURE_2D].forEach((target, unit) => {
+      const { __webglTexture } = renderer.properties.get(pose.textures[unit]) as { __webglTexture: WebGLTexture };
+      gl.activeTexture(gl.TEXTURE0 + unit);
+      gl.bindTexture(target, __webglTexture);
+    });
+    gl.uniform1i(at.distances, 0);
+    gl.uniform1i(at.columns, 1);
+    gl.uniform1i(at.columnCount, pose.columnCount);
+    gl.uniformMatrix4fv(at.defaultTransform, false, (defaultTransform ? matrix4(defaultTransform) : REST).elements);
+    if (mirror) gl.uniform4f(at.mirror, ...mirror.normal, mirror.offset);
+    gl.uniform1f(at.mirrorBand, mirror?.band ?? 0);
+    this.made.run(this.count);
+    renderer.resetState();
   }
 
   /** (R, 4) posed positions and heat, read back. */
-  read(renderer: WebGLRenderer, camera: Camera): Float32Array {
-    this.update(renderer, camera);
-    const { width, height } = this.target;
-    const bits = new Uint32Array(4 * width * height);
-    renderer.readRenderTargetPixels(this.target, 0, 0, width, height, bits);
-    return new Float32Array(bits.buffer, 0, 4 * this.rows).slice();
+  read(): Float32Array {
+    this.update();
+    const { gl } = this;
+    const found = new Float32Array(4 * this.count);
+    gl.bindBuffer(gl.COPY_READ_BUFFER, this.made.position);
+    gl.getBufferSubData(gl.COPY_READ_BUFFER, 0, found);
+    gl.bindBuffer(gl.COPY_READ_BUFFER, null);
+    return found;
   }
 
   dispose(): void {
-    this.target.dispose();
-    this.material.dispose();
-    if (this.geometry !== this.shape) this.geometry.dispose();
+    this.renderer.domElement.removeEventListener("webglcontextrestored", this.restore);
+    this.made.dispose();
+    this.programs.dispose();
   }
+
+  /** Graphics that were lost took the buffers along. */
+  private readonly restore = (): void => {
+    this.programs.dispose();
+    this.made = new Buffers(this.gl, this.rows);
+    this.made.setGiven(this.given);
+    this.position.setBuffer(this.made.position);
+    this.normal.setBuffer(this.made.normal);
+    this.rest.setBuffer(this.made.rest);
+    this.renderer.resetState();
+    this.stale = true;
+  };
 }
 
-export function integerTarget(width: number, height: number, count = 1): WebGLRenderTarget {
-  return new WebGLRenderTarget(width, height, {
-    count,
-    format: RGBAIntegerFormat,
-    type: UnsignedIntType,
-    internalFormat: "RGBA32UI",
-    minFilter: NearestFilter,
-    magFilter: NearestFilter,
-    generateMipmaps: false,
-    depthBuffer: count === 1,
-  });
+const REST = new Matrix4();
+
+/** What the pass reads and writes on the GPU. */
+class Buffers {
+  readonly position: WebGLBuffer;
+  readonly normal: WebGLBuffer;
+  readonly rest: WebGLBuffer;
+  private readonly others: WebGLBuffer[];
+  private readonly given: readonly [WebGLBuffer, WebGLBuffer];
+  private readonly input: WebGLVertexArrayObject;
+  private readonly output: WebGLTransformFeedback;
+
+  constructor(
+    private readonly gl: WebGL2RenderingContext,
+    { positions, normals, vertexOf }: Rows,
+  ) {
+    const count = vertexOf.length;
+    this.input = gl.createVertexArray();
+    gl.bindVertexArray(this.input);
+    this.rest = this.filled(positions, gl.STATIC_DRAW);
+    this.reads(ATTRIBUTES.rest, 3, gl.FLOAT);
+    const restNormal = this.filled(normals, gl.STATIC_DRAW);
+    this.reads(ATTRIBUTES.restNormal, 4, gl.SHORT);
+    const vertex = this.filled(vertexOf, gl.STATIC_DRAW);
+    gl.enableVertexAttribArray(ATTRIBUTES.vertex);
+    gl.vertexAttribIPointer(ATTRIBUTES.vertex, 1, gl.UNSIGNED_INT, 0, 0);
+    this.given = [gl.createBuffer(), gl.createBuffer()];
+    this.position = this.filled(16 * count, gl.DYNAMIC_COPY);
+    this.normal = this.filled(12 * count, gl.DYNAMIC_COPY);
+    this.others = [this.rest, restNormal, vertex, this.position, this.normal, ...this.given];
+    gl.bindVertexArray(null);
+    gl.bindBuffer(gl.ARRAY_BUFFER, null);
+    this.output = gl.createTransformFeedback();
+    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.output);
+    [this.position, this.normal].forEach((buffer, i) => gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, i, buffer));
+    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, null);
+    gl.bindBuffer(gl.TRANSFORM_FEEDBACK_BUFFER, null);
+  }
+
+  setGiven(given: Given | null): void {
+    const { gl } = this;
+    gl.bindVertexArray(this.input);
+    const places = [ATTRIBUTES.givenPosition, ATTRIBUTES.givenNormal];
+    this.given.forEach((buffer, i) => {
+      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+      if (!given) {
+        gl.disableVertexAttribArray(places[i]);
+        gl.bufferData(gl.ARRAY_BUFFER, 0, gl.DYNAMIC_DRAW);
+        return;
+      }
+      gl.bufferData(gl.ARRAY_BUFFER, i === 0 ? given.positions : given.normals, gl.DYNAMIC_DRAW);
+      if (i === 0) this.reads(places[i], 3, gl.FLOAT);
+      else this.reads(places[i], 4, gl.SHORT);
+    });
+    gl.bindVertexArray(null);
+    gl.bindBuffer(gl.ARRAY_BUFFER, null);
+  }
+
+  /** Run the program in use over all rows. */
+  run(count: number): void {
+    const { gl } = this;
+    // Nothing is written that is bound anywhere else, as three.js leaves what it drew from.
+    gl.bindBuffer(gl.ARRAY_BUFFER, null);
+    gl.bindVertexArray(this.input);
+    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.output);
+    gl.enable(gl.RASTERIZER_DISCARD);
+    gl.beginTransformFeedback(gl.POINTS);
+    gl.drawArrays(gl.POINTS, 0, count);
+    gl.endTransformFeedback();
+    gl.disable(gl.RASTERIZER_DISCARD);
+    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, null);
+    gl.bindVertexArray(null);
+  }
+
+  dispose(): void {
+    const { gl } = this;
+    this.others.forEach((buffer) => gl.deleteBuffer(buffer));
+    gl.deleteVertexArray(this.input);
+    gl.deleteTransformFeedback(this.output);
+  }
+
+  private filled(data: Float32Array | Int16Array | Uint32Array | number, usage: GLenum): WebGLBuffer {
+    const { gl } = this;
+    const buffer = gl.createBuffer();
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+    if (typeof data === "number") gl.bufferData(gl.ARRAY_BUFFER, data, usage);
+    else gl.bufferData(gl.ARRAY_BUFFER, data, usage);
+    return buffer;
+  }
+
+  /** Whole numbers stand for what lies between -1 and 1. */
+  private reads(place: number, size: number, type: GLenum): void {
+    const { gl } = this;
+    gl.enableVertexAttribArray(place);
+    gl.vertexAttribPointer(place, size, type, type !== gl.FLOAT, 0, 0);
+  }
 }

@@ -9,59 +9,46 @@ import {
   RGBAFormat,
   RGIntegerFormat,
   UnsignedShortType,
-  Vector4,
-  type IUniform,
+  type Texture,
 } from "three";
 
 import { IDENTITY, type Affine } from "./affine";
-import { FALLOFFS, type Layer, type Scene } from "./columns";
+import { EMPTY_SCENE, FALLOFFS, type Layer, type Scene } from "./columns";
 import { mirrored } from "./twin";
 
 const WIDTH = 4096;
 const TEXELS = 10;
 const LEAST_LAYERS = 4;
 const LEAST_ROWS = 16;
+/** Of an affine transform, what turns normals. */
+const LINEAR = [0, 1, 2, 4, 5, 6, 8, 9, 10];
 
-export interface PoseUniforms extends Record<string, IUniform> {
-  distances: IUniform<DataArrayTexture>;
-  columns: IUniform<DataTexture>;
-  columnCount: IUniform<number>;
-  hasDefault: IUniform<boolean>;
-  defaultTransform: IUniform<Matrix4>;
-  mirror: IUniform<Vector4>;
-  mirrorBand: IUniform<number>;
-  given: IUniform<boolean>;
-}
+/** What a scene has, and the shader is made for. */
+export type Part = "MIRROR" | "DEFAULT" | "FIXED" | "SHARE" | "ALONG" | "CURVED" | "TURNED";
 
 export class PoseTextures {
-  readonly uniforms: PoseUniforms;
+  distances: DataArrayTexture;
+  columns = rows(LEAST_ROWS);
+  columnCount = 0;
+  parts: ReadonlySet<Part> = new Set();
+  scene: Scene = EMPTY_SCENE;
   private readonly height: number;
   private readonly places = new Map<Layer, number>();
 
   constructor(vertexCount: number) {
     this.height = Math.max(Math.ceil(vertexCount / WIDTH), 1);
-    this.uniforms = {
-      distances: { value: this.layers(LEAST_LAYERS) },
-      columns: { value: rows(LEAST_ROWS) },
-      columnCount: { value: 0 },
-      hasDefault: { value: false },
-      defaultTransform: { value: new Matrix4() },
-      mirror: { value: new Vector4(1, 0, 0, 0) },
-      mirrorBand: { value: -1 },
-      given: { value: false },
-    };
+    this.distances = this.layers(LEAST_LAYERS);
   }
 
   /** Have the shader pose by `scene`; distances go to the GPU once, when they are first seen. */
   show(scene: Scene): void {
     this.keep(scene);
-    const { uniforms } = this;
     const count = scene.columns.length;
-    if (count > uniforms.columns.value.image.height) {
-      uniforms.columns.value.dispose();
-      uniforms.columns.value = rows(2 * count);
+    if (count > this.columns.image.height) {
+      this.columns.dispose();
+      this.columns = rows(2 * count);
     }
-    const table = uniforms.columns.value.image.data as Float32Array;
+    const table = this.columns.image.data as Float32Array;
     scene.columns.forEach((column, k) => {
       const at = 4 * TEXELS * k;
       writeMove(table, at, column.transform);
@@ -73,17 +60,18 @@ export class PoseTextures {
       table.set([column.layer.scale, isWeight, column.fixed?.scale ?? 0, column.strength], at + 32);
       table.set([column.heat, column.acts ? 1 : 0, column.shareGain, 0], at + 36);
     });
-    uniforms.columns.value.needsUpdate = true;
-    uniforms.columnCount.value = count;
-    uniforms.hasDefault.value = scene.defaultTransform !== null;
-    if (scene.defaultTransform) uniforms.defaultTransform.value.copy(matrix4(scene.defaultTransform));
-    uniforms.mirrorBand.value = scene.mirror ? scene.mirror.band : -1;
-    if (scene.mirror) uniforms.mirror.value.set(...scene.mirror.normal, scene.mirror.offset);
+    this.columns.needsUpdate = true;
+    this.columnCount = count;
+    this.scene = scene;
+    this.parts = partsOf(scene);
+  }
+
+  get textures(): readonly Texture[] {
+    return [this.distances, this.columns];
   }
 
   dispose(): void {
-    this.uniforms.distances.value.dispose();
-    this.uniforms.columns.value.dispose();
+    this.textures.forEach((texture) => texture.dispose());
   }
 
   private place(layer: Layer | null): number {
@@ -98,10 +86,10 @@ export class PoseTextures {
     for (const layer of this.places.keys()) if (!wanted.has(layer)) this.places.delete(layer);
     const fresh = [...wanted].filter((layer) => !this.places.has(layer));
     if (fresh.length === 0) return;
-    const capacity = this.uniforms.distances.value.image.depth;
+    const capacity = this.distances.image.depth;
     if (wanted.size > capacity) {
-      this.uniforms.distances.value.dispose();
-      this.uniforms.distances.value = this.layers(2 * wanted.size);
+      this.distances.dispose();
+      this.distances = this.layers(2 * wanted.size);
       this.places.clear();
       fresh.splice(0, fresh.length, ...wanted);
     }
@@ -116,7 +104,7 @@ export class PoseTextures {
   }
 
   private write(layer: Layer, place: number): void {
-    const texture = this.uniforms.distances.value;
+    const texture = this.distances;
     const data = texture.image.data as Uint16Array;
     const start = 2 * WIDTH * this.height * place;
     const { values, geodesic } = layer;
@@ -145,6 +133,19 @@ function rows(count: number): DataTexture {
   const texture = new DataTexture(new Float32Array(4 * TEXELS * count), TEXELS, count, RGBAFormat, FloatType);
   texture.needsUpdate = true;
   return texture;
+}
+
+export function partsOf({ columns, mirror, defaultTransform }: Scene): Set<Part> {
+  const has: Record<Part, boolean> = {
+    MIRROR: mirror !== null,
+    DEFAULT: defaultTransform !== null,
+    FIXED: columns.some((column) => column.fixed !== null),
+    SHARE: columns.some((column) => column.share !== null),
+    ALONG: columns.some((column) => column.exponent > 0 && column.layer.geodesic !== null),
+    CURVED: columns.some((column) => column.falloff !== "linear"),
+    TURNED: columns.some(({ transform }) => LINEAR.some((i) => transform[i] !== IDENTITY[i])),
+  };
+  return new Set((Object.keys(has) as Part[]).filter((part) => has[part]));
 }
 
 /** D − I: what is added to a point, which keeps its digits where little moves. */

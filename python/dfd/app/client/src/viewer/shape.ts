@@ -9,7 +9,6 @@ import {
   FrontSide,
   DoubleSide,
   Group,
-  IntType,
   LinearFilter,
   LinearMipmapLinearFilter,
   Mesh,
@@ -23,6 +22,7 @@ import {
   Vector3,
   type IUniform,
   type ShaderMaterial,
+  type WebGLRenderer,
 } from "three";
 
 import type { Payload } from "../protocol/frames";
@@ -33,9 +33,8 @@ import type { Scene } from "./columns";
 import { Faces } from "./faces";
 import { PosePass } from "./pose_pass";
 import { PoseTextures } from "./pose_textures";
-import { poseMaterial } from "./shaders";
+import { define, material } from "./shaders";
 
-const LOOKS: readonly Look[] = ["texture", "clay", "features", "heat"];
 const WRAPS = { repeat: RepeatWrapping, mirror: MirroredRepeatWrapping, clamp: ClampToEdgeWrapping } as const;
 
 export class Shape {
@@ -51,43 +50,46 @@ export class Shape {
   private readonly pose: PoseTextures;
   private readonly shared: Record<string, IUniform>;
   private readonly surface: Mesh;
-  private hasGiven = false;
+  private readonly materials: ShaderMaterial[];
+  private look: Look = "texture";
+  private heats = false;
   private wires: Mesh | null = null;
   private readonly textures: Texture[] = [];
 
   constructor(
     readonly message: MeshMessage,
     payload: Payload,
+    renderer: WebGLRenderer,
     private readonly changed: () => void,
   ) {
     this.positions = payload.get("positions", "float32");
     this.vertexOf = payload.get("vertex", "uint32");
     const triangles = payload.get("triangles", "uint32");
+    this.pose = new PoseTextures(message.vertices);
+    const rows = { positions: this.positions, normals: payload.get("normals", "int16"), vertexOf: this.vertexOf };
+    this.posed = new PosePass(renderer, rows, this.pose);
     const { geometry } = this;
-    geometry.setAttribute("position", new BufferAttribute(this.positions, 3));
-    geometry.setAttribute("normal", new BufferAttribute(payload.get("normals", "int16"), 4, true));
-    geometry.setAttribute("vertex", integers(this.vertexOf));
+    const { position, normal, rest } = this.posed;
+    // By the first, three.js counts rows.
+    Object.assign(geometry.attributes, { position, posedPosition: position, posedNormal: normal, rest });
     geometry.setIndex(new BufferAttribute(triangles, 1));
     if (payload.has("uv")) geometry.setAttribute("uv", new BufferAttribute(payload.get("uv", "float32"), 2));
-    const hasColors = payload.has("colors");
-    if (hasColors) geometry.setAttribute("rowColor", new BufferAttribute(payload.get("colors", "uint8"), 4, true));
+    if (payload.has("colors")) {
+      geometry.setAttribute("rowColor", new BufferAttribute(payload.get("colors", "uint8"), 4, true));
+    }
     this.radius = Math.max(message.diagonal / 2, 1e-9);
     // Posed shapes leave their box: nothing is culled.
     geometry.boundingSphere = new Sphere(new Vector3(), this.radius);
     this.faces = new Faces(this.positions, triangles);
-    this.pose = new PoseTextures(message.vertices);
-    this.posed = new PosePass(geometry, this.vertexOf.length, this.pose.uniforms);
     this.shared = {
-      ...this.posed.uniforms,
-      look: { value: 0 },
-      clay: { value: new Color(0.62, 0.61, 0.6) },
+      lookColor: { value: new Color(0.62, 0.61, 0.6) },
+      ownLook: { value: true },
       heatStrength: { value: 1 },
-      hasColors: { value: hasColors },
-      hasFeatures: { value: false },
+      heatAlone: { value: false },
     };
-    const materials = message.materials.map((entry) => this.material(entry, payload));
+    this.materials = message.materials.map((entry) => this.material(entry, payload));
     for (const { start, count, material } of message.groups) geometry.addGroup(3 * start, 3 * count, material);
-    this.surface = new Mesh(geometry, materials);
+    this.surface = new Mesh(geometry, this.materials);
     this.surface.frustumCulled = false;
     this.group.add(this.surface);
   }
@@ -95,15 +97,20 @@ export class Shape {
   show(scene: Scene): void {
     this.pose.show(scene);
     this.posed.invalidate();
+    this.heats = scene.columns.some((column) => column.heat !== 0);
+    this.compile();
   }
 
   setLook(look: Look, heatStrength: number): void {
-    this.shared.look.value = LOOKS.indexOf(look);
+    this.look = look;
+    this.shared.ownLook.value = look === "texture";
+    this.shared.heatAlone.value = look === "heat";
     this.shared.heatStrength.value = heatStrength;
+    this.compile();
   }
 
   setClay(color: Color): void {
-    (this.shared.clay.value as Color).copy(color);
+    (this.shared.lookColor.value as Color).copy(color);
   }
 
   setWireframe(on: boolean, color: Color, opacity: number): void {
@@ -127,14 +134,16 @@ export class Shape {
       for (let i = 0; i < 4; i++) rows[4 * row + i] = colors[4 * vertex + i];
     });
     this.geometry.setAttribute("featureColor", new BufferAttribute(rows, 4, true));
-    this.shared.hasFeatures.value = true;
+    this.compile();
   }
 
   /** Show what the server posed: (V, 3) positions and (V, 4) normals; null lets the shader pose again. */
   setGiven(given: { positions: Float32Array; normals: Int16Array } | null): void {
-    this.hasGiven = given !== null;
     this.useGiven(true);
-    if (!given) return;
+    if (!given) {
+      this.posed.setGiven(null);
+      return;
+    }
     const positions = new Float32Array(3 * this.vertexOf.length);
     const normals = new Int16Array(4 * this.vertexOf.length);
     this.vertexOf.forEach((vertex, row) => {
@@ -143,15 +152,12 @@ export class Shape {
         normals[4 * row + i] = given.normals[4 * vertex + i];
       }
     });
-    this.geometry.setAttribute("givenPosition", new BufferAttribute(positions, 3));
-    this.geometry.setAttribute("givenNormal", new BufferAttribute(normals, 4, true));
-    this.posed.invalidate();
+    this.posed.setGiven({ positions, normals });
   }
 
   /** Whether to show what the server posed, where there is something. */
   useGiven(on: boolean): void {
-    this.pose.uniforms.given.value = on && this.hasGiven;
-    this.posed.invalidate();
+    this.posed.useGiven(on);
   }
 
   /** Where a row of the mesh rests. */
@@ -172,21 +178,36 @@ export class Shape {
     this.group.removeFromParent();
   }
 
+  /** Have the materials do what is seen now, and no more. */
+  private compile(): void {
+    const { geometry, look, heats } = this;
+    const features = look === "features" && geometry.hasAttribute("featureColor");
+    const colors = look === "texture" && geometry.hasAttribute("rowColor");
+    const heat = look === "heat" || (look !== "features" && heats);
+    for (const each of this.materials) {
+      const map = look === "texture" && each.uniforms.map.value !== null;
+      define(
+        each,
+        Object.entries({ FEATURES: features, COLORS: colors, MAP: map, HEAT: heat }).flatMap(([name, on]) =>
+          on ? [name] : [],
+        ),
+      );
+    }
+  }
+
   private material(entry: MaterialEntry, payload: Payload): ShaderMaterial {
     const [red, green, blue, alpha] = entry.color;
     const cutoff = entry.alpha_mode === "MASK" ? entry.alpha_cutoff : 0;
     const uniforms: Record<string, IUniform> = {
       ...this.shared,
       baseColor: { value: new Color().setRGB(red, green, blue, SRGBColorSpace) },
-      hasMap: { value: false },
       map: { value: null },
       opacity: { value: alpha },
       blends: { value: entry.alpha_mode === "BLEND" },
       cutoff: { value: cutoff },
-      flatColor: { value: false },
     };
     if (entry.texture) void this.picture(entry, payload.get(entry.texture, "uint8"), uniforms);
-    return poseMaterial("surface", uniforms, {
+    return material("surface", uniforms, {
       side: DoubleSide,
       transparent: entry.alpha_mode === "BLEND",
       // Wires lie on the surface, not in it.
@@ -198,16 +219,11 @@ export class Shape {
 
   private flat(color: Color, opacity: number): ShaderMaterial {
     const uniforms: Record<string, IUniform> = {
-      ...this.shared,
       baseColor: { value: color.clone() },
-      hasMap: { value: false },
-      map: { value: null },
       opacity: { value: opacity },
-      blends: { value: true },
-      cutoff: { value: 0 },
-      flatColor: { value: true },
     };
-    return poseMaterial("surface", uniforms, {
+    return material("surface", uniforms, {
+      defines: { FLAT: "" },
       wireframe: true,
       transparent: true,
       depthWrite: false,
@@ -234,16 +250,10 @@ export class Shape {
       texture.needsUpdate = true;
       this.textures.push(texture);
       uniforms.map.value = texture;
-      uniforms.hasMap.value = true;
+      this.compile();
       this.changed();
     } catch {
       // A picture that this browser cannot read leaves the plain color.
     }
   }
-}
-
-function integers(values: Uint32Array): BufferAttribute {
-  const attribute = new BufferAttribute(values, 1);
-  attribute.gpuType = IntType;
-  return attribute;
 }

@@ -4,14 +4,17 @@ import { PerspectiveCamera, Scene as ThreeScene, Vector3, WebGLRenderer } from "
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
 import type { Vec3 } from "./affine";
+import { drawsInSoftware } from "./graphics";
 
 const FIELD_OF_VIEW = 38;
 
-/** Milliseconds: frames within this belong to one movement; above that they are too slow. */
-const MOVING = 400;
+/** Milliseconds: a frame that is asked for this soon after another goes on with its movement; frames may take so long. */
+const SOON = 100;
 const SLOW = 55;
+/** Milliseconds without a new frame, after which nothing moves. */
+const STILL = 300;
 /** Steps by which a picture becomes coarser, each of half as many pixels. */
-const COARSEST = 2;
+const COARSEST = 3;
 
 export class Stage {
   readonly renderer: WebGLRenderer;
@@ -24,18 +27,22 @@ export class Stage {
   drawn: () => void = () => undefined;
   private frame = 0;
   private timer = 0;
-  private last = 0;
+  private asked = 0;
+  private begun = 0;
+  private ended = 0;
   private slowness = 0;
   private coarseness = 0;
+  /** How coarse the newest movement had to be. */
+  private usual: number;
   private radius = 1;
   width = 1;
   height = 1;
 
   constructor(readonly canvas: HTMLCanvasElement) {
-    // Where a processor draws, smooth edges cost more than all else together.
+    // Where a processor draws, smooth edges cost more than all else together, and so do many pixels.
     const antialias = !drawsInSoftware();
-    this.renderer = new WebGLRenderer({ canvas, antialias, alpha: true, powerPreference: "high-performance" });
-    this.renderer.setClearColor(0, 0);
+    this.usual = antialias ? 0 : COARSEST;
+    this.renderer = new WebGLRenderer({ canvas, antialias, alpha: false, powerPreference: "high-performance" });
     this.orbit = new OrbitControls(this.camera, canvas);
     this.orbit.addEventListener("change", () => this.invalidate());
     this.orbit.zoomToCursor = true;
@@ -48,22 +55,19 @@ export class Stage {
   /** Draw at the screen's next frame. */
   invalidate(): void {
     if (this.frame !== 0) return;
-    this.frame = requestAnimationFrame((now) => {
+    this.asked = performance.now();
+    this.frame = requestAnimationFrame(() => {
       this.frame = 0;
-      this.step(now);
+      this.pace();
+      this.draw();
     });
-  }
-
-  /** One frame of a movement, at the time that the browser gave it. */
-  step(now: number): void {
-    this.pace(now);
-    this.draw();
   }
 
   draw(): void {
     this.prepare();
     this.renderer.render(this.scene, this.camera);
     this.drawn();
+    this.ended = performance.now();
   }
 
   /** Look at a shape about the origin, of that radius, from the front and a little above. */
@@ -99,18 +103,26 @@ export class Stage {
   }
 
   /** Draw coarser while frames come too slowly, and in full as soon as nothing moves. */
-  private pace(now: number): void {
-    const gone = now - this.last;
-    this.last = now;
-    // After a pause it is not the drawing that took so long.
-    if (gone < MOVING) this.slowness += 0.3 * (gone - this.slowness);
-    if (this.slowness > SLOW && this.coarseness < COARSEST) this.coarsen(this.coarseness + 1);
+  private pace(): void {
+    const now = performance.now();
+    const gone = now - this.begun;
+    this.begun = now;
+    const moves = this.asked - this.ended < SOON;
+    if (!moves) this.slowness = 0;
+    else if (this.coarseness < this.usual) this.coarsen(this.usual);
+    else {
+      this.slowness += 0.3 * (gone - this.slowness);
+      if (this.slowness > SLOW && this.coarseness < COARSEST) this.coarsen(this.coarseness + 1);
+    }
     clearTimeout(this.timer);
-    if (this.coarseness > 0) this.timer = window.setTimeout(() => this.refine(), MOVING);
+    if (this.coarseness > 0) this.timer = window.setTimeout(() => this.refine(), STILL);
   }
 
   private refine(): void {
-    this.slowness = 0;
+    // One that has been asked for comes late: the movement goes on.
+    if (this.frame !== 0) return;
+    // A movement that was easy may be finer next time.
+    this.usual = Math.max(this.coarseness - (this.slowness < SLOW / 2 ? 1 : 0), 0);
     this.coarsen(0);
     this.draw();
   }
@@ -132,12 +144,4 @@ export class Stage {
     // At once: a resized canvas is empty until something is drawn.
     this.draw();
   }
-}
-
-function drawsInSoftware(): boolean {
-  const context = document.createElement("canvas").getContext("webgl2");
-  const names = context?.getExtension("WEBGL_debug_renderer_info");
-  const name = context && names ? String(context.getParameter(names.UNMASKED_RENDERER_WEBGL)) : "";
-  context?.getExtension("WEBGL_lose_context")?.loseContext();
-  return /swiftshader|llvmpipe|software|basic render/i.test(name);
 }

@@ -7,6 +7,7 @@ import { tell, type Arrivals } from "../actions/server";
 import type { Payload } from "../protocol/frames";
 import type { ColorsMessage, MeshMessage, PositionsMessage } from "../protocol/messages";
 import { alive, present, selectedHandle, store, type State } from "../store/state";
+import { Background } from "./background";
 import { Brush } from "./brush";
 import { Gizmo } from "./gizmo";
 import { marksOf, ringOf } from "./marks";
@@ -48,16 +49,17 @@ export class Viewer implements Arrivals {
   private readonly gizmo: Gizmo;
   private readonly markers: Markers;
   private readonly planes = new Planes();
+  private readonly background = new Background();
   private readonly brush: Brush;
 
   constructor(canvas: HTMLCanvasElement, overlay: HTMLElement) {
     this.stage = new Stage(canvas);
     this.markers = new Markers(overlay, (point) => this.stage.project(point));
-    this.stage.prepare = () => this.shape?.posed.update(this.stage.renderer, this.stage.camera);
+    this.stage.prepare = () => this.shape?.posed.update();
     this.stage.drawn = () => this.markers.place();
     // The gizmo hears of a press before the orbit does, and stops it.
     this.gizmo = new Gizmo(this.stage.camera, canvas, this.gizmoEvents(), () => this.stage.invalidate());
-    this.stage.scene.add(this.planes.group, this.gizmo.proxy, this.gizmo.helper);
+    this.stage.scene.add(this.background.mesh, this.planes.group, this.gizmo.proxy, this.gizmo.helper);
     this.brush = new Brush(() => this.shape);
     new Pointer(canvas, {
       busy: () => this.gizmo.dragging || this.gizmo.hovered,
@@ -86,7 +88,7 @@ export class Viewer implements Arrivals {
   mesh(message: MeshMessage, payload: Payload): void {
     this.picker?.dispose();
     this.shape?.dispose();
-    const shape = new Shape(message, payload, () => this.stage.invalidate());
+    const shape = new Shape(message, payload, this.stage.renderer, () => this.stage.invalidate());
     this.shape = shape;
     this.picker = new Picker(this.stage.renderer, shape);
     this.stage.scene.add(shape.group);
@@ -115,6 +117,7 @@ export class Viewer implements Arrivals {
   dress(): void {
     const color = (name: string) => new Color(themeColor(name));
     const state = store.get();
+    this.background.dress(themeColor("--stage-light"), themeColor("--stage"));
     this.shape?.setClay(color("--clay"));
     this.shape?.setWireframe(state.wireframe, color("--wire"), 0.5);
     this.drawPlanes(state, color("--accent"));

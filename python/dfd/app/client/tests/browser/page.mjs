@@ -152,7 +152,7 @@ export function shot(page, name) {
   return page.screenshot({ path: join(SHOTS, `${name}.png`) });
 }
 
-/** Part of the canvas's pixels that are not empty, and how many shades they have: a blank canvas has none of either. */
+/** Part of the canvas's pixels that the shape covers, and how many shades those have: a blank canvas has none of either. */
 export function drawn(page) {
   return page.evaluate(
     () =>
@@ -160,17 +160,16 @@ export function drawn(page) {
         requestAnimationFrame(() => {
           const canvas = document.querySelector("canvas");
           const { width, height } = canvas;
-          window.dfd.draw();
-          const copy = document.createElement("canvas");
-          copy.width = width;
-          copy.height = height;
-          const context = copy.getContext("2d");
-          context.drawImage(canvas, 0, 0);
-          const pixels = context.getImageData(0, 0, width, height).data;
+          const copy = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
+          const [bare, pixels] = [true, false].map((without) => {
+            window.dfd.draw(without);
+            copy.drawImage(canvas, 0, 0);
+            return copy.getImageData(0, 0, width, height).data;
+          });
           const shades = new Set();
           let covered = 0;
           for (let i = 0; i < pixels.length; i += 4) {
-            if (pixels[i + 3] < 128) continue;
+            if ([0, 1, 2].every((k) => pixels[i + k] === bare[i + k])) continue;
             covered++;
             shades.add((pixels[i] << 16) | (pixels[i + 1] << 8) | pixels[i + 2]);
           }

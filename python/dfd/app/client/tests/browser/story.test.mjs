@@ -184,6 +184,17 @@ async function paint() {
   return painted;
 }
 
+/** How many vertices the kernel moves. */
+function moving() {
+  return page.evaluate(async () => {
+    const kernel = await window.dfd.computed();
+    const least = 1e-5 * window.dfd.store.get().mesh.diagonal;
+    const rest = window.dfd.rest();
+    const moves = (v) => [0, 1, 2].some((i) => Math.abs(kernel[3 * v + i] - rest[3 * v + i]) > least);
+    return Array.from({ length: rest.length / 3 }, (_, v) => v).filter(moves).length;
+  });
+}
+
 /** How far the kernel moves these vertices at most, over the shape's diagonal. */
 function farthest(vertices) {
   return page.evaluate(async (wanted) => {
@@ -229,6 +240,12 @@ step("a painted region is held, and what is painted limits it", async () => {
   await until(page, (s, count) => s.edit.handles[1].within === count, around.length);
   await until(page, (s) => s.columns.has(s.edit.handles[1].column));
   assert.ok((await shaderError(page)) <= TOLERANCE);
+  const before = await moving();
+  await page.getByLabel("Limit's edge").fill("0.3");
+  await until(page, (s) => s.edit.handles[1].within_width > 0.2 * s.mesh.diagonal);
+  await until(page, (s) => s.columns.has(s.edit.handles[1].column));
+  assert.ok((await shaderError(page)) <= TOLERANCE);
+  assert.ok((await moving()) > before, "no more follows with a soft edge than with a sharp one");
 });
 
 step("everything can be taken back, and done again", async () => {
@@ -265,7 +282,18 @@ step("key poses are stored and play", async () => {
   await shot(page, "timeline");
   await page.getByRole("button", { name: "Back to the edit" }).click();
   await page.keyboard.press("t");
+  await page.getByRole("button", { name: "Export" }).click();
+  await shot(page, "export");
+  await taken(page.getByRole("menuitem", { name: "Animated GLB" }), "quadruped_poses.glb");
 });
+
+/** Press what exports, and keep the file for Python to look at. */
+async function taken(item, wanted) {
+  const [download] = await Promise.all([page.waitForEvent("download"), item.click()]);
+  const name = download.suggestedFilename();
+  assert.equal(name, wanted);
+  if (process.env.DFD_OUT) await copyFile(await download.path(), join(process.env.DFD_OUT, name));
+}
 
 /** The edit is there as it was, and the shape with it. */
 async function unchanged(before) {
@@ -324,13 +352,8 @@ step("everything that is exported is written, for Python to compare with what wa
   const folder = process.env.DFD_OUT;
   for (const format of ["GLB", "PLY", "STL", "OBJ"]) {
     await page.getByRole("button", { name: "Export" }).click();
-    const [download] = await Promise.all([
-      page.waitForEvent("download"),
-      page.getByRole("menuitem", { name: format }).click(),
-    ]);
-    const name = download.suggestedFilename();
-    assert.ok(name.endsWith(`.${format.toLowerCase()}`), `${format} came as ${name}`);
-    if (folder) await copyFile(await download.path(), join(folder, name));
+    const item = page.getByRole("menuitem", { name: new RegExp(`^${format}`) });
+    await taken(item, `quadruped_edited.${format.toLowerCase()}`);
   }
   const seen = await page.evaluate(() => {
     const positions = window.dfd.positions();

@@ -26,7 +26,7 @@ const column = (own: Layer): Column => ({
   transform: matrixOf({ ...REST, translation: [1, 2, 3] }, [0, 0, 0]),
   acts: true,
 });
-const stored = (textures: PoseTextures) => textures.uniforms.distances.value.image.data as Uint16Array;
+const stored = (textures: PoseTextures) => textures.distances.image.data as Uint16Array;
 
 describe("PoseTextures", () => {
   it("keeps a layer in its place as long as it is shown, and gives the place away after", () => {
@@ -44,18 +44,18 @@ describe("PoseTextures", () => {
     const layers = Array.from({ length: 40 }, (_, i) => layer(100 * (i + 1)));
     textures.show({ ...EMPTY_SCENE, columns: layers.slice(0, 3).map(column) });
     textures.show({ ...EMPTY_SCENE, columns: layers.map(column) });
-    const places = textures.uniforms.columns.value.image.data as Float32Array;
+    const places = textures.columns.image.data as Float32Array;
     layers.forEach((own, k) => {
       const place = places[40 * k + 28];
       expect(stored(textures)[2 * 4096 * place]).toBe(own.values[0]);
     });
-    expect(textures.uniforms.columnCount.value).toBe(40);
+    expect(textures.columnCount).toBe(40);
   });
 
   it("writes what a transform adds to a point", () => {
     const textures = new PoseTextures(2);
     textures.show({ ...EMPTY_SCENE, columns: [column(layer(0)), { ...column(layer(0)), transform: IDENTITY }] });
-    const table = textures.uniforms.columns.value.image.data as Float32Array;
+    const table = textures.columns.image.data as Float32Array;
     expect([...table.slice(0, 12)]).toEqual([0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 3]);
     expect([...table.slice(40, 52)].every((entry) => entry === 0)).toBe(true);
   });
