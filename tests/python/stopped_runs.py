@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import torch
 
 import dfd
 from dfd import Mesh
@@ -28,21 +27,22 @@ SMALL: dict[str, Any] = {
 
 
 def stop_at(monkeypatch: pytest.MonkeyPatch, step: int, error: BaseException) -> None:
-    """Let the fit end with `error` after a step."""
-    keep = FitState.keep
+    """Let the fit end with `error` after a step; by kernels it is kept after every tenth."""
+    for name in ("keep", "keep_arrays"):
+        keep = getattr(FitState, name)
 
-    def stopping(self: FitState, losses: list[torch.Tensor], *rest: Any) -> None:
-        keep(self, losses, *rest)
-        if len(losses) == step:
-            raise error
+        def stopping(self: FitState, losses: list[Any], *rest: Any, keep: Any = keep) -> None:
+            keep(self, losses, *rest)
+            if len(losses) == step:
+                raise error
 
-    monkeypatch.setattr(FitState, "keep", stopping)
+        monkeypatch.setattr(FitState, name, stopping)
 
 
 def interrupted(mesh: Mesh, encoder: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave a run in `folder` that has all tokens and nine steps of its fit."""
+    """Leave a run in `folder` that has all tokens and ten steps of its fit."""
     with monkeypatch.context() as patch:
-        stop_at(patch, 9, KeyboardInterrupt())
+        stop_at(patch, 10, KeyboardInterrupt())
         with pytest.raises(KeyboardInterrupt):
             dfd.distill(mesh, encoder, checkpoint=folder, **SMALL)
 

@@ -51,4 +51,19 @@ void parallel_ranges(std::size_t count, std::size_t grain, int threads, const Wo
     if (stopped) throw Stopped();
 }
 
+/// Calls `work(task)` for each of 0 … `count`, on at most `threads` threads; it must not throw.
+template <class Work>
+void parallel_tasks(std::size_t count, int threads, const Work& work)
+{
+    const std::size_t workers = std::min(count, static_cast<std::size_t>(std::max(threads, 1)));
+    std::atomic<std::size_t> next = 0;
+    const auto take_tasks = [&](std::size_t) {
+        for (std::size_t task; (task = next.fetch_add(1, std::memory_order_relaxed)) < count;) work(task);
+    };
+    if (workers <= 1)
+        take_tasks(0);
+    else
+        run_workers(workers, take_tasks);
+}
+
 }  // namespace dfd

@@ -10,7 +10,8 @@ namespace {
 
 #define DFD_KERNELS(variant)                                                                                  \
     Kernels{#variant, variant::bind_rows, variant::bind_halves, variant::bind_bytes, variant::pose_float, \
-            variant::pose_double, variant::field}
+            variant::pose_double, variant::field, {variant::transformer_columns, variant::transformer_pack,  \
+             variant::transformer_scratch, variant::transformer}, variant::fit_gradients, variant::fit_steps}
 
 std::vector<Kernels> available()
 {

@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
-import torch
+import sys
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-__all__ = ["choose_device", "out_of_memory"]
+# torch takes seconds to import; where it was not, it has raised nothing.
+if TYPE_CHECKING:
+    import torch
+
+__all__ = ["choose_device", "out_of_memory", "without_accelerator"]
+
+# What Linux has where the driver of an accelerator is loaded: NVIDIA's, Windows's own in its Linux, AMD's.
+_DRIVERS = ("/dev/nvidiactl", "/dev/nvidia0", "/dev/dxg", "/dev/kfd")
 
 
 def choose_device(function: str, device: str | torch.device | None) -> torch.device:
@@ -15,6 +25,8 @@ def choose_device(function: str, device: str | torch.device | None) -> torch.dev
     ValueError
         In the name of `function`, if torch cannot use it.
     """
+    import torch
+
     if device is None:
         return torch.device("cuda" if torch.cuda.is_available() else "cpu")
     try:
@@ -26,8 +38,22 @@ def choose_device(function: str, device: str | torch.device | None) -> torch.dev
     return target
 
 
+def without_accelerator(device: str | torch.device | None) -> bool:
+    """Whether it is sure, without asking torch, that `choose_device` gives the processor."""
+    if device is not None:
+        return str(device) == "cpu"
+    try:
+        if metadata.version("torch").endswith("+cpu"):
+            return True
+    except metadata.PackageNotFoundError:
+        return False
+    return sys.platform == "linux" and not any(Path(driver).exists() for driver in _DRIVERS)
+
+
 def out_of_memory(error: BaseException) -> bool:
     """Whether `error` says that memory was refused: Python, NumPy and torch each have their own way."""
-    return isinstance(error, MemoryError | torch.cuda.OutOfMemoryError) or (
-        isinstance(error, RuntimeError) and "can't allocate memory" in str(error)
-    )
+    if isinstance(error, MemoryError):
+        return True
+    # torch.cuda's own error is a RuntimeError of this name.
+    told = type(error).__name__ == "OutOfMemoryError" or "can't allocate memory" in str(error)
+    return isinstance(error, RuntimeError) and told

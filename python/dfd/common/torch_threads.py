@@ -9,12 +9,11 @@ that wait for nobody; results then do not depend on the number of threads either
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import torch
 
-from dfd.common.threads import get_num_threads
+from dfd.common import sharing
 
 __all__ = ["one_thread", "share"]
 
@@ -35,21 +34,11 @@ def share(count: int, size: int, work: Callable[[int, int], None]) -> None:
 
     On each of them torch computes alone and keeps nothing for gradients. What `work` raises is raised here.
     """
-    starts = iter(range(0, count, size))
 
-    def take() -> None:
-        torch.set_num_threads(1)
+    def alone(begin: int, end: int) -> None:
+        torch.set_num_threads(1)  # it counts for each thread apart
         with torch.inference_mode():
-            for begin in starts:
-                work(begin, min(begin + size, count))
+            work(begin, end)
 
-    others = min(get_num_threads(), -(-count // size)) - 1
-    with one_thread(), ThreadPoolExecutor(max(others, 1), "dfd") as pool:
-        taking = [pool.submit(take) for _ in range(others)]
-        try:
-            take()
-        finally:
-            for _ in starts:  # nothing is begun any more once one of them has failed or was interrupted
-                pass
-        for other in taking:
-            other.result()
+    with one_thread():
+        sharing.share(count, size, alone)

@@ -33,7 +33,7 @@ def distill_pictures(
     up = said_or_found(mesh, encoder, settings.up, stages=stages)
     views = render(mesh, **settings.of_pictures(), frame=up.frames, stages=stages)
     tokens = encoder.encode(views.images, covered=views.covered, store=kept, stages=stages)
-    pixels = PixelTargets(views, tokens, encoder.device)
+    pixels = PixelTargets(views, tokens)
     targets: PixelTargets | PointTargets = pixels  # as the paper has it, without smoothing
     if settings.smoothing > 0:
         targets = spread(views, pixels, smoothing=settings.smoothing, seed=settings.seed, stages=stages)

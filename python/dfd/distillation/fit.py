@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from dfd.common.progress import Stages
-from dfd.common.torch_threads import one_thread
-from dfd.field.architecture import Architecture
+from dfd.distillation.fit_on_kernels import fit_on_kernels
+from dfd.distillation.targets import PointTargets
 from dfd.field.field import Field
-from dfd.field.network import Network
 
+# torch takes seconds to import; the fit to points on a processor does without.
 if TYPE_CHECKING:
+    import torch
+
     from dfd.distillation.settings import DistillSettings
-    from dfd.runs.fit_state import FitState, Stateful
+    from dfd.runs.fit_state import FitState
 
 __all__ = ["Targets", "fit", "widen"]
 
@@ -30,8 +29,8 @@ class Targets(Protocol):
     def dimension(self) -> int:
         """Length d of a target."""
 
-    def draw(self, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
-        """`count` points at random, (count, 3), and their unit targets, (count, d)."""
+    def draw(self, count: int, generator: torch.Generator) -> tuple[torch.Tensor, torch.Tensor]:
+        """`count` points at random, (count, 3), and their unit targets, (count, d), on the CPU."""
 
 
 def fit(
@@ -40,22 +39,21 @@ def fit(
     *,
     center: NDArray[np.float64],
     scale: float,
-    device: torch.device,
+    device: str | torch.device,
     stages: Stages,
     state: FitState | None = None,
 ) -> Field:
     """Return a field fitted to `targets`, with the loss of every step in its settings.
 
-    Every step follows the gradient of the mean of ‖Φ(P) − Z‖² over a batch, with Adam under a one-cycle rate. On a
-    processor it is one thread's work: steps are many and small, and two threads would wait for each other longer than
-    they save.
+    Every step follows the gradient of the mean of ‖Φ(P) − Z‖² over a batch, with Adam under a one-cycle rate: by our
+    own kernels where the targets are points that are known from the start and a processor computes, else by torch.
 
     Parameters
     ----------
     center, scale
         The normalization that the points have gone through, which the field will do.
     device
-        Where torch computes.
+        Where it is computed.
     state
         Where the run is kept while it lasts, and taken up again.
 
@@ -64,31 +62,19 @@ def fit(
     ValueError
         If the loss leaves the finite numbers.
     """
-    steps, learning_rate = settings.steps, settings.learning_rate
-    generator = torch.Generator().manual_seed(settings.seed)
-    network = Network.seeded(settings.seed, Architecture(targets.dimension, octaves=settings.octaves)).to(device)
-    optimizer = torch.optim.Adam(network.parameters(), lr=learning_rate, fused=True)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, learning_rate, total_steps=max(steps, 2))
-    parts: dict[str, Stateful] = {"network": network.network, "optimizer": optimizer, "schedule": schedule}
-    losses = state.restore(parts, generator, steps) if state else []
-    alone = one_thread() if device.type == "cpu" else nullcontext()
-    with alone, stages.stage("fit", steps) as advance:
-        advance(len(losses))
-        for _ in range(len(losses), steps):
-            points, wanted = (drawn.to(device) for drawn in targets.draw(settings.batch, generator))
-            loss = (network(points) - wanted).square().sum(dim=1).mean()
-            optimizer.zero_grad(set_to_none=True)
-            torch.autograd.backward(loss)
-            optimizer.step()
-            schedule.step()
-            losses.append(loss.detach())
-            if state is not None:
-                state.keep(losses, parts, generator)
-            advance()
-    values: list[float] = torch.stack([loss.cpu() for loss in losses]).tolist() if losses else []
-    if not all(torch.isfinite(parameter).all() for parameter in network.parameters()):
-        raise ValueError(f"distill: `learning_rate` {learning_rate:g} is too high: the fit left the finite numbers")
-    return Field(network.arrays(), octaves=settings.octaves, center=center, scale=scale, settings={"losses": values})
+    parameters: dict[str, Any]
+    if isinstance(targets, PointTargets) and str(device) == "cpu":
+        parameters, losses = fit_on_kernels(targets, settings, stages=stages, state=state)
+    else:
+        import torch
+
+        from dfd.distillation.fit_on_torch import fit_on_torch
+
+        parameters, losses = fit_on_torch(targets, settings, device=torch.device(device), stages=stages, state=state)
+    if not all(np.isfinite(values).all() for values in parameters.values()):
+        rate = settings.learning_rate
+        raise ValueError(f"distill: `learning_rate` {rate:g} is too high: the fit left the finite numbers")
+    return Field(parameters, octaves=settings.octaves, center=center, scale=scale, settings={"losses": losses})
 
 
 def widen(field: Field, directions: NDArray[np.float32]) -> Field:
@@ -97,9 +83,7 @@ def widen(field: Field, directions: NDArray[np.float32]) -> Field:
     The directions are orthonormal, so that lengths stay as they are, and the last layer can do it.
     """
     last = field.architecture.layer_names().linear[-1]
-    basis = torch.from_numpy(directions).T
-    names = [f"{last}.{part}" for part in ("weight", "bias")]
-    turned = {name: (basis @ torch.tensor(field.parameters[name])).numpy() for name in names}
+    turned = {name: directions.T @ field.parameters[name] for name in (f"{last}.weight", f"{last}.bias")}
     return Field(
         {**field.parameters, **turned},
         octaves=field.architecture.octaves,

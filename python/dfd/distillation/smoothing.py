@@ -30,7 +30,6 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
@@ -102,9 +101,9 @@ def spread(views: Views, pixels: PixelTargets, *, smoothing: float, seed: int, s
         smooth = _smooth(main, confidence, area, strength * _laplacian(links))
         reached = np.linalg.norm(smooth, axis=1) > 1e-4
         pairs = generator.integers(0, len(views.points), (2, PAIRS))
-        one, other = (pixels.at(torch.from_numpy(some)).cpu().numpy() for some in pairs)
+        one, other = (pixels.at(some) for some in pairs)
         targets = restore_contrast(unit(smooth[reached]), DISTANCE_KEPT * mean_distance(one, other), generator)
-        return PointTargets(points[reached].astype(np.float32), targets, directions, pixels.device)
+        return PointTargets(points[reached].astype(np.float32), targets, directions)
 
 
 def _gather(

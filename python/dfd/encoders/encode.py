@@ -8,30 +8,26 @@ import logging
 import os
 import warnings
 from collections.abc import Callable
-from dataclasses import replace
-from typing import Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from dfd.common import check
-from dfd.common.devices import choose_device, out_of_memory
+from dfd.common.devices import choose_device, out_of_memory, without_accelerator
 from dfd.common.progress import Stages
-from dfd.common.torch_threads import share
-from dfd.encoders.attention import use_blocked_attention
-from dfd.encoders.families import VisionModel, build
-from dfd.encoders.foreground import foreground_patches
-from dfd.encoders.precision import Precision, choose_precision, note_device
-from dfd.encoders.presets import PRESETS
+from dfd.encoders.on_kernels import kernel_network
+from dfd.encoders.precision import Precision, choose_precision, note_device, noted_precision
+from dfd.encoders.presets import PRESETS, ChannelStats
 from dfd.encoders.sources import Weights, find_weights
 
-__all__ = ["Encoder", "TokenStore", "load_encoder"]
+# torch takes seconds to import; a network that our kernels know does without.
+if TYPE_CHECKING:
+    import torch
+
+__all__ = ["Encoder", "Network", "TokenStore", "load_encoder"]
 
 _log = logging.getLogger(__name__)
-
-_PIXELS_AT_ONCE = 24 * 518 * 518  # that go through the network together on a device: enough to keep it busy
 
 PrecisionOption = Literal["auto", "float32", "bfloat16"]
 
@@ -46,6 +42,30 @@ class TokenStore(Protocol):
         self, image: NDArray[np.uint8], covered: NDArray[np.bool_] | None, tokens: NDArray[np.float32]
     ) -> None:
         """Keep `tokens`; called from any thread."""
+
+
+class Network(Protocol):
+    """A vision network cut off after `block` (counted from 1) of its `depth` blocks.
+
+    It takes square pictures whose sides are multiples of `step` pixels, or exactly `fixed_size`, and gives a token of
+    width `dimension` for every `patch` · `patch` pixels. Where it `takes_patches` it looks at those alone that show
+    something of the shape, or lie beside one that does.
+    """
+
+    patch: int
+    step: int
+    fixed_size: int | None
+    block: int
+    depth: int
+    dimension: int
+    channels: ChannelStats
+    takes_patches: bool
+
+    def tokens(self, images: NDArray[np.uint8], covered: NDArray[np.bool_] | None) -> NDArray[np.float32]:
+        """The tokens (n, h, w, D) of images (n, R, R, 3) with covered pixels (n, R, R); 0 where it looked away."""
+
+    def share(self, count: int, resolution: int, fill: Callable[[int, int], None]) -> None:
+        """Call `fill(begin, end)` for ranges of `count` pictures, in the way that suits where it computes."""
 
 
 class Encoder:
@@ -67,21 +87,18 @@ class Encoder:
         Whether it leaves out patches that show nothing of the shape, where it is told which.
     """
 
-    def __init__(
-        self, name: str, weights: Weights, model: VisionModel, device: torch.device, precision: Precision
-    ) -> None:
+    def __init__(self, name: str, weights: Weights, network: Network, device: str, precision: Precision) -> None:
         self.name = name
-        self.patch = model.patch
-        self.block = model.block
-        self.depth = model.depth
-        self.foreground_only = model.takes_patches
+        self.patch = network.patch
+        self.block = network.block
+        self.depth = network.depth
+        self.foreground_only = network.takes_patches
         self.device = device
         self.precision = precision
         self._weights = weights
-        self._model = model
+        self._network = network
         self._rounded: set[int] = set()
-        self.dimension = model.dimension
-        model.network.to(device)
+        self.dimension = network.dimension
 
     def __repr__(self) -> str:
         return (
@@ -106,14 +123,14 @@ class Encoder:
     def nearest_resolution(self, resolution: int) -> int:
         """The side in pixels, nearest to `resolution`, of square pictures that need no resizing."""
         resolution = check.whole("nearest_resolution", "resolution", resolution, minimum=1)
-        if self._model.fixed_size is not None:
-            return self._model.fixed_size
-        step = self._model.step
+        if self._network.fixed_size is not None:
+            return self._network.fixed_size
+        step = self._network.step
         return max(1, (resolution + step // 2) // step) * step
 
     def identity(self) -> dict[str, Any]:
         """`settings`, and what else tells this encoder from another one: what a cache may key on."""
-        channels = self._model.channels
+        channels = self._network.channels
         config = json.dumps(self._weights.config, sort_keys=True, default=str)
         return {
             **self.settings(),
@@ -193,10 +210,7 @@ class Encoder:
                 advance(end - begin)
 
             try:
-                if self.device.type == "cpu":
-                    share(len(remaining), 1, fill)
-                else:
-                    self._fill_on_device(len(remaining), max(1, _PIXELS_AT_ONCE // resolution**2), fill)
+                self._network.share(len(remaining), resolution, fill)
             except RuntimeError as error:
                 if not out_of_memory(error):
                     raise
@@ -206,37 +220,14 @@ class Encoder:
                 ) from None
         return tokens
 
-    @staticmethod
-    def _fill_on_device(count: int, at_once: int, fill: Callable[[int, int], None]) -> None:
-        """Call `fill` for all pictures, fewer at once where memory runs out."""
-        begin = 0
-        while begin < count:
-            end = min(begin + at_once, count)
-            try:
-                fill(begin, end)
-            except RuntimeError as error:
-                if at_once == 1 or not out_of_memory(error):
-                    raise
-                at_once = max(1, at_once // 2)
-                continue
-            begin = end
-
     def _forward(self, images: NDArray[np.uint8], covered: NDArray[np.bool_] | None) -> NDArray[np.float32]:
         resolution = self.nearest_resolution(images.shape[1])
-        with torch.inference_mode():
-            pixels = torch.from_numpy(np.array(images, order="C")).to(self.device).permute(0, 3, 1, 2) / 255.0
-            if images.shape[1] != resolution:
-                pixels = torch.nn.functional.interpolate(
-                    pixels, (resolution, resolution), mode="bicubic", antialias=True, align_corners=False
-                ).clamp(0.0, 1.0)
-            channels = self._model.channels
-            pixels = (pixels - _of_channels(channels.mean, self.device)) / _of_channels(channels.std, self.device)
-            side = resolution // self.patch
-            patches: list[Tensor] | None = None
-            if covered is not None and self.foreground_only:
-                shapes = torch.from_numpy(np.array(covered, order="C")).to(self.device)
-                patches = [foreground_patches(shown, side) for shown in shapes]
-            result: NDArray[np.float32] = self._run(pixels, patches).cpu().numpy()
+        side = resolution // self.patch
+        if images.shape[1] != resolution:
+            from dfd.encoders.on_torch import resized
+
+            images = resized(images, resolution)
+        result = self._network.tokens(images, covered)
         if result.shape != (len(images), side, side, self.dimension):
             raise ValueError(
                 f"encode: `encoder` {self.name!r} gave an output of shape {result.shape}, "
@@ -249,27 +240,15 @@ class Encoder:
             )
         return result
 
-    def _run(self, pixels: Tensor, patches: list[Tensor] | None) -> Tensor:
-        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.precision == "bfloat16"):
-            if patches is None:
-                return self._model.tokens(pixels.contiguous(), None).float()
-            # Each picture has its own number of patches.
-            return torch.cat(
-                [
-                    self._model.tokens(picture[None].contiguous(), shown).float()
-                    for picture, shown in zip(pixels, patches, strict=True)
-                ]
-            )
-
     def _say_rounded(self, given: int, used: int) -> None:
         if given == used or given in self._rounded:
             return
         self._rounded.add(given)
-        if self._model.fixed_size is not None:
+        if self._network.fixed_size is not None:
             _log.info("encode: %s takes pictures of %d pixels only: %d is resized", self.name, used, given)
         else:
             warnings.warn(
-                f"encode: a resolution of {given} is no multiple of the {self._model.step} pixels that {self.name} "
+                f"encode: a resolution of {given} is no multiple of the {self._network.step} pixels that {self.name} "
                 f"counts in: the pictures are resized to {used}",
                 UserWarning,
                 stacklevel=3,
@@ -312,7 +291,7 @@ def load_encoder(
         If no weights are found or they cannot be read.
     """
     check.choice("load_encoder", "precision", precision, PrecisionOption)
-    target = choose_device("load_encoder", device)
+    known = "cpu" if without_accelerator(device) else str(choose_device("load_encoder", device))
     name = os.fspath(encoder)
     weights = find_weights(encoder)
     preset = PRESETS.get(name) or next((preset for preset in PRESETS.values() if preset.hub == name), None)
@@ -320,17 +299,19 @@ def load_encoder(
         block = weights.block
     if block is None and preset is not None:
         block = preset.block
-    model = build(weights, block, preset.channels if preset else None)
-    if background:
-        model = replace(model, takes_patches=False)
-    _log.info("encoder %s: weights from %s, block %d of %d", name, weights.source, model.block, model.depth)
-    chosen = choose_precision(target) if precision == "auto" else precision
+    channels = preset.channels if preset else None
+    chosen = precision if precision != "auto" else noted_precision(known)
+    if chosen is None:
+        chosen = choose_precision(choose_device("load_encoder", device))
+    network: Network | None = None
+    if known == "cpu" and chosen == "float32":
+        network = kernel_network(weights, block, channels, background=background)
+    if network is None:
+        from dfd.encoders.on_torch import TorchNetwork
+
+        target = choose_device("load_encoder", device)
+        network = TorchNetwork(weights, block, channels, background=background, device=target, precision=chosen)
+    _log.info("encoder %s: weights from %s, block %d of %d", name, weights.source, network.block, network.depth)
     if device is None:
-        note_device(target)
-    if chosen == "bfloat16" and target.type == "cpu" and model.pluggable_attention:
-        use_blocked_attention(model.network)
-    return Encoder(name, weights, model, target, chosen)
-
-
-def _of_channels(values: tuple[float, float, float], device: torch.device) -> Any:
-    return torch.tensor(values, device=device).view(1, 3, 1, 1)
+        note_device(known)
+    return Encoder(name, weights, network, known, chosen)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from operator import index
 from typing import Any, SupportsIndex
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -162,7 +163,7 @@ def _load(family: _Family, weights: Weights, config: Any) -> tuple[Any, set[str]
         model, report = getattr(transformers, family.model).from_pretrained(
             weights.folder,
             config=config,
-            state_dict=weights.tensors,
+            state_dict=_as_torch(weights.tensors),
             dtype=torch.float32,
             local_files_only=True,
             output_loading_info=True,
@@ -183,6 +184,10 @@ def _load(family: _Family, weights: Weights, config: Any) -> tuple[Any, set[str]
         )
     network = model.get_submodule(family.inside)
     return network, {name.removeprefix(prefix) for name in report["missing_keys"] if not _unused(name)}
+
+
+def _as_torch(tensors: dict[str, Any] | None) -> dict[str, Tensor] | None:
+    return None if tensors is None else {name: torch.from_numpy(np.array(values)) for name, values in tensors.items()}
 
 
 def _unused(name: str) -> bool:

@@ -15,18 +15,9 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-__all__ = ["foreground_patches", "leave_out_background", "looking_at", "with_background"]
+__all__ = ["leave_out_background", "looking_at", "with_background"]
 
 _patches: ContextVar[Tensor | None] = ContextVar("patches", default=None)  # (h · w,) bool, of the picture at work
-
-
-def foreground_patches(covered: Tensor, side: int) -> Tensor:
-    """Which of `side` × `side` patches show something of the shape, or lie beside one that does: (side, side) bool.
-
-    `covered` (R, R) bool tells the pixels of the shape. Tokens are read bilinearly: those one patch away count.
-    """
-    shown = nn.functional.adaptive_max_pool2d(covered[None, None].float(), side)
-    return nn.functional.max_pool2d(shown, 3, stride=1, padding=1)[0, 0] > 0
 
 
 def leave_out_background(embeddings: nn.Module) -> None:

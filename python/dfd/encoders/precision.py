@@ -66,9 +66,9 @@ def noted_device() -> str | None:
     return _noted(_DEFAULT)
 
 
-def note_device(device: torch.device) -> None:
+def note_device(device: str) -> None:
     """Note where torch computes on this machine when nobody says where."""
-    _note(_DEFAULT, str(device))
+    _note(_DEFAULT, device)
 
 
 def cpu_has(feature: str) -> bool:

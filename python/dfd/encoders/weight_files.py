@@ -26,7 +26,8 @@ WEIGHT_FILES = (
 
 @dataclass(frozen=True)
 class Weights:
-    """Weights that were found, not yet put into a model: in `folder`, or at hand as `tensors`.
+    """Weights that were found, not yet put into a model: in `folder`, or at hand as `tensors`,
+    arrays by name.
 
     `fingerprint` changes when the weights do; `block` is the block to use, counted from 1, where the source knows.
     """

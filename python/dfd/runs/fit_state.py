@@ -5,8 +5,13 @@ from __future__ import annotations
 import copy
 import io
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+import safetensors.numpy
+from numpy.typing import NDArray
+from safetensors import SafetensorError
 
 from dfd.runs.pieces import PieceFolder
 
@@ -16,6 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["FitState", "Stateful"]
 
+_LOSSES = "losses"
 SECONDS = 2.0  # between two saved states: what a killed process loses at most
 
 
@@ -64,6 +70,34 @@ class FitState:
             self._pieces.reject(self._name)
             return []
         return list(losses)
+
+    def restore_arrays(self, arrays: Mapping[str, NDArray[Any]], most_steps: int) -> list[float]:
+        """Bring `arrays` to where an earlier run left them; return the losses of its steps, as `restore` does."""
+        content = self._pieces.read(self._name)
+        if content is None:
+            return []
+        try:
+            state = safetensors.numpy.load(content)
+            losses = state[_LOSSES]
+            fits = all(
+                state[name].shape == own.shape and state[name].dtype == own.dtype for name, own in arrays.items()
+            )
+            if losses.ndim != 1 or len(losses) > most_steps or not fits:
+                raise ValueError("another number of steps, or of numbers")
+        except (SafetensorError, KeyError, ValueError):
+            self._pieces.reject(self._name)
+            return []
+        for name, own in arrays.items():
+            own[:] = state[name]
+        return [float(loss) for loss in losses]
+
+    def keep_arrays(self, losses: Sequence[float], arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Write `arrays` after a step, if the last time is a while ago."""
+        if time.monotonic() - self._saved < SECONDS:
+            return
+        state = {_LOSSES: np.array(losses, np.float32), **arrays}
+        self._pieces.write(self._name, safetensors.numpy.save(state))
+        self._saved = time.monotonic()
 
     def keep(self, losses: list[torch.Tensor], parts: Mapping[str, Stateful], generator: torch.Generator) -> None:
         """Write the state after a step, if the last time is a while ago."""

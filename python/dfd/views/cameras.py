@@ -51,11 +51,12 @@ class Camera:
     def ray_directions(self, resolution: int) -> NDArray[np.float32]:
         """Unit directions through the centers of all pixels, (resolution², 3), row by row from the top left."""
         across = ((np.arange(resolution) + 0.5) / resolution * 2 - 1) * self.half_width
-        directions = (
-            across[None, :, None] * self.right - across[:, None, None] * self.up - np.broadcast_to(self.back, (1, 1, 3))
-        ).reshape(-1, 3)
-        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-        return np.asarray(directions, np.float32)
+        down = -across[:, None]
+        shorter = 1 / np.sqrt(1 + across**2 + down**2)  # the axes are orthonormal
+        directions = np.empty((resolution, resolution, 3), np.float32)
+        for axis in range(3):
+            directions[:, :, axis] = (across * self.right[axis] + down * self.up[axis] - self.back[axis]) * shorter
+        return directions.reshape(-1, 3)
 
     def in_mesh(self, frame: NDArray[np.float64]) -> Camera:
         """Return this camera, whose coordinates lie along the rows of `frame` (3, 3), in the coordinates of those."""

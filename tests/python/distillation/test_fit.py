@@ -21,7 +21,7 @@ def fitted(settings: DistillSettings) -> tuple[Field, PointTargets, Stages]:
     points = np.random.default_rng(0).uniform(-1, 1, (400, 3)).astype(np.float32)
     rows = np.concatenate([points, np.ones((400, 1), np.float32)], axis=1)
     rows /= np.linalg.norm(rows, axis=1, keepdims=True)
-    targets, stages = PointTargets(points, rows, np.eye(4, dtype=np.float32), CPU), Stages(show=False)
+    targets, stages = PointTargets(points, rows, np.eye(4, dtype=np.float32)), Stages(show=False)
     return fit(targets, settings, center=np.ones(3), scale=0.5, device=CPU, stages=stages), targets, stages
 
 

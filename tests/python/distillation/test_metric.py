@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from safetensors.numpy import save_file
 from tiny_encoder import save_tiny_encoder
 
@@ -75,9 +74,8 @@ def test_the_identity_changes_distances_alike(features: np.ndarray) -> None:
 def test_targets_in_main_directions_are_mapped_as_features(metric: Metric, features: np.ndarray) -> None:
     turned = np.linalg.qr(np.random.default_rng(2).normal(size=(16, 16)))[0].astype(np.float32)
     points = np.zeros((500, 3), np.float32)
-    cpu = torch.device("cpu")
-    direct = metric.of_targets(PointTargets(points, features, None, cpu), 5)
-    through = metric.of_targets(PointTargets(points, features @ turned.T, turned, cpu), 5)
+    direct = metric.of_targets(PointTargets(points, features, None), 5)
+    through = metric.of_targets(PointTargets(points, features @ turned.T, turned), 5)
     assert direct.directions is None
     assert through.directions is None
     np.testing.assert_allclose(direct.targets, through.targets, atol=1e-4)

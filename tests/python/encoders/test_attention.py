@@ -36,6 +36,6 @@ def test_blocked_attention_heeds_masks_and_shared_keys() -> None:
 
 def test_blocked_attention_leaves_amx_to_torch(dinov2: Saved, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("dfd.encoders.attention.cpu_has", lambda feature: feature == "amx_tile")
-    network = load_encoder(dinov2.folder, device="cpu", precision="float32")._model.network
+    network = load_encoder(dinov2.folder, device="cpu", precision="float32")._network.network
     use_blocked_attention(network)
     assert network.config._attn_implementation == "sdpa"

@@ -90,7 +90,7 @@ def test_settings_tell_encoders_apart(dinov2: Saved, saved: Callable[[str], Save
 def test_blocks_after_the_one_used_are_gone(dinov2: Saved) -> None:
     encoder = load_encoder(dinov2.folder, block=np.int64(1), device="cpu")
     assert json.dumps(encoder.settings())
-    assert len(encoder._model.network.encoder.layer) == 1
+    assert len(encoder._network.network.encoder.layer) == 1
     assert (encoder.block, encoder.depth) == (1, 3)
 
 

@@ -32,7 +32,7 @@ def test_the_background_takes_no_part(name: str, saved: Callable[[str], Saved]) 
     kept[1:7, 0:3] = True  # with the patches beside it, and beside the one that a single row of pixels reaches
     assert (tokens[:, ~kept] == 0).all()
     # The network's own modules, on the sequence without those patches.
-    network = encoder._model.network
+    network = encoder._network.network
     with torch.no_grad():
         sequence = network.embeddings(normalized(encoder, images))
         prefix = sequence.shape[1] - 64
