@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 __all__ = ["fit_on_kernels", "one_cycle"]
 
 _AT_ONCE = 10  # steps between two looks at what else there is to do: progress, an interruption, what is to be kept
-_TRIED_ANEW = 40  # so many times that, the slower number of threads is tried again
+_TRIED_ANEW = 40  # so many times that, threads are timed again
+_FASTER = 0.75  # of one thread's time, for all of them to be worth it
 _POINTS = 48  # that a thread takes together
 _INPUTS, _OUTPUTS = 4, 64  # what the kernels take together: widths are filled up to multiples of it, with zeros
 
@@ -66,25 +67,29 @@ def fit_on_kernels(
 
 
 class _Pace:
-    """How many threads take the next steps: all of them, or one, whichever was faster; the bits are the same.
+    """How many threads take the next steps: one, or all where they are clearly faster; the bits are the same.
 
     Steps are many and small: where other programs use the same cores, threads wait for each other several times as long
-    as they work.
+    as they work. So both are timed, at the beginning and now and then.
     """
 
     def __init__(self, most: int) -> None:
-        self._seconds = {1: 0.0, most: 0.0}  # that the last steps on so many threads took
-        self._turns = 0
+        self._most, self._best, self._turn = most, 1, 0
+        self._alone = 0.0  # seconds that the last timed steps on one thread took
 
     @contextmanager
     def threads(self) -> Iterator[int]:
         """Threads for the steps of the block, which is timed."""
-        ranked = sorted(self._seconds, key=lambda count: self._seconds[count])
-        chosen = ranked[-1] if self._turns % _TRIED_ANEW == _TRIED_ANEW - 1 else ranked[0]
-        self._turns += 1
+        turn = self._turn % _TRIED_ANEW  # the first of all finds cold memory, and counts for nothing
+        self._turn += 1
+        chosen = {1: 1, 2: self._most}.get(turn, self._best)
         start = time.perf_counter()
         yield chosen
-        self._seconds[chosen] = time.perf_counter() - start
+        seconds = time.perf_counter() - start
+        if turn == 1:
+            self._alone = seconds
+        elif turn == 2:
+            self._best = self._most if seconds < _FASTER * self._alone else 1
 
 
 def network_inputs(points: NDArray[np.float32], octaves: int) -> NDArray[np.float32]:

@@ -6,10 +6,13 @@ import hashlib
 import json
 import logging
 import os
+import socket
 import threading
 import time
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
+from urllib.request import getproxies
 
 from dfd.encoders.offline import find_wheel, wheel_fingerprint, wheel_weights
 from dfd.encoders.presets import PRESETS
@@ -113,6 +116,7 @@ def _in_hub_cache(hub: str) -> Path | None:
     return folder if whole else None
 
 
+_NO_WAY = (ConnectionError, TimeoutError, socket.gaierror)  # what `_knock` raises, mostly
 _asked_in_vain: dict[str, tuple[float, str]] = {}
 
 
@@ -121,8 +125,7 @@ def _from_hub(hub: str) -> tuple[Path | None, str]:
 
     The question runs in a thread of its own, for a name server that does not answer heeds no time limit.
     """
-    from huggingface_hub import HfApi, constants, snapshot_download
-    from huggingface_hub.errors import GatedRepoError, RepositoryNotFoundError
+    from huggingface_hub import constants
 
     if constants.HF_HUB_OFFLINE or os.environ.get("HF_HUB_OFFLINE", "").upper() in ("1", "ON", "YES", "TRUE"):
         return None, "HF_HUB_OFFLINE forbids it now"
@@ -134,6 +137,9 @@ def _from_hub(hub: str) -> tuple[Path | None, str]:
 
     def ask() -> None:
         try:
+            _knock(endpoint)
+            from huggingface_hub import HfApi
+
             answer.append(HfApi().model_info(hub, timeout=_PATIENCE))
         except Exception as error:  # whatever goes wrong out there is one reason: the hub was of no help
             answer.append(error)
@@ -142,15 +148,17 @@ def _from_hub(hub: str) -> tuple[Path | None, str]:
     thread.start()
     thread.join(_PATIENCE)
     found = answer[0] if answer else TimeoutError(f"no answer within {_PATIENCE:g} s")
+    if isinstance(found, _NO_WAY):
+        return None, _in_vain(endpoint, found)
+    from huggingface_hub import snapshot_download
+    from huggingface_hub.errors import GatedRepoError, RepositoryNotFoundError
+
     if isinstance(found, GatedRepoError):
         return None, f"{hub} asks for its license to be accepted on {endpoint} and for a token (hf auth login)"
     if isinstance(found, RepositoryNotFoundError):
         raise ValueError(f"load_encoder: `encoder`: {endpoint} has no model {hub!r}") from None
     if isinstance(found, Exception):
-        problem = f"{endpoint} cannot be reached now"
-        _log.info("%s: %s", problem, found)
-        _asked_in_vain[endpoint] = (time.monotonic(), problem)
-        return None, problem
+        return None, _in_vain(endpoint, found)
     names = {sibling.rfilename for sibling in found.siblings or ()}
     form = next((name for name in WEIGHT_FILES if name in names), WEIGHT_FILES[0])
     # An index names its shards as "model-00001-of-00002.safetensors".
@@ -161,3 +169,28 @@ def _from_hub(hub: str) -> tuple[Path | None, str]:
         return Path(snapshot_download(hub, allow_patterns=wanted)), ""
     except Exception as error:
         return None, f"the download from {endpoint} failed: {error}"
+
+
+def _knock(endpoint: str) -> None:
+    """Connect to where the hub is.
+
+    Its client takes half a second to import, only to find the same out where there is no way. Behind a proxy, which it
+    may know a way through, nothing is found out.
+
+    Raises
+    ------
+    OSError
+        If there is no way.
+    """
+    address = urlsplit(endpoint)
+    if address.hostname and not getproxies():
+        port = address.port or (80 if address.scheme == "http" else 443)
+        socket.create_connection((address.hostname, port), timeout=_PATIENCE).close()
+
+
+def _in_vain(endpoint: str, error: Exception) -> str:
+    """Note that the hub was of no help, and return what to say of it."""
+    problem = f"{endpoint} cannot be reached now"
+    _log.info("%s: %s", problem, error)
+    _asked_in_vain[endpoint] = (time.monotonic(), problem)
+    return problem

@@ -13,6 +13,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd import _core
+
 __all__ = ["Content", "difference", "hash_arrays", "hash_code", "hash_recipe", "origin", "plain", "recipe"]
 
 # Goes up when the same ingredients are to be written down, or their results kept, in another way.
@@ -32,7 +34,7 @@ class Content(Protocol):
 
 def recipe(mesh: Content, **settings: Any) -> dict[str, Any]:
     """Return everything that the bits of a field depend on, as values that JSON keeps apart."""
-    return plain({**origin(FIELD_ROOMS, "torch"), "mesh": mesh.content_hash, **settings})
+    return plain({**origin(FIELD_ROOMS, "torch"), "kernels": _hash_kernels(), "mesh": mesh.content_hash, **settings})
 
 
 def origin(rooms: tuple[str, ...], *packages: str) -> dict[str, Any]:
@@ -63,6 +65,12 @@ def hash_arrays(*arrays: NDArray[Any]) -> str:
 
 
 @cache
+def _hash_kernels() -> str:
+    """What tells the kernels, which make tokens and fits, from others: the instruction set and the file's SHA-256."""
+    return f"{_core.instruction_set()} {hashlib.sha256(Path(_core.__file__).read_bytes()).hexdigest()}"
+
+
+@cache
 def hash_code(rooms: tuple[str, ...], package: Path = Path(__file__).parents[1]) -> str:
     """SHA-256 of modules and learned numbers in some `rooms`, and of the version, which alone counts in an archive."""
     sha256 = hashlib.sha256(_version("dfd").encode())
@@ -75,7 +83,12 @@ def hash_code(rooms: tuple[str, ...], package: Path = Path(__file__).parents[1])
 
 def difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     """In what two recipes differ, in words: the first few things."""
-    words = {"mesh": "another mesh", "code": "other code of dfd", "format": "another version of dfd"}
+    words = {
+        "mesh": "another mesh",
+        "code": "other code of dfd",
+        "kernels": "other kernels of dfd",
+        "format": "another version of dfd",
+    }
     names = [name for name in sorted({*before, *now}) if before.get(name) != now.get(name)]
     said = [
         words.get(name) or (f"{name} {before.get(name)}, now {now.get(name)}" if _short(before, now, name) else name)

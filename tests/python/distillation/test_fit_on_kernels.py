@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from itertools import chain, pairwise
 from typing import Any
 
@@ -172,13 +170,3 @@ def test_widths_that_are_filled_up_leave_no_trace() -> None:
     network = Network.of(parameters, Architecture(5, octaves=2))
     found = network(torch.from_numpy(points)).numpy()
     assert np.square(found - targets.targets).sum(axis=1).mean() < losses[0]
-
-
-def test_a_field_is_distilled_without_torch(tmp_path: Any) -> None:
-    """All of it, from the moment that the precision was decided."""
-    code = (
-        "import sys\nimport dfd.distillation.algorithm\nfrom dfd.distillation.fit_on_kernels import fit_on_kernels\n"
-        "print(sorted({'torch', 'transformers'} & sys.modules.keys()))"
-    )
-    asked = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert asked.stdout.strip() == "[]"

@@ -42,8 +42,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with torch.no_grad():
         for parameter in model.parameters():
             parameter.add_(torch.randn_like(parameter) * 0.1)
-    model.save_pretrained(tmp_path_factory.mktemp("dinov2") / "small")
-    return Path(tmp_path_factory.getbasetemp() / "dinov20" / "small")
+    saved = tmp_path_factory.mktemp("widths") / "small"
+    model.save_pretrained(saved)
+    return saved
 
 
 def networks(folder: Path, block: int, *, background: bool = False) -> tuple[KernelNetwork, TorchNetwork]:
@@ -112,11 +113,13 @@ def test_a_block_that_is_none_is_left_to_torch(folder: Path, block: Any) -> None
     assert kernel_network(find_weights(folder), block, None, background=False) is None
 
 
-def test_encoding_takes_no_torch(folder: Path) -> None:
+def test_a_shape_is_distilled_without_torch(folder: Path) -> None:
     code = (
-        "import sys\nimport numpy as np\nfrom dfd.encoders.encode import load_encoder\n"
+        "import sys\nimport dfd\nfrom dfd.encoders.encode import load_encoder\n"
         f"encoder = load_encoder({str(folder)!r}, device='cpu', precision='float32')\n"
-        "encoder.encode(np.zeros((1, 40, 40, 3), np.uint8))\n"
+        "mesh = dfd.samples.chair(4000).mesh\n"
+        "field = dfd.distill(mesh, encoder, views=4, resolution=40, steps=20, progress=False, cache=False)\n"
+        "assert field(mesh.vertices).shape == (len(mesh.vertices), 128)\n"
         "print(sorted({'torch', 'transformers'} & sys.modules.keys()))"
     )
     asked = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

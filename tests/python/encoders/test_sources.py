@@ -99,6 +99,7 @@ def test_the_hub_is_asked_for_what_is_needed_only(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, form: str
 ) -> None:
     monkeypatch.delenv("HF_HUB_OFFLINE")
+    monkeypatch.setattr(encoder_weights, "_knock", lambda endpoint: None)
     files = ["README.md", "config.json", "pytorch_model.bin", "tf_model.h5"]
     files += [form] if form not in files else []
     info = SimpleNamespace(sha="b" * 40, siblings=[SimpleNamespace(rfilename=name) for name in files])
@@ -124,6 +125,7 @@ def test_the_hub_is_asked_for_what_is_needed_only(
 
 def test_a_broken_download_and_a_closed_model_say_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("HF_HUB_OFFLINE")
+    monkeypatch.setattr(encoder_weights, "_knock", lambda endpoint: None)
     info = SimpleNamespace(sha="b" * 40, siblings=[])
 
     def broken(name: str, **options: Any) -> str:
@@ -171,6 +173,19 @@ def test_a_hub_that_does_not_answer_is_left_alone(monkeypatch: pytest.MonkeyPatc
             find_weights("dinov2-large")
         assert first < 3
         assert time.monotonic() - start < 0.3
+
+
+def test_a_hub_without_a_way_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("HF_HUB_OFFLINE")
+    monkeypatch.setattr(encoder_weights, "getproxies", dict)
+    asked: list[str] = []
+    monkeypatch.setattr(huggingface_hub.HfApi, "model_info", lambda self, name, timeout: asked.append(name))
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        endpoint = f"http://127.0.0.1:{server.getsockname()[1]}"
+    monkeypatch.setattr(constants, "ENDPOINT", endpoint)
+    with pytest.raises(FileNotFoundError, match=f"{endpoint} cannot be reached now"):
+        find_weights("dinov2-large")
+    assert asked == []
 
 
 def test_an_encoder_without_weights_names_three_ways(monkeypatch: pytest.MonkeyPatch) -> None:
