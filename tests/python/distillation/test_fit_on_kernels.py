@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from dfd import _core, reference_networks
+from dfd import _core, reference
 from dfd.common.progress import Stages
 from dfd.distillation.fit_on_kernels import fit_on_kernels, network_inputs, one_cycle
 from dfd.distillation.settings import DistillSettings
@@ -60,7 +60,7 @@ def test_gradients_are_those_of_the_twin(batch: int) -> None:
     given = arguments(batch, steps=1)
     chosen = given["chosen"][0]
     rows = (given[name][chosen].astype(np.float64) for name in ("inputs", "targets"))
-    loss, wanted = reference_networks.fit_gradients(layers(given["state"][0]), *rows)
+    loss, wanted = reference.fit_gradients(layers(given["state"][0]), *rows)
     _core.fit(**given)
     assert given["losses"][0, 0] == pytest.approx(loss, rel=1e-5)
     # After one step the first moment is a known part of the gradient.
@@ -82,7 +82,7 @@ def test_the_twin_has_the_gradients_of_torch() -> None:
     entries = [[f"{name}.{part}" for name in layer for part in ("weight", "bias")] for layer in names]
     given = [[own[entry].detach().numpy().T for entry in layer] for layer in entries]
     inputs = network_inputs(points.astype(np.float64), 1)
-    found, gradients = reference_networks.fit_gradients(given, inputs, targets)
+    found, gradients = reference.fit_gradients(given, inputs, targets)
     assert found == pytest.approx(loss.item(), rel=1e-6)
     for layer, of_layer in zip(entries, gradients, strict=True):
         for entry, gradient in zip(layer, of_layer, strict=True):
@@ -99,9 +99,7 @@ def test_steps_are_those_of_torch() -> None:
         entries = iter(values)
         now = [[next(entries).detach().numpy() for _ in layer] for layer in layers(given["state"][0])]
         rows = (given[name][chosen].astype(np.float64) for name in ("inputs", "targets"))
-        for value, gradient in zip(
-            values, chain.from_iterable(reference_networks.fit_gradients(now, *rows)[1]), strict=True
-        ):
+        for value, gradient in zip(values, chain.from_iterable(reference.fit_gradients(now, *rows)[1]), strict=True):
             value.grad = torch.tensor(gradient)
         optimizer.step()
         schedule.step()

@@ -15,7 +15,7 @@ import transformers
 from tiny_families import pictures
 
 import dfd.common.threads
-from dfd import _core, reference_networks
+from dfd import _core, reference
 from dfd.encoders.encode import load_encoder
 from dfd.encoders.on_kernels import KernelNetwork, kernel_network
 from dfd.encoders.on_torch import TorchNetwork
@@ -156,7 +156,7 @@ def test_the_kernel_agrees_with_its_twin(count: int) -> None:
     packed(blocks, ends, 2).run(tokens, found)
     if count:
         exact = [{name: values.astype(np.float64) for name, values in block.items()} for block in blocks]
-        wanted = reference_networks.transformer(tokens, exact, *ends, heads=2)
+        wanted = reference.transformer(tokens, exact, *ends, heads=2)
         np.testing.assert_allclose(found, wanted, atol=1e-5 * np.abs(wanted).max())
 
 

@@ -1,17 +1,37 @@
-"""The slow twins of the kernels of networks, beside `dfd.reference`: NumPy and float64, written to be read."""
+"""The slow twins of networks: the field, the steps of its fit, and a vision transformer."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["fit_gradients", "transformer"]
+if TYPE_CHECKING:
+    from dfd.field.field import Field
+
+__all__ = ["field", "fit_gradients", "transformer"]
 
 Array = NDArray[np.float64]
+
+
+def field(network: Field, points: ArrayLike) -> Array:
+    """(N, D) unit features of points (N, 3) in mesh units: the multilayer perceptron of the paper's supplement L."""
+    # Rounded as the network's own input is: the shortest waves turn what is lost there into something to be seen.
+    x = ((np.asarray(points, np.float64) - network.center) * network.scale).astype(np.float32).astype(np.float64)
+    angles = [np.pi / 2 * 2**octave * x for octave in range(network.architecture.octaves)]
+    x = np.concatenate([x, *[wave for angle in angles for wave in (np.sin(angle), np.cos(angle))]], axis=1)
+    names = network.architecture.layer_names()
+    of = {name: np.asarray(values, np.float64) for name, values in network.parameters.items()}
+    for linear, norm in zip(names.linear, names.norms, strict=False):
+        x = np.maximum(x @ of[f"{linear}.weight"].T + of[f"{linear}.bias"], 0.0)
+        x = (x - x.mean(axis=1, keepdims=True)) / np.sqrt(x.var(axis=1, keepdims=True) + 1e-5)
+        x = x * of[f"{norm}.weight"] + of[f"{norm}.bias"]
+    x = x @ of[f"{names.linear[-1]}.weight"].T + of[f"{names.linear[-1]}.bias"]
+    features: Array = x / np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-12)
+    return features
 
 
 def transformer(

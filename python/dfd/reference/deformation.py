@@ -1,7 +1,4 @@
-"""The slow twin of each kernel: the paper's equations in NumPy and float64, written to be read.
-
-Tests hold the kernels to these; nothing else calls them. Arguments are taken as they come, without checks.
-"""
+"""The slow twins of bind, pose and distances along the surface."""
 
 from __future__ import annotations
 
@@ -13,13 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
-    from dfd.field.field import Field
     from dfd.symmetry.plane import SymmetryPlane
 
 __all__ = [
     "bind",
     "feature_weights",
-    "field",
     "geodesic_falloff",
     "pose",
     "positive_share",
@@ -320,20 +315,3 @@ def _across_triangle(a: float, b: float, side: float, to_a: float, to_b: float) 
     height = below**0.5 + above**0.5
     crossing = source + (corner - source) * below**0.5 / height
     return float(np.hypot(corner - source, height)) if 0 <= crossing <= side else np.inf
-
-
-def field(network: Field, points: ArrayLike) -> Array:
-    """(N, D) unit features of points (N, 3) in mesh units: the multilayer perceptron of the paper's supplement L."""
-    # Rounded as the network's own input is: the shortest waves turn what is lost there into something to be seen.
-    x = ((np.asarray(points, np.float64) - network.center) * network.scale).astype(np.float32).astype(np.float64)
-    angles = [np.pi / 2 * 2**octave * x for octave in range(network.architecture.octaves)]
-    x = np.concatenate([x, *[wave for angle in angles for wave in (np.sin(angle), np.cos(angle))]], axis=1)
-    names = network.architecture.layer_names()
-    of = {name: np.asarray(values, np.float64) for name, values in network.parameters.items()}
-    for linear, norm in zip(names.linear, names.norms, strict=False):
-        x = np.maximum(x @ of[f"{linear}.weight"].T + of[f"{linear}.bias"], 0.0)
-        x = (x - x.mean(axis=1, keepdims=True)) / np.sqrt(x.var(axis=1, keepdims=True) + 1e-5)
-        x = x * of[f"{norm}.weight"] + of[f"{norm}.bias"]
-    x = x @ of[f"{names.linear[-1]}.weight"].T + of[f"{names.linear[-1]}.bias"]
-    features: Array = x / np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-12)
-    return features
