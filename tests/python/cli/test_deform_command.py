@@ -118,12 +118,12 @@ def test_every_handle_has_the_options_that_follow_it(run, chair):
 
 
 def test_what_holds_for_the_whole_shape(run, chair):
-    rules = ("--overlap", "interpolate", "--blend", "dual_quaternion", "--no-arrive", "--symmetry", "0,3,4,1")
+    rules = ("--overlap", "interpolate", "--blend", "dual_quaternion", "--no-arrive", "--symmetry", "0,3,4,0.25")
     assert worked(run(*DEFORM, "--handle", 40, *rules, "--band", 0, "--save-edit", "edit.json"))
     edit = read_edit("edit.json", chair)
     assert (edit.overlap, edit.blend, edit.arrive) == ("interpolate", "dual_quaternion", False)
     assert edit.symmetry.normal == pytest.approx((0, 0.6, 0.8))
-    assert (edit.symmetry.offset, edit.symmetry.band) == (1, 0)
+    assert (edit.symmetry.offset, edit.symmetry.band) == (0.25, 0)
 
 
 def test_a_point_is_taken_to_the_surface_and_what_it_means_is_said(run, chair):
