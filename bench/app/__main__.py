@@ -1,7 +1,7 @@
-"""Measure the app's server: `python -m bench.app [--faces 1000000] [--tabs 16]`.
+"""Measure the app: `python -m bench.app [--faces 1000000] [--tabs 16] [--only server|page]`.
 
-Everything is measured from a page's side, over loopback, with a field of random numbers: no figure depends on what a
-field says. Times are medians of several runs where a run is short.
+The server is measured from a page's side, over loopback, and the page in Chromium on software GL, both with a field of
+random numbers: no figure depends on what a field says. Times are medians of several runs where a run is short.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from rich.table import Table
 from websockets.sync.client import ClientConnection, connect
 
 import dfd
+from bench.app import page
 from dfd.app.launch import RunningApp
 from dfd.app.options import OpenedFile, SessionOptions, Source
 from dfd.app.protocol import VERSION
@@ -29,6 +30,8 @@ from dfd.field.field import Field
 from dfd.mesh.mesh import Mesh
 
 REPEATS = 9
+LARGEST_SAMPLE = 100_000  # faces
+DRAGGED = 50_000  # faces of the shape whose frames are counted
 PATIENCE = 600.0
 
 
@@ -86,14 +89,41 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--faces", type=int, default=1_000_000)
     parser.add_argument("--tabs", type=int, default=16)
+    parser.add_argument("--only", choices=("server", "page"))
     options = parser.parse_args()
+    if options.only != "page":
+        _server(options.faces, options.tabs)
+    if options.only != "server":
+        _page(options.faces)
+
+
+def _page(faces: int) -> None:
+    lacking = page.missing()
+    if lacking is not None:
+        Console().print(f"The page was not measured: {lacking} is missing.")
+        return
+    for count, drag in ((DRAGGED, True), (faces, False)):
+        with tempfile.TemporaryDirectory() as folder:
+            mesh = _mesh(count)
+            path, field = Path(folder) / "shape.ply", Path(folder) / "shape.field.safetensors"
+            mesh.save(path)
+            _field(mesh).save(field)
+            table = Table("figure of the page", "value", title=_title(mesh))
+            options = SessionOptions(
+                mesh=Source(name="shape.ply", path=path), field=OpenedFile(name="field", path=field)
+            )
+            page.measure(options, table, drag=drag)
+            Console().print(table)
+
+
+def _server(faces: int, tabs: int) -> None:
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
-        mesh = _mesh(options.faces)
+        mesh = _mesh(faces)
         path, field = Path(folder) / "shape.ply", Path(folder) / "shape.field.safetensors"
         mesh.save(path)
         _field(mesh).save(field)
         (Path(folder) / "index.html").write_text("")
-        table = Table("figure", "value", title=f"{len(mesh.faces):,} faces, {len(mesh.vertices):,} vertices")
+        table = Table("figure", "value", title=_title(mesh))
         app = RunningApp(SessionOptions(), static=Path(folder))
         app.start()
         stack.callback(app.stop)
@@ -102,12 +132,18 @@ def main() -> None:
         app.tabs.options = SessionOptions(
             mesh=Source(name="shape", sample="chair"), field=OpenedFile(name="field", path=field)
         )
-        _many_tabs(app, options.tabs, stack, table)
+        _many_tabs(app, tabs, stack, table)
         Console().print(table)
 
 
+def _title(mesh: Mesh) -> str:
+    return f"{len(mesh.faces):,} faces, {len(mesh.vertices):,} vertices"
+
+
 def _mesh(faces: int) -> Mesh:
-    """A chair, its faces split until there are as many as wanted."""
+    """A chair, of a large one the faces split until there are as many as wanted."""
+    if faces <= LARGEST_SAMPLE:
+        return dfd.samples.chair(faces).mesh
     mesh = dfd.samples.chair(20_000).mesh
     vertices, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     while 4 * len(triangles) <= 2 * faces:
@@ -154,7 +190,7 @@ def _one_tab(app: RunningApp, path: Path, field: Path, stack: ExitStack, table: 
         tab.say("add", at={"vertex": 1000 + i}, transform={"translation": [0, 0.1, 0]})
         tab.until(type="state")
 
-    table.add_row("click to heat map", _median(click))
+    table.add_row("click to heat map, one right after another", _median(click))
     sent, received = tab.bytes_out, tab.bytes_in
     tab.until(type="done", id=tab._count)
     tab.until(id=tab.say("move", handle=1, transform={"translation": [0.0, 0.1, 0.0]}))

@@ -1,7 +1,7 @@
 import { othersOf, switchLookAlike } from "../actions/alike";
 import { change, limitTo, moveTo, setAxes, slide, softenLimit } from "../actions/edit";
 import type { HandleState } from "../protocol/messages";
-import { present, store } from "../store/state";
+import { present, selectedHandle, store } from "../store/state";
 import { useStore } from "../store/use";
 import type { Transform } from "../viewer/affine";
 import { isFalloff } from "../viewer/columns";
@@ -22,7 +22,11 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
   const { transform } = handle;
   const size = state.mesh?.diagonal ?? 1;
   const step = niceStep(size / 100);
-  const set = (part: Partial<Transform>) => moveTo(handle.handle, { ...transform, ...part });
+  const set = (part: Partial<Transform>) => {
+    // What is shown may be older than what was set last.
+    const now = selectedHandle(store.get()) ?? known;
+    moveTo(now.handle, { ...present(store.get(), now).transform, ...part });
+  };
   const column = state.columns.get(handle.column);
   const kind = isFalloff(handle.falloff) ? handle.falloff : "linear";
   const held = column ? heldPart(column.layer, handle.reach, kind) : 0;

@@ -21,15 +21,18 @@ export function useStore<State extends object, Part>(
     let timer = 0;
     let drawn = 0;
     const look = () => {
-      if (timer !== 0 || Object.is(latest.current.select(store.get()), latest.current.part)) return;
+      if (Object.is(latest.current.select(store.get()), latest.current.part)) return;
       const wait = drawn + pause() - performance.now();
       if (wait > 0) {
-        timer = window.setTimeout(() => {
+        timer ||= window.setTimeout(() => {
           timer = 0;
           look();
         }, wait);
         return;
       }
+      // Also before a timer's end, where the pause has become shorter.
+      clearTimeout(timer);
+      timer = 0;
       drawn = performance.now();
       redraw((count) => count + 1);
     };

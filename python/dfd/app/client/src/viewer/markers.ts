@@ -21,6 +21,8 @@ export interface Ring {
 
 const SVG = "http://www.w3.org/2000/svg";
 const RADIUS = 92;
+/** Pixels from the ring's center to below its words. */
+const RING_HEIGHT = 136;
 
 export class Markers {
   private readonly elements = new Map<string, HTMLElement>();
@@ -80,7 +82,12 @@ export class Markers {
       const element = this.elements.get(mark.key);
       if (element) move(element, this.project(mark.at));
     }
-    if (this.ring) move(this.ringBox, this.project(this.ring.at));
+    if (!this.ring) return;
+    const at = this.project(this.ring.at);
+    move(this.ringBox, at);
+    // What the ring says stays in the view.
+    const above = at !== null && at[1] + RING_HEIGHT > this.layer.clientHeight;
+    if (this.ringBox.classList.contains("above") !== above) this.ringBox.classList.toggle("above", above);
   }
 
   private update(mark: Mark): void {

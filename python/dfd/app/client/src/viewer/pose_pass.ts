@@ -57,15 +57,19 @@ export class PosePass {
 
   /** Take what the server posed, or null; it is shown where `useGiven` says so. */
   setGiven(given: Given | null): void {
+    if (!given && !this.given) return;
     this.given = given;
     this.made.setGiven(given);
     this.renderer.resetState();
     this.stale = true;
   }
 
-  useGiven(on: boolean): void {
+  /** Returns whether what the server posed is or was shown. */
+  useGiven(on: boolean): boolean {
+    const shown = this.given !== null && (on || this.showsGiven);
     this.showsGiven = on;
     this.stale = true;
+    return shown;
   }
 
   /** Pose again, if anything has changed since. */

@@ -28,7 +28,7 @@ import {
 import type { Payload } from "../protocol/frames";
 import type { MaterialEntry, MeshMessage } from "../protocol/messages";
 import type { Look } from "../store/state";
-import type { Vec3 } from "./affine";
+import { IDENTITY, type Vec3 } from "./affine";
 import type { Scene } from "./columns";
 import { Faces } from "./faces";
 import { PosePass } from "./pose_pass";
@@ -53,6 +53,8 @@ export class Shape {
   private readonly materials: ShaderMaterial[];
   private look: Look = "texture";
   private heats = false;
+  /** Counts the shapes that it has had: what is picked stays as long as neither this nor the camera changes. */
+  shapes = 0;
   private wires: Mesh | null = null;
   private readonly textures: Texture[] = [];
 
@@ -95,7 +97,9 @@ export class Shape {
   }
 
   show(scene: Scene): void {
+    const rested = rests(this.pose.scene);
     this.pose.show(scene);
+    if (!rested || !rests(scene)) this.shapes++;
     this.posed.invalidate();
     this.heats = scene.columns.some((column) => column.heat !== 0);
     this.compile();
@@ -144,6 +148,7 @@ export class Shape {
       this.posed.setGiven(null);
       return;
     }
+    this.shapes++;
     const positions = new Float32Array(3 * this.vertexOf.length);
     const normals = new Int16Array(4 * this.vertexOf.length);
     this.vertexOf.forEach((vertex, row) => {
@@ -157,7 +162,7 @@ export class Shape {
 
   /** Whether to show what the server posed, where there is something. */
   useGiven(on: boolean): void {
-    this.posed.useGiven(on);
+    if (this.posed.useGiven(on)) this.shapes++;
   }
 
   /** Where a row of the mesh rests. */
@@ -256,4 +261,9 @@ export class Shape {
       // A picture that this browser cannot read leaves the plain color.
     }
   }
+}
+
+/** Whether nothing moves. */
+function rests({ columns, defaultTransform }: Scene): boolean {
+  return defaultTransform === null && columns.every(({ transform }) => transform.every((x, i) => x === IDENTITY[i]));
 }

@@ -15,6 +15,7 @@ const SLOW = 55;
 const STILL = 300;
 /** Steps by which a picture becomes coarser, each of half as many pixels. */
 const COARSEST = 3;
+const PROCESSORS_PIXELS = 160_000;
 
 export class Stage {
   readonly renderer: WebGLRenderer;
@@ -33,7 +34,7 @@ export class Stage {
   private slowness = 0;
   private coarseness = 0;
   /** How coarse the newest movement had to be. */
-  private usual: number;
+  private usual: number | null = null;
   private radius = 1;
   width = 1;
   height = 1;
@@ -41,7 +42,7 @@ export class Stage {
   constructor(readonly canvas: HTMLCanvasElement) {
     // Where a processor draws, smooth edges cost more than all else together, and so do many pixels.
     const antialias = !drawsInSoftware();
-    this.usual = antialias ? 0 : COARSEST;
+    if (antialias) this.usual = 0;
     this.renderer = new WebGLRenderer({ canvas, antialias, alpha: false, powerPreference: "high-performance" });
     this.orbit = new OrbitControls(this.camera, canvas);
     this.orbit.addEventListener("change", () => this.invalidate());
@@ -109,13 +110,20 @@ export class Stage {
     this.begun = now;
     const moves = this.asked - this.ended < SOON;
     if (!moves) this.slowness = 0;
-    else if (this.coarseness < this.usual) this.coarsen(this.usual);
+    else if (this.coarseness < this.expected()) this.coarsen(this.expected());
     else {
       this.slowness += 0.3 * (gone - this.slowness);
       if (this.slowness > SLOW && this.coarseness < COARSEST) this.coarsen(this.coarseness + 1);
     }
     clearTimeout(this.timer);
     if (this.coarseness > 0) this.timer = window.setTimeout(() => this.refine(), STILL);
+  }
+
+  /** How coarse a movement begins: as the newest one was, or with as many pixels as a processor is likely to draw. */
+  private expected(): number {
+    if (this.usual !== null) return this.usual;
+    const steps = Math.round(Math.log2((this.width * this.height) / PROCESSORS_PIXELS));
+    return Math.min(Math.max(steps, 0), COARSEST);
   }
 
   private refine(): void {
