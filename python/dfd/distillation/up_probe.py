@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.distillation.learned_file import encoder_identity, read_learned, write_learned
-from dfd.distillation.standing import EVIDENCE, Standing
+from dfd.distillation.standing import EVIDENCE
 from dfd.distillation.views_around import LAYERS
 
 if TYPE_CHECKING:
@@ -52,9 +52,8 @@ class UpProbe:
     encoder_weights: str
     encoder_block: int
 
-    def terms(self, seen: NDArray[np.float64], standing: Standing, frames: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What speaks for each of `frames` (K, 3, 3), (K, 7), see `TERMS`; `seen` (K, 4, D) are its mean tokens."""
-        evidence = np.stack([standing.evidence(frame) for frame in frames])
+    def terms(self, seen: NDArray[np.float64], evidence: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What speaks for each of K frames, (K, 7), see `TERMS`: its mean tokens (K, 4, D), its `EVIDENCE` (K, 6)."""
         return np.concatenate([np.einsum("kld,ld->k", seen, self.looks)[:, None], evidence], axis=1)
 
     def fits(self, encoder: Encoder) -> bool:

@@ -19,58 +19,81 @@ if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["LAYERS", "look_around"]
+__all__ = ["CORNERS", "LAYERS", "SIDES", "Around", "look_around"]
 
 LAYERS = ("all", "upper", "middle", "lower")  # of a shape in a picture: all of it, and its thirds
 PATCHES = 16  # along a picture's side
 SHOWN = 0.3  # of a patch's pixels, so that its token counts
-# Quarter turns lead from one to the next, and mirror images are among them: which way a shape faces, and which of a
-# candidate's axes is called its front, changes nothing.
-_CORNERS, _SIDES = np.radians(15), np.radians(20)  # how far above the horizon the eye is
 
 
-def look_around(mesh: Mesh, encoder: Encoder, frames: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return mean tokens of eight small pictures from around, for `frames` (K, 3, 3) that may be upright, (K, 4, D).
+def _square(first: float, height: float) -> NDArray[np.float64]:
+    """Four eyes (4, 3) around a shape, the first at an angle from the front, at an angle above the horizon.
 
-    The second axis is of `LAYERS`.
+    Quarter turns lead from one to the next, and mirror images are among them: which way a shape faces, and which of a
+    candidate's axes is called its front, changes nothing.
+    """
+    turns, height = np.radians(first + 90 * np.arange(4)), np.radians(height)
+    return np.stack(
+        [np.cos(height) * np.sin(turns), np.full(4, np.sin(height)), np.cos(height) * np.cos(turns)], axis=1
+    )
+
+
+SIDES, CORNERS = _square(0, 20), _square(45, 15)  # of a square that the shape stands in: where the eye is
+
+
+class Around:
+    """Takes small pictures of a mesh from around, as it would stand.
 
     Raises
     ------
     ValueError
-        If no ray meets the mesh.
+        From `seen`, if no ray meets the mesh.
     """
-    center, scale = normalization(mesh)
-    vertices = ((mesh.vertices - center) * scale).astype(np.float32)
-    shading = Shading(Scene(vertices, mesh.faces), mesh, vertices)
-    used = used_vertices(vertices, mesh.faces)
-    resolution = encoder.nearest_resolution(PATCHES * encoder.patch)
-    cameras = [
-        camera_towards(direction, used @ frame.T).in_mesh(frame) for frame in frames for direction in _directions()
-    ]
-    images = np.empty((len(cameras), resolution, resolution, 3), np.uint8)
-    covered = np.zeros((len(cameras), resolution * resolution), bool)
 
-    def take(number: int) -> None:
-        images[number], hits = shading.picture(cameras[number], resolution)
-        covered[number, hits.ray] = True
+    def __init__(self, mesh: Mesh, encoder: Encoder) -> None:
+        center, scale = normalization(mesh)
+        vertices = ((mesh.vertices - center) * scale).astype(np.float32)
+        self._shading = Shading(Scene(vertices, mesh.faces), mesh, vertices)
+        self._used = used_vertices(vertices, mesh.faces)
+        self._encoder = encoder
+        self._resolution = encoder.nearest_resolution(PATCHES * encoder.patch)
 
-    with ThreadPoolExecutor(get_num_threads()) as threads:
-        list(threads.map(take, range(len(cameras))))
-    if not covered.any():
-        raise ValueError("find_up: `mesh` is seen by no camera: its faces are without area, or smaller than a pixel")
-    covered = covered.reshape(images.shape[:3])
-    tokens = encoder.encode(images, covered=covered)
-    layers = [_layers(*each) for each in zip(tokens, covered, strict=True)]
-    of_frames = np.stack(layers).reshape(len(frames), -1, len(LAYERS), encoder.dimension)
-    mean: NDArray[np.float64] = of_frames.mean(axis=1, dtype=np.float64)
-    return mean
+    def seen(self, frames: NDArray[np.float64], eyes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Mean tokens of pictures from `eyes` (E, 3), for `frames` (K, 3, 3) that may be upright: (K, 4, D).
+
+        The second axis is of `LAYERS`.
+        """
+        around = [self._used @ frame.T for frame in frames]
+        cameras = [
+            camera_towards(eye, points).in_mesh(frame)
+            for frame, points in zip(frames, around, strict=True)
+            for eye in eyes
+        ]
+        images = np.empty((len(cameras), self._resolution, self._resolution, 3), np.uint8)
+        covered = np.zeros((len(cameras), self._resolution**2), bool)
+
+        def take(number: int) -> None:
+            images[number], hits = self._shading.picture(cameras[number], self._resolution)
+            covered[number, hits.ray] = True
+
+        with ThreadPoolExecutor(get_num_threads()) as threads:
+            list(threads.map(take, range(len(cameras))))
+        if not covered.any():
+            raise ValueError(
+                "find_up: `mesh` is seen by no camera: its faces are without area, or smaller than a pixel"
+            )
+        covered = covered.reshape(images.shape[:3])
+        tokens = self._encoder.encode(images, covered=covered)
+        layers = [_layers(*each) for each in zip(tokens, covered, strict=True)]
+        of_frames = np.stack(layers).reshape(len(frames), len(eyes), len(LAYERS), self._encoder.dimension)
+        mean: NDArray[np.float64] = of_frames.mean(axis=1, dtype=np.float64)
+        return mean
 
 
-def _directions() -> NDArray[np.float64]:
-    """Where the eye is, (8, 3): towards the corners of a square around the shape, and its sides."""
-    turns = np.pi / 4 * np.arange(8)
-    height = np.where(np.arange(8) % 2, _CORNERS, _SIDES)
-    return np.stack([np.cos(height) * np.sin(turns), np.sin(height), np.cos(height) * np.cos(turns)], axis=1)
+def look_around(mesh: Mesh, encoder: Encoder, frames: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return mean tokens of eight small pictures, see `Around.seen`: from the sides and from the corners."""
+    around = Around(mesh, encoder)
+    return (around.seen(frames, SIDES) + around.seen(frames, CORNERS)) / 2
 
 
 def _layers(tokens: NDArray[np.float32], covered: NDArray[np.bool_]) -> NDArray[np.float32]:

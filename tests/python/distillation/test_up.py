@@ -209,6 +209,25 @@ def test_looks_decide_when_the_surface_says_nothing(encoder):
     assert found.sentence == f"+z, {found.confidence:.0%} sure"
 
 
+@pytest.mark.parametrize(("sure", "pictures"), [(True, 24), (False, 48)])
+def test_four_sides_are_enough_where_the_axis_is_sure(encoder, monkeypatch, sure, pictures):
+    """Four pictures of each of six directions; four more where they leave a doubt, and all eight decide."""
+    mesh, frames, looked = table(), np.stack(axis_frames(np.eye(3))), []
+    from_eight = look_around(mesh, encoder, frames)
+    encode = encoder.encode
+    monkeypatch.setattr(
+        encoder, "encode", lambda images, **more: (looked.append(len(images)), encode(images, **more))[1]
+    )
+    looks = np.random.default_rng(0).standard_normal(from_eight.shape[1:]).astype(np.float32)
+    told = np.einsum("kld,ld->k", from_eight, looks)
+    odds = np.zeros(len(TERMS))
+    odds[TERMS.index("looks")] = (100.0 if sure else 0.1) / np.ptp(told)
+    found = find_up(mesh, encoder, probe=probe_of(encoder, looks=looks, odds=odds))
+    assert sum(looked) == pictures
+    if not sure:
+        assert found.confidence == pytest.approx(decide(frames, told * odds[TERMS.index("looks")]).confidence)
+
+
 def test_the_axis_is_decided_before_its_end():
     """Two likely ends of one axis outweigh a direction that is likelier than each."""
     frames = np.stack(axis_frames(np.eye(3)))
