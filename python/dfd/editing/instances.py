@@ -185,15 +185,17 @@ class InstanceFinder:
         """
         nodes, of_held = np.unique(self._nodes.of_vertex[held], return_inverse=True)
         count, piece = connected_components(self._nodes.graph[nodes][:, nodes], directed=False)
+        whole_of: dict[int, int] = {}
         centers = {}
-        for number in range(count):
-            roots = {*basin[nodes[piece == number]].tolist()} - {-1}
+        vertices_of = _grouped(held, piece[of_held], count)
+        for nodes_here, vertices_here in zip(_grouped(nodes, piece, count), vertices_of, strict=True):
+            roots = {_last(whole_of, root) for root in {*basin[nodes_here].tolist()} - {-1}}
             if not roots:
                 continue
             highest = max(roots, key=lambda root: (weights[root], -root))
-            for root in roots - {highest}:
-                _give(basin, saddle, root, highest)
-            centers[highest] = self._mesh.vertices[held[piece[of_held] == number]].mean(axis=0)
+            whole_of |= dict.fromkeys(roots - {highest}, highest)
+            centers[highest] = self._mesh.vertices[vertices_here].mean(axis=0)
+        _join(basin, saddle, {root: _last(whole_of, root) for root in whole_of})
         return centers if count > 1 else {}
 
     def _join_inside(self, weights: Float64, basin: NDArray[np.int64], saddle: dict[int, float]) -> None:
@@ -201,18 +203,36 @@ class InstanceFinder:
 
         Only those of another component of the surface: on one component the way along it tells what is another limb.
         """
-        roots = sorted(saddle, key=lambda root: (-weights[root], root))
-        core_of = {root: self._core(root, weights, basin, saddle) for root in roots}
-        boxes: list[tuple[int, _Box]] = []
-        for root in roots:
-            center = self._nodes.center[core_of[root]].mean(axis=0)
-            component = self._nodes.component[root]
-            around = (one for one, box in boxes if self._nodes.component[one] != component and center in box)
-            whole = next(around, None)
-            if whole is None:
-                boxes.append((root, _Box(self._nodes.center[core_of[root]])))
-            else:
-                _give(basin, saddle, root, whole)
+        roots = np.array(sorted(saddle, key=lambda root: (-weights[root], root)), np.int64)
+        cores = self._cores(roots, weights, basin, saddle)
+        centers = np.array([self._nodes.center[core].mean(axis=0) for core in cores]).reshape(-1, 3)
+        component = self._nodes.component[roots]
+        alone = np.ones(len(roots), bool)
+        whole_of: dict[int, int] = {}
+        boxes = 0
+        for rank, root in enumerate(roots.tolist()):
+            if boxes == MOST_INSTANCES:  # what is lower is no instance, and nothing stands inside it
+                break
+            if root in whole_of:
+                continue
+            boxes += 1
+            alone[rank] = False
+            inside = alone & (component != component[rank]) & _Box(self._nodes.center[cores[rank]]).holds(centers)
+            whole_of |= dict.fromkeys(roots[inside].tolist(), root)
+            alone &= ~inside
+        _join(basin, saddle, whole_of)
+
+    @staticmethod
+    def _cores(
+        roots: NDArray[np.int64], weights: Float64, basin: NDArray[np.int64], saddle: dict[int, float]
+    ) -> list[NDArray[np.int64]]:
+        """The nodes of the upper half of each of all peaks, `_core` of each in one pass."""
+        half = np.full(len(weights), np.inf)
+        half[roots] = [(weights[root] + saddle[root]) / 2 for root in roots.tolist()]
+        high = np.flatnonzero((basin >= 0) & (weights >= half[basin]))
+        rank = np.empty(len(weights), np.int64)
+        rank[roots] = np.arange(len(roots))
+        return _grouped(high, rank[basin[high]], len(roots))
 
     @staticmethod
     def _core(root: int, weights: Float64, basin: NDArray[np.int64], saddle: dict[int, float]) -> NDArray[np.int64]:
@@ -247,10 +267,27 @@ class InstanceFinder:
         return cKDTree(self._mesh.vertices)
 
 
-def _give(basin: NDArray[np.int64], saddle: dict[int, float], root: int, whole: int) -> None:
-    """Make what belongs to the peak `root` a part of that of `whole`."""
-    basin[basin == root] = whole
-    del saddle[root]
+def _join(basin: NDArray[np.int64], saddle: dict[int, float], whole_of: dict[int, int]) -> None:
+    """Make what belongs to each peak of `whole_of` a part of what belongs to the peak that it names."""
+    name = np.arange(len(basin))
+    name[list(whole_of)] = list(whole_of.values())
+    belongs = basin >= 0
+    basin[belongs] = name[basin[belongs]]
+    for root in whole_of:
+        del saddle[root]
+
+
+def _last(whole_of: dict[int, int], root: int) -> int:
+    while root in whole_of:
+        root = whole_of[root]
+    return root
+
+
+def _grouped(items: NDArray[np.integer], group: NDArray[np.integer], count: int) -> list[NDArray[np.int64]]:
+    """The items of each of `count` groups, in their order."""
+    order = np.argsort(group, kind="stable")
+    ends = np.cumsum(np.bincount(group, minlength=count))[:-1]
+    return np.split(np.asarray(items, np.int64)[order], ends)[:count]
 
 
 class _Box:
@@ -265,9 +302,11 @@ class _Box:
         self._low -= margin
         self._high += margin
 
-    def __contains__(self, point: Float64) -> bool:
-        along = (point - self._center) @ self._axes.T
-        return bool(((along >= self._low) & (along <= self._high)).all())
+    def holds(self, points: Float64) -> NDArray[np.bool_]:
+        """Which of points (N, 3) lie in it, (N,)."""
+        along = (points - self._center) @ self._axes.T
+        held: NDArray[np.bool_] = ((along >= self._low) & (along <= self._high)).all(axis=1)
+        return held
 
 
 def _basins(weights: Float64, graph: csr_array) -> tuple[NDArray[np.int64], dict[int, float]]:

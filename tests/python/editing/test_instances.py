@@ -207,6 +207,21 @@ def test_many_instances_still_share_everything():
     np.testing.assert_allclose(sum(each.share for each in found), 1, atol=1e-5)
 
 
+def test_a_soup_of_triangles_is_searched_in_one_pass():
+    """Thousands of components, a peak each: time that grows with their square would be minutes."""
+    generator = np.random.default_rng(0)
+    middles = generator.random((12_000, 1, 3)) * 100
+    vertices = (middles + generator.random((12_000, 3, 3)) * 1e-3).reshape(-1, 3)
+    mesh = Mesh(vertices, np.arange(36_000).reshape(-1, 3))
+    weights = np.repeat(generator.uniform(0.1, 0.9, 12_000), 3).astype(np.float32)
+    weights[:3] = 1
+    found = find(mesh, weights, 0)
+    assert 1 < len(found) <= instances.MOST_INSTANCES
+    assert np.array_equal(found[0].position, mesh.vertices[0])
+    held = InstanceFinder(mesh).find(weights, 0, mesh.vertices[0], held=np.arange(9_000))
+    assert len(held) == instances.MOST_INSTANCES
+
+
 def test_there_are_no_more_instances_than_columns_are_worth():
     mesh = sheet()
     weights = np.sum([hill(mesh, x, z, 1, 0.1) for x in (-0.8, 0, 0.8) for z in (-0.8, 0, 0.8)], axis=0)
