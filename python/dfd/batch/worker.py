@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import errno
+import os
 import shutil
+import sys
 import time
 import traceback
 import warnings
@@ -111,11 +113,13 @@ def _use_threads(count: int) -> None:
 
     Once in a worker's life, by when all libraries are loaded: to look for them takes longer than some shapes.
     """
-    import torch
     from threadpoolctl import threadpool_limits
 
     set_num_threads(count)
-    torch.set_num_threads(count)
+    os.environ["OMP_NUM_THREADS"] = str(count)  # torch begins with it, where something loads torch later
+    torch = sys.modules.get("torch")
+    if torch is not None:
+        torch.set_num_threads(count)
     threadpool_limits(count)  # BLAS
 
 
