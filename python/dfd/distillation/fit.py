@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.progress import Stages
 from dfd.distillation.fit_on_kernels import fit_on_kernels
-from dfd.distillation.targets import PointTargets
+from dfd.distillation.targets import PointTargets, Targets
 from dfd.field.field import Field
 
 # torch takes seconds to import; the fit to points on a processor does without.
@@ -19,18 +19,7 @@ if TYPE_CHECKING:
     from dfd.distillation.settings import DistillSettings
     from dfd.runs.fit_state import FitState
 
-__all__ = ["Targets", "fit", "widen"]
-
-
-class Targets(Protocol):
-    """Points, normalized, and what a field should give there."""
-
-    @property
-    def dimension(self) -> int:
-        """Length d of a target."""
-
-    def draw(self, count: int, generator: torch.Generator) -> tuple[torch.Tensor, torch.Tensor]:
-        """`count` points at random, (count, 3), and their unit targets, (count, d), on the CPU."""
+__all__ = ["fit", "widen"]
 
 
 def fit(

@@ -15,8 +15,8 @@ from dfd.field.architecture import Architecture
 from dfd.field.network import Network
 
 if TYPE_CHECKING:
-    from dfd.distillation.fit import Targets
     from dfd.distillation.settings import DistillSettings
+    from dfd.distillation.targets import Targets
     from dfd.runs.fit_state import FitState, Stateful
 
 __all__ = ["fit_on_torch"]

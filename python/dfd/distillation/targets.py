@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,18 @@ from dfd.views.render import Views
 if TYPE_CHECKING:
     import torch
 
-__all__ = ["PixelTargets", "PointTargets"]
+__all__ = ["PixelTargets", "PointTargets", "Targets"]
+
+
+class Targets(Protocol):
+    """Points, normalized, and what a field should give there."""
+
+    @property
+    def dimension(self) -> int:
+        """Length d of a target."""
+
+    def draw(self, count: int, generator: torch.Generator) -> tuple[torch.Tensor, torch.Tensor]:
+        """`count` points at random, (count, 3), and their unit targets, (count, d), on the CPU."""
 
 
 class PointTargets:
