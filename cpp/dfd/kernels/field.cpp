@@ -1,6 +1,6 @@
 // Unit features of points: a small network, evaluated for 48 points at a time so that its activations stay in the cache.
 
-#include "dfd/kernels/simd.hpp"
+#include "dfd/kernels/tile.hpp"
 #include "dfd/kernels/transpose.hpp"
 #include "dfd/kernels/variants.hpp"
 
@@ -58,17 +58,7 @@ DFD_INLINE void multiply(const float* weights, const float* bias, std::size_t in
     for (std::size_t o = 0; o < tile_outputs; ++o)
 #pragma GCC unroll 4
         for (std::size_t v = 0; v < tile_vectors; ++v) sums[o][v] = splat(bias[o]);
-    for (std::size_t k = 0; k < inputs; ++k) {
-        Float entries[tile_vectors];
-#pragma GCC unroll 4
-        for (std::size_t v = 0; v < tile_vectors; ++v) entries[v] = load<Float>(in + k * row + v * lanes<float>);
-#pragma GCC unroll 8
-        for (std::size_t o = 0; o < tile_outputs; ++o) {
-            const Float weight = splat(weights[k * field_group + o]);
-#pragma GCC unroll 4
-            for (std::size_t v = 0; v < tile_vectors; ++v) sums[o][v] = multiply_add(weight, entries[v], sums[o][v]);
-        }
-    }
+    add_products(weights, 1, field_group, in, row, inputs, sums);
 #pragma GCC unroll 8
     for (std::size_t o = 0; o < tile_outputs; ++o)
 #pragma GCC unroll 4

@@ -1,7 +1,7 @@
 // Steps of a field's fit (paper, Eq. 3): gradients of 48 points at a time, each in its lane, as in kernels/field.cpp;
 // then, weight by weight, the sum over all points and the step of Adam (Kingma and Ba 2015), so that no gradient is kept.
 
-#include "dfd/kernels/simd.hpp"
+#include "dfd/kernels/tile.hpp"
 #include "dfd/kernels/variants.hpp"
 
 namespace dfd {
@@ -23,24 +23,6 @@ static_assert(field_points % tile_points == 0 && fit_group % tile_neurons == 0 &
 DFD_INLINE const FitActivations& of(const FitJob& job, std::size_t unit, std::size_t layer)
 {
     return job.activations[unit * job.layer_count + layer];
-}
-
-// Adds to each of `Rows` rows of sums the products of a left factor's entries with vectors of a right factor.
-template <std::size_t Rows, std::size_t Vectors>
-DFD_INLINE void add_products(const float* left, std::size_t row_stride, std::size_t depth_stride, const float* right,
-                             std::size_t right_stride, std::size_t depths, Float (&sums)[Rows][Vectors])
-{
-    for (std::size_t d = 0; d < depths; ++d) {
-        Float entries[Vectors];
-#pragma GCC unroll 4
-        for (std::size_t v = 0; v < Vectors; ++v) entries[v] = load<Float>(right + d * right_stride + v * lanes<float>);
-#pragma GCC unroll 8
-        for (std::size_t r = 0; r < Rows; ++r) {
-            const Float entry = splat(left[r * row_stride + d * depth_stride]);
-#pragma GCC unroll 4
-            for (std::size_t v = 0; v < Vectors; ++v) sums[r][v] = multiply_add(entry, entries[v], sums[r][v]);
-        }
-    }
 }
 
 // A matrix, by the strides of its rows and columns, times activations (columns, 48), to `done(row, point, sums)`.
@@ -72,9 +54,7 @@ DFD_INLINE float sum_of(const float* points)
 {
     Float sum{};
     for (std::size_t point = 0; point < field_points; point += lanes<float>) sum += load<Float>(points + point);
-    float total = 0;
-    for (std::size_t lane = 0; lane < lanes<float>; ++lane) total += sum[lane];
-    return total;
+    return sum_of(sum);
 }
 
 // ReLU is done; (x - mean) / sqrt(variance + 1e-5) to `unit`, and its gain and shift to `out`.
@@ -111,9 +91,7 @@ void normalize_back(const FitLayer& layer, const float* values, const FitActivat
         Float along{};
         for (std::size_t point = 0; point < field_points; point += lanes<float>)
             along = multiply_add(load<Float>(own + point), load<Float>(unit.normal + k * row + point), along);
-        float total = 0;
-        for (std::size_t lane = 0; lane < lanes<float>; ++lane) total += along[lane];
-        unit.gain[k] = total;
+        unit.gain[k] = sum_of(along);
     }
     for (std::size_t point = 0; point < field_points; point += lanes<float>) {
         Float sum{}, along{};

@@ -2,7 +2,7 @@
 
 // Products of matrices, in tiles that fill the registers.
 
-#include "dfd/kernels/simd.hpp"
+#include "dfd/kernels/tile.hpp"
 
 namespace dfd {
 namespace {
@@ -34,17 +34,7 @@ DFD_INLINE void multiply_tile(const float* rows, std::size_t stride, const float
                               const Done& done)
 {
     Float sums[tile_rows][tile_vectors]{};
-    for (std::size_t d = 0; d < depths; ++d) {
-        Float entries[tile_vectors];
-#pragma GCC unroll 4
-        for (std::size_t v = 0; v < tile_vectors; ++v) entries[v] = load<Float>(panel + d * tile_columns + v * lanes<float>);
-#pragma GCC unroll 8
-        for (std::size_t r = 0; r < tile_rows; ++r) {
-            const Float entry = splat(rows[r * stride + d]);
-#pragma GCC unroll 4
-            for (std::size_t v = 0; v < tile_vectors; ++v) sums[r][v] = multiply_add(entry, entries[v], sums[r][v]);
-        }
-    }
+    add_products(rows, stride, 1, panel, tile_columns, depths, sums);
 #pragma GCC unroll 8
     for (std::size_t r = 0; r < tile_rows; ++r)
 #pragma GCC unroll 4

@@ -282,5 +282,12 @@ DFD_INLINE void stream_fence() {}
 DFD_INLINE Float sqrt_by_products(Float a) { return sqrt(a); }
 #endif
 
+DFD_INLINE float sum_of(Float lanes_of)
+{
+    float sum = 0;
+    for (std::size_t lane = 0; lane < lanes<float>; ++lane) sum += lanes_of[lane];
+    return sum;
+}
+
 }  // namespace
 }  // namespace dfd

@@ -49,13 +49,6 @@ struct Memory {
     std::size_t size;                // floats in all
 };
 
-DFD_INLINE float sum_of(Float lanes_of)
-{
-    float sum = 0;
-    for (std::size_t lane = 0; lane < lanes<float>; ++lane) sum += lanes_of[lane];
-    return sum;
-}
-
 // (x - mean) / sqrt(variance + epsilon) · gain + shift over a token, to `done`.
 template <class Done>
 DFD_INLINE void normalize(const float* token, std::size_t width, const float* gain, const float* shift, float epsilon,
