@@ -42,13 +42,7 @@ SIDES, CORNERS = _square(0, 20), _square(45, 15)  # of a square that the shape s
 
 
 class Around:
-    """Takes small pictures of a mesh from around, as it would stand.
-
-    Raises
-    ------
-    ValueError
-        From `seen`, if no ray meets the mesh.
-    """
+    """Takes small pictures of a mesh from around, as it would stand."""
 
     def __init__(self, mesh: Mesh, encoder: Encoder) -> None:
         center, scale = normalization(mesh)
@@ -62,6 +56,11 @@ class Around:
         """Mean tokens of pictures from `eyes` (E, 3), for `frames` (K, 3, 3) that may be upright: (K, 4, D).
 
         The second axis is of `LAYERS`.
+
+        Raises
+        ------
+        ValueError
+            If no ray meets the mesh.
         """
         around = [self._used @ frame.T for frame in frames]
         cameras = [

@@ -226,18 +226,13 @@ class InstanceFinder:
     def _cores(
         roots: NDArray[np.int64], weights: Float64, basin: NDArray[np.int64], saddle: dict[int, float]
     ) -> list[NDArray[np.int64]]:
-        """The nodes of the upper half of each of all peaks, `_core` of each in one pass."""
+        """The nodes of the upper half of each of the peaks `roots`."""
         half = np.full(len(weights), np.inf)
         half[roots] = [(weights[root] + saddle[root]) / 2 for root in roots.tolist()]
         high = np.flatnonzero((basin >= 0) & (weights >= half[basin]))
         rank = np.empty(len(weights), np.int64)
         rank[roots] = np.arange(len(roots))
         return _grouped(high, rank[basin[high]], len(roots))
-
-    @staticmethod
-    def _core(root: int, weights: Float64, basin: NDArray[np.int64], saddle: dict[int, float]) -> NDArray[np.int64]:
-        """The nodes of the upper half of a peak."""
-        return np.flatnonzero((basin == root) & (weights >= (weights[root] + saddle[root]) / 2))
 
     def _peak(self, weights: NDArray[np.floating], node: int) -> int:
         members = self._nodes.members[self._nodes.starts[node] : self._nodes.ends[node]]
@@ -248,8 +243,7 @@ class InstanceFinder:
     ) -> list[Share]:
         """The K shares of the instances: 1 on the upper half of a peak, passing smoothly into each other between."""
         closeness = np.empty((len(roots), len(weights)))
-        for row, root in enumerate(roots):
-            core = self._core(root, weights, basin, saddle)
+        for row, core in enumerate(self._cores(np.asarray(roots), weights, basin, saddle)):
             distance = dijkstra(self._nodes.graph, indices=core, min_only=True)
             if np.isinf(distance).any():  # no way along the surface: the straight one, and farther than any other
                 straight = cKDTree(self._nodes.center[core]).query(self._nodes.center)[0] + self._mesh.diagonal
