@@ -17,7 +17,7 @@ constexpr double decay = 0.999, epsilon = 1e-8;
 std::vector<FitLayer> layers_of(std::span<const std::size_t> widths, std::size_t& size)
 {
     require(widths.size() > 1, "fit: there must be at least one layer");
-    require(widths[0] > 0 && widths[0] % fit_rows == 0, "fit: the width of `inputs` must be a multiple of 4");
+    require(widths[0] > 0 && widths[0] % fit_rows == 0, "fit: the width of `inputs` must be a multiple of 8");
     std::vector<FitLayer> layers(widths.size() - 1);
     size = 0;
     const auto take = [&size](std::size_t count) { return (size += count) - count; };
@@ -83,7 +83,7 @@ void fit(Matrix<float> state, std::span<const std::size_t> widths, Matrix<const 
          Matrix<const float> targets, Matrix<const std::int32_t> chosen, const FitSchedule& schedule,
          std::span<float> losses, int threads, const Kernels& kernels)
 {
-    std::size_t size = 0, tasks = 0;
+    std::size_t size = 0;
     const std::vector<FitLayer> layers = layers_of(widths, size);
     require(state.rows == 3 && state.columns == size, "fit: `state` must have shape (3, fit_size)");
     require(inputs.columns == widths.front() && targets.columns == widths.back() && inputs.rows == targets.rows,
@@ -94,7 +94,12 @@ void fit(Matrix<float> state, std::span<const std::size_t> widths, Matrix<const 
     for (std::size_t i = 0; i < chosen.rows * chosen.columns; ++i)
         require(chosen.data[i] >= 0 && static_cast<std::size_t>(chosen.data[i]) < inputs.rows,
                 "fit: `chosen` must hold numbers of points");
-    for (const FitLayer& layer : layers) tasks += fit_tasks(layer.inputs);
+    struct Columns {
+        std::size_t layer, first;
+    };
+    std::vector<Columns> columns;
+    for (std::size_t i = 0; i < layers.size(); ++i)
+        for (std::size_t first = 0; first < layers[i].outputs; first += fit_columns) columns.push_back({i, first});
     FitJob job;
     job.values = state.data;
     job.first = state.data + size;
@@ -122,10 +127,8 @@ void fit(Matrix<float> state, std::span<const std::size_t> widths, Matrix<const 
         double sum = 0;
         for (const float loss : memory.losses) sum += static_cast<double>(loss);
         losses[i] = static_cast<float>(sum / static_cast<double>(job.batch));
-        const std::size_t shares = std::min<std::size_t>(tasks, 8 * static_cast<std::size_t>(std::max(threads, 1)));
-        parallel_tasks(shares, threads, [&](std::size_t share) {
-            kernels.fit_steps(job, share * tasks / shares, (share + 1) * tasks / shares);
-        });
+        parallel_tasks(columns.size(), threads,
+                       [&](std::size_t k) { kernels.fit_steps(job, columns[k].layer, columns[k].first); });
     }
 }
 

@@ -15,7 +15,7 @@ struct FitSchedule {
     std::size_t steps_before = 0;            // that the moments have seen
 };
 
-/// Floats of a network's parameters: of each layer the matrix (inputs, outputs), the bias, and of a hidden one the gain and
+/// Floats of a network's parameters: of each layer the matrix (outputs / 16, inputs, 16), the bias, and of a hidden one the gain and
 /// the shift of its LayerNorm.
 /// @param widths of what enters the first layer, a multiple of `fit_rows`, and of each layer's outputs, of `fit_group`
 /// @throws std::invalid_argument if there is no layer, or a width is none

@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <exception>
 #include <functional>
+#include <vector>
 
 namespace dfd {
 
@@ -51,19 +52,32 @@ void parallel_ranges(std::size_t count, std::size_t grain, int threads, const Wo
     if (stopped) throw Stopped();
 }
 
-/// Calls `work(task)` for each of 0 … `count`, on at most `threads` threads; it must not throw.
+/// Calls `work(task)` for each of 0 … `count`, on at most `threads` threads; it must not throw. Each begins with the same
+/// tasks whenever this is called again, for what they work on still lies in its core's cache, and then takes what is left
+/// of the others'.
 template <class Work>
 void parallel_tasks(std::size_t count, int threads, const Work& work)
 {
     const std::size_t workers = std::min(count, static_cast<std::size_t>(std::max(threads, 1)));
-    std::atomic<std::size_t> next = 0;
-    const auto take_tasks = [&](std::size_t) {
-        for (std::size_t task; (task = next.fetch_add(1, std::memory_order_relaxed)) < count;) work(task);
+    if (workers <= 1) {
+        for (std::size_t task = 0; task < count; ++task) work(task);
+        return;
+    }
+    struct alignas(64) Share {
+        std::atomic<std::size_t> next;
+        std::size_t end;
     };
-    if (workers <= 1)
-        take_tasks(0);
-    else
-        run_workers(workers, take_tasks);
+    std::vector<Share> shares(workers);
+    for (std::size_t i = 0; i < workers; ++i) {
+        shares[i].next = i * count / workers;
+        shares[i].end = (i + 1) * count / workers;
+    }
+    run_workers(workers, [&](std::size_t worker) {
+        for (std::size_t i = 0; i < workers; ++i) {
+            Share& share = shares[(worker + i) % workers];
+            for (std::size_t task; (task = share.next.fetch_add(1, std::memory_order_relaxed)) < share.end;) work(task);
+        }
+    });
 }
 
 }  // namespace dfd

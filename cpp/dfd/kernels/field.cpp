@@ -1,5 +1,6 @@
 // Unit features of points: a small network, evaluated for 48 points at a time so that its activations stay in the cache.
 
+#include "dfd/kernels/neurons.hpp"
 #include "dfd/kernels/tile.hpp"
 #include "dfd/kernels/transpose.hpp"
 #include "dfd/kernels/variants.hpp"
@@ -8,8 +9,6 @@
 
 namespace dfd {
 namespace {
-
-constexpr std::size_t row = field_points;  // floats from one neuron's activations to the next one's
 
 // Outputs and vectors of points that are summed together: as many sums as there are registers for.
 #if defined(__AVX512F__)
@@ -82,16 +81,8 @@ void linear(const FieldLayer& layer, const float* in, float* out)
 // (x - mean) / sqrt(variance + 1e-5) · gain + shift over the neurons of each point.
 void normalize_layer(const FieldLayer& layer, float* values)
 {
-    const Float share = splat(1.0f / static_cast<float>(layer.outputs));
     for (std::size_t point = 0; point < field_points; point += lanes<float>) {
-        Float sum{}, squares{};
-        for (std::size_t k = 0; k < layer.outputs; ++k) sum += load<Float>(values + k * row + point);
-        const Float mean = sum * share;
-        for (std::size_t k = 0; k < layer.outputs; ++k) {
-            const Float difference = load<Float>(values + k * row + point) - mean;
-            squares = multiply_add(difference, difference, squares);
-        }
-        const Float factor = splat(1.0f) / sqrt(squares * share + splat(1e-5f));
+        const auto [mean, factor] = moments_of(values + point, layer.outputs);
         for (std::size_t k = 0; k < layer.outputs; ++k) {
             float* place = values + k * row + point;
             store(place, multiply_add((load<Float>(place) - mean) * factor, splat(layer.gain[k]), splat(layer.shift[k])));

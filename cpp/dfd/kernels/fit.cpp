@@ -1,53 +1,88 @@
 // Steps of a field's fit (paper, Eq. 3): gradients of 48 points at a time, each in its lane, as in kernels/field.cpp;
 // then, weight by weight, the sum over all points and the step of Adam (Kingma and Ba 2015), so that no gradient is kept.
 
+#include "dfd/kernels/neurons.hpp"
 #include "dfd/kernels/tile.hpp"
+#include "dfd/kernels/transpose.hpp"
 #include "dfd/kernels/variants.hpp"
 
 namespace dfd {
 namespace {
 
-constexpr std::size_t row = field_points;  // floats from one neuron's activations to the next one's
-
-// Sums that are kept in registers: of activations for some points, and of a matrix's gradient.
+// Sums that are kept in registers: of activations for some points, and of some rows of a matrix's gradient.
 #if defined(__AVX512F__)
-constexpr std::size_t tile_neurons = 8, tile_vectors = 3, gradient_vectors = 4;
+constexpr std::size_t tile_neurons = 8, tile_vectors = 3, gradient_rows = 8;
 #elif defined(__AVX2__)
-constexpr std::size_t tile_neurons = 4, tile_vectors = 2, gradient_vectors = 2;
+constexpr std::size_t tile_neurons = 4, tile_vectors = 2, gradient_rows = 4;
 #else
-constexpr std::size_t tile_neurons = 2, tile_vectors = 4, gradient_vectors = 2;
+constexpr std::size_t tile_neurons = 2, tile_vectors = 4, gradient_rows = 4;
 #endif
-constexpr std::size_t tile_points = tile_vectors * lanes<float>, gradient_columns = gradient_vectors * lanes<float>;
-static_assert(field_points % tile_points == 0 && fit_group % tile_neurons == 0 && fit_group % gradient_columns == 0);
+constexpr std::size_t tile_points = tile_vectors * lanes<float>;
+// Columns of a gradient that are summed together: what they take of all points stays in the nearest cache meanwhile.
+constexpr std::size_t gradient_vectors = 2, gradient_columns = gradient_vectors * lanes<float>;
+static_assert(field_points % tile_points == 0 && field_points % block_size == 0 && fit_group % tile_neurons == 0);
+static_assert(fit_rows % gradient_rows == 0 && fit_columns % gradient_columns == 0 && block_size % lanes<float> == 0);
 
 DFD_INLINE const FitActivations& of(const FitJob& job, std::size_t unit, std::size_t layer)
 {
     return job.activations[unit * job.layer_count + layer];
 }
 
-// A matrix, by the strides of its rows and columns, times activations (columns, 48), to `done(row, point, sums)`.
+// Where the entry of an input and an output lies in the matrix of a layer: (groups, inputs, 16), so that it is gone
+// through in the order of its memory both ways.
+DFD_INLINE std::size_t place_of(const FitLayer& layer, std::size_t input, std::size_t output)
+{
+    return layer.weight + (output / block_size * layer.inputs + input) * block_size + output % block_size;
+}
+
 template <class Done>
-void multiply(const float* matrix, std::size_t row_stride, std::size_t column_stride, std::size_t rows,
-              std::size_t columns, const float* in, const Done& done)
+DFD_INLINE void leave(const Float (&sums)[tile_neurons][tile_vectors], std::size_t first, std::size_t point,
+                      const Done& done)
+{
+#pragma GCC unroll 8
+    for (std::size_t r = 0; r < tile_neurons; ++r)
+#pragma GCC unroll 4
+        for (std::size_t v = 0; v < tile_vectors; ++v) done(first + r, point + v * lanes<float>, sums[r][v]);
+}
+
+// What a layer makes of activations (inputs, 48), to `done(output, point, sums)`.
+template <class Done>
+void multiply(const FitJob& job, const FitLayer& layer, const float* in, const Done& done)
 {
     for (std::size_t point = 0; point < field_points; point += tile_points)
-        for (std::size_t first = 0; first < rows; first += tile_neurons) {
+        for (std::size_t first = 0; first < layer.outputs; first += tile_neurons) {
             Float sums[tile_neurons][tile_vectors]{};
-            add_products(matrix + first * row_stride, row_stride, column_stride, in + point, row, columns, sums);
-#pragma GCC unroll 8
-            for (std::size_t r = 0; r < tile_neurons; ++r)
-#pragma GCC unroll 4
-                for (std::size_t v = 0; v < tile_vectors; ++v) done(first + r, point + v * lanes<float>, sums[r][v]);
+            add_products(job.values + place_of(layer, 0, first), 1, block_size, in + point, row, layer.inputs, sums);
+            leave(sums, first, point, done);
+        }
+}
+
+// What a gradient (outputs, 48) of its outputs makes of its inputs, to `done(input, point, sums)`.
+template <class Done>
+void multiply_back(const FitJob& job, const FitLayer& layer, const float* gradient, const Done& done)
+{
+    for (std::size_t point = 0; point < field_points; point += tile_points)
+        for (std::size_t first = 0; first < layer.inputs; first += tile_neurons) {
+            Float sums[tile_neurons][tile_vectors]{};
+            for (std::size_t output = 0; output < layer.outputs; output += block_size)
+                add_products(job.values + place_of(layer, first, output), block_size, 1, gradient + output * row + point,
+                             row, block_size, sums);
+            leave(sums, first, point, done);
         }
 }
 
 // The gradient (outputs, 48) to rows of points, for the sums of all points: (panels, points, gradient_columns).
 void turn(const FitJob& job, std::size_t unit, std::size_t outputs, const float* gradient, float* turned)
 {
-    for (std::size_t output = 0; output < outputs; ++output)
-        for (std::size_t point = 0; point < field_points; ++point)
-            turned[(output / gradient_columns * job.units * field_points + unit * field_points + point) * gradient_columns +
-                   output % gradient_columns] = gradient[output * row + point];
+    float lanes_of[gradient_columns * block_size];
+    for (std::size_t output = 0; output < outputs; output += gradient_columns)
+        for (std::size_t point = 0; point < field_points; point += block_size) {
+            for (std::size_t c = 0; c < gradient_columns; ++c)
+                copy(gradient + (output + c) * row + point, block_size, lanes_of + c * block_size);
+            lanes_to_rows(lanes_of, gradient_columns,
+                          turned + output * job.units * field_points + (unit * field_points + point) * gradient_columns,
+                          gradient_columns);
+        }
 }
 
 DFD_INLINE float sum_of(const float* points)
@@ -60,16 +95,8 @@ DFD_INLINE float sum_of(const float* points)
 // ReLU is done; (x - mean) / sqrt(variance + 1e-5) to `unit`, and its gain and shift to `out`.
 void normalize_layer(const FitLayer& layer, const float* values, const float* in, const FitActivations& unit, float* out)
 {
-    const Float share = splat(1.0f / static_cast<float>(layer.outputs));
     for (std::size_t point = 0; point < field_points; point += lanes<float>) {
-        Float sum{}, squares{};
-        for (std::size_t k = 0; k < layer.outputs; ++k) sum += load<Float>(in + k * row + point);
-        const Float mean = sum * share;
-        for (std::size_t k = 0; k < layer.outputs; ++k) {
-            const Float difference = load<Float>(in + k * row + point) - mean;
-            squares = multiply_add(difference, difference, squares);
-        }
-        const Float factor = splat(1.0f) / sqrt(squares * share + splat(1e-5f));
+        const auto [mean, factor] = moments_of(in + point, layer.outputs);
         store(unit.factor + point, factor);
         store(unit.least + point, (Float{} - mean) * factor);
         for (std::size_t k = 0; k < layer.outputs; ++k) {
@@ -165,30 +192,30 @@ DFD_INLINE void step(const FitJob& job, std::size_t place, Float gradient)
     store(job.values + place, load<Float>(job.values + place) - splat(job.rate) * first / root);
 }
 
-// Steps of a vector of parameters, whose gradients each unit has summed over its points.
+// Steps of a vector of parameters, from `place` on, whose gradients each unit has summed over its points.
 template <class Sums>
-void step_vector(const FitJob& job, std::size_t place, std::size_t size, const Sums& sums)
+void step_vector(const FitJob& job, std::size_t place, std::size_t first, const Sums& sums)
 {
-    for (std::size_t k = 0; k < size; k += lanes<float>) {
+    for (std::size_t k = first; k < first + fit_columns; k += lanes<float>) {
         Float gradient{};
         for (std::size_t unit = 0; unit < job.units; ++unit) gradient += load<Float>(sums(unit) + k);
         step(job, place + k, gradient);
     }
 }
 
-void step_matrix(const FitJob& job, std::size_t number, std::size_t first)
+// Steps of the columns of a matrix that are summed together.
+void step_columns(const FitJob& job, std::size_t number, std::size_t column)
 {
     const FitLayer& layer = job.layers[number];
-    const float* turned = job.turned[number];
-    for (std::size_t column = 0; column < layer.outputs; column += gradient_columns) {
-        Float sums[fit_rows][gradient_vectors]{};
-        const float* panel = turned + column * job.units * field_points;
+    const float* panel = job.turned[number] + column * job.units * field_points;
+    for (std::size_t first = 0; first < layer.inputs; first += gradient_rows) {
+        Float sums[gradient_rows][gradient_vectors]{};
         for (std::size_t unit = 0; unit < job.units; ++unit)
             add_products(of(job, unit, number).in + first * row, row, 1,
                          panel + unit * field_points * gradient_columns, gradient_columns, field_points, sums);
-        for (std::size_t r = 0; r < fit_rows; ++r)
+        for (std::size_t r = 0; r < gradient_rows; ++r)
             for (std::size_t v = 0; v < gradient_vectors; ++v)
-                step(job, layer.weight + (first + r) * layer.outputs + column + v * lanes<float>, sums[r][v]);
+                step(job, place_of(layer, first + r, column + v * lanes<float>), sums[r][v]);
     }
 }
 
@@ -204,11 +231,10 @@ void DFD_VARIANT::fit_gradients(const FitJob& job, std::size_t unit)
         const FitLayer& layer = job.layers[number];
         const FitActivations& unit_of = of(job, unit, number);
         const float* bias = job.values + layer.bias;
-        multiply(job.values + layer.weight, 1, layer.outputs, layer.outputs, layer.inputs, unit_of.in,
-                 [&](std::size_t k, std::size_t point, Float sums) {
-                     const Float entry = sums + splat(bias[k]);
-                     store(gradient + k * row + point, number == last ? entry : maximum(entry, Float{}));
-                 });
+        multiply(job, layer, unit_of.in, [&](std::size_t k, std::size_t point, Float sums) {
+            const Float entry = sums + splat(bias[k]);
+            store(gradient + k * row + point, number == last ? entry : maximum(entry, Float{}));
+        });
         if (number != last)
             normalize_layer(layer, job.values, gradient, unit_of, of(job, unit, number + 1).in);
     }
@@ -221,32 +247,23 @@ void DFD_VARIANT::fit_gradients(const FitJob& job, std::size_t unit)
         for (std::size_t k = 0; k < layer.outputs; ++k) unit_of.bias[k] = sum_of(gradient + k * row);
         turn(job, unit, layer.outputs, gradient, job.turned[number]);
         if (number == 0) break;
-        multiply(job.values + layer.weight, layer.outputs, 1, layer.inputs, layer.outputs, gradient,
-                 [&](std::size_t k, std::size_t point, Float sums) { store(other + k * row + point, sums); });
+        multiply_back(job, layer, gradient,
+                      [&](std::size_t k, std::size_t point, Float sums) { store(other + k * row + point, sums); });
         float* next = other;
         other = gradient;
         gradient = next;
     }
 }
 
-void DFD_VARIANT::fit_steps(const FitJob& job, std::size_t begin, std::size_t end)
+void DFD_VARIANT::fit_steps(const FitJob& job, std::size_t number, std::size_t first)
 {
-    std::size_t before = 0;  // tasks of the layers so far: some rows of the matrix each, and one for all vectors
-    for (std::size_t number = 0; number < job.layer_count; ++number) {
-        const FitLayer& layer = job.layers[number];
-        const std::size_t tasks = fit_tasks(layer.inputs);
-        for (std::size_t task = begin > before ? begin - before : 0; task < tasks && before + task < end; ++task) {
-            if (task + 1 < tasks) {
-                step_matrix(job, number, task * fit_rows);
-                continue;
-            }
-            step_vector(job, layer.bias, layer.outputs, [&](std::size_t u) { return of(job, u, number).bias; });
-            if (number + 1 == job.layer_count) continue;
-            step_vector(job, layer.gain, layer.outputs, [&](std::size_t u) { return of(job, u, number).gain; });
-            step_vector(job, layer.shift, layer.outputs, [&](std::size_t u) { return of(job, u, number).shift; });
-        }
-        before += tasks;
-    }
+    const FitLayer& layer = job.layers[number];
+    for (std::size_t column = first; column < first + fit_columns; column += gradient_columns)
+        step_columns(job, number, column);
+    step_vector(job, layer.bias, first, [&](std::size_t unit) { return of(job, unit, number).bias; });
+    if (number + 1 == job.layer_count) return;
+    step_vector(job, layer.gain, first, [&](std::size_t unit) { return of(job, unit, number).gain; });
+    step_vector(job, layer.shift, first, [&](std::size_t unit) { return of(job, unit, number).shift; });
 }
 
 }  // namespace dfd

@@ -187,10 +187,13 @@ struct TransformerKernels {
     void (*run)(const TransformerJob& job, const float* tokens, std::size_t count, float* features, float* scratch);
 };
 
-/// Widths of a fitted network's layers, and rows of its matrices that take their steps together, are multiples of these.
-constexpr std::size_t fit_group = 64, fit_rows = 4;
+/// Widths of a fitted network's layers, and of what enters the first one, are multiples of these.
+constexpr std::size_t fit_group = 64, fit_rows = 8;
 
-/// Where a layer's parameters begin in `FitJob::values`: the matrix (inputs, outputs), then vectors (outputs).
+/// Outputs of a layer whose parameters take their steps together.
+constexpr std::size_t fit_columns = 32;
+
+/// Where a layer's parameters begin in `FitJob::values`: the matrix (outputs / 16, inputs, 16), then vectors (outputs).
 struct FitLayer {
     std::size_t inputs = 0, outputs = 0;
     std::size_t weight = 0, bias = 0, gain = 0, shift = 0;  // the last two of hidden layers
@@ -219,9 +222,6 @@ struct FitJob {
     float rate = 0, momentum = 0, decay = 0, root = 0, epsilon = 0;  // Adam's; the root of 1 / (1 - decay^step)
 };
 
-/// In how many tasks a layer's parameters take their steps: some rows of the matrix each, and one for the vectors.
-constexpr std::size_t fit_tasks(std::size_t inputs) { return inputs / fit_rows + 1; }
-
 /// The kernels of one instruction set.
 struct Kernels {
     const char* name;
@@ -233,7 +233,7 @@ struct Kernels {
     FieldRange field;
     TransformerKernels transformer;
     void (*fit_gradients)(const FitJob& job, std::size_t unit);
-    void (*fit_steps)(const FitJob& job, std::size_t begin, std::size_t end);  // of the tasks: see `fit_tasks`
+    void (*fit_steps)(const FitJob& job, std::size_t layer, std::size_t first);  // of `fit_columns` outputs
 };
 
 }  // namespace dfd

@@ -27,7 +27,8 @@ _AT_ONCE = 10  # steps between two looks at what else there is to do: progress, 
 _TRIED_ANEW = 40  # so many times that, threads are timed again
 _FASTER = 0.75  # of one thread's time, for all of them to be worth it
 _POINTS = 48  # that a thread takes together
-_INPUTS, _OUTPUTS = 4, 64  # what the kernels take together: widths are filled up to multiples of it, with zeros
+_INPUTS, _OUTPUTS = 8, 64  # what the kernels take together: widths are filled up to multiples of it, with zeros
+_GROUP = 16  # outputs that lie side by side in a matrix
 
 
 def fit_on_kernels(
@@ -137,7 +138,7 @@ def _first_parameters(architecture: Architecture, seed: int) -> dict[str, NDArra
 
 
 def _pieces(architecture: Architecture, widths: list[int]) -> list[tuple[str, tuple[int, ...]]]:
-    """The parameters in the order of the kernels, each with its shape there: a matrix as (inputs, outputs)."""
+    """The parameters in the order of the kernels, each with its shape: a matrix as (inputs, outputs), before it is grouped."""
     names = architecture.layer_names()
     pieces: list[tuple[str, tuple[int, ...]]] = []
     for number, name in enumerate(names.linear):
@@ -156,15 +157,27 @@ def _flat(
         filled = np.zeros(shape, np.float32)
         own = parameters[name].T
         filled[tuple(slice(size) for size in own.shape)] = own
-        flat.append(filled.ravel())
+        flat.append(_grouped(filled).ravel() if filled.ndim == 2 else filled)
     return np.concatenate(flat)
+
+
+def _grouped(matrix: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(inputs, outputs) as the kernels have it: (outputs / 16, inputs, 16)."""
+    return matrix.reshape(len(matrix), -1, _GROUP).swapaxes(0, 1)
+
+
+def _ungrouped(groups: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The way back."""
+    return groups.swapaxes(0, 1).reshape(groups.shape[1], -1)
 
 
 def _parameters(flat: NDArray[np.float32], architecture: Architecture, widths: list[int]) -> dict[str, Any]:
     """The parameters by name, as a field takes them."""
     found, begin = {}, 0
     for name, shape in _pieces(architecture, widths):
-        filled = flat[begin : begin + math.prod(shape)].reshape(shape).T
-        found[name] = np.ascontiguousarray(filled[tuple(slice(size) for size in architecture.shapes()[name])])
+        filled = flat[begin : begin + math.prod(shape)]
+        if len(shape) == 2:
+            filled = _ungrouped(filled.reshape(-1, shape[0], _GROUP))
+        found[name] = np.ascontiguousarray(filled.T[tuple(slice(size) for size in architecture.shapes()[name])])
         begin += math.prod(shape)
     return found

@@ -17,7 +17,7 @@ from dfd.distillation.targets import PointTargets
 from dfd.field.architecture import Architecture
 from dfd.field.network import Network
 
-WIDTHS = [12, 128, 64, 64]
+WIDTHS = [16, 128, 64, 64]
 
 
 def arguments(batch: int = 100, steps: int = 6) -> dict[str, Any]:
@@ -45,7 +45,8 @@ def layers(values: np.ndarray) -> list[list[np.ndarray]]:
     """The parameters as the twin takes them."""
     found, begin = [], 0
     for number, (entering, leaving) in enumerate(pairwise(WIDTHS)):
-        layer = [values[begin : begin + entering * leaving].reshape(entering, leaving).astype(np.float64)]
+        groups = values[begin : begin + entering * leaving].reshape(-1, entering, 16).astype(np.float64)
+        layer = [groups.swapaxes(0, 1).reshape(entering, leaving)]
         begin += entering * leaving
         for _ in range(3 if number + 2 < len(WIDTHS) else 1):
             layer.append(values[begin : begin + leaving].astype(np.float64))
@@ -136,9 +137,9 @@ def test_one_thread_equals_many_and_steps_go_on() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"widths": [12]}, "at least one layer"),
-        ({"widths": [11, *WIDTHS[1:]]}, "a multiple of 4"),
-        ({"widths": [12, 100, 64]}, "multiples of 64"),
+        ({"widths": [16]}, "at least one layer"),
+        ({"widths": [11, *WIDTHS[1:]]}, "a multiple of 8"),
+        ({"widths": [16, 100, 64]}, "multiples of 64"),
         ({"state": np.zeros((3, 5), np.float32)}, r"\(3, fit_size\)"),
         ({"inputs": np.zeros((70, 8), np.float32)}, "a row for each point"),
         ({"targets": np.zeros((69, 64), np.float32)}, "a row for each point"),
