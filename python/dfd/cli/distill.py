@@ -10,7 +10,7 @@ import typer
 
 import dfd
 from dfd.cli.arguments import MeshArgument, check_output
-from dfd.common.interrupts import heed_interrupts
+from dfd.common.importing import importing
 from dfd.common.progress import Stages
 from dfd.distillation.distill import DEFAULT_ENCODER, distilling, find_distilled
 from dfd.distillation.settings import DistillSettings
@@ -88,13 +88,16 @@ def distill(
     partial = output.with_name(f"{output.name}.partial")
     stages = Stages()
     found: Field | None = None
-    with stages.stage("read"), heed_interrupts():
+    with stages.stage("read"), importing():
         file = hash_file(mesh) if cache else None
         known = recall(file)
         look_up = cache and rows is None
         if known is not None and look_up:
             found = find_distilled(known, encoder, settings, device=device, checkpoint=partial)
         if found is None:
+            from dfd.encoders.ahead import load_ahead
+
+            loading = load_ahead(encoder, device=device) if rows is None else None
             shape = dfd.load(mesh)
             if features is not None and rows is not None:
                 check_order(features, rows, shape, FEATURES)
@@ -116,6 +119,7 @@ def distill(
                 stages=stages,
                 cache=cache,
                 checkpoint=partial,
+                loading=loading,
             ) as field:
                 field.save(output)
         except KeyboardInterrupt:

@@ -38,7 +38,7 @@ def distill_pictures(
     if settings.smoothing > 0:
         targets = spread(views, pixels, smoothing=settings.smoothing, seed=settings.seed, stages=stages)
         targets = metric.of_targets(targets, settings.seed) if metric else targets
-    state = kept.fit_state(views.points, views.view, views.row, views.column, tokens) if kept else None
+    state = kept.fit_state(*targets.arrays) if kept else None
     field = fit(
         targets, settings, center=views.center, scale=views.scale, device=encoder.device, stages=stages, state=state
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from inspect import Parameter, signature
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
+from dfd.common.importing import importing
 from dfd.common.interrupts import heed_interrupts
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillOptions, DistillSettings
@@ -21,6 +21,8 @@ from dfd.runs.recipe import recipe
 
 # torch and transformers take seconds to import; they wait until something is distilled.
 if TYPE_CHECKING:
+    from concurrent.futures import Future
+
     from numpy.typing import ArrayLike
     from typing_extensions import Unpack
 
@@ -178,14 +180,18 @@ def distilling(
     stages: Stages,
     cache: bool = True,
     checkpoint: str | PathLike[str] | None = None,
+    loading: Future[Encoder] | None = None,
 ) -> Iterator[Field]:
-    """Do what `distill` does for a block that writes the field: the checkpoint stays if the block fails."""
-    with stages.stage("load"), _loading():
+    """Do what `distill` does for a block that writes the field: the checkpoint stays if the block fails.
+
+    `loading` gives the `encoder` of that name, which somebody began to load before.
+    """
+    with stages.stage("load"), importing():
         known = find_recipe(mesh, encoder, settings, device) if features is None else None
         found = find_field(known, checkpoint) if known and cache else None
         if found is None:
             if features is None:
-                work = _of_pictures(mesh, encoder, settings, device)
+                work = _of_pictures(mesh, encoder, settings, device, loading)
             else:
                 work = _of_features(mesh, features, settings, device)
             if cache and work.recipe != known:
@@ -247,14 +253,21 @@ class _Work:
 
 
 def _of_pictures(
-    mesh: Mesh, encoder: str | PathLike[str] | Encoder, settings: DistillSettings, device: str | None
+    mesh: Mesh,
+    encoder: str | PathLike[str] | Encoder,
+    settings: DistillSettings,
+    device: str | None,
+    loading: Future[Encoder] | None,
 ) -> _Work:
     with heed_interrupts(wait=True):
         from dfd.distillation.algorithm import distill_pictures
         from dfd.encoders.encode import Encoder, load_encoder
         from dfd.encoders.identity import loaded_identity
 
-    model = encoder if isinstance(encoder, Encoder) else load_encoder(encoder, device=device)
+    if loading is not None:
+        model = loading.result()
+    else:
+        model = encoder if isinstance(encoder, Encoder) else load_encoder(encoder, device=device)
     made_of = recipe(mesh, **settings.as_dict(), **loaded_identity(encoder, device, model))
     return _Work(made_of, partial(distill_pictures, mesh, model, settings), _ADVICE)
 
@@ -271,23 +284,6 @@ def _of_features(
     made_of = recipe(mesh, **settings.of_fit(), features=given.kind, given=given.sha256(), device=str(target))
     advice = {"fit": "the fit: lower `batch`, or give features with fewer columns"}
     return _Work(made_of, partial(distill_features, given, settings, device=target), advice)
-
-
-@contextmanager
-def _loading() -> Iterator[None]:
-    """Importing makes a million objects that stay: searching them for garbage, over and over, takes a tenth of it.
-
-    The one search that comes at the end belongs to it, for an interruption that meets a finalizer there would be lost.
-    """
-    with heed_interrupts():
-        enabled = gc.isenabled()
-        gc.disable()
-        try:
-            yield
-        finally:
-            if enabled:
-                gc.enable()
-                gc.collect(0)
 
 
 @contextmanager

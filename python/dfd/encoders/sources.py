@@ -18,7 +18,7 @@ from dfd.encoders.offline import find_wheel, wheel_fingerprint, wheel_weights
 from dfd.encoders.presets import PRESETS
 from dfd.encoders.weight_files import WEIGHT_FILES, Weights, folder_weights, weight_files
 
-__all__ = ["Weights", "find_fingerprint", "find_weights"]
+__all__ = ["Weights", "at_hand", "find_fingerprint", "find_weights"]
 
 _log = logging.getLogger(__name__)
 
@@ -68,6 +68,16 @@ def find_weights(encoder: str | os.PathLike[str]) -> Weights:
     ]
     listed = "; ".join(f"({number}) {way}" for number, way in enumerate(ways, 1))
     raise FileNotFoundError(f"load_encoder: no weights for `encoder` {name!r} were found. Three ways: {listed}")
+
+
+def at_hand(encoder: str | os.PathLike[str]) -> bool:
+    """Whether weights for `encoder` lie on this machine as `find_weights` takes them, ready to be read."""
+    name = os.fspath(encoder)
+    if Path(name).expanduser().exists():
+        return True
+    preset = PRESETS.get(name)
+    in_hub_cache = (preset or name.count("/") == 1) and _in_hub_cache(preset.hub if preset else name) is not None
+    return bool(in_hub_cache) or (name == "dinov2-small" and wheel_fingerprint() is not None)
 
 
 def find_fingerprint(encoder: str | os.PathLike[str]) -> str | None:

@@ -35,6 +35,7 @@ def test_distill_hands_everything_on(run, folder):
     assert len(mesh.vertices) == 2004
     assert encoder == "clip"
     del given["stages"]
+    assert given.pop("loading") is None
     np.testing.assert_array_equal(given.pop("features"), np.eye(3))
     assert given == {"device": "cpu", "cache": False, "checkpoint": Path("out.safetensors.partial")}
     assert settings == DistillSettings(

@@ -1,0 +1,37 @@
+"""An encoder that is loaded beside what else a command has to read: most of both waits for no other thread of Python."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import TYPE_CHECKING
+
+from dfd.encoders.sources import at_hand
+
+# torch takes seconds to import, and is not needed to begin.
+if TYPE_CHECKING:
+    import torch
+
+    from dfd.encoders.encode import Encoder
+
+__all__ = ["load_ahead"]
+
+
+def load_ahead(encoder: str | os.PathLike[str], *, device: str | torch.device | None = None) -> Future[Encoder] | None:
+    """Begin to load what `dfd.encoders.encode.load_encoder` loads; whoever asks for the result gets what that raises.
+
+    None where it would have to be downloaded first: that takes as long as it takes, and should be waited for, or
+    interrupted, where its result is wanted.
+    """
+    if not at_hand(encoder):
+        return None
+    pool = ThreadPoolExecutor(1, "dfd-encoder")
+    loading = pool.submit(_load, encoder, device)
+    pool.shutdown(wait=False)
+    return loading
+
+
+def _load(encoder: str | os.PathLike[str], device: str | torch.device | None) -> Encoder:
+    from dfd.encoders.encode import load_encoder
+
+    return load_encoder(encoder, device=device)
