@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dfd.common.progress import Stages
+from dfd.common.threads import one_blas_thread
 from dfd.distillation.fit import fit, widen
 from dfd.distillation.metric import find_metric
 from dfd.distillation.settings import DistillSettings
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["distill_pictures"]
 
 
+@one_blas_thread()
 def distill_pictures(
     mesh: Mesh, encoder: Encoder, settings: DistillSettings, *, stages: Stages, kept: Checkpoint | None = None
 ) -> Field:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["fit_on_kernels", "one_cycle"]
 
 _AT_ONCE = 10  # steps between two looks at what else there is to do: progress, an interruption, what is to be kept
-_TRIED_ANEW = 40  # so many times that, threads are timed again
+_TRIED_ANEW = 4, 64  # threads are timed again after so many times that, which doubles, up to so many
 _FASTER = 0.75  # of one thread's time, for all of them to be worth it
 _POINTS = 48  # that a thread takes together
 _INPUTS, _OUTPUTS = 8, 64  # what the kernels take together: widths are filled up to multiples of it, with zeros
@@ -75,22 +75,25 @@ class _Pace:
     """
 
     def __init__(self, most: int) -> None:
-        self._most, self._best, self._turn = most, 1, 0
+        self._most, self._best = most, 1
+        self._until_timed = 1  # the first steps of all find cold memory, and count for nothing
+        self._pause = _TRIED_ANEW[0]
         self._alone = 0.0  # seconds that the last timed steps on one thread took
 
     @contextmanager
     def threads(self) -> Iterator[int]:
         """Threads for the steps of the block, which is timed."""
-        turn = self._turn % _TRIED_ANEW  # the first of all finds cold memory, and counts for nothing
-        self._turn += 1
-        chosen = {1: 1, 2: self._most}.get(turn, self._best)
+        chosen = {0: 1, -1: self._most}.get(self._until_timed, self._best)
         start = time.perf_counter()
         yield chosen
         seconds = time.perf_counter() - start
-        if turn == 1:
+        if self._until_timed == 0:
             self._alone = seconds
-        elif turn == 2:
+        elif self._until_timed == -1:
             self._best = self._most if seconds < _FASTER * self._alone else 1
+            self._until_timed = self._pause
+            self._pause = min(2 * self._pause, _TRIED_ANEW[1])
+        self._until_timed -= 1
 
 
 def network_inputs(points: NDArray[np.float32], octaves: int) -> NDArray[np.float32]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from dfd.common.sharing import share
 from dfd.distillation.contrast import unit
 from dfd.views.render import Views
 
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     import torch
 
 __all__ = ["PixelTargets", "PointTargets", "Targets"]
+
+_GROUPS_AT_ONCE = 1000  # whose means one thread takes
 
 
 class Targets(Protocol):
@@ -110,7 +113,14 @@ class PixelTargets:
         gather = sparse.csr_matrix(
             (weight.ravel(), (np.repeat(group, 4), indices.ravel())), shape=(count, len(self._table))
         )
-        return np.asarray(gather @ unit(self._table), np.float32)
+        table = unit(self._table)
+        mean = np.empty((count, self.dimension), np.float32)
+
+        def fill(begin: int, end: int) -> None:
+            mean[begin:end] = gather[begin:end] @ table
+
+        share(count, _GROUPS_AT_ONCE, fill)
+        return mean
 
     def _corners(self, chosen: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
         """The four tokens around each chosen sample, as rows of the table, and their shares: (B, 4) each."""

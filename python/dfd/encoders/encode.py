@@ -201,6 +201,9 @@ class Encoder:
                 else:
                     remaining.append(image)
 
+            if shown is not None:  # those that take longest come first, so that nobody is left with one at the end
+                remaining.sort(key=lambda image: -np.count_nonzero(shown[image]))
+
             def fill(begin: int, end: int) -> None:
                 some = remaining[begin:end]
                 tokens[some] = self._forward(pictures[some], shown_in(some))
