@@ -34,7 +34,6 @@ struct Memory {
         key_panels = pieces.take(keys * head);
         value_panels = pieces.take(keys * head);
         scores = pieces.take(queries * keys);
-        shares = pieces.take(queries * keys);
         mean = pieces.take(head);
         size = pieces.used;
     }
@@ -44,7 +43,7 @@ struct Memory {
     float* projected;                // (tokens, 3 D) queries, keys and values
     float* hidden;                   // (tokens, H)
     float *key_panels, *value_panels;
-    float *scores, *shares;          // (queries, keys)
+    float* scores;                   // (queries, keys), then their shares of the values
     float* mean;                     // (D / heads) of a head's keys
     std::size_t size;                // floats in all
 };
@@ -86,7 +85,7 @@ void add_to_stream(const TransformerJob& job, const float* rows, std::size_t dep
 }
 
 // Lets the scores of a query become its shares of the values, but for their sum, which is returned.
-float soften(const float* scores, std::size_t count, std::size_t keys, float* shares)
+float soften(float* scores, std::size_t count, std::size_t keys)
 {
     Float most = load<Float>(scores);
     for (std::size_t k = lanes<float>; k < keys; k += lanes<float>) most = maximum(most, load<Float>(scores + k));
@@ -97,12 +96,12 @@ float soften(const float* scores, std::size_t count, std::size_t keys, float* sh
         const Float share = exponential(load<Float>(scores + k) - splat(largest));
         if (k + lanes<float> <= count) {
             sum += share;
-            store(shares + k, share);
+            store(scores + k, share);
         } else {
             for (std::size_t lane = 0; lane < lanes<float>; ++lane) {
                 const float own = k + lane < count ? share[lane] : 0.0f;
                 sum[lane] += own;
-                shares[k + lane] = own;
+                scores[k + lane] = own;
             }
         }
     }
@@ -131,8 +130,8 @@ void attend(const TransformerJob& job, std::size_t count, std::size_t head, cons
                  [&](std::size_t i, std::size_t token, Float sums) { store(memory.scores + i * memory.keys + token, sums); });
         float factors[queries];
         for (std::size_t i = 0; i < some; ++i)
-            factors[i] = 1 / soften(memory.scores + i * memory.keys, count, memory.keys, memory.shares + i * memory.keys);
-        multiply(memory.shares, some, memory.keys, memory.value_panels, count, width,
+            factors[i] = 1 / soften(memory.scores + i * memory.keys, count, memory.keys);
+        multiply(memory.scores, some, memory.keys, memory.value_panels, count, width,
                  [&](std::size_t i, std::size_t k, Float sums) {
                      store(memory.entering + (first + i) * job.width + head * width + k, sums * splat(factors[i]));
                  });

@@ -141,7 +141,7 @@ def _first_parameters(architecture: Architecture, seed: int) -> dict[str, NDArra
 
 
 def _pieces(architecture: Architecture, widths: list[int]) -> list[tuple[str, tuple[int, ...]]]:
-    """The parameters in the order of the kernels, each with its shape: a matrix as (inputs, outputs), before it is grouped."""
+    """The parameters in the order of the kernels, each with its shape: a matrix as (inputs, outputs)."""
     names = architecture.layer_names()
     pieces: list[tuple[str, tuple[int, ...]]] = []
     for number, name in enumerate(names.linear):

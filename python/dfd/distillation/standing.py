@@ -5,10 +5,13 @@ Source: Fu, Cohen-Or, Dror, Sheffer, "Upright orientation of man-made objects" (
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
+from dfd.common.threads import get_num_threads
 from dfd.geometry.topology import face_areas
 
 __all__ = ["EVIDENCE", "Standing"]
@@ -80,12 +83,22 @@ class Standing:
 
     def mirror_miss(self, normal: NDArray[np.float64]) -> float:
         """Mean distance of mirror images to the surface, of the diagonal, across the plane through the middle."""
-        key = tuple(np.round(normal * np.sign(normal[np.abs(normal).argmax()]), 9))
-        if key not in self._misses:
+        self._measure([normal])
+        return self._misses[_key(normal)]
+
+    def _measure(self, normals: Iterable[NDArray[np.float64]]) -> None:
+        """Measure `mirror_miss` for those of `normals`, each (3,), that it is not known for, by all threads."""
+        new = [normal for normal in normals if _key(normal) not in self._misses]
+        if not new:
+            return
+        images = []
+        for normal in new:
             across = (self._reflected - self.middle) @ normal
-            images = self._reflected - 2 * across[:, None] * normal
-            self._misses[key] = float(self._tree.query(images)[0].mean()) / self.diagonal
-        return self._misses[key]
+            images.append(self._reflected - 2 * across[:, None] * normal)
+        workers = get_num_threads() if len(new) > 1 else 1
+        distances = self._tree.query(np.concatenate(images), workers=workers)[0].reshape(len(new), -1)
+        for normal, of_images in zip(new, distances, strict=True):
+            self._misses[_key(normal)] = float(of_images.mean()) / self.diagonal
 
     def mirror_normal(self) -> NDArray[np.float64]:
         """The unit normal (3,) of the plane across which the shape is most nearly its own mirror image."""
@@ -96,6 +109,7 @@ class Standing:
         around = np.stack([ring * np.cos(angle), height, ring * np.sin(angle)], axis=1)
         # The normal of an exact mirror plane is a principal axis.
         candidates = np.concatenate([np.linalg.eigh(spread.T @ spread)[1].T, around])
+        self._measure(candidates)
         ranked = sorted(candidates, key=self.mirror_miss)[:3]
         return min((self._refined(normal) for normal in ranked), key=self.mirror_miss)
 
@@ -142,6 +156,11 @@ class Standing:
         best = min(turned, key=lambda turn: float(np.prod(np.ptp(flat @ turn.T, axis=0))))
         up, _ = best @ np.stack([one, other])
         return np.stack([normal, up, np.cross(normal, up)])
+
+
+def _key(normal: NDArray[np.float64]) -> tuple[float, ...]:
+    """Under which a plane is known, from either side."""
+    return tuple(np.round(normal * np.sign(normal[np.abs(normal).argmax()]), 9))
 
 
 def _edges_that_hold(

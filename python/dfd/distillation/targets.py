@@ -28,10 +28,6 @@ class Targets(Protocol):
     def dimension(self) -> int:
         """Length d of a target."""
 
-    @property
-    def arrays(self) -> tuple[NDArray[Any], ...]:
-        """All that they are made of."""
-
     def draw(self, count: int, generator: torch.Generator) -> tuple[torch.Tensor, torch.Tensor]:
         """`count` points at random, (count, 3), and their unit targets, (count, d), on the CPU."""
 

@@ -1,4 +1,4 @@
-"""An encoder that is loaded beside what else a command has to read: most of both waits for no other thread of Python."""
+"""An encoder that is loaded beside what else is to be read: hardly any of its loading needs Python's lock."""
 
 from __future__ import annotations
 

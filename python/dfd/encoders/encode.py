@@ -16,8 +16,15 @@ from numpy.typing import NDArray
 from dfd.common import check
 from dfd.common.devices import choose_device, out_of_memory, without_accelerator
 from dfd.common.progress import Stages
-from dfd.encoders.on_kernels import kernel_network
-from dfd.encoders.precision import Precision, choose_precision, note_device, noted_precision
+from dfd.encoders.on_kernels import KernelNetwork, kernel_network
+from dfd.encoders.precision import (
+    Precision,
+    choose_precision,
+    kernels_are_fastest,
+    note_device,
+    note_kernels,
+    noted_precision,
+)
 from dfd.encoders.presets import PRESETS, ChannelStats
 from dfd.encoders.sources import Weights, find_weights
 
@@ -303,12 +310,23 @@ def load_encoder(
     if block is None and preset is not None:
         block = preset.block
     channels = preset.channels if preset else None
-    chosen = precision if precision != "auto" else noted_precision(known)
-    if chosen is None:
-        chosen = choose_precision(choose_device("load_encoder", device))
+
+    def on_kernels() -> KernelNetwork | None:
+        return kernel_network(weights, block, channels, background=background) if known == "cpu" else None
+
     network: Network | None = None
-    if known == "cpu" and chosen == "float32":
-        network = kernel_network(weights, block, channels, background=background)
+    chosen: Precision | None
+    if precision == "auto" and kernels_are_fastest():
+        network = on_kernels()
+    if network is not None:
+        chosen = "float32"
+        note_kernels(weights.fingerprint)
+    else:
+        chosen = precision if precision != "auto" else noted_precision(known)
+        if chosen is None:
+            chosen = choose_precision(choose_device("load_encoder", device))
+        if chosen == "float32":
+            network = on_kernels()
     if network is None:
         from dfd.encoders.on_torch import TorchNetwork
 

@@ -28,9 +28,11 @@ def find_identity(
     if not isinstance(encoder, str | os.PathLike):
         return encoder.identity()
     target = noted_device() if device is None else str(device)
-    precision = noted_precision(target) if target else None
-    weights = find_fingerprint(encoder) if precision else None
-    if not weights:
+    weights = find_fingerprint(encoder) if target else None
+    if not target or not weights:
+        return None
+    precision = noted_precision(target, weights.partition(" ")[0])
+    if precision is None:
         return None
     return {
         "encoder": os.fspath(encoder),

@@ -1,5 +1,8 @@
 """float32 or bfloat16: decided once per machine and noted in the user's cache, for a stopwatch has a say in it.
 
+Where our own kernels compute and the processor has no tiles of bfloat16 (AMX), none is asked: with the vectors of
+bfloat16 that it may have, torch takes twice the time that the kernels take with float32.
+
 Tokens of the two differ, so fields would as well if every process measured anew. What was noted is read without torch:
 that a field was made before is then known before torch is loaded.
 """
@@ -24,7 +27,16 @@ from dfd.common.cache import cache_directory
 if TYPE_CHECKING:
     import torch
 
-__all__ = ["Precision", "choose_precision", "cpu_has", "note_device", "noted_device", "noted_precision"]
+__all__ = [
+    "Precision",
+    "choose_precision",
+    "cpu_has",
+    "kernels_are_fastest",
+    "note_device",
+    "note_kernels",
+    "noted_device",
+    "noted_precision",
+]
 
 Precision = Literal["float32", "bfloat16"]
 
@@ -55,10 +67,32 @@ def choose_precision(device: torch.device) -> Precision:
     return noted_precision("cpu") or precision
 
 
-def noted_precision(device: str) -> Precision | None:
-    """Return what was chosen on this machine for a device, by torch's name of it; None where nothing was."""
-    word = _noted(device)
-    return cast(Precision, word) if word in get_args(Precision) else None
+def noted_precision(device: str, weights: str | None = None) -> Precision | None:
+    """Return what was chosen on this machine for a device, by torch's name of it; None where nothing was.
+
+    `weights`: for those of this fingerprint, which our kernels may compute with, whatever torch computes with.
+    """
+    words = [_noted(_of_kernels(weights))] if weights and device == "cpu" else []
+    known = [word for word in [*words, _noted(device)] if word in get_args(Precision)]
+    return cast(Precision, known[0]) if known else None
+
+
+def kernels_are_fastest() -> bool:
+    """Whether it is sure, without asking torch, that nothing on this processor is faster than our kernels.
+
+    Where they know a network, that is.
+    """
+    flags = next((line for line in _cpu_lines() if line.startswith("flags")), "")
+    return " avx2 " in f"{flags} " and " amx_bf16 " not in f"{flags} "
+
+
+def note_kernels(weights: str) -> None:
+    """Note that our kernels, which take float32, compute on this machine with the weights of a fingerprint."""
+    _note(_of_kernels(weights), "float32")
+
+
+def _of_kernels(weights: str) -> str:
+    return f"kernels-{hashlib.sha256(weights.encode()).hexdigest()[:16]}"
 
 
 def noted_device() -> str | None:
@@ -163,10 +197,14 @@ def _path(what: str) -> Path:
 @cache
 def _machine() -> str:
     """What the speed of a precision depends on: the processor and the version of torch, hashed."""
+    told = "\n".join([sys.platform, platform.machine(), metadata.version("torch"), *_cpu_lines()])
+    return hashlib.sha256(told.encode()).hexdigest()[:16]
+
+
+def _cpu_lines() -> list[str]:
+    """What tells the first of the processors apart, as Linux has it; elsewhere its name."""
     try:
         first = Path("/proc/cpuinfo").read_text("utf-8").partition("\n\n")[0]
-        lines = [line for line in first.splitlines() if line.partition(":")[0].strip() in _CPU_KEYS]
     except (OSError, ValueError):
-        lines = [platform.processor()]
-    told = "\n".join([sys.platform, platform.machine(), metadata.version("torch"), *lines])
-    return hashlib.sha256(told.encode()).hexdigest()[:16]
+        return [platform.processor()]
+    return [line for line in first.splitlines() if line.partition(":")[0].strip() in _CPU_KEYS]

@@ -44,13 +44,13 @@ class Shading:
         origin = camera.position.astype(np.float32)
         directions = camera.ray_directions(resolution)
         hits = self._scene.cast(origin, directions)
-        color = np.ones((resolution * resolution, 3), np.float32)
+        image = np.full((resolution * resolution, 3), 255, np.uint8)
         rgba = self.colors(hits, directions)
         if (rgba[:, 3] < 1).any():
             hits, color = self._see_through(origin, directions, hits, rgba)
+            image[:] = _bytes(color)
         else:
-            color[hits.ray] = rgba[:, :3]
-        image = (color * np.float32(255) + np.float32(0.5)).astype(np.uint8)
+            image[hits.ray] = _bytes(rgba[:, :3])
         return image.reshape(resolution, resolution, 3), hits
 
     def colors(self, hits: Hits, directions: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -99,6 +99,12 @@ class Shading:
             np.concatenate([hits.distance for hits in kept])[order],
         )
         return first_hits, color + clear[:, None]
+
+
+def _bytes(color: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Colors in [0, 1] as pictures have them."""
+    rounded: NDArray[np.uint8] = (color * np.float32(255) + np.float32(0.5)).astype(np.uint8)
+    return rounded
 
 
 def facing(

@@ -11,7 +11,8 @@ import torch
 
 from dfd import _core, reference
 from dfd.common.progress import Stages
-from dfd.distillation.fit_on_kernels import fit_on_kernels, network_inputs, one_cycle
+from dfd.distillation import fit_on_kernels as fit_on_kernels_module
+from dfd.distillation.fit_on_kernels import _Pace, fit_on_kernels, network_inputs, one_cycle
 from dfd.distillation.settings import DistillSettings
 from dfd.distillation.targets import PointTargets
 from dfd.field.architecture import Architecture
@@ -132,6 +133,22 @@ def test_one_thread_equals_many_and_steps_go_on() -> None:
     for other in (several, parts):
         np.testing.assert_array_equal(other["state"], whole["state"])
     np.testing.assert_array_equal(several["losses"], whole["losses"])
+
+
+@pytest.mark.parametrize("disturbed", [False, True])
+def test_threads_are_taken_where_they_are_faster_and_tried_again_soon(
+    disturbed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = [0.0]
+    monkeypatch.setattr(fit_on_kernels_module.time, "perf_counter", lambda: clock[0])
+    pace, taken = _Pace(2), []
+    for turn in range(20):
+        with pace.threads() as threads:
+            clock[0] += 1 / threads if turn > 5 or not disturbed else 1
+        taken.append(threads)
+    assert taken[:3] == [1, 1, 2]
+    assert taken[3:7] == [1 if disturbed else 2] * 4
+    assert taken[9:17] == [2] * 8
 
 
 @pytest.mark.parametrize(

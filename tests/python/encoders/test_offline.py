@@ -163,9 +163,9 @@ def test_the_first_of_two_writers_serves_both(small: bytes, monkeypatch: pytest.
     """Another process puts its copy in place while this one is still writing."""
     whole = encoder_offline._write_cached
 
-    def late(folder: Path, content: bytes, source: str) -> None:
-        whole(folder, content, "another process")
-        whole(folder, content, source)
+    def late(folder: Path, content: bytes, sha256: str, source: str) -> None:
+        whole(folder, content, sha256, "another process")
+        whole(folder, content, sha256, source)
 
     monkeypatch.setattr(encoder_offline, "_write_cached", late)
     assert wheel_weights().tensors is not None

@@ -16,7 +16,9 @@ from tiny_families import pictures
 
 import dfd.common.threads
 from dfd import _core, reference
+from dfd.encoders import precision
 from dfd.encoders.encode import load_encoder
+from dfd.encoders.identity import find_identity, loaded_identity
 from dfd.encoders.on_kernels import KernelNetwork, kernel_network
 from dfd.encoders.on_torch import TorchNetwork
 from dfd.encoders.sources import find_weights
@@ -124,6 +126,34 @@ def test_a_shape_is_distilled_without_torch(folder: Path) -> None:
     )
     asked = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert asked.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(("flags", "by_kernels"), [("avx2", True), ("avx2 amx_bf16", False)])
+def test_where_the_kernels_are_fastest_nothing_is_timed(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, flags: str, by_kernels: bool
+) -> None:
+    monkeypatch.setattr(precision, "_cpu_lines", lambda: [f"flags : {flags}"])
+    monkeypatch.setattr(precision, "cpu_has", lambda feature: True)
+    monkeypatch.setattr(precision, "_bfloat16_pays", lambda: True)
+    assert find_identity(folder, "cpu") is None
+    encoder = load_encoder(folder, device="cpu")
+    assert isinstance(encoder._network, KernelNetwork) is by_kernels
+    assert encoder.precision == ("float32" if by_kernels else "bfloat16")
+    known = find_identity(folder, "cpu")
+    assert known is not None
+    assert known["encoder_precision"] == encoder.precision
+    assert loaded_identity(folder, "cpu", encoder) == known
+
+
+def test_a_first_run_on_a_machine_takes_no_torch(folder: Path) -> None:
+    if not precision.kernels_are_fastest():
+        pytest.skip("this processor's bfloat16 is timed, by torch")
+    code = (
+        "import sys\nfrom dfd.encoders.encode import load_encoder\n"
+        f"print(load_encoder({str(folder)!r}, device='cpu').precision, 'torch' in sys.modules)"
+    )
+    asked = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert asked.stdout.split() == ["float32", "False"]
 
 
 def random_blocks(width: int, hidden: int, count: int) -> list[dict[str, np.ndarray]]:

@@ -145,3 +145,29 @@ def test_looking_takes_no_torch(dinov2: Saved) -> None:
     )
     asked = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert asked.stdout.split() == ["True", "False"]
+
+
+def cpu(monkeypatch: pytest.MonkeyPatch, flags: str) -> None:
+    monkeypatch.setattr(precision, "_cpu_lines", lambda: ["vendor_id\t: made", f"flags\t\t: {flags}"])
+
+
+@pytest.mark.parametrize(
+    ("flags", "expected"),
+    [("fpu avx2 avx512_bf16", True), ("fpu avx2", True), ("avx2 amx_bf16 amx_tile", False), ("fpu sse2", False)],
+)
+def test_kernels_are_fastest_without_tiles_of_bfloat16(
+    monkeypatch: pytest.MonkeyPatch, flags: str, expected: bool
+) -> None:
+    cpu(monkeypatch, flags)
+    assert precision.kernels_are_fastest() is expected
+    monkeypatch.setattr(precision, "_cpu_lines", lambda: ["a processor by its name alone"])
+    assert not precision.kernels_are_fastest()
+
+
+def test_what_the_kernels_compute_with_is_noted_for_its_weights_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    precision.note_kernels("sha256:1")
+    assert noted_precision("cpu", "sha256:1") == "float32"
+    assert noted_precision("cpu") is noted_precision("cpu", "sha256:2") is noted_precision("cuda", "sha256:1") is None
+    measure(monkeypatch, True)
+    assert choose_precision(CPU) == noted_precision("cpu", "sha256:2") == "bfloat16"
+    assert noted_precision("cpu", "sha256:1") == "float32"
