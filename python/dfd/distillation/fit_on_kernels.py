@@ -91,7 +91,7 @@ class _Pace:
             self._alone = seconds
         elif self._until_timed == -1:
             self._best = self._most if seconds < _FASTER * self._alone else 1
-            self._until_timed = self._pause
+            self._until_timed = self._pause + 1
             self._pause = min(2 * self._pause, _TRIED_ANEW[1])
         self._until_timed -= 1
 

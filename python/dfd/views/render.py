@@ -156,7 +156,7 @@ def render(
                 view = np.full(len(points), index, np.int16)
                 seen.append((points, view, row, column, face))
                 advance()
-    points, view, row, column, face = (np.concatenate(parts) for parts in zip(*seen, strict=True))
+            points, view, row, column, face = threads.map(np.concatenate, zip(*seen, strict=True))
     if not met.any() or len(points) == 0:
         raise ValueError("render: `mesh` is seen by no camera: all its faces are without area, or smaller than a pixel")
     return Views(
