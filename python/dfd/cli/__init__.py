@@ -5,6 +5,8 @@ What takes long to import (torch, trimesh) is imported inside the commands, so t
 
 from __future__ import annotations
 
+import atexit
+import gc
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from typing import Annotated
@@ -72,4 +74,5 @@ def main(arguments: Sequence[str] | None = None) -> None:
     Exit codes: 0 done; 1 of several shapes some could not be done; 2 something that was given does not work, said in
     one line on standard error; 130 interrupted.
     """
+    atexit.register(gc.freeze)  # a million objects go with the process: to search them for garbage first takes a while
     app(args=None if arguments is None else list(arguments), prog_name="dfd")

@@ -107,6 +107,15 @@ def test_help_and_version_need_nothing_heavy():
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs a pipe with a name")
+def test_the_process_ends_without_a_search_for_garbage():
+    code = (
+        "import atexit, gc\natexit.register(lambda: print(gc.get_freeze_count() > 0))\n"
+        "from dfd.cli import main\nmain(['--version'])"
+    )
+    asked = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert asked.stdout.splitlines()[-1] == "True"
+
+
 def test_control_c_is_one_line_and_code_130(folder, tmp_path):
     # A pipe that nothing is written to: the command waits for it, in the middle of its work, until it is interrupted.
     pipe = tmp_path / "endless.json"
