@@ -11,6 +11,7 @@ using namespace nb::literals;
 NB_MODULE(_core, m)
 {
     m.doc() = "Kernels of dfd. Arguments have exact types and contiguous rows; `dfd.bind` and `dfd.pose` coerce.";
+    nb::set_leak_warnings(false);  // a command ends without a search for garbage, and what lives on is no leak
     dfd::kernels();  // fails here, at import, when DFD_ISA names no instruction set of this machine
     m.def("instruction_set", [] { return dfd::kernels().name; }, "The instruction set whose kernels run.");
     m.def("instruction_sets", &dfd::instruction_sets, "Those that this machine has kernels for, the slowest first.");
