@@ -60,7 +60,7 @@ class VertexRows:
         if len(self._mesh.vertices) > MOST_EXACT:
             self._features = compact(self._on_mesh, progress=progress)
         else:
-            self._features = self._on_mesh.rows(slice(None))
+            self._features = self._field.features(self._mesh)
             if progress is not None:
                 progress(len(self._features))
 
