@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from dfd.common import check
 from dfd.editing.place import Place
 from dfd.editing.regions import Region, distances_from, members
+from dfd.field.on_mesh import FieldOnMesh
 from dfd.weights.compact import CompactFeatures, compact
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ class VertexRows:
         """
         self._mesh = mesh
         self._field = field
-        self._on_mesh = field.on(mesh)
+        self._on_mesh = FieldOnMesh(field, mesh)
         self._features = None if features is None else _checked(features, (len(mesh.vertices), field.dimension))
         self._members: dict[Region, Indices] = {}
         self._representatives: dict[Region, Indices] = {}
