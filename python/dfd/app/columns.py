@@ -203,8 +203,7 @@ def heat_message(deformer: Deformer, place: Place, *, request: int) -> bytes:
 
 def nearest(deformer: Deformer, place: Place) -> NDArray[np.float32]:
     """(V,) in [0, 2], the distance of each vertex from `place` in feature space."""
-    at: Any = deformer.field(np.array([place.position])) if place.vertex is None else np.array([place.vertex])
-    distances: NDArray[np.float32] = bind(deformer.features, at, reach=FARTHEST)[:, 0]
+    distances: NDArray[np.float32] = bind(deformer.features, deformer.bound.asked(place), reach=FARTHEST)[:, 0]
     np.subtract(1.0, distances, out=distances)
     distances *= FARTHEST
     return distances

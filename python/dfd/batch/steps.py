@@ -135,7 +135,7 @@ class Work:
 
     def features(self) -> None:
         """Features of the vertices, projected so that weights keep to 0.01: `rows` @ `basis`.T + `mean` are they."""
-        small = compact(self.field, self.mesh.vertices)
+        small = compact(self.field.on(self.mesh))
         stored = small.stored(np.arange(len(small))) * np.float32(small.step)
         with atomic_write(self.place / "features.npz") as temporary, temporary.open("wb") as stream:
             np.savez(stream, rows=stored.astype(np.float16), basis=small.basis, mean=small.mean)

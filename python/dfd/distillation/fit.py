@@ -79,4 +79,5 @@ def widen(field: Field, directions: NDArray[np.float32]) -> Field:
         center=field.center,
         scale=field.scale,
         settings=field.settings,
+        pieces=None if field.pieces is None else field.pieces.widened(directions),
     )

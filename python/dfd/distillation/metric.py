@@ -64,7 +64,7 @@ class Metric:
         directions = self.directions if targets.directions is None else targets.directions @ self.directions
         told = Metric(directions, self.encoder_weights, self.encoder_block)
         rows = told.mapped(targets.targets, np.random.default_rng(seed))
-        return PointTargets(targets.points, rows, None)
+        return PointTargets(targets.points, rows, None, targets.piece)
 
     def fits(self, encoder: Encoder) -> bool:
         """Whether it was learned from the features that `encoder` gives."""

@@ -50,8 +50,9 @@ NODES = 12_000  # points on the surface: on average 0.02 apart in normalized coo
 HITS = 400_000  # pixels that are gathered at most; more change nothing that can be measured
 NEIGHBOURS = 10
 # A connected component hangs together by itself; to another one close by it is tied by this much, so that one that no
-# camera sees takes after those around it.
-TIE = 0.02
+# camera sees takes after those around it. Tied less, a body of loose parts falls apart; tied more, its armor is flesh.
+TIE = 0.008
+MIRROR_TIE = 0.02
 TIED_NEIGHBOURS = 4
 MIRROR_REACH = 0.06  # how far from its mirror image a point finds what it is tied to, normalized
 ALIKE = 0.8  # of the mean distance of features: so far apart, a tie has lost all but 1/e of its strength
@@ -103,7 +104,7 @@ def spread(views: Views, pixels: PixelTargets, *, smoothing: float, seed: int, s
         pairs = generator.integers(0, len(views.points), (2, PAIRS))
         one, other = (pixels.at(some) for some in pairs)
         targets = restore_contrast(unit(smooth[reached]), DISTANCE_KEPT * mean_distance(one, other), generator)
-        return PointTargets(points[reached].astype(np.float32), targets, directions)
+        return PointTargets(points[reached].astype(np.float32), targets, directions, component[face][reached])
 
 
 def _gather(
@@ -215,7 +216,7 @@ def _mirror_links(
         other = near[one, rank]
         apart = np.linalg.norm(looks[one] - looks[other], axis=1)
         alike = np.exp(-np.square(apart / max(ALIKE * mean, 1e-6)))
-        links = _symmetric(2 * TIE * strength * alike, one, other, len(points))
+        links = _symmetric(2 * MIRROR_TIE * strength * alike, one, other, len(points))
         best = max(best, links, key=lambda links: float(links.sum()))
     return best
 

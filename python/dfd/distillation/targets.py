@@ -36,13 +36,18 @@ class PointTargets:
     """Targets at points: (N, 3) normalized, and (N, d) unit rows.
 
     `directions` (d, D), orthonormal rows, lead from targets to features as the encoder gives them; None where the
-    targets are what a field is to give.
+    targets are what a field is to give. `piece` (N,) is the connected component of the surface that each point is on,
+    None where nothing is known of it.
     """
 
     def __init__(
-        self, points: NDArray[np.float32], targets: NDArray[np.float32], directions: NDArray[np.float32] | None
+        self,
+        points: NDArray[np.float32],
+        targets: NDArray[np.float32],
+        directions: NDArray[np.float32] | None,
+        piece: NDArray[np.int32] | None = None,
     ) -> None:
-        self.points, self.targets, self.directions = points, targets, directions
+        self.points, self.targets, self.directions, self.piece = points, targets, directions, piece
         self.dimension = targets.shape[1]
 
     @property

@@ -90,6 +90,10 @@ class HandleWeights:
         """Ask the field for the features, unless they are there; `progress` hears how many further rows are done."""
         self._rows.prepare(progress)
 
+    def asked(self, place: Place) -> Any:
+        """What `dfd.bind` takes for a place: a vertex, a row of features, or a region."""
+        return self._rows.points([place])
+
     @property
     def finder(self) -> InstanceFinder:
         """What finds instances on the mesh."""

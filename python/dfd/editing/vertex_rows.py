@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from dfd.common import check
 from dfd.editing.place import Place
 from dfd.editing.regions import Region, distances_from, members
+from dfd.field.on_mesh import FieldOnMesh
 from dfd.weights.compact import CompactFeatures, compact
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ class VertexRows:
         """
         self._mesh = mesh
         self._field = field
+        self._on_mesh = FieldOnMesh(field, mesh)
         self._features = None if features is None else _checked(features, (len(mesh.vertices), field.dimension))
         self._members: dict[Region, Indices] = {}
         self._representatives: dict[Region, Indices] = {}
@@ -57,7 +59,7 @@ class VertexRows:
         if self._features is not None:
             return
         if len(self._mesh.vertices) > MOST_EXACT:
-            self._features = compact(self._field, self._mesh.vertices, progress=progress)
+            self._features = compact(self._on_mesh, progress=progress)
         else:
             self._features = self._field.features(self._mesh)
             if progress is not None:
@@ -135,7 +137,7 @@ class VertexRows:
         rows = np.empty((len(vertices), self._field.dimension), np.float32)
         if not known.all():
             positions = [place.position for place in places if place.vertex is None and place.region is None]
-            rows[~known] = self._field(np.array(positions))
+            rows[~known] = self._on_mesh.at(np.array(positions))
         rows[known] = self._vertex_rows(vertices[known])
         return rows
 
@@ -152,7 +154,7 @@ class VertexRows:
     def _vertex_rows(self, vertices: Indices) -> Float32:
         """(N, D) features of vertices; a few are asked of the field while those of all are not there."""
         if self._features is None:
-            return self._field(self._mesh.vertices[vertices])
+            return self._on_mesh.rows(vertices)
         if isinstance(self._features, CompactFeatures):
             return self._features.rows(vertices)
         return self._features[vertices]

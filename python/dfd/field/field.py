@@ -19,6 +19,8 @@ from dfd import _core
 from dfd.common import check, tensors, threads
 from dfd.field import field_file
 from dfd.field.architecture import Architecture
+from dfd.field.on_mesh import FieldOnMesh
+from dfd.field.pieces import Pieces
 
 # torch takes seconds to import; only those need it who ask with its tensors.
 if TYPE_CHECKING:
@@ -60,6 +62,9 @@ class Field:
     `octaves` the network also sees sines and cosines of the coordinates, the longest two boxes long (Mildenhall et al.
     2020, section 5.1): borders between parts are then fitted in far fewer steps.
 
+    Of a mesh in several pieces the features of the vertices may say more than those of their positions: see
+    `dfd.field.pieces`.
+
     A field never changes. It is evaluated by a kernel: neither torch nor a GPU is needed. `source` is the file that it
     was read from, None where it was made.
 
@@ -75,14 +80,18 @@ class Field:
         Factor per mesh unit; with the longest side of the box s it is 2/s.
     settings
         How the field came to be (encoder, views, seed, …), kept with it in its file; JSON values.
+    pieces
+        What the pieces of the surface look like where they share a place; None where the network says it all.
 
     Raises
     ------
     ValueError
-        If a parameter is missing, unknown, of another shape or not finite, or a number is out of its range.
+        If a parameter is missing, unknown, of another shape or not finite, a number is out of its range, or `pieces`
+        are of another width.
     """
 
     source: FieldSource | None = None
+    pieces: Pieces | None = None
 
     def __init__(
         self,
@@ -92,12 +101,14 @@ class Field:
         center: ArrayLike = (0.0, 0.0, 0.0),
         scale: float = 1.0,
         settings: Mapping[str, Any] | None = None,
+        pieces: Pieces | None = None,
     ) -> None:
         self.architecture = Architecture.of(parameters, octaves)
         self.parameters = {name: _frozen(name, parameters[name]) for name in self.architecture.shapes()}
         self.center = _frozen("center", center, (3,), np.float64)
         self.scale = check.number("Field", "scale", scale, minimum=0.0, exclusive=True)
         self.settings = dict(settings or {})
+        self.pieces = self._fitting(pieces)
 
     @property
     def dimension(self) -> int:
@@ -147,9 +158,30 @@ class Field:
         other.source = None
         return other
 
+    def with_pieces(self, pieces: Pieces | None) -> Field:
+        """The same field with other pieces, or without any.
+
+        Raises
+        ------
+        ValueError
+            If they are of another width.
+        """
+        other = self.with_settings(self.settings)
+        other.pieces = self._fitting(pieces)
+        return other
+
+    def _fitting(self, pieces: Pieces | None) -> Pieces | None:
+        if pieces is not None and pieces.dimension != self.dimension:
+            raise ValueError(f"Field: `pieces` must be {self.dimension} wide, got {pieces.dimension}")
+        return pieces
+
+    def on(self, mesh: Mesh) -> FieldOnMesh:
+        """The field as the vertices of `mesh` have it, to be asked for some of them at a time."""
+        return FieldOnMesh(self, mesh)
+
     def features(self, mesh: Mesh) -> NDArray[np.float32]:
         """Features of every vertex of `mesh`, (V, D) float32 unit rows: what `dfd.bind` reads."""
-        return self(mesh.vertices)
+        return self.on(mesh).rows(slice(None))
 
     def _of_tensor(self, points: torch.Tensor) -> torch.Tensor:
         import torch
@@ -192,7 +224,8 @@ class Field:
         OSError
             If `path` cannot be written; a file that was there stays as it was.
         """
-        content = field_file.Content(self.architecture, self.parameters, self.center, self.scale, self.settings)
+        pieces = None if self.pieces is None else self.pieces.arrays()
+        content = field_file.Content(self.architecture, self.parameters, self.center, self.scale, self.settings, pieces)
         field_file.write(path, content)
 
     @classmethod
@@ -236,9 +269,10 @@ class Field:
                 center=content.center,
                 scale=content.scale,
                 settings=content.settings,
+                pieces=None if content.pieces is None else Pieces(**content.pieces),
             )
         except ValueError as error:
-            reason = str(error).removeprefix("Field: ")
+            reason = str(error).removeprefix("Field: ").removeprefix("Pieces: ")
             raise ValueError(f"Field.load: `path` {os.fspath(path)} is damaged: {reason}") from error
         corners = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
         if not np.isfinite(field(field.center + corners / field.scale)).all():

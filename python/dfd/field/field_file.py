@@ -16,11 +16,13 @@ from safetensors import SafetensorError
 
 from dfd.common.files import atomic_write
 from dfd.field.architecture import Architecture
+from dfd.field.pieces import NAMES
 
 __all__ = ["Content", "read", "with_sorted_header", "write"]
 
 FORMAT = "dfd-field"
-VERSION = 1
+VERSION, WITH_PIECES = 1, 2
+PIECES = "pieces."
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,17 +34,19 @@ class Content:
     center: NDArray[np.float64]  # (3,) mesh units
     scale: float  # per mesh unit
     settings: dict[str, Any]
+    pieces: Mapping[str, NDArray[Any]] | None = None  # see `dfd.field.pieces.NAMES`
 
 
 def write(path: str | os.PathLike[str], content: Content) -> None:
     """Write a field, whole or not at all; raises what `Field.save` raises."""
     metadata = {
         "format": FORMAT,
-        "version": str(VERSION),
+        "version": str(VERSION if content.pieces is None else WITH_PIECES),
         "network": json.dumps(asdict(content.architecture)),
         "settings": json.dumps(content.settings, sort_keys=True),
     }
     arrays: dict[str, NDArray[Any]] = {**content.parameters, "center": content.center, "scale": np.array(content.scale)}
+    arrays |= {PIECES + name: array for name, array in (content.pieces or {}).items()}
     with atomic_write(path) as temporary:
         temporary.write_bytes(with_sorted_header(safetensors.numpy.save(arrays, metadata)))
 
@@ -56,11 +60,12 @@ def read(path: str | os.PathLike[str]) -> Content:
         except (SafetensorError, KeyError, TypeError, ValueError, RecursionError) as error:
             raise ValueError(f"is cut short or no field: {error}") from error
         architecture, settings = _header(metadata)
+        pieces = _take_pieces(arrays) if metadata["version"] == str(WITH_PIECES) else None
         _check_arrays(arrays, architecture)
     except ValueError as error:
         raise ValueError(f"Field.load: `path` {os.fspath(path)} {error}") from error
     center, scale = arrays.pop("center"), arrays.pop("scale")
-    return Content(architecture, arrays, center, float(scale), settings)
+    return Content(architecture, arrays, center, float(scale), settings, pieces)
 
 
 def with_sorted_header(content: bytes) -> bytes:
@@ -85,8 +90,8 @@ def _header(metadata: Mapping[str, str]) -> tuple[Architecture, dict[str, Any]]:
     """The architecture and the settings that the metadata promises."""
     if metadata.get("format") != FORMAT:
         raise ValueError("is a safetensors file but no field")
-    if metadata.get("version") != str(VERSION):
-        raise ValueError(f"has version {metadata.get('version')}, this dfd reads {VERSION}")
+    if metadata.get("version") not in (str(VERSION), str(WITH_PIECES)):
+        raise ValueError(f"has version {metadata.get('version')}, this dfd reads {VERSION} and {WITH_PIECES}")
     try:
         network, settings = json.loads(metadata["network"]), json.loads(metadata["settings"])
         if not isinstance(settings, dict):
@@ -94,6 +99,14 @@ def _header(metadata: Mapping[str, str]) -> tuple[Architecture, dict[str, Any]]:
         return Architecture(**network), settings
     except (KeyError, TypeError, ValueError, RecursionError) as error:
         raise ValueError(f"has an unreadable header: {error}") from error
+
+
+def _take_pieces(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Take the arrays of the pieces out of `arrays`; what is in them is checked where they are put together."""
+    missing = [name for name in NAMES if PIECES + name not in arrays]
+    if missing:
+        raise ValueError(f"must hold {PIECES}{missing[0]}")
+    return {name: arrays.pop(PIECES + name) for name in NAMES}
 
 
 def _check_arrays(arrays: Mapping[str, NDArray[Any]], architecture: Architecture) -> None:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from dfd.common import check, tensors
 from dfd.common.threads import get_num_threads, one_blas_thread
+from dfd.field.on_mesh import FieldOnMesh
 
 __all__ = ["CompactFeatures", "compact"]
 
@@ -134,10 +135,11 @@ def compact(
     Parameters
     ----------
     features
-        (V, D) rows, or a field that gives them for `points`; a field is asked for a part of the points at a time, by
-        several threads at once, and the full features never exist.
+        (V, D) rows, a field that gives them for `points`, or `field.on(mesh)`, which gives them for the mesh's
+        vertices; a field is asked for a part of them at a time, by several threads at once, and the full features never
+        exist.
     points
-        (V, 3) where to ask a field, mesh units; left out with rows.
+        (V, 3) where to ask a field, mesh units; left out otherwise.
     tolerance
         Largest difference from the weights of the full features in float64, held on a sample of vertices and handles.
     progress
@@ -206,7 +208,10 @@ class _Source:
 
     def __init__(self, features: Any, points: Any) -> None:
         self._field: Callable[[NDArray[Any]], Any] | None = None
-        if callable(features) and not tensors.is_tensor(features):
+        if isinstance(features, FieldOnMesh) and points is None:
+            self._field = features.rows
+            self._array = np.arange(features.shape[0])
+        elif callable(features) and not tensors.is_tensor(features):
             if points is None:
                 raise ValueError("compact: `points` must be given for a field")
             self._field = features
@@ -221,7 +226,7 @@ class _Source:
         self.dimension = self.rows(np.arange(1)).shape[1]
 
     def rows(self, which: slice | NDArray[np.int64]) -> Float32:
-        rows = self._array[which]
+        rows: NDArray[Any] = self._array[which]
         if self._field is not None:
             rows = np.asarray(tensors.shared("compact", "features", self._field(rows)), np.float32)
         if not np.isfinite(rows).all():

@@ -1,0 +1,174 @@
+"""What the single pieces of a surface look like where several of them share a place in space.
+
+A helmet lies on a head, a shield in a hand, trousers around a leg: two surfaces at one place, of which a network that
+is asked with a position alone can only tell the mean. Where a shape is made of several pieces that no edge connects,
+its field also keeps points of each, and by how much the features of that piece differ there from those of the network.
+On a mesh whose pieces are known again, a vertex has the features of the network and the difference of its own piece.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dfd.common import check
+from dfd.geometry.topology import face_components, first_at_place
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
+    from dfd.mesh.mesh import Mesh
+
+__all__ = ["NAMES", "Pieces", "pieces_of_vertices"]
+
+NAMES = ("boxes", "points", "piece", "differences")
+NEIGHBORS = 8  # points of its own piece that a vertex goes by
+# A mesh's piece is the one whose box has its corners there, to this much, normalized: another resolution moves them.
+SAME = 0.02
+_APART = 10.0  # between pieces in the search for neighbors, beyond any distance within [−1, 1]³
+_ROWS_AT_ONCE = 1 << 16  # to bound memory
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """The pieces of a surface in normalized coordinates, and how they differ from what stands for all of them.
+
+    Attributes
+    ----------
+    boxes
+        (P, 6) float32, the least and the largest corner of the box around each piece.
+    points
+        (N, 3) float32, on the surface.
+    piece
+        (N,) int32, the piece that each point lies on.
+    differences
+        (N, D) float16, what is added there to a feature of the network.
+
+    Raises
+    ------
+    ValueError
+        If an array has the wrong shape, or holds a number that is not finite or a piece that is none.
+    """
+
+    boxes: NDArray[np.float32]
+    points: NDArray[np.float32]
+    piece: NDArray[np.int32]
+    differences: NDArray[np.float16]
+
+    def __post_init__(self) -> None:
+        count = np.shape(self.points)[:1]
+        width = np.shape(self.differences)[1:]
+        checked = {
+            "boxes": _checked("boxes", self.boxes, ("P", 6), np.float32),
+            "points": _checked("points", self.points, ("N", 3), np.float32),
+            "piece": check.vertex_indices("Pieces", "piece", self.piece, len(self.boxes)).astype(np.int32),
+            "differences": _checked("differences", self.differences, (*count, *width), np.float16),
+        }
+        if checked["piece"].shape != count or len(width) != 1:
+            raise ValueError(
+                f"Pieces: `piece` and `differences` must have a row for each of the {count[0]} points, "
+                f"got {checked['piece'].shape} and {np.shape(self.differences)}"
+            )
+        for name, array in checked.items():
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+    @property
+    def dimension(self) -> int:
+        """Width D of a feature row."""
+        return int(self.differences.shape[1])
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """The arrays by name, see `NAMES`."""
+        return {name: getattr(self, name) for name in NAMES}
+
+    def widened(self, directions: NDArray[np.float32]) -> Pieces:
+        """The same pieces with differences times `directions` (d, D), D wide."""
+        return Pieces(self.boxes, self.points, self.piece, (self.differences @ directions).astype(np.float16))
+
+    def known(self, boxes: NDArray[np.floating]) -> NDArray[np.int64]:
+        """Which piece each of `boxes` (Q, 6) is, (Q,); −1 where none has its corners there."""
+        from scipy.spatial import cKDTree
+
+        if len(boxes) == 0 or len(self.boxes) == 0:
+            return np.full(len(boxes), -1)
+        distance, found = cKDTree(self.boxes).query(boxes, p=np.inf)
+        return np.where(distance <= SAME, found, -1)
+
+    def told_apart(
+        self, rows: NDArray[np.float32], points: NDArray[np.floating], piece: NDArray[np.integer]
+    ) -> NDArray[np.float32]:
+        """Return unit `rows` (N, D) at normalized `points` (N, 3) with the difference of the `piece` (N,) of each.
+
+        It is the mean of those at the nearest points of the piece, which count the less the farther off they are, and
+        not at all where the next one takes over: it changes nowhere at once. A piece of −1 leaves a row as it is.
+        """
+        result = rows.copy()
+        of_some = np.flatnonzero(piece >= 0)
+        for start in range(0, len(of_some), _ROWS_AT_ONCE):
+            chosen = of_some[start : start + _ROWS_AT_ONCE]
+            changed = rows[chosen] + self._differences_at(points[chosen], piece[chosen])
+            length = np.linalg.norm(changed, axis=1, keepdims=True)
+            result[chosen] = np.where(length > 1e-6, changed / np.maximum(length, np.float32(1e-6)), rows[chosen])
+        return result
+
+    def _differences_at(self, points: NDArray[np.floating], piece: NDArray[np.integer]) -> NDArray[np.float32]:
+        from scipy import sparse
+
+        wanted = min(NEIGHBORS + 1, len(self.points))
+        distance, near = self._tree.query(_apart(points, piece), np.arange(1, wanted + 1), workers=-1)
+        own = self.piece[near] == piece[:, None]
+        distance = np.where(own, distance, np.inf)
+        # A piece of a few points has no next one: there it is all of them, by their distance.
+        reach = np.where(own[:, -1], distance[:, -1], 2 * np.where(own, distance, 0).max(axis=1) + 1e-6)[:, None]
+        share = np.where(own, np.maximum(1 - distance / np.maximum(reach, 1e-12), 0) ** 2 + 1e-9 * own, 0)
+        share /= np.maximum(share.sum(axis=1, keepdims=True), 1e-30)
+        gather = sparse.csr_matrix(
+            (share.ravel().astype(np.float32), near.ravel(), np.arange(0, near.size + 1, wanted)),
+            shape=(len(points), len(self.points)),
+        )
+        return np.asarray(gather @ self.differences.astype(np.float32), np.float32)
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        from scipy.spatial import cKDTree
+
+        return cKDTree(_apart(self.points, self.piece))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.arrays()
+
+
+def pieces_of_vertices(mesh: Mesh) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """Return the piece (V,) that each vertex of `mesh` is on, −1 for one of no face, and their boxes (P, 6).
+
+    Vertices at one position count as one. Boxes are in mesh units.
+    """
+    place = first_at_place(mesh)
+    faces = place[mesh.faces]
+    piece = np.full(len(mesh.vertices), -1, np.int32)
+    piece[faces.ravel()] = np.repeat(face_components(faces), 3)
+    piece = piece[place]
+    return piece, boxes_of(mesh.vertices, piece)
+
+
+def boxes_of(points: NDArray[np.floating], piece: NDArray[np.integer]) -> NDArray[np.float64]:
+    """The boxes (P, 6) around the points (N, 3) of each piece (N,), −1 belonging to none."""
+    count = int(piece.max(initial=-1)) + 1
+    some = piece >= 0
+    boxes = np.concatenate([np.full((count, 3), np.inf), np.full((count, 3), -np.inf)], axis=1)
+    np.minimum.at(boxes[:, :3], piece[some], points[some])
+    np.maximum.at(boxes[:, 3:], piece[some], points[some])
+    return boxes
+
+
+def _apart(points: NDArray[np.floating], piece: NDArray[np.integer]) -> NDArray[np.float64]:
+    return np.column_stack([np.asarray(points, np.float64), _APART * np.asarray(piece, np.float64)])
+
+
+def _checked(name: str, values: ArrayLike, shape: Any, dtype: Any) -> NDArray[Any]:
+    return check.array("Pieces", name, values, shape, dtype=dtype).copy()
