@@ -155,7 +155,7 @@ def ridge(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.fl
     kernel += RIDGE * np.trace(kernel) / len(kernel) * np.eye(len(kernel))
     frames = np.arange(6)
     either = np.stack([frames // 2 == TRUE // 2, frames == TRUE], axis=1).astype(float)
-    targets = np.tile(either - either.mean(axis=0), (len(rows) // 6, 1))
+    targets: NDArray[np.float64] = np.tile(either - either.mean(axis=0), (len(rows) // 6, 1))
     return targets, np.linalg.inv(kernel)
 
 
