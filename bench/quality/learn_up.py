@@ -156,7 +156,8 @@ def ridge(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.fl
     frames = np.arange(6)
     either = np.stack([frames // 2 == TRUE // 2, frames == TRUE], axis=1).astype(float)
     targets: NDArray[np.float64] = np.tile(either - either.mean(axis=0), (len(rows) // 6, 1))
-    return targets, np.linalg.inv(kernel)
+    inverse: NDArray[np.float64] = np.linalg.inv(kernel)
+    return targets, inverse
 
 
 @cache
