@@ -156,8 +156,7 @@ def ridge(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.fl
     frames = np.arange(6)
     either = np.stack([frames // 2 == TRUE // 2, frames == TRUE], axis=1).astype(float)
     targets: NDArray[np.float64] = np.tile(either - either.mean(axis=0), (len(rows) // 6, 1))
-    inverse: NDArray[np.float64] = np.linalg.inv(kernel)
-    return targets, inverse
+    return targets, np.asarray(np.linalg.inv(kernel), np.float64)
 
 
 @cache
