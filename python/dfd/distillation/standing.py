@@ -16,13 +16,14 @@ from dfd.geometry.topology import face_areas
 
 __all__ = ["EVIDENCE", "Standing"]
 
-EVIDENCE = ("stable", "facing up", "base", "near the base", "mirrors upright", "mirrors flat")
+EVIDENCE = ("stable", "facing up", "base", "near the base", "middle", "mirrors upright", "mirrors flat")
 POINTS = 2000  # on the surface
 REFLECTED = 500  # of them, whose mirror images are looked for
 BASE = 0.03  # of the diagonal: what lies so near to the lowest point touches the ground
 FACES_UP = 0.9  # cosine
 ALIGNED = 1.25  # an axis of the file is taken for the mirror plane's normal when it misses by so many times the least
 LEAST_MISS = 0.004  # of the diagonal: a mirror image as near as this is exact, for points that are drawn at random
+LEAST_HEIGHT = 1e-6  # of the diagonal: what is as flat as this has no middle height
 DIRECTIONS = 200  # over half the sphere, among which mirror planes are looked for
 RESTS = 4  # ways to come to rest that are tried
 _NEARLY = np.cos(np.radians(8))
@@ -60,7 +61,7 @@ class Standing:
         self._misses: dict[tuple[float, ...], float] = {}
 
     def evidence(self, frame: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How the shape would stand with `frame` (3, 3) as right, up and front: (6,), see `EVIDENCE`, all unitless."""
+        """How the shape would stand with `frame` (3, 3) as right, up and front: (7,), see `EVIDENCE`, all unitless."""
         right, up, front = frame
         height = self.rim @ up
         feet = self.rim[height < height.min() + BASE * self.diagonal]
@@ -68,14 +69,15 @@ class Standing:
         base = _hull_of(feet @ ground)
         shadow = _hull_of(self.rim @ ground)
         stable = base is not None and bool((base.equations @ [*(self.middle @ ground), 1.0]).max() < 0)
-        near = self.points @ up < height.min() + BASE * self.diagonal
+        points = self.points @ up
         mirrored = min(self.mirror_miss(right), self.mirror_miss(front))
         return np.array(
             [
                 float(stable),
                 float((self.normals @ up > FACES_UP).mean()),
                 base.volume / shadow.volume if base is not None and shadow is not None else 0.0,
-                float(near.mean()),
+                float((points < height.min() + BASE * self.diagonal).mean()),
+                float((np.median(points) - height.min()) / max(np.ptp(height), LEAST_HEIGHT * self.diagonal)),
                 mirrored,
                 self.mirror_miss(up),
             ]

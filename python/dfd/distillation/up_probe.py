@@ -1,7 +1,8 @@
 """What was learned, once per encoder, about which way is up: a linear map of its tokens, kept in a small file.
 
-Mean tokens of a shape as it would stand, all of it and its upper, middle and lower third, say how likely it stands so.
-Together with what the surface says (`dfd.distillation.standing`) they give every candidate its odds.
+Mean tokens of a shape as it would stand, all of it and its upper, middle and lower third, say how much it looks like
+one that stands so. Together with what the surface says (`dfd.distillation.standing`) that gives every candidate its
+odds.
 """
 
 from __future__ import annotations
@@ -21,10 +22,11 @@ from dfd.distillation.views_around import LAYERS
 if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
 
-__all__ = ["TERMS", "UpProbe", "find_probe"]
+__all__ = ["LOOKS", "TERMS", "UpProbe", "find_probe"]
 
 KIND = "dfd up probe"
-TERMS = ("looks", *EVIDENCE)
+LOOKS = ("looks upright", "looks right side up")  # upright: it may be upside down
+TERMS = (*LOOKS, *EVIDENCE)
 FOLDER = Path(__file__).with_name("up_probes")
 
 
@@ -35,9 +37,9 @@ class UpProbe:
     Attributes
     ----------
     looks
-        (4, D), from the mean tokens of `dfd.distillation.views_around.LAYERS` to how upright a shape looks.
+        (2, 4, D), from the mean tokens of `dfd.distillation.views_around.LAYERS` to `LOOKS`.
     odds
-        (7,) log-odds that one unit of each of `TERMS` adds to a candidate.
+        (9,) log-odds that one unit of each of `TERMS` adds to a candidate.
     file_up, file_down, file_z
         Log-odds that +y, −y, and ±z have in a file before anything is looked at.
     encoder_weights, encoder_block
@@ -53,8 +55,8 @@ class UpProbe:
     encoder_block: int
 
     def terms(self, seen: NDArray[np.float64], evidence: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What speaks for each of K frames, (K, 7), see `TERMS`: its mean tokens (K, 4, D), its `EVIDENCE` (K, 6)."""
-        return np.concatenate([np.einsum("kld,ld->k", seen, self.looks)[:, None], evidence], axis=1)
+        """What speaks for each of K frames, (K, 9), see `TERMS`: its mean tokens (K, 4, D), its `EVIDENCE` (K, 7)."""
+        return np.concatenate([np.einsum("kld,tld->kt", seen, self.looks), evidence], axis=1)
 
     def fits(self, encoder: Encoder) -> bool:
         """Whether it was learned from the tokens that `encoder` gives."""
@@ -83,7 +85,7 @@ class UpProbe:
         told, arrays = read_learned("UpProbe.load", path)
         if told.get("kind") != KIND or not {"looks", "odds", "file"} <= arrays.keys():
             raise ValueError(f"UpProbe.load: {os.fspath(path)} holds no probe of which way is up")
-        shapes = {"looks": (len(LAYERS), arrays["looks"].shape[-1]), "odds": (len(TERMS),), "file": (3,)}
+        shapes = {"looks": (len(LOOKS), len(LAYERS), *arrays["looks"].shape[2:3]), "odds": (len(TERMS),), "file": (3,)}
         for name, shape in shapes.items():
             if arrays[name].shape != shape or not np.isfinite(arrays[name]).all():
                 raise ValueError(f"UpProbe.load: `{name}` in {os.fspath(path)} must be finite, of shape {shape}")

@@ -25,7 +25,7 @@ __all__ = ["find_up", "said_or_found"]
 # one of them right, 0.006 (three 0.031): below this chance of the likeliest axis two of them cost less than a guess.
 CLEAR = 0.8
 # Looked at from four sides, a shape whose axis is so likely is never taken for another from eight (67 shapes, upright,
-# with z up and without what files have by convention; three quarters of the upright ones).
+# with z up and without what files have by convention; four in five of the upright ones).
 SURE = 0.97
 
 

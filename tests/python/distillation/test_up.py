@@ -16,7 +16,7 @@ import dfd
 from dfd.distillation.settings import DistillSettings
 from dfd.distillation.standing import EVIDENCE, RESTS, Standing
 from dfd.distillation.up import UP_WORDS, Up, axis_frames, check_up, said_up
-from dfd.distillation.up_probe import FOLDER, TERMS, UpProbe, find_probe
+from dfd.distillation.up_probe import FOLDER, LOOKS, TERMS, UpProbe, find_probe
 from dfd.distillation.upright import CLEAR, candidates, decide, find_up, prior
 from dfd.distillation.views_around import LAYERS, look_around
 from dfd.encoders.encode import load_encoder
@@ -51,7 +51,7 @@ def probe_of(encoder, **changes):
     odds[[TERMS.index("stable"), TERMS.index("facing up"), TERMS.index("mirrors flat")]] = 10.0, 5.0, 20.0
     own = encoder.settings()
     plain = UpProbe(
-        np.zeros((len(LAYERS), encoder.dimension), np.float32),
+        np.zeros((len(LOOKS), len(LAYERS), encoder.dimension), np.float32),
         odds,
         0.0,
         0.0,
@@ -121,6 +121,8 @@ def test_evidence_of_a_table():
     assert upright["base"] == pytest.approx(1.9 * 0.9 / (2 * 1), rel=1e-6)
     assert upside_down["base"] == pytest.approx(1, rel=1e-6)
     assert upright["near the base"] < upside_down["near the base"]
+    assert upright["middle"] > 0.85  # most of its surface is its top
+    assert upright["middle"] + upside_down["middle"] == pytest.approx(1)
     assert upright["mirrors upright"] < 0.02 < upright["mirrors flat"]
 
 
@@ -197,13 +199,15 @@ def test_layers_are_thirds_of_the_shape_in_its_pictures(encoder, monkeypatch):
     assert upper < mean < lower
 
 
-def test_looks_decide_when_the_surface_says_nothing(encoder):
+@pytest.mark.parametrize("look", LOOKS)
+def test_looks_decide_when_the_surface_says_nothing(encoder, look):
     mesh, frames = table(), np.stack(axis_frames(np.eye(3)))
     seen = look_around(mesh, encoder, frames)
     towards = (seen[4] - np.delete(seen, 4, axis=0).mean(axis=0)).astype(np.float32)
     odds = np.zeros(len(TERMS))
-    odds[TERMS.index("looks")] = 100 / np.square(towards).sum()
-    found = find_up(mesh, encoder, probe=probe_of(encoder, looks=towards, odds=odds))
+    odds[TERMS.index(look)] = 100 / np.square(towards).sum()
+    looks = np.stack([towards if look == each else np.zeros_like(towards) for each in LOOKS])
+    found = find_up(mesh, encoder, probe=probe_of(encoder, looks=looks, odds=odds))
     assert str(found) == "+z"
     assert found.source == "found"
     assert found.sentence == f"+z, {found.confidence:.0%} sure"
@@ -218,14 +222,14 @@ def test_four_sides_are_enough_where_the_axis_is_sure(encoder, monkeypatch, sure
     monkeypatch.setattr(
         encoder, "encode", lambda images, **more: (looked.append(len(images)), encode(images, **more))[1]
     )
-    looks = np.random.default_rng(0).standard_normal(from_eight.shape[1:]).astype(np.float32)
-    told = np.einsum("kld,ld->k", from_eight, looks)
+    looks = np.random.default_rng(0).standard_normal((len(LOOKS), *from_eight.shape[1:])).astype(np.float32)
+    told = np.einsum("kld,ld->k", from_eight, looks[0])
     odds = np.zeros(len(TERMS))
-    odds[TERMS.index("looks")] = (100.0 if sure else 0.1) / np.ptp(told)
+    odds[TERMS.index(LOOKS[0])] = (100.0 if sure else 0.1) / np.ptp(told)
     found = find_up(mesh, encoder, probe=probe_of(encoder, looks=looks, odds=odds))
     assert sum(looked) == pictures
     if not sure:
-        assert found.confidence == pytest.approx(decide(frames, told * odds[TERMS.index("looks")]).confidence)
+        assert found.confidence == pytest.approx(decide(frames, told * odds[TERMS.index(LOOKS[0])]).confidence)
 
 
 def test_the_axis_is_decided_before_its_end():
