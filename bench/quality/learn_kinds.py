@@ -68,7 +68,18 @@ def _fitted(
     shares: NDArray[np.float64],  # (N,)
     generator: np.random.Generator,
 ) -> Kinds:
-    """The network that tells `kinds`, points drawn by their `shares`."""
+    """The network that tells `kinds`, points drawn by their `shares`; on one thread, whose sums are always the same."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        return _on_one_thread(rows, kinds, shares, generator)
+    finally:
+        torch.set_num_threads(threads)
+
+
+def _on_one_thread(
+    rows: NDArray[np.float32], kinds: NDArray[np.int64], shares: NDArray[np.float64], generator: np.random.Generator
+) -> Kinds:
     x, y, until = torch.from_numpy(rows), torch.from_numpy(kinds), np.cumsum(shares / shares.sum())
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(int(generator.integers(2**31)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,9 +35,12 @@ def kept_looks(folder: Path, mesh: dfd.Mesh, encoder: Encoder) -> NDArray[np.flo
     return unit(np.load(path).astype(np.float32))
 
 
-def looks(mesh: dfd.Mesh, encoder: Encoder) -> NDArray[np.float32]:
-    """Unit features (V, D) at the vertices of `mesh`, +y up, as they are after spreading, by the plain distance."""
-    settings, stages = DistillSettings(up="file"), Stages(show=False)
+def looks(mesh: dfd.Mesh, encoder: Encoder, **changes: Any) -> NDArray[np.float32]:
+    """Unit features (V, D) at the vertices of `mesh`, +y up, as they are after spreading, by the plain distance.
+
+    `changes` are settings of `dfd.distill` that are not its defaults.
+    """
+    settings, stages = DistillSettings(up="file", **changes), Stages(show=False)
     frames = said_or_found(mesh, encoder, settings.up, stages=stages).frames
     views = render(mesh, **settings.of_pictures(), frame=frames, stages=stages)
     pixels = PixelTargets(views, encoder.encode(views.images, covered=views.covered))
