@@ -6,8 +6,14 @@ __all__ = ["FAMILIES", "family_of"]
 
 # By words in a file's name; the first one found counts.
 FAMILIES = (
-    ("fish", "fish shark whale"),
+    ("people", "fisherman"),
+    ("fish", "fish shark whale tuna"),
     ("four-legged", "alpaca dog fox horse shibainu wolf spot koala quadruped stegosaurus cow bull pig sheep elephant"),
+    (
+        "four-legged",
+        "bear boar bull zebu camel deer donkey giraffe goat hippo lion mastiff rabbit rhino sanga tiger zebra",
+    ),
+    ("four-legged", "wildebeest crocodile"),
     ("dinosaurs", "kaiju velociraptor"),
     ("seats", "chair couch bench bed"),
     ("people", "man knight robot archer axe mage guard mummy pharao prince shaman slave technician thor valk statue"),
@@ -21,7 +27,7 @@ FAMILIES = (
         "vehicles",
         "hoskosh ice3 tanker forklift sail airtrain van wagon catapult crossbow ornith aerodrome machine raft",
     ),
-    ("birds", "bird duck chicken ibis phoenix dragon"),
+    ("birds", "bird duck chicken ibis phoenix dragon crow hawk seagull peacock"),
     ("insects", "wasp scorpion scarab"),
     ("snakes", "snake"),
     ("houses", "house well apartment tower farm building barn shed office temple palace tent tipi church factory"),

@@ -3,8 +3,9 @@
 An encoder's features differ by more than parts: by where on the body a point is, how the surface bends, what stands
 near. Labelled shapes say which differences those are. Features go through one linear map that weighs each direction by
 how much it changes between parts for what it changes within them (Fisher's discriminant directions; `python -m
-bench.quality.learn_metric` learns it), to unit rows that are about as far from each other, on average, as they were
-before: a weight 1 − d keeps its meaning.
+bench.quality.learn_metric` learns it). Beside what comes out stands which kind of part a point looks like, see
+`dfd.distillation.kinds`. Rows are of unit length and about as far from each other, on average, as they were before: a
+weight 1 − d keeps its meaning.
 
 The map comes before the fit, so that a field's features have these distances by themselves, and are narrower.
 """
@@ -20,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.distillation.contrast import PAIRS, mean_distance, restore_contrast, unit
+from dfd.distillation.kinds import ARRAYS, Kinds
 from dfd.distillation.learned_file import encoder_identity, read_learned, write_learned
 from dfd.distillation.targets import PointTargets
 
@@ -28,11 +30,14 @@ if TYPE_CHECKING:
 
 __all__ = ["FOLDER", "Metric", "find_metric"]
 
-KIND = "dfd metric"
+KIND = "dfd metric 2"  # the number is that of the format
+LINEAR = {"directions"}  # what a file holds that knows no kinds of parts
 FOLDER = Path(__file__).with_name("metrics")
 # Details, of many vertices and little area, draw together: at equal mean distance over the surface a handle would move
 # more vertices than without the metric. So much farther apart it moves fewer.
 FARTHER = 1.05
+# What a squared distance of kinds counts for, beside one of mapped features. With more, birds lose.
+KINDS_SHARE = 0.2
 _LEAST_STRETCH = 0.02  # towards their mean, where mapped rows lie farther apart than before
 
 
@@ -44,6 +49,8 @@ class Metric:
     ----------
     directions
         (D, d) the map of a row of features.
+    kinds
+        What tells kinds of parts; None where only the map was learned.
     encoder_weights, encoder_block
         The encoder that it was learned from.
     """
@@ -51,19 +58,33 @@ class Metric:
     directions: NDArray[np.float32]
     encoder_weights: str
     encoder_block: int
+    kinds: Kinds | None = None
 
-    def mapped(self, features: NDArray[np.floating], generator: np.random.Generator) -> NDArray[np.float32]:
-        """Return features (N, D) as unit rows (N, d) whose mean distance is `FARTHER` times that of `features`."""
+    def mapped(
+        self,
+        features: NDArray[np.floating],
+        generator: np.random.Generator,
+        *,
+        mean: NDArray[np.float32] | None = None,
+    ) -> NDArray[np.float32]:
+        """Return features (N, D) as unit rows whose mean distance is `FARTHER` times that of `features`.
+
+        They are (N, d), or (N, d + K) with K kinds. `mean` (D,) is that of the shape; None takes that of `features`.
+        """
         one, other = generator.integers(0, len(features), (2, PAIRS))
         rows = np.asarray(features, np.float32)
         distance = FARTHER * mean_distance(rows[one], rows[other])
-        return restore_contrast(unit(rows @ self.directions), distance, generator, least=_LEAST_STRETCH)
+        mapped = restore_contrast(unit(rows @ self.directions), distance, generator, least=_LEAST_STRETCH)
+        if self.kinds is None:
+            return mapped
+        likely = self.kinds.likely(rows, rows.mean(axis=0) if mean is None else mean)
+        both = unit(np.concatenate([mapped, np.float32(np.sqrt(KINDS_SHARE)) * likely], axis=1))
+        return restore_contrast(both, distance, generator, least=_LEAST_STRETCH)
 
     def of_targets(self, targets: PointTargets, seed: int) -> PointTargets:
-        """Return targets at the same points whose features went through the map; `seed` draws pairs to measure."""
-        directions = self.directions if targets.directions is None else targets.directions @ self.directions
-        told = Metric(directions, self.encoder_weights, self.encoder_block)
-        rows = told.mapped(targets.targets, np.random.default_rng(seed))
+        """Return targets at the same points whose features went through `mapped`; `seed` draws pairs to measure."""
+        features = targets.targets if targets.directions is None else targets.targets @ targets.directions
+        rows = self.mapped(features, np.random.default_rng(seed))
         return PointTargets(targets.points, rows, None, targets.piece)
 
     def fits(self, encoder: Encoder) -> bool:
@@ -72,7 +93,8 @@ class Metric:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a .safetensors file, whole or not at all; equal metrics are equal files."""
-        write_learned(path, KIND, {"directions": self.directions}, (self.encoder_weights, self.encoder_block))
+        arrays = {"directions": self.directions, **(self.kinds.arrays() if self.kinds else {})}
+        write_learned(path, KIND, arrays, (self.encoder_weights, self.encoder_block))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], encoder: Encoder | None = None) -> Metric:
@@ -89,12 +111,16 @@ class Metric:
         name = os.fspath(path)
         told, arrays = read_learned("Metric.load", path)
         block = str(told.get("encoder_block", ""))
-        if told.get("kind") != KIND or arrays.keys() != {"directions"} or not block.isdecimal():
-            raise ValueError(f"Metric.load: {name} holds no metric")
+        if told.get("kind") != KIND or not block.isdecimal() or set(arrays) not in (LINEAR, LINEAR | set(ARRAYS)):
+            raise ValueError(f"Metric.load: {name} holds no metric of this version")
         directions = arrays["directions"]
         if directions.ndim != 2 or 0 in directions.shape or not np.isfinite(directions).all():
             raise ValueError(f"Metric.load: `directions` in {name} must be finite, (D, d), got {directions.shape}")
-        metric = cls(directions.astype(np.float32), str(told.get("encoder_weights", "")), int(block))
+        try:
+            kinds = Kinds.of(arrays, len(directions)) if ARRAYS[0] in arrays else None
+        except ValueError as error:
+            raise ValueError(f"Metric.load: {error} in {name}") from None
+        metric = cls(directions.astype(np.float32), str(told.get("encoder_weights", "")), int(block), kinds)
         if encoder is not None and not metric.fits(encoder):
             raise ValueError(f"Metric.load: {name} was learned from another encoder than {encoder!r}")
         return metric

@@ -12,7 +12,7 @@ from dfd.reference.deformation import (
     subtract_fixed,
     surface_distances,
 )
-from dfd.reference.networks import field, fit_gradients, transformer
+from dfd.reference.networks import field, fit_gradients, kinds_of_parts, transformer
 
 __all__ = [
     "bind",
@@ -20,6 +20,7 @@ __all__ = [
     "field",
     "fit_gradients",
     "geodesic_falloff",
+    "kinds_of_parts",
     "pose",
     "positive_share",
     "subtract_fixed",

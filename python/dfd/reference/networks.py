@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 if TYPE_CHECKING:
     from dfd.field.field import Field
 
-__all__ = ["field", "fit_gradients", "transformer"]
+__all__ = ["field", "fit_gradients", "kinds_of_parts", "transformer"]
 
 Array = NDArray[np.float64]
 
@@ -32,6 +32,18 @@ def field(network: Field, points: ArrayLike) -> Array:
     x = x @ of[f"{names.linear[-1]}.weight"].T + of[f"{names.linear[-1]}.bias"]
     features: Array = x / np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-12)
     return features
+
+
+def kinds_of_parts(
+    features: ArrayLike, mean: Array, hidden: Array, hidden_bias: Array, output: Array, output_bias: Array
+) -> Array:
+    """(N, K) square roots of the probabilities of kinds, of features (N, D): one rectified layer and a softmax."""
+    result = np.empty((len(np.asarray(features)), len(output_bias)))
+    for row, feature in enumerate(np.asarray(features, np.float64)):
+        units = np.maximum(hidden.T @ (feature - mean) + hidden_bias, 0.0)
+        odds = np.exp(output.T @ units + output_bias)
+        result[row] = np.sqrt(odds / odds.sum())
+    return result
 
 
 def transformer(

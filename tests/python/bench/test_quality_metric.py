@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
 import numpy as np
+import pytest
+from skinned_figure import skinned_figure
+from tiny_encoder import save_tiny_encoder
 
 import dfd
+from bench.quality import learn_metric
 from bench.quality.evaluate import Draw
-from bench.quality.learn_metric import Lesson, discriminants, report
+from bench.quality.learn_kinds import KINDS, learn_kinds
+from bench.quality.learn_metric import Lesson, discriminants, further_rigs, judged, report
+from bench.quality.looks import kept_looks, looks
+from bench.quality.parts import without_few
 from bench.quality.shapes import Shape
 from dfd.distillation.contrast import unit
+from dfd.distillation.metric import find_metric
+from dfd.encoders.encode import load_encoder
+from dfd.encoders.sources import find_fingerprint
 
 
 def lesson(name: str, seed: int) -> Lesson:
@@ -44,3 +58,92 @@ def test_the_report_leaves_the_family_out_and_sees_the_gain() -> None:
     assert "| seats | chair |" in text
     gain = float(text.partition("mean ")[2].partition(":")[0])
     assert gain > 0.1
+
+
+def figure(name: str, seed: int) -> Lesson:
+    """A robot whose kinds of parts look alike on every figure, but for noise and a mean of its own."""
+    sample = dfd.samples.robot(4000)
+    generator = np.random.default_rng(seed)
+    of_kind = np.random.default_rng(99).normal(size=(len(sample.parts), 24))
+    rows = of_kind[sample.labels] + generator.normal(size=24) + generator.normal(size=(len(sample.labels), 24))
+    return Lesson(Shape(name, sample.mesh, sample.labels, sample.parts), unit(rows.astype(np.float32)))
+
+
+def test_kinds_are_known_again_on_a_shape_that_was_not_seen() -> None:
+    kinds = learn_kinds([figure("man", 0), figure("knight", 1), figure("golem", 2)])
+    assert kinds is not None
+    stranger = figure("pilot", 3)
+    likely = np.square(kinds.likely(stranger.features, stranger.mean))
+    truth = np.array([KINDS.index(part) for part in stranger.shape.parts])[stranger.shape.labels]
+    assert (likely.argmax(axis=1) == truth).mean() > 0.9
+    np.testing.assert_allclose(likely.sum(axis=1), 1, atol=1e-4)
+
+
+def test_equal_lessons_give_equal_kinds() -> None:
+    one, again = (learn_kinds([figure("man", 0), figure("knight", 1)]) for _ in range(2))
+    assert one is not None
+    assert again is not None
+    for name, numbers in one.arrays().items():
+        np.testing.assert_array_equal(numbers, again.arrays()[name])
+
+
+def test_no_kinds_are_learned_from_parts_that_are_none() -> None:
+    assert learn_kinds([lesson("chair", 0), lesson("bench", 1)]) is None  # of its parts only the leg is a kind
+
+
+def test_the_mean_of_a_surface_does_not_depend_on_how_densely_it_is_meshed() -> None:
+    sample = dfd.samples.chair(4000)
+    along = sample.mesh.vertices[:, :2].astype(np.float32)
+    whole = Lesson(Shape("chair", sample.mesh), along)
+    split = dfd.samples.chair(16_000)
+    fine = Lesson(Shape("chair", split.mesh), split.mesh.vertices[:, :2].astype(np.float32))
+    np.testing.assert_allclose(whole.mean, fine.mean, atol=0.01)
+
+
+def test_what_only_teaches_is_not_judged() -> None:
+    taught = [lesson("chair", 0), lesson("horse", 1), replace(lesson("man", 2), only_teaches=True)]
+    text = report(taught, Draw(each=2, seeds=(0,)))
+    assert "| four-legged | horse |" in text
+    assert "| man |" not in text
+
+
+def test_further_rigs_have_the_names_of_their_joints_for_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("pygltflib")
+    (tmp_path / "figure.glb").write_bytes(skinned_figure())
+    (tmp_path / "lost.glb").write_bytes(skinned_figure(weights=b""))
+    told: list[str] = []
+    assert list(further_rigs(tmp_path, told.append)) == []  # three vertices are too few for a part
+    assert told == [
+        "figure.glb: fewer than two parts, got none",
+        "lost.glb: strongest_joints: an accessor reaches past the end of the file",
+    ]
+    monkeypatch.setattr(learn_metric, "without_few", partial(without_few, fewest=1))
+    (shape,) = further_rigs(tmp_path, told.append)
+    assert (shape.name, shape.parts) == ("figure", ("head", "upperarm.l", "upperarm.r"))
+    assert list(further_rigs(None, told.append)) == []
+
+
+def test_looks_are_unit_and_taken_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    encoder = load_encoder(save_tiny_encoder(tmp_path / "encoder"), device="cpu", precision="float32")
+    mesh = dfd.samples.chair(4000).mesh
+    seen = looks(mesh, encoder, views=4, resolution=64)
+    assert seen.shape == (len(mesh.vertices), encoder.dimension)
+    np.testing.assert_allclose(np.linalg.norm(seen, axis=1), 1, atol=1e-5)
+    monkeypatch.setattr("bench.quality.looks.looks", lambda *_: seen)
+    kept = kept_looks(tmp_path / "looks", mesh, encoder)
+    np.testing.assert_allclose(kept, seen, atol=2e-3)
+    monkeypatch.setattr("bench.quality.looks.looks", lambda *_: pytest.fail("looked again"))
+    np.testing.assert_array_equal(kept_looks(tmp_path / "looks", mesh, encoder), kept)
+
+
+@pytest.mark.skipif(find_fingerprint("dinov2-small") is None, reason="the encoder's weights are not on this machine")
+def test_the_packages_metric_tells_the_parts_of_a_sample_better() -> None:
+    encoder = load_encoder("dinov2-small", device="cpu")
+    metric = find_metric(encoder)
+    assert metric is not None
+    assert metric.kinds is not None
+    sample = dfd.samples.quadruped(4000)
+    each = Lesson(Shape("quadruped", sample.mesh, sample.labels, sample.parts), looks(sample.mesh, encoder))
+    mapped = metric.mapped(each.features, np.random.default_rng(0), mean=each.mean)
+    plain, learned = (judged(each, rows, Draw(each=4, seeds=(0,))) for rows in (each.features, mapped))
+    assert learned["precision"] > plain["precision"] + 0.01

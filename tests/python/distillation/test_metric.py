@@ -11,8 +11,10 @@ from safetensors.numpy import save_file
 from tiny_encoder import save_tiny_encoder
 
 import dfd
+from dfd import reference
 from dfd.distillation import metric as metrics
 from dfd.distillation.contrast import mean_distance, restore_contrast, unit
+from dfd.distillation.kinds import Kinds
 from dfd.distillation.metric import FOLDER, Metric, find_metric
 from dfd.distillation.settings import DistillSettings
 from dfd.distillation.targets import PointTargets
@@ -38,6 +40,14 @@ def metric(encoder: Encoder) -> Metric:
 def features() -> np.ndarray:
     rows = np.random.default_rng(0).normal(size=(500, 16)) + 2
     return unit(rows.astype(np.float32))
+
+
+@pytest.fixture
+def kinds() -> Kinds:
+    generator = np.random.default_rng(3)
+    hidden, output = generator.normal(size=(16, 8)), generator.normal(size=(8, 5))
+    numbers = (hidden, generator.normal(size=8), output, generator.normal(size=5))
+    return Kinds(*(each.astype(np.float32) for each in numbers))
 
 
 def distance(rows: np.ndarray) -> float:
@@ -89,9 +99,52 @@ def test_contrast_may_shrink_only_where_it_is_allowed(features: np.ndarray) -> N
     assert distance(shrunk) == pytest.approx(near, rel=0.05)
 
 
-def test_rows_that_are_all_alike_stay_finite(metric: Metric) -> None:
-    rows = metric.mapped(np.full((4, 16), 0.25, np.float32), np.random.default_rng(0))
-    assert np.isfinite(rows).all()
+def test_kinds_are_what_the_twin_says(kinds: Kinds, features: np.ndarray) -> None:
+    before = features.copy()
+    rows = kinds.likely(features, features.mean(axis=0))
+    arrays = kinds.arrays()
+    names = ("kinds_hidden", "kinds_hidden_bias", "kinds_output", "kinds_output_bias")
+    twin = reference.kinds_of_parts(
+        features, features.mean(axis=0, dtype=np.float64), *(arrays[name] for name in names)
+    )
+    np.testing.assert_allclose(rows, twin, atol=1e-5)
+    np.testing.assert_allclose(np.square(twin).sum(axis=1), 1)
+    np.testing.assert_array_equal(features, before)
+
+
+def test_odds_of_any_size_give_finite_kinds(kinds: Kinds, features: np.ndarray) -> None:
+    rows = replace(kinds, output=kinds.output * np.float32(1e6)).likely(features, features.mean(axis=0))
+    np.testing.assert_allclose(np.linalg.norm(rows, axis=1), 1, atol=1e-5)
+
+
+def test_kinds_stand_beside_what_is_mapped_and_the_scale_stays(
+    metric: Metric, kinds: Kinds, features: np.ndarray
+) -> None:
+    both = replace(metric, kinds=kinds)
+    rows = both.mapped(features, np.random.default_rng(0))
+    assert rows.shape == (500, 3 + 5)
+    np.testing.assert_allclose(np.linalg.norm(rows, axis=1), 1, atol=1e-6)
+    assert distance(rows) == pytest.approx(metrics.FARTHER * distance(features), rel=0.03)
+    # one kind for all tells nothing: distances are those of the map alone
+    certain = replace(kinds, output_bias=np.array([100, 0, 0, 0, 0], np.float32))
+    alone = metric.mapped(features, np.random.default_rng(0))
+    without = replace(metric, kinds=certain).mapped(features, np.random.default_rng(0))
+    before, after = (np.linalg.norm(some[:250] - some[250:], axis=1) for some in (alone, without))
+    assert np.corrcoef(before, after)[0, 1] > 0.98
+
+
+def test_the_mean_of_a_shape_decides_and_may_be_said(metric: Metric, kinds: Kinds, features: np.ndarray) -> None:
+    both = replace(metric, kinds=kinds)
+    by_itself = both.mapped(features, np.random.default_rng(0))
+    said = both.mapped(features, np.random.default_rng(0), mean=features.mean(axis=0))
+    np.testing.assert_array_equal(by_itself, said)
+    other = both.mapped(features, np.random.default_rng(0), mean=np.zeros(16, np.float32))
+    assert np.abs(other - said).max() > 0.01
+
+
+def test_rows_that_are_all_alike_stay_finite(metric: Metric, kinds: Kinds) -> None:
+    for some in (metric, replace(metric, kinds=kinds)):
+        assert np.isfinite(some.mapped(np.full((4, 16), 0.25, np.float32), np.random.default_rng(0))).all()
 
 
 def test_metrics_come_back_from_their_files(metric: Metric, encoder: Encoder, tmp_path: Path) -> None:
@@ -101,6 +154,39 @@ def test_metrics_come_back_from_their_files(metric: Metric, encoder: Encoder, tm
     np.testing.assert_array_equal(again.directions, metric.directions)
     again.save(tmp_path / "again.safetensors")
     assert (tmp_path / "again.safetensors").read_bytes() == (tmp_path / "metric.safetensors").read_bytes()
+
+
+def test_kinds_come_back_with_their_metric(metric: Metric, kinds: Kinds, features: np.ndarray, tmp_path: Path) -> None:
+    both = replace(metric, kinds=kinds)
+    both.save(tmp_path / "metric.safetensors")
+    again = Metric.load(tmp_path / "metric.safetensors")
+    again.save(tmp_path / "again.safetensors")
+    assert (tmp_path / "again.safetensors").read_bytes() == (tmp_path / "metric.safetensors").read_bytes()
+    rows = (some.mapped(features, np.random.default_rng(0)) for some in (both, again))
+    np.testing.assert_array_equal(*rows)
+
+
+def test_damaged_kinds_are_refused(metric: Metric, kinds: Kinds, tmp_path: Path) -> None:
+    path = tmp_path / "metric.safetensors"
+    replace(metric, kinds=replace(kinds, output=kinds.output[:7])).save(path)
+    with pytest.raises(ValueError, match=r"^Metric\.load: `kinds_output` must be finite, \(8, 5\), got \(7, 5\) in "):
+        Metric.load(path)
+    replace(metric, kinds=replace(kinds, hidden=kinds.hidden[:15])).save(path)
+    with pytest.raises(ValueError, match=r"`kinds_hidden` must be finite, \(16, 8\), got \(15, 8\)"):
+        Metric.load(path)
+    replace(metric, kinds=replace(kinds, output_bias=np.full(5, np.inf, np.float32))).save(path)
+    with pytest.raises(ValueError, match=r"`kinds_output_bias` must be finite, \(5,\), got \(5,\)"):
+        Metric.load(path)
+
+
+def test_metrics_of_another_version_are_refused(metric: Metric, tmp_path: Path) -> None:
+    told = {"kind": "dfd metric", "encoder_weights": metric.encoder_weights, "encoder_block": "1"}
+    save_file({"directions": metric.directions}, tmp_path / "old.safetensors", told)
+    told["kind"] = metrics.KIND
+    save_file({"directions": metric.directions, "heads": np.ones(3)}, tmp_path / "new.safetensors", told)
+    for name in ("old", "new"):
+        with pytest.raises(ValueError, match="holds no metric of this version"):
+            Metric.load(tmp_path / f"{name}.safetensors")
 
 
 def test_damaged_and_foreign_metrics_are_refused(metric: Metric, encoder: Encoder, tmp_path: Path) -> None:
@@ -125,7 +211,9 @@ def test_damaged_and_foreign_metrics_are_refused(metric: Metric, encoder: Encode
 def test_the_packages_own_metrics_are_whole() -> None:
     found = [Metric.load(path) for path in sorted(FOLDER.glob("*.safetensors"))]
     assert found
-    assert all(each.directions.shape[1] <= 64 for each in found)
+    for each in found:
+        kinds = 0 if each.kinds is None else each.kinds.output.shape[1]
+        assert each.directions.shape[1] + kinds <= 64
 
 
 def test_fields_are_of_the_metric_where_there_is_one(
