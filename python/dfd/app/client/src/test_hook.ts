@@ -50,7 +50,7 @@ export function exposeForTests(viewer: Viewer): void {
     store,
     twin,
     positions: () => {
-      const found = shape().shape.posed.read();
+      const found = shape().shape.read();
       const error = viewer.stage.renderer.getContext().getError();
       if (error !== 0) throw new Error(`The graphics refused something: ${error}`);
       return found;
