@@ -1,7 +1,7 @@
 /** How long the graphics take, told by a fence behind what was asked of them: nobody waits for it. */
 
 const INTERVAL = 4;
-/** Milliseconds after which nothing is expected any more, as after a lost context. */
+/** Milliseconds after which nothing is expected any more. */
 const PATIENCE = 20_000;
 
 export class Clock {
@@ -17,6 +17,10 @@ export class Clock {
     this.pending = true;
     gl.flush();
     const look = () => {
+      if (gl.isContextLost()) {
+        this.pending = false;
+        return;
+      }
       const gone = performance.now() - begun;
       const done = gl.clientWaitSync(fence, 0, 0) !== gl.TIMEOUT_EXPIRED;
       if (!done && gone < PATIENCE) {
@@ -25,7 +29,7 @@ export class Clock {
       }
       this.pending = false;
       gl.deleteSync(fence);
-      if (done && !gl.isContextLost()) tell(gone);
+      if (done) tell(gone);
     };
     setTimeout(look, INTERVAL);
   }

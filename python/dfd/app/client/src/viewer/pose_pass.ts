@@ -123,7 +123,7 @@ export class PosePass {
 
   /** Graphics that were lost took the buffers along. */
   private readonly restore = (): void => {
-    this.programs.dispose();
+    this.programs.forget();
     this.made = new Buffers(this.gl, this.rows);
     this.made.setGiven(this.given);
     this.position.setBuffer(this.made.position);

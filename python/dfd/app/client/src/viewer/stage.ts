@@ -60,8 +60,9 @@ export class Stage {
     // Where a processor draws, smooth edges cost more than all else together, and so do many pixels.
     const antialias = !drawsInSoftware();
     this.pace = new Pace(!antialias);
-    this.renderer = new WebGLRenderer({ canvas, antialias, alpha: false, powerPreference: "high-performance" });
-    this.clock = new Clock(this.renderer.getContext() as WebGL2RenderingContext);
+    const gl = opaqueContext(canvas, antialias);
+    this.renderer = new WebGLRenderer({ canvas, context: gl, antialias });
+    this.clock = new Clock(gl);
     // It has no smooth edges.
     this.still = antialias ? null : new Still(this.renderer, this.scene, this.camera, this.clock);
     this.camera.layers.enable(SHAPE_LAYER);
@@ -83,10 +84,14 @@ export class Stage {
   invalidate(): void {
     if (this.frame !== 0) return;
     this.asked = performance.now();
-    this.frame = requestAnimationFrame((now) => {
-      this.frame = 0;
-      this.next(now, this.held || this.asked - this.ended < SOON);
-    });
+    this.frame = requestAnimationFrame(() => this.drawNext());
+  }
+
+  /** Draw what has been asked for. */
+  drawNext(): void {
+    cancelAnimationFrame(this.frame);
+    this.frame = 0;
+    this.next(performance.now(), this.held || this.asked - this.ended < SOON);
   }
 
   /** Draw the whole now. */
@@ -235,4 +240,11 @@ export class Stage {
     // At once: a resized canvas is empty until something is drawn.
     this.next(performance.now(), false);
   }
+}
+
+/** A canvas that lets nothing shine through: three.js would ask for a clear one, which browsers blend over the page. */
+function opaqueContext(canvas: HTMLCanvasElement, antialias: boolean): WebGL2RenderingContext {
+  const gl = canvas.getContext("webgl2", { alpha: false, antialias, powerPreference: "high-performance" });
+  if (!gl) throw new Error("There is no WebGL 2.");
+  return gl;
 }
