@@ -32,6 +32,8 @@ export interface TestHook {
   drawNext(): void;
   /** Have the page believe that the whole takes so long to draw. */
   pretend(milliseconds: number): void;
+  /** Whether nothing is left to be drawn. */
+  rests(): boolean;
   /** Triangles of the newest picture, with those of the gizmo and what else is drawn. */
   triangles(): number;
   /** Pictures drawn a second, over that many, when each asks for the next. */
@@ -94,6 +96,7 @@ export function exposeForTests(viewer: Viewer): void {
       // One alone would not be believed.
       for (let i = 0; i < 2; i++) pace.measured(milliseconds);
     },
+    rests: () => viewer.stage.rests,
     triangles: () => viewer.stage.renderer.info.render.triangles,
     drawNext: () => viewer.stage.drawNext(),
     framesPerSecond: (seconds) =>

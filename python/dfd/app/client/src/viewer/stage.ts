@@ -99,6 +99,13 @@ export class Stage {
     this.show(WHOLE);
   }
 
+  /** Whether nothing is left to be drawn. */
+  get rests(): boolean {
+    const subject = this.subject();
+    const direct = !this.still || !subject?.hasLevels || !subject.opaque || this.pace.quality === "full";
+    return this.frame === 0 && this.timer === 0 && (direct || this.still.fits(this.look(subject)));
+  }
+
   /** Somebody takes hold of what moves, or lets go. */
   hold(on: boolean): void {
     this.held = on;

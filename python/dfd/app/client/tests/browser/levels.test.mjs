@@ -29,7 +29,7 @@ before(async () => {
 
 after(() => browser?.close());
 
-const whole = () => until(page, (s) => s.seen === "full");
+const whole = () => until(page, (s) => s.seen === "full" && window.dfd.rests());
 const pretend = (milliseconds) => page.evaluate((ms) => window.dfd.pretend(ms), milliseconds);
 const triangles = () => page.evaluate(() => window.dfd.triangles());
 const coarseWord = () => page.getByText("Coarse while moving");
@@ -75,6 +75,7 @@ test(
 function difference() {
   return page.evaluate(() => {
     const canvas = document.querySelector("canvas");
+    window.dfd.drawNext();
     const { width, height } = canvas;
     const copy = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
     const [still, direct] = [() => window.dfd.drawNext(), () => window.dfd.draw()].map((draw) => {
@@ -104,7 +105,7 @@ for (const [way, milliseconds] of [
     await whole();
     for (const wireframe of [false, true]) {
       await page.evaluate((on) => window.dfd.store.set({ wireframe: on, look: on ? "clay" : "texture" }), wireframe);
-      await page.waitForTimeout(100);
+      await page.evaluate(() => new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve))));
       await whole();
       const part = await difference();
       // Beside the shape the picture at rest has no depth, so half of a line along the silhouette stays away.
@@ -171,7 +172,6 @@ test("the coarse level looks right in the dark, too", { timeout: PATIENCE }, asy
   await drag(page, [0, -50], -30, async () => {
     await until(page, (s) => s.seen === "coarse");
     assert.ok((await triangles()) > 1000, "nothing was drawn");
-    await until(page, (s) => s.seen === "coarse");
     await shot(page, "coarse-dark");
   });
   await whole();
