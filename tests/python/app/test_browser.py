@@ -56,9 +56,7 @@ def start_page(shape: Shape) -> Iterator[RunningApp]:
 
 
 @pytest.mark.parametrize("story", sorted(path.name for path in (CLIENT / "tests" / "browser").glob("*.test.mjs")))
-def test_story(
-    story: str, browser: str, start_page: RunningApp, animal: Shape, large: Path, tmp_path: Path
-) -> None:
+def test_story(story: str, browser: str, start_page: RunningApp, animal: Shape, large: Path, tmp_path: Path) -> None:
     environment = {
         **os.environ,
         "DFD_URL": start_page.url,
