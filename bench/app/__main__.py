@@ -19,6 +19,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Origin
 
 import dfd
 from bench.app import page
@@ -42,7 +43,7 @@ class Tab:
         self._socket: ClientConnection = stack.enter_context(
             connect(
                 f"ws://127.0.0.1:{app.port}/ws",
-                origin=f"http://127.0.0.1:{app.port}",  # type: ignore[arg-type]
+                origin=Origin(f"http://127.0.0.1:{app.port}"),
                 additional_headers={"Cookie": f"{app.rules.cookie}={app.rules.token}"},
                 max_size=None,
                 compression=None,

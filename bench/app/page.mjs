@@ -89,13 +89,29 @@ const empty = memory();
 const { context, page } = await openTab(noting, {});
 const result = { load: Number(readFileSync("/proc/loadavg", "utf8").split(" ")[0]) };
 await until(page, (s) => s.mesh !== null);
-result.shown = await page.evaluate(async () => {
+/** Wait until what was asked of the graphics is drawn: Chromium's `finish` only sends it. */
+await page.evaluate(() => {
+  window.pixels = () => {
+    const gl = document.querySelector("canvas").getContext("webgl2");
+    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+  };
+  const opened = window.heard.find(({ text }) => text.includes('"open"') && text.includes('"done"'));
+  // A small shape may be there before the page is.
+  window.since = () => performance.now() - (opened ?? window.heard[0]).at;
+});
+[result.shown, result.answered] = await page.evaluate(async () => {
   await new Promise(requestAnimationFrame); // the shape's first frame was asked for before
-  document.querySelector("canvas").getContext("webgl2").finish();
-  const open = window.heard.find(({ text }) => text.includes('"open"') && text.includes('"done"'));
-  return performance.now() - open.at;
+  window.pixels();
+  const shown = window.since();
+  window.dfd.pick(innerWidth / 2, innerHeight / 2);
+  return [shown, window.since()];
 });
 await alive(page);
+await until(page, (s) => s.seen === "full");
+result.whole = await page.evaluate(() => {
+  window.pixels();
+  return window.since();
+});
 
 /** From a click to its heat map: until its column is there, and until it is drawn. */
 async function click() {
@@ -113,8 +129,8 @@ async function click() {
           stop();
           const there = performance.now();
           requestAnimationFrame(() => {
-            window.dfd.draw();
-            document.querySelector("canvas").getContext("webgl2").finish();
+            window.dfd.drawNext();
+            window.pixels();
             resolve({ there: there - begun, drawn: performance.now() - begun });
           });
         },

@@ -73,7 +73,12 @@ def _drag(table: Table, name: str, found: dict[str, Any]) -> None:
 
 
 def _wait(table: Table, name: str, found: dict[str, Any]) -> None:
-    table.add_row(f"page usable, once the server has the mesh, {name}", f"{found['shown'] / 1000:.2f} s")
+    for key, words in (
+        ("shown", "the shape is seen"),
+        ("answered", "the point under the pointer is found"),
+        ("whole", "it has its features and is drawn whole"),
+    ):
+        table.add_row(f"from mesh in the server until {words}, {name}", f"{found[key] / 1000:.2f} s")
     for key, words in (("there", "its column is in the page"), ("drawn", "it is drawn in software")):
         times = [click[key] for click in found["clicks"]]
         text = f"{statistics.median(times):.0f} ms ({min(times):.0f} … {max(times):.0f})"

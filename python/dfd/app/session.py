@@ -16,7 +16,7 @@ from dfd.app.protocol.answers import Answer, FailureMessage, FieldState, Progres
 from dfd.app.report import check_drawable, report
 from dfd.app.shapes import read_shape
 from dfd.app.state import Looks, empty_state, state_message
-from dfd.app.surface import mesh_message
+from dfd.app.surface import mesh_messages
 from dfd.editing.edit_file import read_edit
 
 if TYPE_CHECKING:
@@ -65,9 +65,8 @@ class Session:
         self._autosave = Autosave(folder)
         self._preparation: Preparation | None = None
         self._progress: ProgressMessage | None = None  # of what the page waits for
-        self._number, self._warnings = 0, list[str]()
+        self._number, self._after, self._warnings = 0, 0, list[str]()
         self._names: dict[str, str] = {}  # what people call the files that were opened
-        self._after = 0
         self._kept: Edit | None = None  # what is on disk
         self._shown: Edit | None = None  # what the page was told last
         self._gesture: tuple[Hashable, Edit] | None = None  # what the newest step is about, and what it made
@@ -97,12 +96,9 @@ class Session:
             self.attach()
             return
         saved = self._autosave.saved()
-        if saved is None:
-            if self.options.mesh is None:
-                self.attach()
-            else:
-                self._open_or_start(self.options.mesh, self.options.field, self.options.edit)
-        elif saved.source is None:
+        if saved is None and self.options.mesh is not None:
+            self._open_or_start(self.options.mesh, self.options.field, self.options.edit)
+        elif saved is None or saved.source is None:
             self.attach()
         else:
             edit = OpenedFile(name="the saved edit", path=self._autosave.edit)
@@ -130,14 +126,15 @@ class Session:
         self._tell_progress("open", "read")
         try:
             mesh, told = read_shape(source)
-            message = mesh_message(mesh, number=self._number + 1, name=source.name, warnings=told)
+            messages = mesh_messages(mesh, number=self._number + 1, name=source.name, warnings=told)
+            first = next(messages)
         finally:
             self._tell_progress("open", "done")
         self.close_shape()
         self._number += 1
         self.source, self.mesh, self._warnings, self._wanted = source, mesh, told, edit
         self._autosave.keep_open(Saved(source=source, field=field))
-        self._send(message)
+        self._send(first)
         self._preparation = Preparation(mesh, source, self.options, self.folder, self._lock, self, self._post)
         self._tell_field("preparing")
         if field is None:
@@ -145,6 +142,8 @@ class Session:
         else:
             self._names[str(field.path)] = field.name
             self._preparation.open(field.path, "file")
+        for message in messages:
+            self._send(message)
 
     def close_shape(self) -> None:
         """Let go of the shape and everything about it."""
@@ -248,7 +247,8 @@ class Session:
         if self.mesh is None or self.source is None:
             self.send(StartMessage())
             return
-        self._send(mesh_message(self.mesh, number=self._number, name=self.source.name, warnings=self._warnings))
+        for message in mesh_messages(self.mesh, number=self._number, name=self.name, warnings=self._warnings):
+            self._send(message)
         if self.columns is not None:
             self.columns.forget()
         self._after = 0

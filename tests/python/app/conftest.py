@@ -13,6 +13,7 @@ from app_page import Page, Shape
 from tiny_encoder import save_tiny_encoder
 
 import dfd
+from dfd.app.coarse import MOST_FACES
 from dfd.app.launch import RunningApp
 from dfd.app.options import OpenedFile, SessionOptions, Source
 from dfd.editing.deformer import Deformer
@@ -32,6 +33,14 @@ def animal(tmp_path_factory: pytest.TempPathFactory) -> Shape:
     sample = dfd.samples.quadruped(4000)
     made = _distilled(tmp_path_factory.mktemp("animal"), "quadruped", sample, {**SETTINGS, "steps": 300})
     return replace(made, alike=tuple(sample.vertices_of("hoof").tolist()))
+
+
+@pytest.fixture(scope="session")
+def large(animal: Shape, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same animal with so many faces that it has a coarse level."""
+    path = tmp_path_factory.mktemp("large") / "large.ply"
+    dfd.samples.quadruped(3 * MOST_FACES).mesh.save(path)
+    return path
 
 
 def _distilled(folder: Path, name: str, sample: dfd.samples.Sample, settings: dict[str, Any]) -> Shape:

@@ -56,7 +56,7 @@ def start_page(shape: Shape) -> Iterator[RunningApp]:
 
 
 @pytest.mark.parametrize("story", sorted(path.name for path in (CLIENT / "tests" / "browser").glob("*.test.mjs")))
-def test_story(story: str, browser: str, start_page: RunningApp, animal: Shape, tmp_path: Path) -> None:
+def test_story(story: str, browser: str, start_page: RunningApp, animal: Shape, large: Path, tmp_path: Path) -> None:
     environment = {
         **os.environ,
         "DFD_URL": start_page.url,
@@ -64,6 +64,7 @@ def test_story(story: str, browser: str, start_page: RunningApp, animal: Shape, 
         "DFD_SHOTS": str(SCREENS),
         "DFD_MESH": str(animal.mesh),
         "DFD_FIELD": str(animal.field),
+        "DFD_LARGE": str(large),
         "DFD_ALIKE": json.dumps(animal.alike),
         "DFD_OUT": str(tmp_path),
         "DFD_SERVER": str(os.getpid()),

@@ -58,6 +58,7 @@ from dfd.app.protocol.answers import (
 from dfd.app.protocol.binaries import (
     ColorsMessage,
     ColumnsMessage,
+    DetailMessage,
     HeatMessage,
     InstancesMessage,
     MeshMessage,
@@ -81,6 +82,7 @@ ServerMessage = Annotated[
     | DownloadMessage
     | ScriptMessage
     | MeshMessage
+    | DetailMessage
     | ColumnsMessage
     | InstancesMessage
     | HeatMessage

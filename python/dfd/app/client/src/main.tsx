@@ -9,6 +9,7 @@ import { exposeForTests } from "./test_hook";
 import { Viewer } from "./viewer/viewer";
 
 const THEME_KEY = "dfd-theme";
+const QUALITY_KEY = "dfd-quality";
 
 function themed(theme: Theme): void {
   if (theme === "system") delete document.documentElement.dataset.theme;
@@ -39,7 +40,12 @@ function start(): void {
       localStorage.setItem(THEME_KEY, chosen);
     },
   );
-  store.set({ theme, inspector: innerWidth >= 720 });
+  store.watch(
+    (state) => state.quality,
+    (chosen) => localStorage.setItem(QUALITY_KEY, chosen),
+  );
+  const quality = localStorage.getItem(QUALITY_KEY) === "full" ? "full" : "auto";
+  store.set({ theme, quality, inspector: innerWidth >= 720 });
 
   let viewer: Viewer;
   try {

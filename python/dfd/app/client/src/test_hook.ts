@@ -28,6 +28,14 @@ export interface TestHook {
   drop(): void;
   /** Draw now, so that the canvas can be read in the same task; without the shape where `bare`. */
   draw(bare?: boolean): void;
+  /** Draw now what the next frame would be. */
+  drawNext(): void;
+  /** Have the page believe that the whole takes so long to draw. */
+  pretend(milliseconds: number): void;
+  /** Whether nothing is left to be drawn. */
+  rests(): boolean;
+  /** Triangles of the newest picture, with those of the gizmo and what else is drawn. */
+  triangles(): number;
   /** Pictures drawn a second, over that many, when each asks for the next. */
   framesPerSecond(seconds: number): Promise<number>;
 }
@@ -50,7 +58,7 @@ export function exposeForTests(viewer: Viewer): void {
     store,
     twin,
     positions: () => {
-      const found = shape().shape.posed.read();
+      const found = shape().shape.read();
       const error = viewer.stage.renderer.getContext().getError();
       if (error !== 0) throw new Error(`The graphics refused something: ${error}`);
       return found;
@@ -81,6 +89,16 @@ export function exposeForTests(viewer: Viewer): void {
       viewer.stage.draw();
       group.visible = true;
     },
+    pretend: (milliseconds) => {
+      const { pace } = viewer.stage;
+      const measured = pace.measured.bind(pace);
+      pace.measured = () => measured(milliseconds);
+      // One alone would not be believed.
+      for (let i = 0; i < 2; i++) pace.measured(milliseconds);
+    },
+    rests: () => viewer.stage.rests,
+    triangles: () => viewer.stage.renderer.info.render.triangles,
+    drawNext: () => viewer.stage.drawNext(),
     framesPerSecond: (seconds) =>
       new Promise((resolve) => {
         const { stage } = viewer;
@@ -89,8 +107,6 @@ export function exposeForTests(viewer: Viewer): void {
         let count = 0;
         stage.drawn = () => {
           drawn();
-          // Without waiting for the pixels, frames would only queue up.
-          stage.renderer.getContext().finish();
           count++;
           const gone = (performance.now() - begun) / 1000;
           if (gone < seconds) {

@@ -115,6 +115,13 @@ export function shortcuts(frame: () => void): readonly Shortcut[] {
       match: { key: "z" },
       run: () => store.set({ wireframe: !store.get().wireframe }),
     },
+    {
+      keys: "Q",
+      group: "View",
+      label: "Full quality while moving",
+      match: { key: "q" },
+      run: () => store.set({ quality: store.get().quality === "auto" ? "full" : "auto" }),
+    },
     { keys: "F", group: "View", label: "Frame the shape", match: { key: "f" }, run: frame },
     {
       keys: "I",

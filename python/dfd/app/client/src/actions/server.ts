@@ -5,6 +5,7 @@ import type { Payload, Received, Request } from "../protocol/frames";
 import type {
   ColorsMessage,
   ColumnsMessage,
+  DetailMessage,
   InstancesMessage,
   MeshMessage,
   PositionsMessage,
@@ -19,6 +20,7 @@ const SESSION_KEY = "dfd-session";
 /** What arrives in arrays and goes to the GPU, not to the store. */
 export interface Arrivals {
   mesh(message: MeshMessage, payload: Payload): void;
+  detail(message: DetailMessage, payload: Payload): void;
   colors(message: ColorsMessage, payload: Payload): void;
   positions(message: PositionsMessage, payload: Payload): void;
 }
@@ -82,6 +84,9 @@ function receive({ message, payload }: Received, awaited: boolean, arrivals: Arr
       store.set({ ...CLOSED, page: "shape", mesh: message });
       arrivals.mesh(message, payload);
       message.warnings.forEach((warning) => note(warning));
+      break;
+    case "detail":
+      if (payload) arrivals.detail(message, payload);
       break;
     case "state":
       store.set(followed(message));

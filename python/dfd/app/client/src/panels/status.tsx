@@ -21,6 +21,7 @@ export function StatusLine() {
   const timeline = useStore(store, (state) => state.timeline);
   const pending = useStore(store, (state) => state.ahead.size > 0);
   const comparing = useStore(store, (state) => state.comparing);
+  const seen = useStore(store, (state) => state.seen);
   const said = report && !dragging ? report.text : "";
   const hint = dragging
     ? "Wheel changes reach"
@@ -39,6 +40,9 @@ export function StatusLine() {
         {said}
       </span>
       {hover && <span class="where">vertex {hover.vertex}</span>}
+      {seen !== "full" && (
+        <span class="seen">{seen === "loading" ? "Coarse while it loads" : "Coarse while moving"}</span>
+      )}
       <button
         type="button"
         class="status-button"

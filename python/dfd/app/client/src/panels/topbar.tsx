@@ -24,6 +24,7 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
   const mesh = useStore(store, (state) => state.mesh);
   const look = useStore(store, (state) => state.look);
   const wireframe = useStore(store, (state) => state.wireframe);
+  const quality = useStore(store, (state) => state.quality);
   const theme = THEMES[useStore(store, (state) => state.theme)];
   const inspector = useStore(store, (state) => state.inspector);
   const ready = useStore(store, alive);
@@ -62,6 +63,13 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
           keys="Z"
           pressed={wireframe}
           onPress={() => store.set({ wireframe: !wireframe })}
+        />
+        <IconButton
+          icon="quality"
+          label={quality === "full" ? "Full quality while moving" : "Coarser while moving, where that is slow"}
+          keys="Q"
+          pressed={quality === "full"}
+          onPress={() => store.set({ quality: quality === "full" ? "auto" : "full" })}
         />
       </div>
       <div class="bar-group end">

@@ -472,6 +472,7 @@ export interface Server {
     | DownloadMessage
     | ScriptMessage
     | MeshMessage
+    | DetailMessage
     | ColumnsMessage
     | InstancesMessage
     | HeatMessage
@@ -721,6 +722,8 @@ export interface ScriptMessage {
  * Buffers: `positions` float32 (R, 3), relative to `center`; `triangles` uint32 (F, 3), corners as rows; `vertex`
  * uint32 (R,), the vertex of each row; `normals` int16 (R, 4), of length 32767, the fourth 0; where the file has them,
  * `uv` float32 (R, 2), v upwards, and `colors` uint8 (R, 4), display-referred; and the textures' files.
+ *
+ * With `coarse` these are few rows and triangles, which look like the shape from afar; all of them follow in `detail`.
  */
 export interface MeshMessage {
   /**
@@ -734,6 +737,7 @@ export interface MeshMessage {
    * @maxItems 3
    */
   center: [number, number, number];
+  coarse: boolean;
   diagonal: number;
   faces: number;
   groups: Group[];
@@ -783,6 +787,17 @@ export interface MaterialEntry {
    * @maxItems 2
    */
   wrap: ["repeat" | "mirror" | "clamp", "repeat" | "mirror" | "clamp"];
+}
+/**
+ * The whole of a shape that came as its coarse level: the buffers of `mesh`, its rows first, in their order.
+ */
+export interface DetailMessage {
+  buffers: Buffer[];
+  groups: Group[];
+  id: number;
+  mesh: number;
+  rows: number;
+  type: "detail";
 }
 /**
  * Columns that `state` names and the page has not got; it may forget those that `state` no longer names.

@@ -13,6 +13,7 @@ import type {
 } from "../protocol/messages";
 import type { Frame, Transform, Vec3 } from "../viewer/affine";
 import type { Layer } from "../viewer/columns";
+import type { Level, Quality } from "../viewer/pace";
 import { createStore, type Store } from "./store";
 
 export type Look = "texture" | "clay" | "features" | "heat";
@@ -97,6 +98,10 @@ export interface State {
   readonly dragging: boolean;
   readonly look: Look;
   readonly wireframe: boolean;
+  /** Whether movement may be drawn coarser than rest. */
+  readonly quality: Quality;
+  /** What of the shape is seen: all of it, its coarse level, or that because the rest has not come yet. */
+  readonly seen: Level | "loading";
   readonly showPlanes: boolean;
   readonly showGhosts: boolean;
   readonly theme: Theme;
@@ -139,6 +144,8 @@ export const INITIAL: State = {
   dragging: false,
   look: "texture",
   wireframe: false,
+  quality: "auto",
+  seen: "full",
   showPlanes: false,
   showGhosts: true,
   theme: "system",

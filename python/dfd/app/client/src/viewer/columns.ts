@@ -90,3 +90,26 @@ export function weightOf(column: Column, vertex: number): number {
   }
   return share ? Math.min(column.shareGain * share.values[vertex] * UNIT * weight, 1) : weight;
 }
+
+/** Whether two scenes look the same. */
+export function sameScene(one: Scene, other: Scene): boolean {
+  return (
+    one.columns.length === other.columns.length &&
+    one.columns.every((column, k) => sameParts(column, other.columns[k])) &&
+    sameNumbers(one.defaultTransform, other.defaultTransform) &&
+    sameParts(one.mirror, other.mirror)
+  );
+}
+
+function sameParts<Part extends object>(one: Part | null, other: Part | null): boolean {
+  if (one === null || other === null) return one === other;
+  return (Object.keys(one) as (keyof Part)[]).every((key) => {
+    const [a, b] = [one[key], other[key]];
+    return Array.isArray(a) && Array.isArray(b) ? sameNumbers(a as number[], b as number[]) : Object.is(a, b);
+  });
+}
+
+function sameNumbers(one: readonly number[] | null, other: readonly number[] | null): boolean {
+  if (one === null || other === null) return one === other;
+  return one.length === other.length && one.every((entry, i) => entry === other[i]);
+}

@@ -21,6 +21,10 @@ export class Faces {
     private readonly triangles: Uint32Array,
   ) {}
 
+  get count(): number {
+    return this.triangles.length / 3;
+  }
+
   find(point: Vec3, lastCorner: number): FacePoint | null {
     const { order, starts } = this.sorted();
     let best: FacePoint | null = null;
@@ -40,7 +44,7 @@ export class Faces {
 
   private sorted(): { order: Uint32Array; starts: Uint32Array } {
     if (this.order && this.starts) return { order: this.order, starts: this.starts };
-    const count = this.triangles.length / 3;
+    const { count } = this;
     const starts = new Uint32Array(this.positions.length / 3 + 1);
     for (let face = 0; face < count; face++) starts[this.triangles[3 * face + 2] + 1]++;
     for (let row = 1; row < starts.length; row++) starts[row] += starts[row - 1];

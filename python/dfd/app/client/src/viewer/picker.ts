@@ -33,7 +33,7 @@ export class Picker {
     private readonly renderer: WebGLRenderer,
     private readonly shape: Shape,
   ) {
-    this.mesh = new Mesh(shape.geometry, material("pick", {}, { side: DoubleSide }));
+    this.mesh = new Mesh(shape.drawn.geometry, material("pick", {}, { side: DoubleSide }));
     this.mesh.frustumCulled = false;
     this.scene.add(this.mesh);
     this.scene.matrixWorldAutoUpdate = false;
@@ -51,14 +51,15 @@ export class Picker {
 
   private look(camera: PerspectiveCamera, x: number, y: number, width: number, height: number): Pick | null {
     // One pixel of the view fills the target, so the GPU throws away all else before a fragment is made.
-    this.shape.posed.update();
+    this.shape.update();
+    this.mesh.geometry = this.shape.drawn.geometry;
     camera.setViewOffset(width, height, Math.floor(x), Math.floor(y), 1, 1);
     const bits = this.draw(this.target, camera, this.scene);
     camera.clearViewOffset();
     if (bits[3] === 0) return null;
     const [px, py, pz] = new Float32Array(bits.buffer, 0, 3);
     const point: Vec3 = [px, py, pz];
-    const face = this.shape.faces.find(point, bits[3] - 1);
+    const face = this.shape.drawn.faces.find(point, bits[3] - 1);
     return face && { ...face, point, vertex: this.shape.vertexOf[face.row] };
   }
 

@@ -31,7 +31,8 @@ export class PosePass {
   private made: Buffers;
   private given: Given | null = null;
   private showsGiven = false;
-  private stale = true;
+  /** How many rows, from the first on, are posed as the scene is now. */
+  private fresh = 0;
 
   constructor(
     private readonly renderer: WebGLRenderer,
@@ -52,7 +53,7 @@ export class PosePass {
 
   /** Something that the pose is made of has changed. */
   invalidate(): void {
-    this.stale = true;
+    this.fresh = 0;
   }
 
   /** Take what the server posed, or null; it is shown where `useGiven` says so. */
@@ -61,21 +62,27 @@ export class PosePass {
     this.given = given;
     this.made.setGiven(given);
     this.renderer.resetState();
-    this.stale = true;
+    this.fresh = 0;
+  }
+
+  /** Whether what the server posed is shown, where there is something. */
+  get usesGiven(): boolean {
+    return this.showsGiven;
   }
 
   /** Returns whether what the server posed is or was shown. */
   useGiven(on: boolean): boolean {
     const shown = this.given !== null && (on || this.showsGiven);
+    if (this.showsGiven !== on && this.given) this.fresh = 0;
     this.showsGiven = on;
-    this.stale = true;
     return shown;
   }
 
-  /** Pose again, if anything has changed since. */
-  update(): void {
-    if (!this.stale || this.gl.isContextLost()) return;
-    this.stale = false;
+  /** Have the first `count` rows posed as the scene is now, and no more of them than are not yet. */
+  update(count: number): void {
+    if (this.fresh >= count || this.gl.isContextLost()) return;
+    const first = this.fresh;
+    this.fresh = count;
     const { gl, pose, renderer } = this;
     pose.textures.forEach((texture) => renderer.initTexture(texture));
     const parts: ReadonlySet<string> = this.showsGiven && this.given ? new Set([...pose.parts, "GIVEN"]) : pose.parts;
@@ -93,13 +100,13 @@ export class PosePass {
     gl.uniformMatrix4fv(at.defaultTransform, false, (defaultTransform ? matrix4(defaultTransform) : REST).elements);
     if (mirror) gl.uniform4f(at.mirror, ...mirror.normal, mirror.offset);
     gl.uniform1f(at.mirrorBand, mirror?.band ?? 0);
-    this.made.run(this.count);
+    this.made.run(first, count - first);
     renderer.resetState();
   }
 
   /** (R, 4) posed positions and heat, read back. */
   read(): Float32Array {
-    this.update();
+    this.update(this.count);
     const { gl } = this;
     const found = new Float32Array(4 * this.count);
     gl.bindBuffer(gl.COPY_READ_BUFFER, this.made.position);
@@ -116,14 +123,14 @@ export class PosePass {
 
   /** Graphics that were lost took the buffers along. */
   private readonly restore = (): void => {
-    this.programs.dispose();
+    this.programs.forget();
     this.made = new Buffers(this.gl, this.rows);
     this.made.setGiven(this.given);
     this.position.setBuffer(this.made.position);
     this.normal.setBuffer(this.made.normal);
     this.rest.setBuffer(this.made.rest);
     this.renderer.resetState();
-    this.stale = true;
+    this.fresh = 0;
   };
 }
 
@@ -160,10 +167,6 @@ class Buffers {
     gl.bindVertexArray(null);
     gl.bindBuffer(gl.ARRAY_BUFFER, null);
     this.output = gl.createTransformFeedback();
-    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.output);
-    [this.position, this.normal].forEach((buffer, i) => gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, i, buffer));
-    gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, null);
-    gl.bindBuffer(gl.TRANSFORM_FEEDBACK_BUFFER, null);
   }
 
   setGiven(given: Given | null): void {
@@ -185,19 +188,22 @@ class Buffers {
     gl.bindBuffer(gl.ARRAY_BUFFER, null);
   }
 
-  /** Run the program in use over all rows. */
-  run(count: number): void {
+  /** Run the program in use over `count` rows from the `first` on. */
+  run(first: number, count: number): void {
     const { gl } = this;
     // Nothing is written that is bound anywhere else, as three.js leaves what it drew from.
     gl.bindBuffer(gl.ARRAY_BUFFER, null);
     gl.bindVertexArray(this.input);
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.output);
+    gl.bindBufferRange(gl.TRANSFORM_FEEDBACK_BUFFER, 0, this.position, 16 * first, 16 * count);
+    gl.bindBufferRange(gl.TRANSFORM_FEEDBACK_BUFFER, 1, this.normal, 12 * first, 12 * count);
     gl.enable(gl.RASTERIZER_DISCARD);
     gl.beginTransformFeedback(gl.POINTS);
-    gl.drawArrays(gl.POINTS, 0, count);
+    gl.drawArrays(gl.POINTS, first, count);
     gl.endTransformFeedback();
     gl.disable(gl.RASTERIZER_DISCARD);
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, null);
+    gl.bindBuffer(gl.TRANSFORM_FEEDBACK_BUFFER, null);
     gl.bindVertexArray(null);
   }
 

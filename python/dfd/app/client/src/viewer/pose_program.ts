@@ -24,6 +24,11 @@ export class PosePrograms {
     return program;
   }
 
+  /** The graphics that they were made for are gone, and took them along. */
+  forget(): void {
+    this.known.clear();
+  }
+
   dispose(): void {
     for (const { program } of this.known.values()) this.gl.deleteProgram(program);
     this.known.clear();

@@ -1,8 +1,6 @@
 /** The mesh on the GPU: geometry, its materials in their looks, and what poses it. */
 
 import {
-  BufferAttribute,
-  BufferGeometry,
   ClampToEdgeWrapping,
   Color,
   CustomBlending,
@@ -17,36 +15,32 @@ import {
   OneMinusSrcAlphaFactor,
   RepeatWrapping,
   SRGBColorSpace,
-  Sphere,
   Texture,
-  Vector3,
+  type BufferGeometry,
   type IUniform,
   type ShaderMaterial,
   type WebGLRenderer,
 } from "three";
 
 import type { Payload } from "../protocol/frames";
-import type { MaterialEntry, MeshMessage } from "../protocol/messages";
+import type { DetailMessage, MaterialEntry, MeshMessage } from "../protocol/messages";
 import type { Look } from "../store/state";
 import { IDENTITY, type Vec3 } from "./affine";
-import type { Scene } from "./columns";
-import { Faces } from "./faces";
-import { PosePass } from "./pose_pass";
+import { sameScene, type Scene } from "./columns";
+import { Levels, type Drawn, type Given, type Triangles } from "./levels";
+import type { Level } from "./pace";
 import { PoseTextures } from "./pose_textures";
 import { define, material } from "./shaders";
+import { SHAPE_LAYER, type Parts } from "./still";
 
 const WRAPS = { repeat: RepeatWrapping, mirror: MirroredRepeatWrapping, clamp: ClampToEdgeWrapping } as const;
 
 export class Shape {
   readonly group = new Group();
-  readonly geometry = new BufferGeometry();
-  readonly posed: PosePass;
-  readonly faces: Faces;
   readonly radius: number;
-  /** (R, 3) at rest, relative to the mesh's center. */
-  readonly positions: Float32Array;
-  /** (R) the vertex of each row. */
-  readonly vertexOf: Uint32Array;
+  private levels: Levels;
+  private level: Level = "full";
+  private readonly first: Triangles;
   private readonly pose: PoseTextures;
   private readonly shared: Record<string, IUniform>;
   private readonly surface: Mesh;
@@ -55,34 +49,24 @@ export class Shape {
   private heats = false;
   /** Counts the shapes that it has had: what is picked stays as long as neither this nor the camera changes. */
   shapes = 0;
+  /** Counts how it has looked. */
+  looks = 0;
   private wires: Mesh | null = null;
   private readonly textures: Texture[] = [];
+  private featureColors: Uint8Array | null = null;
+  private given: Given | null = null;
 
   constructor(
     readonly message: MeshMessage,
     payload: Payload,
-    renderer: WebGLRenderer,
+    private readonly renderer: WebGLRenderer,
     private readonly changed: () => void,
   ) {
-    this.positions = payload.get("positions", "float32");
-    this.vertexOf = payload.get("vertex", "uint32");
-    const triangles = payload.get("triangles", "uint32");
-    this.pose = new PoseTextures(message.vertices);
-    const rows = { positions: this.positions, normals: payload.get("normals", "int16"), vertexOf: this.vertexOf };
-    this.posed = new PosePass(renderer, rows, this.pose);
-    const { geometry } = this;
-    const { position, normal, rest } = this.posed;
-    // By the first, three.js counts rows.
-    Object.assign(geometry.attributes, { position, posedPosition: position, posedNormal: normal, rest });
-    geometry.setIndex(new BufferAttribute(triangles, 1));
-    if (payload.has("uv")) geometry.setAttribute("uv", new BufferAttribute(payload.get("uv", "float32"), 2));
-    if (payload.has("colors")) {
-      geometry.setAttribute("rowColor", new BufferAttribute(payload.get("colors", "uint8"), 4, true));
-    }
     this.radius = Math.max(message.diagonal / 2, 1e-9);
-    // Posed shapes leave their box: nothing is culled.
-    geometry.boundingSphere = new Sphere(new Vector3(), this.radius);
-    this.faces = new Faces(this.positions, triangles);
+    this.pose = new PoseTextures(message.vertices);
+    this.first = { corners: payload.get("triangles", "uint32"), groups: message.groups };
+    const levels = message.coarse ? { coarse: this.first } : { full: this.first };
+    this.levels = new Levels(renderer, this.pose, payload, levels, this.radius);
     this.shared = {
       lookColor: { value: new Color(0.62, 0.61, 0.6) },
       ownLook: { value: true },
@@ -90,17 +74,110 @@ export class Shape {
       heatAlone: { value: false },
     };
     this.materials = message.materials.map((entry) => this.material(entry, payload));
-    for (const { start, count, material } of message.groups) geometry.addGroup(3 * start, 3 * count, material);
-    this.surface = new Mesh(geometry, this.materials);
+    this.surface = new Mesh(this.drawn.geometry, this.materials);
     this.surface.frustumCulled = false;
+    this.surface.layers.set(SHAPE_LAYER);
     this.group.add(this.surface);
   }
 
+  /** The whole of a shape of which only the coarse level had come. */
+  detail(message: DetailMessage, payload: Payload): void {
+    if (this.levels.has("full")) return;
+    const full = { corners: payload.get("triangles", "uint32"), groups: message.groups };
+    const before = this.levels;
+    this.levels = new Levels(this.renderer, this.pose, payload, { coarse: this.first, full }, this.radius);
+    if (this.featureColors) this.levels.setFeatureColors(this.featureColors);
+    this.levels.posed.useGiven(before.posed.usesGiven);
+    this.levels.setGiven(this.given);
+    this.use(this.level);
+    this.shapes++;
+    this.looks++;
+    before.dispose();
+  }
+
+  /** (R, 3) at rest, relative to the mesh's center. */
+  get positions(): Float32Array {
+    return this.levels.positions;
+  }
+
+  /** (R) the vertex of each row. */
+  get vertexOf(): Uint32Array {
+    return this.levels.vertexOf;
+  }
+
+  /** What is seen: whole or coarse. */
+  get drawn(): Drawn {
+    return this.levels.of(this.level);
+  }
+
+  /** Whether there are both levels. */
+  get hasLevels(): boolean {
+    return this.levels.has("coarse") && this.levels.has("full");
+  }
+
+  /** The level that is seen. */
+  get shown(): Level {
+    return this.levels.has(this.level) ? this.level : "coarse";
+  }
+
+  /** Whether nothing shines through it. */
+  get opaque(): boolean {
+    return this.materials.every((each) => !each.transparent);
+  }
+
+  /** Whether all of it has come. */
+  get whole(): boolean {
+    return this.levels.has("full");
+  }
+
+  /** Show a level, as soon as it is there. */
+  use(level: Level): void {
+    this.level = level;
+    const { geometry } = this.drawn;
+    if (this.surface.geometry === geometry) return;
+    this.shapes++;
+    this.wear(geometry);
+  }
+
+  private wear(geometry: BufferGeometry): void {
+    this.surface.geometry = geometry;
+    if (this.wires) this.wires.geometry = geometry;
+  }
+
+  /** Have posed what is seen. */
+  update(): void {
+    this.levels.posed.update(this.drawn.rows);
+  }
+
+  get parts(): Parts {
+    const { geometry, rows, faces } = this.levels.of("full");
+    return {
+      rows,
+      faces: faces.count,
+      pose: (count) => this.levels.posed.update(count),
+      among: (first, count, draw) => {
+        const seen = this.surface.geometry;
+        this.wear(geometry);
+        geometry.setDrawRange(3 * first, 3 * count);
+        draw();
+        geometry.setDrawRange(0, Infinity);
+        this.wear(seen);
+      },
+    };
+  }
+
+  /** (R, 4) posed positions and heat of the whole, read back. */
+  read(): Float32Array {
+    return this.levels.posed.read();
+  }
+
   show(scene: Scene): void {
+    if (sameScene(scene, this.pose.scene)) return;
     const rested = rests(this.pose.scene);
     this.pose.show(scene);
     if (!rested || !rests(scene)) this.shapes++;
-    this.posed.invalidate();
+    this.levels.posed.invalidate();
+    this.looks++;
     this.heats = scene.columns.some((column) => column.heat !== 0);
     this.compile();
   }
@@ -110,22 +187,26 @@ export class Shape {
     this.shared.ownLook.value = look === "texture";
     this.shared.heatAlone.value = look === "heat";
     this.shared.heatStrength.value = heatStrength;
+    this.looks++;
     this.compile();
   }
 
   setClay(color: Color): void {
     (this.shared.lookColor.value as Color).copy(color);
+    this.looks++;
   }
 
   setWireframe(on: boolean, color: Color, opacity: number): void {
     if (on && !this.wires) {
       const material = this.flat(color, opacity);
-      this.wires = new Mesh(this.geometry, material);
+      this.wires = new Mesh(this.drawn.geometry, material);
       this.wires.frustumCulled = false;
+      this.wires.layers.set(SHAPE_LAYER);
       this.group.add(this.wires);
     }
     if (!this.wires) return;
     this.wires.visible = on;
+    this.looks++;
     const { uniforms } = this.wires.material as ShaderMaterial;
     (uniforms.baseColor.value as Color).copy(color);
     uniforms.opacity.value = opacity;
@@ -133,36 +214,26 @@ export class Shape {
 
   /** (V, 4) colors of the features' main directions. */
   setFeatureColors(colors: Uint8Array): void {
-    const rows = new Uint8Array(4 * this.vertexOf.length);
-    this.vertexOf.forEach((vertex, row) => {
-      for (let i = 0; i < 4; i++) rows[4 * row + i] = colors[4 * vertex + i];
-    });
-    this.geometry.setAttribute("featureColor", new BufferAttribute(rows, 4, true));
+    this.featureColors = colors;
+    this.levels.setFeatureColors(colors);
+    this.looks++;
     this.compile();
   }
 
   /** Show what the server posed: (V, 3) positions and (V, 4) normals; null lets the shader pose again. */
-  setGiven(given: { positions: Float32Array; normals: Int16Array } | null): void {
+  setGiven(given: Given | null): void {
     this.useGiven(true);
-    if (!given) {
-      this.posed.setGiven(null);
-      return;
-    }
-    this.shapes++;
-    const positions = new Float32Array(3 * this.vertexOf.length);
-    const normals = new Int16Array(4 * this.vertexOf.length);
-    this.vertexOf.forEach((vertex, row) => {
-      for (let i = 0; i < 3; i++) {
-        positions[3 * row + i] = given.positions[3 * vertex + i];
-        normals[4 * row + i] = given.normals[4 * vertex + i];
-      }
-    });
-    this.posed.setGiven({ positions, normals });
+    this.given = given;
+    if (given) this.shapes++;
+    this.looks++;
+    this.levels.setGiven(given);
   }
 
   /** Whether to show what the server posed, where there is something. */
   useGiven(on: boolean): void {
-    if (this.posed.useGiven(on)) this.shapes++;
+    if (!this.levels.posed.useGiven(on)) return;
+    this.shapes++;
+    this.looks++;
   }
 
   /** Where a row of the mesh rests. */
@@ -171,9 +242,8 @@ export class Shape {
   }
 
   dispose(): void {
-    this.geometry.dispose();
+    this.levels.dispose();
     this.pose.dispose();
-    this.posed.dispose();
     for (const texture of this.textures) {
       (texture.image as ImageBitmap | null)?.close();
       texture.dispose();
@@ -185,7 +255,8 @@ export class Shape {
 
   /** Have the materials do what is seen now, and no more. */
   private compile(): void {
-    const { geometry, look, heats } = this;
+    const { look, heats } = this;
+    const { geometry } = this.drawn;
     const features = look === "features" && geometry.hasAttribute("featureColor");
     const colors = look === "texture" && geometry.hasAttribute("rowColor");
     const heat = look === "heat" || (look !== "features" && heats);
@@ -255,6 +326,7 @@ export class Shape {
       texture.needsUpdate = true;
       this.textures.push(texture);
       uniforms.map.value = texture;
+      this.looks++;
       this.compile();
       this.changed();
     } catch {

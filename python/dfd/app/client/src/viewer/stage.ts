@@ -4,37 +4,54 @@ import { PerspectiveCamera, Scene as ThreeScene, Vector3, WebGLRenderer } from "
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
 import type { Vec3 } from "./affine";
+import { Clock } from "./clock";
 import { drawsInSoftware } from "./graphics";
+import { COARSE, Pace, WHOLE, type Drawing, type Level } from "./pace";
+import { SHAPE_LAYER, Still, type Parts } from "./still";
 
 const FIELD_OF_VIEW = 38;
 
-/** Milliseconds: a frame that is asked for this soon after another goes on with its movement; frames may take so long. */
+/** What is drawn whole or coarse. */
+export interface Subject {
+  readonly hasLevels: boolean;
+  readonly whole: boolean;
+  readonly opaque: boolean;
+  readonly shown: Level;
+  readonly looks: number;
+  readonly parts: Parts;
+  use(level: Level): void;
+  update(): void;
+}
+
+/** Milliseconds: a frame that is asked for this soon after another goes on with its movement. */
 const SOON = 100;
-const SLOW = 55;
-/** Milliseconds without a new frame, after which nothing moves. */
-const STILL = 300;
-/** Steps by which a picture becomes coarser, each of half as many pixels. */
-const COARSEST = 3;
-const PROCESSORS_PIXELS = 160_000;
+/** Milliseconds without a new frame, after which nothing moves, and the same while somebody holds on. */
+const STILL = 150;
+const HELD = 400;
 
 export class Stage {
   readonly renderer: WebGLRenderer;
   readonly scene = new ThreeScene();
   readonly camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 100);
   readonly orbit: OrbitControls;
-  /** Called before every picture, to have ready what it shows. */
-  prepare: () => void = () => undefined;
+  /** How finely frames are drawn. */
+  readonly pace: Pace;
+  /** What it shows, where there is something. */
+  subject: () => Subject | null = () => null;
+  /** Called with the level that is seen now, or that only a coarse one has come. */
+  saw: (seen: Level | "loading") => void = () => undefined;
   /** Called after every picture, for what lies over the canvas. */
   drawn: () => void = () => undefined;
+  /** Whether somebody has hold of the camera or a handle. */
+  held = false;
+  private readonly clock: Clock;
+  /** Where a processor draws, the whole comes bit by bit. */
+  private readonly still: Still | null;
   private frame = 0;
   private timer = 0;
   private asked = 0;
-  private begun = 0;
   private ended = 0;
-  private slowness = 0;
-  private coarseness = 0;
-  /** How coarse the newest movement had to be. */
-  private usual: number | null = null;
+  private halvings = 0;
   private radius = 1;
   width = 1;
   height = 1;
@@ -42,13 +59,23 @@ export class Stage {
   constructor(readonly canvas: HTMLCanvasElement) {
     // Where a processor draws, smooth edges cost more than all else together, and so do many pixels.
     const antialias = !drawsInSoftware();
-    if (antialias) this.usual = 0;
-    this.renderer = new WebGLRenderer({ canvas, antialias, alpha: false, powerPreference: "high-performance" });
+    this.pace = new Pace(!antialias);
+    const gl = opaqueContext(canvas, antialias);
+    this.renderer = new WebGLRenderer({ canvas, context: gl, antialias });
+    this.clock = new Clock(gl);
+    // It has no smooth edges.
+    this.still = antialias ? null : new Still(this.renderer, this.scene, this.camera, this.clock);
+    this.camera.layers.enable(SHAPE_LAYER);
     this.orbit = new OrbitControls(this.camera, canvas);
     this.orbit.addEventListener("change", () => this.invalidate());
+    this.orbit.addEventListener("start", () => this.hold(true));
+    this.orbit.addEventListener("end", () => this.hold(false));
     this.orbit.zoomToCursor = true;
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
-    canvas.addEventListener("webglcontextrestored", () => this.invalidate());
+    canvas.addEventListener("webglcontextrestored", () => {
+      this.still?.forget();
+      this.invalidate();
+    });
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement ?? canvas);
     this.resize();
   }
@@ -57,18 +84,32 @@ export class Stage {
   invalidate(): void {
     if (this.frame !== 0) return;
     this.asked = performance.now();
-    this.frame = requestAnimationFrame(() => {
-      this.frame = 0;
-      this.pace();
-      this.draw();
-    });
+    this.frame = requestAnimationFrame(() => this.drawNext());
   }
 
+  /** Draw what has been asked for. */
+  drawNext(): void {
+    cancelAnimationFrame(this.frame);
+    this.frame = 0;
+    this.next(performance.now(), this.held || this.asked - this.ended < SOON);
+  }
+
+  /** Draw the whole now. */
   draw(): void {
-    this.prepare();
-    this.renderer.render(this.scene, this.camera);
-    this.drawn();
-    this.ended = performance.now();
+    this.show(WHOLE);
+  }
+
+  /** Whether nothing is left to be drawn. */
+  get rests(): boolean {
+    const subject = this.subject();
+    const direct = !this.still || !subject?.hasLevels || !subject.opaque || this.pace.quality === "full";
+    return this.frame === 0 && this.timer === 0 && (direct || this.still.fits(this.look(subject)));
+  }
+
+  /** Somebody takes hold of what moves, or lets go. */
+  hold(on: boolean): void {
+    this.held = on;
+    if (!on && this.timer !== 0) this.settleAfter(STILL);
   }
 
   /** Look at a shape about the origin, of that radius, from the front and a little above. */
@@ -79,11 +120,11 @@ export class Stage {
     this.orbit.target.set(0, 0, 0);
     this.orbit.minDistance = radius / 20;
     this.orbit.maxDistance = radius * 20;
-    this.look(0.62, 0.3);
+    this.lookFrom(0.62, 0.3);
   }
 
   /** From an azimuth and an elevation in radians; the distance shows all of the shape. */
-  look(azimuth: number, elevation: number): void {
+  lookFrom(azimuth: number, elevation: number): void {
     const half = (FIELD_OF_VIEW * Math.PI) / 360;
     const narrow = Math.atan(Math.tan(half) * Math.min(this.camera.aspect, 1));
     const distance = (1.02 * this.radius) / Math.sin(narrow);
@@ -103,53 +144,114 @@ export class Stage {
     return [((at.x + 1) / 2) * this.width, ((1 - at.y) / 2) * this.height];
   }
 
-  /** Draw coarser while frames come too slowly, and in full as soon as nothing moves. */
-  private pace(): void {
-    const now = performance.now();
-    const gone = now - this.begun;
-    this.begun = now;
-    const moves = this.asked - this.ended < SOON;
-    if (!moves) this.slowness = 0;
-    else if (this.coarseness < this.expected()) this.coarsen(this.expected());
-    else {
-      this.slowness += 0.3 * (gone - this.slowness);
-      if (this.slowness > SLOW && this.coarseness < COARSEST) this.coarsen(this.coarseness + 1);
+  private next(now: number, moves: boolean): void {
+    const { still } = this;
+    const subject = this.subject();
+    const key = subject ? this.look(subject) : "";
+    if (subject && still?.fits(key)) {
+      this.showStill(still, subject);
+      return;
     }
+    if (!still?.becomes(key)) still?.forget();
+    const drawing = this.pace.next(now, moves, subject?.hasLevels ?? false, this.width * this.height);
+    if (drawing === WHOLE) this.settle();
+    else this.show(drawing);
+  }
+
+  private show({ level, halvings }: Drawing): void {
+    const begun = performance.now();
+    this.sharpen(halvings);
+    const subject = this.subject();
+    subject?.use(level);
+    subject?.update();
+    this.renderer.render(this.scene, this.camera);
+    this.finish(subject);
+    if (level !== "full" || halvings > 0) this.settleAfter(this.held ? HELD : STILL);
+    else if (subject?.shown === "full") this.clock.ask(begun, (milliseconds) => this.pace.measured(milliseconds));
+  }
+
+  /** Draw the whole unless something moves within so many milliseconds. */
+  private settleAfter(milliseconds: number): void {
     clearTimeout(this.timer);
-    if (this.coarseness > 0) this.timer = window.setTimeout(() => this.refine(), STILL);
+    this.timer = window.setTimeout(() => {
+      this.timer = 0;
+      // A frame that has been asked for comes late: the movement goes on.
+      if (this.frame !== 0) return;
+      this.pace.rest();
+      this.settle();
+    }, milliseconds);
   }
 
-  /** How coarse a movement begins: as the newest one was, or with as many pixels as a processor is likely to draw. */
-  private expected(): number {
-    if (this.usual !== null) return this.usual;
-    const steps = Math.round(Math.log2((this.width * this.height) / PROCESSORS_PIXELS));
-    return Math.min(Math.max(steps, 0), COARSEST);
+  /** Draw the whole, at once or as soon as it can be had without keeping anybody waiting. */
+  private settle(): void {
+    const { still, pace } = this;
+    const subject = this.subject();
+    if (!still || !subject?.hasLevels || !subject.opaque || pace.quality === "full") {
+      this.show(WHOLE);
+      return;
+    }
+    const key = this.look(subject);
+    if (pace.short) {
+      const begun = performance.now();
+      this.sharpen(0);
+      still.make(key, subject.parts);
+      this.showStill(still, subject);
+      this.clock.ask(begun, (milliseconds) => pace.measured(milliseconds));
+      return;
+    }
+    if (still.becomes(key)) return;
+    if (this.halvings > 0 || subject.shown === "full") this.show(COARSE);
+    still.compose(key, subject.parts, (milliseconds) => {
+      pace.measured(milliseconds);
+      if (this.frame === 0 && this.look(subject) === key) this.showStill(still, subject);
+    });
   }
 
-  private refine(): void {
-    // One that has been asked for comes late: the movement goes on.
-    if (this.frame !== 0) return;
-    // A movement that was easy may be finer next time.
-    this.usual = Math.max(this.coarseness - (this.slowness < SLOW / 2 ? 1 : 0), 0);
-    this.coarsen(0);
-    this.draw();
+  private showStill(still: Still, subject: Subject): void {
+    this.sharpen(0);
+    subject.use("full");
+    still.show();
+    this.finish(subject);
   }
 
-  private coarsen(coarseness: number): void {
-    this.coarseness = coarseness;
-    this.slowness = 0;
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2) / 2 ** (coarseness / 2));
+  private finish(subject: Subject | null): void {
+    this.drawn();
+    this.ended = performance.now();
+    clearTimeout(this.timer);
+    this.timer = 0;
+    if (subject) this.saw(subject.whole ? subject.shown : "loading");
+  }
+
+  /** What the picture of the whole depends on. */
+  private look(subject: Subject): string {
+    const { matrixWorld, projectionMatrix } = this.camera;
+    this.camera.updateMatrixWorld();
+    return [subject.looks, this.width, this.height, ...matrixWorld.elements, ...projectionMatrix.elements].join();
+  }
+
+  private sharpen(halvings: number): void {
+    if (this.halvings === halvings) return;
+    this.halvings = halvings;
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2) / 2 ** (halvings / 2));
   }
 
   private resize(): void {
     const box = (this.canvas.parentElement ?? this.canvas).getBoundingClientRect();
     this.width = Math.max(Math.round(box.width), 1);
     this.height = Math.max(Math.round(box.height), 1);
-    this.coarsen(0);
+    this.sharpen(0);
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     this.renderer.setSize(this.width, this.height, false);
     this.camera.aspect = this.width / this.height;
     this.camera.updateProjectionMatrix();
     // At once: a resized canvas is empty until something is drawn.
-    this.draw();
+    this.next(performance.now(), false);
   }
+}
+
+/** A canvas that lets nothing shine through: three.js would ask for a clear one, which browsers blend over the page. */
+function opaqueContext(canvas: HTMLCanvasElement, antialias: boolean): WebGL2RenderingContext {
+  const gl = canvas.getContext("webgl2", { alpha: false, antialias, powerPreference: "high-performance" });
+  if (!gl) throw new Error("There is no WebGL 2.");
+  return gl;
 }

@@ -5,7 +5,7 @@ import { Color, MOUSE } from "three";
 import * as edit from "../actions/edit";
 import { tell, type Arrivals } from "../actions/server";
 import type { Payload } from "../protocol/frames";
-import type { ColorsMessage, MeshMessage, PositionsMessage } from "../protocol/messages";
+import type { ColorsMessage, DetailMessage, MeshMessage, PositionsMessage } from "../protocol/messages";
 import { alive, present, selectedHandle, store, type State } from "../store/state";
 import { Background } from "./background";
 import { Brush } from "./brush";
@@ -55,7 +55,10 @@ export class Viewer implements Arrivals {
   constructor(canvas: HTMLCanvasElement, overlay: HTMLElement) {
     this.stage = new Stage(canvas);
     this.markers = new Markers(overlay, (point) => this.stage.project(point));
-    this.stage.prepare = () => this.shape?.posed.update();
+    this.stage.subject = () => (this.shape?.group.visible ? this.shape : null);
+    this.stage.saw = (seen) => {
+      if (store.get().seen !== seen) store.set({ seen });
+    };
     this.stage.drawn = () => this.markers.place();
     // The gizmo hears of a press before the orbit does, and stops it.
     this.gizmo = new Gizmo(this.stage.camera, canvas, this.gizmoEvents(), () => this.stage.invalidate());
@@ -88,6 +91,7 @@ export class Viewer implements Arrivals {
   mesh(message: MeshMessage, payload: Payload): void {
     this.picker?.dispose();
     this.shape?.dispose();
+    this.stage.pace.forget();
     const shape = new Shape(message, payload, this.stage.renderer, () => this.stage.invalidate());
     this.shape = shape;
     this.picker = new Picker(this.stage.renderer, shape);
@@ -95,6 +99,11 @@ export class Viewer implements Arrivals {
     this.stage.frameShape(shape.radius);
     this.dress();
     this.pose();
+  }
+
+  detail(message: DetailMessage, payload: Payload): void {
+    if (message.mesh === store.get().mesh?.mesh) this.shape?.detail(message, payload);
+    this.stage.invalidate();
   }
 
   colors(_: ColorsMessage, payload: Payload): void {
@@ -160,6 +169,16 @@ export class Viewer implements Arrivals {
       (state) => state.dragging,
       (dragging) => {
         this.stage.orbit.enabled = !dragging;
+        this.stage.hold(dragging);
+      },
+    );
+    const { pace } = this.stage;
+    pace.quality = store.get().quality;
+    store.watch(
+      (state) => state.quality,
+      (quality) => {
+        pace.quality = quality;
+        this.stage.invalidate();
       },
     );
     store.watch(

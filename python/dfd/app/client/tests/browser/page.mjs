@@ -159,6 +159,8 @@ export function drawn(page) {
       new Promise((resolve) => {
         requestAnimationFrame(() => {
           const canvas = document.querySelector("canvas");
+          // While something moves the canvas may have fewer pixels.
+          window.dfd.draw();
           const { width, height } = canvas;
           const copy = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
           const [bare, pixels] = [true, false].map((without) => {
