@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dfd import _core
 from dfd.common.threads import get_num_threads
-from dfd.mesh.mesh import Mesh
 from dfd.mesh.weld import weld
+
+# What reads meshes takes most of a second to import; here they come as they are.
+if TYPE_CHECKING:
+    from dfd.mesh.mesh import Mesh
 
 __all__ = ["Topology", "face_areas", "face_components", "face_sizes", "first_at_place", "inspect"]
 
