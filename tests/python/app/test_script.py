@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from app_page import Shape
+from made_field import made_field
+from skinned_figure import skinned_figure
 
 import dfd
 from dfd.app.exports import export, file_stem
@@ -138,6 +140,31 @@ def test_key_poses_become_an_animation(deformer: Deformer, tmp_path: Path) -> No
     header = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
     inputs = {sampler["input"] for sampler in header["animations"][0]["samplers"]}
     assert [header["accessors"][each]["max"] for each in inputs] == [[2.0]]
+
+
+def test_a_shape_on_joints_of_its_own_moves_by_morph_targets(tmp_path: Path) -> None:
+    (tmp_path / "figure.glb").write_bytes(skinned_figure())
+    mesh = dfd.load(tmp_path / "figure.glb")
+    deformer = Deformer(mesh, made_field(8, center=mesh.bounds.mean(axis=0), scale=2 / max(mesh.extents)))
+    handle = deformer.add(0)
+    poses = [
+        KeyPose(
+            name=f"{seconds}",
+            seconds=seconds,
+            transforms=(
+                PoseTransform(handle=handle, translation=(0, seconds / 4, 0), rotation=(0, 0, 0), scale=(1, 1, 1)),
+            ),
+        )
+        for seconds in (0, 1)
+    ]
+    url, _ = export(deformer, "animation", "figure.glb", tmp_path / "session", poses)
+    (file,) = (tmp_path / "session" / "exports" / url.rsplit("/", 1)[1]).iterdir()
+    data = file.read_bytes()
+    header = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+    assert {each["target"]["path"] for each in header["animations"][-1]["channels"]} == {"weights"}
+    moved = any("targets" in primitive for each in header["meshes"] for primitive in each["primitives"])
+    assert moved, "the shape moves by targets, and keeps its joints"
+    assert "skins" in header
 
 
 def test_an_animation_needs_two_poses_at_two_moments(deformer: Deformer, tmp_path: Path) -> None:
