@@ -71,9 +71,13 @@ export class Picker {
   private draw(target: WebGLRenderTarget, camera: PerspectiveCamera, scene: ThreeScene): Uint32Array {
     const { renderer } = this;
     const before = renderer.getRenderTarget();
+    // An opaque canvas is cleared to an alpha of 1, which would be the first face: beside the shape there is none.
+    const alpha = renderer.getClearAlpha();
+    renderer.setClearAlpha(0);
     renderer.setRenderTarget(target);
     renderer.clear();
     renderer.render(scene, camera);
+    renderer.setClearAlpha(alpha);
     const bits = new Uint32Array(4 * target.width * target.height);
     renderer.readRenderTargetPixels(target, 0, 0, target.width, target.height, bits);
     renderer.setRenderTarget(before);
