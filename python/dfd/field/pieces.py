@@ -111,9 +111,13 @@ class Pieces:
         of_some = np.flatnonzero(piece >= 0)
         for start in range(0, len(of_some), _ROWS_AT_ONCE):
             chosen = of_some[start : start + _ROWS_AT_ONCE]
-            changed = rows[chosen] + self._differences_at(points[chosen], piece[chosen])
-            length = np.linalg.norm(changed, axis=1, keepdims=True)
-            result[chosen] = np.where(length > 1e-6, changed / np.maximum(length, np.float32(1e-6)), rows[chosen])
+            changed = rows[chosen]
+            changed += self._differences_at(points[chosen], piece[chosen])
+            length = np.sqrt(np.einsum("ij,ij->i", changed, changed))
+            changed /= np.maximum(length, np.float32(1e-6))[:, None]
+            vanished = length < 1e-6  # it has no direction: the row stays
+            changed[vanished] = rows[chosen[vanished]]
+            result[chosen] = changed
         return result
 
     def _differences_at(self, points: NDArray[np.floating], piece: NDArray[np.integer]) -> NDArray[np.float32]:
@@ -131,7 +135,11 @@ class Pieces:
             (share.ravel().astype(np.float32), near.ravel(), np.arange(0, near.size + 1, wanted)),
             shape=(len(points), len(self.points)),
         )
-        return np.asarray(gather @ self.differences.astype(np.float32), np.float32)
+        return np.asarray(gather @ self._wide, np.float32)
+
+    @cached_property
+    def _wide(self) -> NDArray[np.float32]:
+        return self.differences.astype(np.float32)
 
     @cached_property
     def _tree(self) -> cKDTree:
