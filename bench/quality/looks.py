@@ -45,9 +45,8 @@ def looks(mesh: dfd.Mesh, encoder: Encoder, **changes: Any) -> NDArray[np.float3
     views = render(mesh, **settings.of_pictures(), frame=frames, stages=stages)
     pixels = PixelTargets(views, encoder.encode(views.images, covered=views.covered))
     targets = spread(views, pixels, smoothing=settings.smoothing, seed=settings.seed, stages=stages)
-    features = targets.targets if targets.directions is None else targets.targets @ targets.directions
     vertices = (mesh.vertices - views.center) * views.scale
     distance, near = cKDTree(targets.points).query(vertices, NEAREST)
     shares = 1 / np.square(distance + 1e-6)
     shares /= shares.sum(axis=1, keepdims=True)
-    return unit(np.einsum("vkd,vk->vd", features[near], shares.astype(np.float32)))
+    return unit(np.einsum("vkd,vk->vd", targets.features[near], shares.astype(np.float32)))

@@ -11,7 +11,7 @@ from dfd.common.progress import Stages
 from dfd.common.threads import one_blas_thread
 from dfd.distillation.fit import fit, widen
 from dfd.distillation.metric import find_metric
-from dfd.distillation.pieces import with_pieces
+from dfd.distillation.pieces import keep_pieces
 from dfd.distillation.settings import DistillSettings
 from dfd.distillation.smoothing import spread
 from dfd.distillation.targets import PixelTargets, PointTargets
@@ -46,7 +46,7 @@ def distill_pictures(
         targets, settings, center=views.center, scale=views.scale, device=encoder.device, stages=stages, state=state
     )
     if isinstance(targets, PointTargets):
-        field = with_pieces(field, targets, views)
+        field = keep_pieces(field, targets)
     if targets.directions is not None:
         field = widen(field, targets.directions)
     made_with = {**settings.as_dict(), "metric": "learned" if metric else "none"}

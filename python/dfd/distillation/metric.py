@@ -83,9 +83,8 @@ class Metric:
 
     def of_targets(self, targets: PointTargets, seed: int) -> PointTargets:
         """Return targets at the same points whose features went through `mapped`; `seed` draws pairs to measure."""
-        features = targets.targets if targets.directions is None else targets.targets @ targets.directions
-        rows = self.mapped(features, np.random.default_rng(seed))
-        return PointTargets(targets.points, rows, None, targets.piece)
+        rows = self.mapped(targets.features, np.random.default_rng(seed))
+        return PointTargets(targets.points, rows, None, targets.piece, targets.boxes)
 
     def fits(self, encoder: Encoder) -> bool:
         """Whether it was learned from the features that `encoder` gives."""

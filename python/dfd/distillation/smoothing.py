@@ -40,6 +40,7 @@ from dfd.common.progress import Stages
 from dfd.common.threads import get_num_threads, one_blas_thread
 from dfd.distillation.contrast import PAIRS, mean_distance, restore_contrast, unit
 from dfd.distillation.targets import PixelTargets, PointTargets
+from dfd.field.pieces import boxes_of_components
 from dfd.geometry.topology import face_areas, face_components
 from dfd.mesh.weld import weld
 from dfd.views.render import Views, used_vertices
@@ -104,7 +105,11 @@ def spread(views: Views, pixels: PixelTargets, *, smoothing: float, seed: int, s
         pairs = generator.integers(0, len(views.points), (2, PAIRS))
         one, other = (pixels.at(some) for some in pairs)
         targets = restore_contrast(unit(smooth[reached]), DISTANCE_KEPT * mean_distance(one, other), generator)
-        return PointTargets(points[reached].astype(np.float32), targets, directions, component[face][reached])
+        reached_points = points[reached].astype(np.float32)
+        if component.max(initial=0) == 0:
+            return PointTargets(reached_points, targets, directions)
+        boxes = boxes_of_components(vertices, faces, component)
+        return PointTargets(reached_points, targets, directions, component[face][reached], boxes)
 
 
 def _gather(

@@ -36,8 +36,8 @@ class PointTargets:
     """Targets at points: (N, 3) normalized, and (N, d) unit rows.
 
     `directions` (d, D), orthonormal rows, lead from targets to features as the encoder gives them; None where the
-    targets are what a field is to give. `piece` (N,) is the connected component of the surface that each point is on,
-    None where nothing is known of it.
+    targets are what a field is to give. Of a surface in several pieces, connected components, `piece` (N,) is the one
+    that each point is on and `boxes` (P, 6) are the corners of the boxes around them; None else.
     """
 
     def __init__(
@@ -46,9 +46,16 @@ class PointTargets:
         targets: NDArray[np.float32],
         directions: NDArray[np.float32] | None,
         piece: NDArray[np.int32] | None = None,
+        boxes: NDArray[np.float64] | None = None,
     ) -> None:
-        self.points, self.targets, self.directions, self.piece = points, targets, directions, piece
+        self.points, self.targets, self.directions = points, targets, directions
+        self.piece, self.boxes = piece, boxes
         self.dimension = targets.shape[1]
+
+    @property
+    def features(self) -> NDArray[np.float32]:
+        """(N, D) the targets as the encoder gives features."""
+        return self.targets if self.directions is None else self.targets @ self.directions
 
     @property
     def arrays(self) -> tuple[NDArray[Any], ...]:

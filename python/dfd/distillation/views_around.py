@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["CORNERS", "LAYERS", "SIDES", "Around", "look_around"]
+__all__ = ["CORNERS", "LAYERS", "SIDES", "Around"]
 
 LAYERS = ("all", "upper", "middle", "lower")  # of a shape in a picture: all of it, and its thirds
 PATCHES = 16  # along a picture's side
@@ -87,12 +87,6 @@ class Around:
         of_frames = np.stack(layers).reshape(len(frames), len(eyes), len(LAYERS), self._encoder.dimension)
         mean: NDArray[np.float64] = of_frames.mean(axis=1, dtype=np.float64)
         return mean
-
-
-def look_around(mesh: Mesh, encoder: Encoder, frames: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return mean tokens of eight small pictures, see `Around.seen`: from the sides and from the corners."""
-    around = Around(mesh, encoder)
-    return (around.seen(frames, SIDES) + around.seen(frames, CORNERS)) / 2
 
 
 def _layers(tokens: NDArray[np.float32], covered: NDArray[np.bool_]) -> NDArray[np.float32]:

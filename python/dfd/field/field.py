@@ -108,7 +108,7 @@ class Field:
         self.center = _frozen("center", center, (3,), np.float64)
         self.scale = check.number("Field", "scale", scale, minimum=0.0, exclusive=True)
         self.settings = dict(settings or {})
-        self.pieces = self._fitting(pieces)
+        self.pieces = self._checked_pieces(pieces)
 
     @property
     def dimension(self) -> int:
@@ -167,10 +167,10 @@ class Field:
             If they are of another width.
         """
         other = self.with_settings(self.settings)
-        other.pieces = self._fitting(pieces)
+        other.pieces = self._checked_pieces(pieces)
         return other
 
-    def _fitting(self, pieces: Pieces | None) -> Pieces | None:
+    def _checked_pieces(self, pieces: Pieces | None) -> Pieces | None:
         if pieces is not None and pieces.dimension != self.dimension:
             raise ValueError(f"Field: `pieces` must be {self.dimension} wide, got {pieces.dimension}")
         return pieces

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["NAMES", "Pieces", "pieces_of_vertices"]
+__all__ = ["NAMES", "Pieces", "boxes_of_components", "pieces_of_vertices"]
 
 NAMES = ("boxes", "points", "piece", "differences")
 NEIGHBORS = 8  # points of its own piece that a vertex goes by
@@ -161,10 +161,19 @@ def pieces_of_vertices(mesh: Mesh) -> tuple[NDArray[np.int32], NDArray[np.float6
     piece = np.full(len(mesh.vertices), -1, np.int32)
     piece[faces.ravel()] = np.repeat(face_components(faces), 3)
     piece = piece[place]
-    return piece, boxes_of(mesh.vertices, piece)
+    return piece, _boxes(mesh.vertices, piece)
 
 
-def boxes_of(points: NDArray[np.floating], piece: NDArray[np.integer]) -> NDArray[np.float64]:
+def boxes_of_components(
+    vertices: NDArray[np.floating], faces: NDArray[np.integer], component: NDArray[np.int32]
+) -> NDArray[np.float64]:
+    """The boxes (P, 6) around the faces (F, 3) of each component (F,) of a surface with vertices (V, 3)."""
+    piece = np.full(len(vertices), -1, np.int32)
+    piece[faces.ravel()] = np.repeat(component, 3)
+    return _boxes(vertices, piece)
+
+
+def _boxes(points: NDArray[np.floating], piece: NDArray[np.int32]) -> NDArray[np.float64]:
     """The boxes (P, 6) around the points (N, 3) of each piece (N,), −1 belonging to none."""
     count = int(piece.max(initial=-1)) + 1
     some = piece >= 0

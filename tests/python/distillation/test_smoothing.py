@@ -32,7 +32,7 @@ def colored(views: Views, color: NDArray[np.floating]) -> PixelTargets:
 def spread(views: Views, pixels: PixelTargets, **how: Any) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Points, and their targets as features (N, D)."""
     targets = smoothing.spread(views, pixels, stages=Stages(show=False), **how)
-    return targets.points, targets.targets @ targets.directions
+    return targets.points, targets.features
 
 
 def two_sheets(gap: float) -> Mesh:
@@ -112,6 +112,25 @@ def test_more_smoothing_leaves_neighbours_more_alike_and_all_as_far_apart() -> N
         if width < 0.1:  # noise that is smoothed further would have to be magnified beyond sense
             assert np.linalg.norm(targets[some] - targets, axis=1).mean() == pytest.approx(0.75 * wanted, rel=0.05)
     assert unlike[0] > 1.5 * unlike[1] > 2 * unlike[2]
+
+
+def test_targets_know_their_piece_where_there_are_several() -> None:
+    gap = 0.4
+    views = views_of(two_sheets(gap))
+    targets = smoothing.spread(
+        views, colored(views, np.ones((len(views.points), 1))), smoothing=0.3, seed=0, stages=Stages(show=False)
+    )
+    assert targets.piece is not None
+    assert targets.boxes is not None
+    np.testing.assert_array_equal(targets.piece, targets.points[:, 1] > 0)
+    np.testing.assert_allclose(targets.boxes[1, [1, 4]] - targets.boxes[0, [1, 4]], gap * views.scale, atol=1e-5)
+    box = trimesh.creation.box((1, 1, 1))
+    one = views_of(Mesh(box.vertices, box.faces))
+    alone = smoothing.spread(
+        one, colored(one, np.ones((len(one.points), 1))), smoothing=0.3, seed=0, stages=Stages(show=False)
+    )
+    assert alone.piece is None
+    assert alone.boxes is None
 
 
 def test_mirror_images_that_look_alike_are_tied_and_no_others() -> None:

@@ -18,7 +18,7 @@ from dfd.distillation.standing import EVIDENCE, RESTS, Standing
 from dfd.distillation.up import UP_WORDS, Up, axis_frames, check_up, said_up
 from dfd.distillation.up_probe import FOLDER, LOOKS, TERMS, UpProbe, find_probe
 from dfd.distillation.upright import CLEAR, candidates, decide, find_up, prior
-from dfd.distillation.views_around import LAYERS, look_around
+from dfd.distillation.views_around import CORNERS, LAYERS, SIDES, Around
 from dfd.encoders.encode import load_encoder
 from dfd.views.render import render
 
@@ -168,6 +168,12 @@ def test_a_shape_rests_where_its_middle_is_above_an_edge():
         lowest = [np.sort(height - height.min())[1] for height in heights]
         assert sum(second < 1e-9 for second in lowest) == ways
         assert np.allclose(ups[:, 2], 0)
+
+
+def look_around(mesh, encoder, frames):
+    """What is seen from the sides and from the corners, together."""
+    around = Around(mesh, encoder)
+    return (around.seen(frames, SIDES) + around.seen(frames, CORNERS)) / 2
 
 
 def test_what_is_seen_around_a_candidate_does_not_depend_on_where_it_lies(encoder):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pickle
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from safetensors.numpy import load_file, save_file
 
 import dfd
-from dfd.distillation.pieces import with_pieces
+from dfd.distillation.pieces import keep_pieces
 from dfd.distillation.targets import PointTargets
 from dfd.field.pieces import Pieces, pieces_of_vertices
 from dfd.mesh.mesh import Mesh
@@ -38,12 +37,11 @@ def shells(detail: int = 12) -> Mesh:
 
 def kept(mesh: Mesh) -> tuple[dfd.Field, NDArray[np.float32]]:
     """A field that was told what each tube looks like, and the features that were meant: a direction a tube."""
-    piece, _ = pieces_of_vertices(mesh)
+    piece, boxes = pieces_of_vertices(mesh)
     wanted = np.eye(WIDTH, dtype=np.float32)[piece]
     field = made_field(dimension=WIDTH, width=16, layers=2, octaves=2, scale=1.0)
-    views = SimpleNamespace(vertices=mesh.vertices.astype(np.float32), faces=mesh.faces)
-    targets = PointTargets(mesh.vertices.astype(np.float32), wanted, None, piece)
-    return with_pieces(field, targets, views), wanted  # type: ignore[arg-type]
+    targets = PointTargets(mesh.vertices.astype(np.float32), wanted, None, piece, boxes)
+    return keep_pieces(field, targets), wanted
 
 
 def test_each_piece_has_its_own_features_where_they_share_a_place() -> None:
@@ -105,10 +103,8 @@ def test_features_change_nowhere_at_once() -> None:
 def test_one_piece_needs_nothing_more() -> None:
     box = dfd.Mesh(np.eye(4, 3), [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]])
     field = made_field(dimension=WIDTH, width=16, layers=2, octaves=2)
-    views = SimpleNamespace(vertices=box.vertices.astype(np.float32), faces=box.faces)
-    rows = np.eye(4, WIDTH, dtype=np.float32)
-    targets = PointTargets(box.vertices.astype(np.float32), rows, None, np.zeros(4, np.int32))
-    assert with_pieces(field, targets, views) is field  # type: ignore[arg-type]
+    targets = PointTargets(box.vertices.astype(np.float32), np.eye(4, WIDTH, dtype=np.float32), None)
+    assert keep_pieces(field, targets) is field
 
 
 def test_pieces_of_vertices_take_seams_together_and_leave_loose_vertices_out() -> None:

@@ -3,6 +3,7 @@ import { describe, expect, it } from "vitest";
 import { IDENTITY, matrixOf, REST } from "../../src/viewer/affine";
 import { EMPTY_SCENE, type Column, type Layer } from "../../src/viewer/columns";
 import { PoseTextures } from "../../src/viewer/pose_textures";
+import { madeColumn } from "./made_column";
 
 const layer = (value: number): Layer => ({
   values: Uint16Array.of(value, value + 1),
@@ -10,22 +11,8 @@ const layer = (value: number): Layer => ({
   kind: "distance",
   geodesic: null,
 });
-const column = (own: Layer): Column => ({
-  handle: 1,
-  layer: own,
-  fixed: null,
-  share: null,
-  shareGain: 1,
-  reach: 1,
-  falloff: "linear",
-  exponent: 0,
-  gain: 1,
-  strength: 1,
-  positive: true,
-  heat: 0,
-  transform: matrixOf({ ...REST, translation: [1, 2, 3] }, [0, 0, 0]),
-  acts: true,
-});
+const column = (own: Layer): Column =>
+  madeColumn(own, { transform: matrixOf({ ...REST, translation: [1, 2, 3] }, [0, 0, 0]) });
 const stored = (textures: PoseTextures) => textures.distances.image.data as Uint16Array;
 
 describe("PoseTextures", () => {

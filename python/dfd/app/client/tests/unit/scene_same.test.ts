@@ -1,25 +1,11 @@
 import { describe, expect, it } from "vitest";
 
 import { IDENTITY, matrixOf, REST } from "../../src/viewer/affine";
-import { EMPTY_SCENE, sameScene, type Column, type Scene } from "../../src/viewer/columns";
+import { EMPTY_SCENE, sameScene, type Scene } from "../../src/viewer/columns";
+import { madeColumn } from "./made_column";
 
 const layer = { values: Uint16Array.of(1, 2), scale: 2, kind: "distance", geodesic: null } as const;
-const column: Column = {
-  handle: 1,
-  layer,
-  fixed: null,
-  share: null,
-  shareGain: 1,
-  reach: 1,
-  falloff: "linear",
-  exponent: 0,
-  gain: 1,
-  strength: 1,
-  positive: true,
-  heat: 0,
-  transform: IDENTITY,
-  acts: true,
-};
+const column = madeColumn(layer);
 const mirror = { normal: [1, 0, 0], offset: 0, band: 0 } as const;
 const scene: Scene = { columns: [column], defaultTransform: IDENTITY, mirror };
 

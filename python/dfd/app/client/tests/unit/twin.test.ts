@@ -1,10 +1,11 @@
 import { describe, expect, it } from "vitest";
 
-import { apply, IDENTITY, matrixOf, REST, type Frame, type Vec3 } from "../../src/viewer/affine";
+import { apply, matrixOf, REST, type Frame, type Vec3 } from "../../src/viewer/affine";
 import { falloff, FALLOFFS, weightOf, type Column, type Layer, type Scene } from "../../src/viewer/columns";
 import { heldPart } from "../../src/viewer/measure";
 import { instanceMatrix, instancePivot, relative } from "../../src/viewer/scene";
 import { mirrored, posePoint } from "../../src/viewer/twin";
+import { madeColumn } from "./made_column";
 
 const layer = (values: number[], scale = 2, geodesic: number[] | null = null): Layer => ({
   values: Uint16Array.from(values, (value) => Math.round((value / scale) * 65535)),
@@ -14,25 +15,7 @@ const layer = (values: number[], scale = 2, geodesic: number[] | null = null): L
 });
 const weights = (values: number[]): Layer => ({ ...layer(values, 1), kind: "weight" });
 
-function column(part: Partial<Column>): Column {
-  return {
-    handle: 1,
-    layer: layer([0, 0.25, 1, 1.5]),
-    fixed: null,
-    share: null,
-    shareGain: 1,
-    reach: 1,
-    falloff: "linear",
-    exponent: 0,
-    gain: 1,
-    strength: 1,
-    positive: true,
-    heat: 0,
-    transform: IDENTITY,
-    acts: true,
-    ...part,
-  };
-}
+const column = (part: Partial<Column>): Column => madeColumn(layer([0, 0.25, 1, 1.5]), part);
 
 const scene = (columns: Column[], part: Partial<Scene> = {}): Scene => ({
   columns,
