@@ -11,14 +11,33 @@ export class Clock {
 
   /** Tell, once all that was asked until now is drawn, how long after `begun` that is; one question at a time. */
   ask(begun: number, tell: (milliseconds: number) => void): void {
-    const { gl } = this;
-    const fence = this.pending ? null : gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
-    if (!fence) return;
+    if (this.pending) return;
     this.pending = true;
+    this.answer(begun, (milliseconds) => {
+      this.pending = false;
+      if (milliseconds !== null) tell(milliseconds);
+    });
+  }
+
+  /** The same for what goes on from there: always answered, whoever else asks, but where the graphics are lost. */
+  follow(begun: number, tell: (milliseconds: number) => void): void {
+    this.answer(begun, (milliseconds) => {
+      if (milliseconds !== null) tell(milliseconds);
+    });
+  }
+
+  /** `tell` null where there will be no answer. */
+  private answer(begun: number, tell: (milliseconds: number | null) => void): void {
+    const { gl } = this;
+    const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    if (!fence) {
+      tell(null);
+      return;
+    }
     gl.flush();
     const look = () => {
       if (gl.isContextLost()) {
-        this.pending = false;
+        tell(null);
         return;
       }
       const gone = performance.now() - begun;
@@ -27,9 +46,8 @@ export class Clock {
         setTimeout(look, INTERVAL);
         return;
       }
-      this.pending = false;
       gl.deleteSync(fence);
-      if (done) tell(gone);
+      tell(done ? gone : null);
     };
     setTimeout(look, INTERVAL);
   }

@@ -108,7 +108,8 @@ export class Still {
         this.add(parts, faces, count);
         faces += count;
       }
-      this.clock.ask(begun, (took) => {
+      // A question of an older picture may still be open: this one must be answered all the same.
+      this.clock.follow(begun, (took) => {
         spent += took;
         bit = Math.max(Math.round(bit * Math.min(Math.max(BUDGET / took, 0.5), 2)), least);
         next();
