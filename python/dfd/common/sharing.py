@@ -1,13 +1,17 @@
-"""Work that is split into ranges, which wait for nobody."""
+"""Work that is split into ranges, which wait for nobody, and work that is done beside other work."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import TypeVar
 
 from dfd.common.threads import get_num_threads
 
-__all__ = ["share"]
+__all__ = ["beside", "share"]
+
+T = TypeVar("T")
 
 
 def share(count: int, size: int, work: Callable[[int, int], None]) -> None:
@@ -31,3 +35,16 @@ def share(count: int, size: int, work: Callable[[int, int], None]) -> None:
                 pass
         for other in taking:
             other.result()
+
+
+@contextmanager
+def beside(work: Callable[[], T]) -> Iterator[Callable[[], T]]:
+    """Let `work` be done on a thread of its own while the block runs; what is yielded gives its result, or raises.
+
+    The block ends when both are done. Where the kernels use one thread, `work` is done when its result is asked for.
+    """
+    if get_num_threads() == 1:
+        yield work
+        return
+    with ThreadPoolExecutor(1, "dfd") as pool:
+        yield pool.submit(work).result

@@ -5,15 +5,18 @@ The cache, checkpoints and all else that a long run needs stand around it, in `d
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+from functools import partial
 from typing import TYPE_CHECKING
 
 from dfd.common.progress import Stages
+from dfd.common.sharing import beside
 from dfd.common.threads import one_blas_thread
 from dfd.distillation.fit import fit, widen
 from dfd.distillation.metric import find_metric
 from dfd.distillation.pieces import keep_pieces
 from dfd.distillation.settings import DistillSettings
-from dfd.distillation.smoothing import spread
+from dfd.distillation.smoothing import lay_ground, spread
 from dfd.distillation.targets import PixelTargets, PointTargets
 from dfd.distillation.upright import said_or_found
 from dfd.encoders.encode import Encoder
@@ -35,12 +38,16 @@ def distill_pictures(
     metric = find_metric(encoder) if settings.metric == "learned" else None
     up = said_or_found(mesh, encoder, settings.up, stages=stages)
     views = render(mesh, **settings.of_pictures(), frame=up.frames, stages=stages)
-    tokens = encoder.encode(views.images, covered=views.covered, store=kept, stages=stages)
+    smoothing, seed = settings.smoothing, settings.seed
+    # A thread of its own fills what is left of the processors while the last pictures are encoded.
+    laid = beside(partial(lay_ground, views, smoothing=smoothing, seed=seed)) if smoothing > 0 else nullcontext()
+    with laid as ground:
+        tokens = encoder.encode(views.images, covered=views.covered, store=kept, stages=stages)
     pixels = PixelTargets(views, tokens)
     targets: PixelTargets | PointTargets = pixels  # as the paper has it, without smoothing
-    if settings.smoothing > 0:
-        targets = spread(views, pixels, smoothing=settings.smoothing, seed=settings.seed, stages=stages)
-        targets = metric.of_targets(targets, settings.seed) if metric else targets
+    if smoothing > 0:
+        targets = spread(views, pixels, smoothing=smoothing, seed=seed, stages=stages, ground=ground)
+        targets = metric.of_targets(targets, seed) if metric else targets
     state = kept.fit_state(*targets.arrays) if kept else None
     field = fit(
         targets, settings, center=views.center, scale=views.scale, device=encoder.device, stages=stages, state=state

@@ -28,11 +28,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 from scipy.spatial import cKDTree
 
 from dfd.common.pca import principal_directions
@@ -45,7 +46,7 @@ from dfd.geometry.topology import face_areas, face_components
 from dfd.mesh.weld import weld
 from dfd.views.render import Views, used_vertices
 
-__all__ = ["spread"]
+__all__ = ["Ground", "lay_ground", "spread"]
 
 NODES = 12_000  # points on the surface: on average 0.02 apart in normalized coordinates
 HITS = 400_000  # pixels that are gathered at most; more change nothing that can be measured
@@ -66,7 +67,63 @@ DISTANCE_KEPT = 0.75
 _APART = 10.0  # between components in the search for neighbours, beyond any distance within [−1, 1]³
 
 
-def spread(views: Views, pixels: PixelTargets, *, smoothing: float, seed: int, stages: Stages) -> PointTargets:
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """What features are gathered on and spread along: all of it that is known before the tokens are.
+
+    Attributes
+    ----------
+    points, face, area
+        (N, 3) points on the surface, in normalized coordinates, the face of each, and the area that each stands for.
+    component
+        (F,) the connected component that each face of the surface belongs to.
+    chosen, nearest
+        (P,) the pixels that are gathered, and the point that each is nearest to.
+    confidence
+        (N,) how well each point is seen.
+    links
+        (N, N) symmetric weights between neighbours along the surface.
+    factors
+        Those of the system that spreads features along the links.
+    generator
+        What draws what is still to be drawn.
+    """
+
+    points: NDArray[np.float64]
+    face: NDArray[np.int64]
+    area: float
+    component: NDArray[np.int32]
+    chosen: NDArray[np.int64]
+    nearest: NDArray[np.int64]
+    confidence: NDArray[np.float64]
+    links: sparse.csr_matrix
+    factors: SuperLU
+    generator: np.random.Generator
+
+
+def lay_ground(views: Views, *, smoothing: float, seed: int) -> Ground:
+    """Return what `spread` needs besides the tokens; arguments as there."""
+    generator = np.random.default_rng(seed)
+    vertices, faces = views.vertices.astype(np.float64), views.faces
+    component = face_components(weld(vertices)[1][faces])
+    points, face, area = _draw_points(vertices, faces, NODES, generator)
+    chosen, nearest = _gather(views, points, component, face, generator)
+    seen = np.bincount(nearest, minlength=len(points)) / (len(chosen) / len(points))
+    confidence = np.minimum(seen, ENOUGH) * area
+    links = _surface_links(points, component[face], seen > 0, area)
+    factors = _factors(confidence, area, _strength(smoothing) * _laplacian(links))
+    return Ground(points, face, area, component, chosen, nearest, confidence, links, factors, generator)
+
+
+def spread(
+    views: Views,
+    pixels: PixelTargets,
+    *,
+    smoothing: float,
+    seed: int,
+    stages: Stages,
+    ground: Callable[[], Ground] | None = None,
+) -> PointTargets:
     """Gather tokens on the surface and smooth them along it.
 
     Parameters
@@ -79,6 +136,8 @@ def spread(views: Views, pixels: PixelTargets, *, smoothing: float, seed: int, s
         How far features spread, in normalized coordinates; above 0.
     seed
         Draws the points.
+    ground
+        Gives what `lay_ground` returns for the same arguments, where somebody does that before the tokens are there.
 
     Returns
     -------
@@ -86,30 +145,24 @@ def spread(views: Views, pixels: PixelTargets, *, smoothing: float, seed: int, s
     features.
     """
     with stages.stage("spread"), one_blas_thread():
-        generator = np.random.default_rng(seed)
-        vertices, faces = views.vertices.astype(np.float64), views.faces
-        component = face_components(weld(vertices)[1][faces])
-        points, face, area = _draw_points(vertices, faces, NODES, generator)
-        chosen, nearest = _gather(views, points, component, face, generator)
-        tokens = pixels.mean_at(chosen, nearest, len(points))
-        seen = np.bincount(nearest, minlength=len(points)) / (len(chosen) / len(points))
-        confidence = np.minimum(seen, ENOUGH) * area
+        on = ground() if ground else lay_ground(views, smoothing=smoothing, seed=seed)
+        points, confidence, generator = on.points, on.confidence, on.generator
+        tokens = pixels.mean_at(on.chosen, on.nearest, len(points))
         directions = _main_directions(tokens, confidence)
         main = tokens @ directions.T
-        strength = smoothing**2 / 2 * ENOUGH
-        links = _surface_links(points, component[face], seen > 0, area)
-        looks = unit(_smooth(main[:, :ALIKE_DIRECTIONS], confidence, area, strength * _laplacian(links)))
-        links = links + _mirror_links(_centered(points, views), looks, float(np.median(links.data)), generator)
-        smooth = _smooth(main, confidence, area, strength * _laplacian(links))
+        looks = unit(_smooth(main[:, :ALIKE_DIRECTIONS], confidence, on.factors))
+        mirrored = _mirror_links(_centered(points, views), looks, float(np.median(on.links.data)), generator)
+        stiffness = _strength(smoothing) * _laplacian(on.links + mirrored)
+        smooth = _smooth(main, confidence, _factors(confidence, on.area, stiffness))
         reached = np.linalg.norm(smooth, axis=1) > 1e-4
         pairs = generator.integers(0, len(views.points), (2, PAIRS))
         one, other = (pixels.at(some) for some in pairs)
         targets = restore_contrast(unit(smooth[reached]), DISTANCE_KEPT * mean_distance(one, other), generator)
         reached_points = points[reached].astype(np.float32)
-        if component.max(initial=0) == 0:
+        if on.component.max(initial=0) == 0:
             return PointTargets(reached_points, targets, directions)
-        boxes = boxes_of_components(vertices, faces, component)
-        return PointTargets(reached_points, targets, directions, component[face][reached], boxes)
+        boxes = boxes_of_components(views.vertices.astype(np.float64), views.faces, on.component)
+        return PointTargets(reached_points, targets, directions, on.component[on.face][reached], boxes)
 
 
 def _gather(
@@ -148,14 +201,21 @@ def _draw_points(
     return points, face, float(total[-1]) / count
 
 
-def _smooth(
-    tokens: NDArray[np.float32], confidence: NDArray[np.float64], area: float, stiffness: sparse.csr_matrix
-) -> NDArray[np.float32]:
-    """The Z (N, D) of least Σ_i c_i ‖Z_i − Ẑ_i‖² + Zᵀ (stiffness) Z."""
+def _strength(smoothing: float) -> float:
+    """What the stiffness of the links counts for, beside points that are seen well enough."""
+    return smoothing**2 / 2 * ENOUGH
+
+
+def _factors(confidence: NDArray[np.float64], area: float, stiffness: sparse.csr_matrix) -> SuperLU:
+    """Factors of the system whose solutions have least Σ_i c_i ‖Z_i − Ẑ_i‖² + Zᵀ (stiffness) Z."""
     # The last term only keeps the system regular where nothing is seen and nothing is near.
     system = sparse.csc_matrix(stiffness + sparse.diags(confidence + 1e-6 * area))
     # Positive definite: no pivots have to be looked for, and an ordering that stays symmetric fills in half as much.
-    factors = splu(system, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    return splu(system, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+
+
+def _smooth(tokens: NDArray[np.float32], confidence: NDArray[np.float64], factors: SuperLU) -> NDArray[np.float32]:
+    """The smooth Z (N, D) of tokens Ẑ (N, D)."""
     smooth = np.empty(tokens.shape, np.float32)
 
     def solve(first: int) -> None:

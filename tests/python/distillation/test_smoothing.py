@@ -97,6 +97,16 @@ def test_targets_are_unit_and_the_same_twice() -> None:
     np.testing.assert_array_equal(targets, again[1])
 
 
+def test_ground_that_was_laid_before_gives_the_same() -> None:
+    views = views_of(two_sheets(0.5))
+    pixels = colored(views, np.abs(views.points) + 0.1)
+    points, targets = spread(views, pixels, smoothing=0.2, seed=3)
+    ground = smoothing.lay_ground(views, smoothing=0.2, seed=3)
+    again = spread(views, pixels, smoothing=0.2, seed=3, ground=lambda: ground)
+    np.testing.assert_array_equal(points, again[0])
+    np.testing.assert_array_equal(targets, again[1])
+
+
 def test_more_smoothing_leaves_neighbours_more_alike_and_all_as_far_apart() -> None:
     views = views_of(two_sheets(0.5))
     noise = np.random.default_rng(0).random((len(views.points), 4))
