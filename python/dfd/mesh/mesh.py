@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import os
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from dfd.common import check, tensors
@@ -19,8 +19,11 @@ from dfd.mesh.appearance import Appearance
 from dfd.mesh.file.obj_groups import face_groups
 from dfd.mesh.file.read import of_trimesh, read
 from dfd.mesh.file.scene_file import SceneFile
-from dfd.mesh.file.write import write
 from dfd.mesh.normals import smooth_normals
+
+# Most of a second to import, and not every file needs it to be read.
+if TYPE_CHECKING:
+    import trimesh
 
 __all__ = ["Mesh", "MeshLike", "MeshPart", "as_mesh", "load"]
 
@@ -252,6 +255,8 @@ class Mesh:
         moved = self.vertices
         if vertices is not None:
             moved = check.array("Mesh.save", "vertices", vertices, self.vertices.shape, dtype=np.float64)
+        from dfd.mesh.file.write import write
+
         write(path, moved, self.faces, appearance=self.appearance, scene=self._scene)
 
     def to_trimesh(self, vertices: Any | None = None) -> trimesh.Trimesh:
@@ -268,6 +273,8 @@ class Mesh:
         moved = self.vertices
         if vertices is not None:
             moved = check.array("Mesh.to_trimesh", "vertices", vertices, self.vertices.shape, dtype=np.float64)
+        import trimesh
+
         result = trimesh.Trimesh(moved.copy(), self.faces.astype(np.int64), process=False)
         if self.appearance is not None:
             result.visual.vertex_colors = np.rint(self.vertex_colors() * 255).astype(np.uint8)
@@ -286,8 +293,8 @@ class Mesh:
         return colors[self.representative]
 
 
-MeshLike: TypeAlias = (
-    Mesh | str | os.PathLike[str] | trimesh.Trimesh | trimesh.Scene | Sequence[Any]  # the last a pair of arrays
+MeshLike: TypeAlias = (  # the last is a pair of arrays
+    "Mesh | str | os.PathLike[str] | trimesh.Trimesh | trimesh.Scene | Sequence[Any]"
 )
 
 
@@ -319,7 +326,7 @@ def load(source: str | os.PathLike[str] | trimesh.Trimesh | trimesh.Scene | Sequ
     """
     if isinstance(source, str | os.PathLike):
         scene = read(source)
-    elif isinstance(source, trimesh.Trimesh | trimesh.Scene):
+    elif _is_of_trimesh(source):
         scene = of_trimesh(source)
     elif isinstance(source, tuple | list) and len(source) == 2:
         return Mesh(*source)
@@ -329,6 +336,12 @@ def load(source: str | os.PathLike[str] | trimesh.Trimesh | trimesh.Scene | Sequ
             f"got {type(source).__name__}"
         )
     return Mesh(scene.vertices, scene.faces, appearance=scene.appearance, scene=scene)
+
+
+def _is_of_trimesh(source: object) -> TypeGuard[trimesh.Trimesh | trimesh.Scene]:
+    """Whether it is one of trimesh's shapes, which nobody can have who has not imported trimesh."""
+    known = sys.modules.get("trimesh")
+    return known is not None and isinstance(source, known.Trimesh | known.Scene)
 
 
 def as_mesh(source: MeshLike) -> Mesh:

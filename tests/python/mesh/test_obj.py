@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -265,3 +268,39 @@ def test_a_pipe_for_materials_is_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.mtl")
     with pytest.warns(UserWarning, match="pipe.mtl"):
         load(write(tmp_path / "cube.obj", "mtllib pipe.mtl\nusemtl a\n" + obj_cube()))
+
+
+def test_a_shape_without_looks_is_read_without_the_libraries_that_looks_need(tmp_path: Path) -> None:
+    path = write(tmp_path / "cube.obj", obj_cube() + "vn 0 0 1\n")
+    code = (
+        f"import sys; from dfd.mesh.mesh import load; mesh = load({str(path)!r}); assert len(mesh.faces) == 12; "
+        "mesh.content_hash; print(sorted({'trimesh', 'PIL', 'networkx'} & sys.modules.keys()))"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False)
+    assert (found.stdout, found.stderr) == ("[]\n", "")
+
+
+@pytest.mark.parametrize("normals", [False, True])
+@pytest.mark.parametrize("ending", [".glb", ".gltf", ".ply", ".stl", ".off", ".obj"])
+def test_a_shape_without_looks_is_written_as_one_with_some(ending: str, normals: bool, tmp_path: Path) -> None:
+    text = obj_cube()
+    if normals:
+        text = re.sub(r"(?m)^f (\d+) (\d+) (\d+)$", r"f \1//\1 \2//\2 \3//\3", text)
+        text = "".join(f"vn {x} {y} {z}\n" for x, y, z in 2 * CORNERS - 1) + text
+    bare = load(write(tmp_path / "bare.obj", text))
+    colored = load(write(tmp_path / "colored.obj", re.sub(r"(?m)^(v .*)$", r"\1 0.5 0.5 0.5", text)))
+    assert bare.appearance is None
+    assert colored.appearance is not None
+    moved = CORNERS * [1, 2, 3] + 0.5
+    for name, mesh in (("bare", bare), ("colored", colored)):
+        mesh.save(tmp_path / f"{name}_out{ending}", moved)
+        assert np.array_equal(mesh.vertices, CORNERS)
+    one, other = load(tmp_path / f"bare_out{ending}"), load(tmp_path / f"colored_out{ending}")
+    np.testing.assert_array_equal(one.vertices, other.vertices)
+    np.testing.assert_array_equal(one.faces, other.faces)
+    assert one.scene is not None
+    assert other.scene is not None
+    for a, b in zip(one.scene.primitives, other.scene.primitives, strict=True):
+        assert (a.normals is None) == (b.normals is None)
+        if a.normals is not None and b.normals is not None:
+            np.testing.assert_array_equal(a.normals, b.normals)

@@ -7,12 +7,10 @@ from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
 from dfd.mesh.appearance import Appearance, Material, srgb
 from dfd.mesh.file.pictures import MOST_TEXELS
-from dfd.mesh.file.primitives import Primitive
-from dfd.mesh.file.visuals import is_stand_in
+from dfd.mesh.file.primitives import BareGeometry, Primitive
 
 __all__ = ["read_appearance", "vertex_colors"]
 
@@ -78,7 +76,7 @@ class _Surface:
         self.material = getattr(visual, "material", None)
         self.uv = _texture_coordinates(primitive)
         self.row_of: NDArray[np.int32] | None = None
-        if visual.kind == "face":  # a color for each face: its corners are rows of their own
+        if visual is not None and visual.kind == "face":  # a color for each face: its corners are rows of their own
             self.colors: NDArray[np.float32] | None = np.repeat(visual.face_colors.astype(np.float32) / 255, 3, axis=0)
             self.row_of = self.faces.ravel()
             self.faces = np.arange(self.faces.size, dtype=np.int32).reshape(-1, 3)
@@ -91,6 +89,12 @@ def _look(source: Any, looks: Mapping[int, Material], has_colors: bool) -> Mater
     """Return a material of trimesh as ours."""
     if id(source) in looks:
         return looks[id(source)]
+    if source is None:
+        return Material(color=_WHITE) if has_colors else Material()
+    from trimesh.visual.material import PBRMaterial, SimpleMaterial
+
+    from dfd.mesh.file.visuals import is_stand_in
+
     if isinstance(source, PBRMaterial):
         factor = np.ones(4) if source.baseColorFactor is None else np.asarray(source.baseColorFactor) / 255
         color = (*(float(each) for each in srgb(factor[:3])), float(factor[3]))
@@ -124,7 +128,10 @@ def _texture_coordinates(primitive: Primitive) -> NDArray[np.float32] | None:
 
 def vertex_colors(primitive: Primitive, linear: bool) -> NDArray[np.float32] | None:
     """Return RGBA (rows, 4) in [0, 1], display-referred; glTF keeps `linear` ones."""
-    visual, geometry = primitive.geometry.visual, primitive.geometry
+    geometry = primitive.geometry
+    if isinstance(geometry, BareGeometry):
+        return None
+    visual = geometry.visual
     if visual.kind == "vertex":
         values = visual.vertex_colors
     else:  # beside a texture

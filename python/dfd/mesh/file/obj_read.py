@@ -7,21 +7,21 @@ import re
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
-from PIL import Image
-from trimesh.exchange.obj import parse_mtl
-from trimesh.visual import TextureVisuals
-from trimesh.visual.material import SimpleMaterial
 
 from dfd.mesh.appearance import Material
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.obj_text import ObjText, decoded
 from dfd.mesh.file.pictures import Pictures
-from dfd.mesh.file.primitives import Placing
+from dfd.mesh.file.primitives import BareGeometry, Geometry, Placing
+
+# Many files describe no looks: what these need takes half a second to import.
+if TYPE_CHECKING:
+    from PIL import Image
+    from trimesh.visual.material import SimpleMaterial
 
 __all__ = ["ObjSource", "libraries", "picture_name", "read", "state_at_faces"]
 
@@ -98,11 +98,18 @@ def libraries(text: ObjText, assets: AssetFolder) -> list[str]:
 
 def _geometry(
     text: ObjText, rows: NDArray[np.int64], faces: NDArray[np.int64], material: SimpleMaterial | None
-) -> trimesh.Trimesh:
+) -> Geometry:
     """Return a geometry of distinct vertices, textures and normals (R, 3) and triangles of them (F, 3)."""
-    options: dict[str, Any] = {}
-    colors = None if text.colors is None else np.rint(text.colors[rows[:, 0]].clip(0, 1) * 255).astype(np.uint8)
+    positions = text.positions[rows[:, 0]]
+    normals = text.normals[rows[:, 2]] if len(text.normals) and (rows[:, 2] >= 0).all() else None
     textured = bool((rows[:, 1] >= 0).any())
+    if material is None and text.colors is None and not textured:
+        return BareGeometry(positions, faces, normals)
+    import trimesh
+    from trimesh.visual import TextureVisuals
+
+    options: dict[str, Any] = {} if normals is None else {"vertex_normals": normals}
+    colors = None if text.colors is None else np.rint(text.colors[rows[:, 0]].clip(0, 1) * 255).astype(np.uint8)
     if material is not None or textured:
         uv = np.where(rows[:, 1:2] >= 0, text.uv[rows[:, 1]], 0) if textured else None
         options["visual"] = TextureVisuals(uv=uv, material=material)
@@ -110,9 +117,7 @@ def _geometry(
             options["visual"].vertex_attributes["color"] = colors
     elif colors is not None:
         options["vertex_colors"] = colors
-    if len(text.normals) and (rows[:, 2] >= 0).all():
-        options["vertex_normals"] = text.normals[rows[:, 2]]
-    return trimesh.Trimesh(text.positions[rows[:, 0]], faces, process=False, **options)
+    return trimesh.Trimesh(positions, faces, process=False, **options)
 
 
 def _distinct(corners: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -206,7 +211,12 @@ class _Materials:
             except (ValueError, OSError):
                 assets.unreadable.add(library)
                 continue
-            for name, described in parse_mtl(_of_materials(content, used - set(self.found)), resolver=self).items():
+            lines = _of_materials(content, used - set(self.found))
+            if not lines:
+                continue
+            from trimesh.exchange.obj import parse_mtl
+
+            for name, described in parse_mtl(lines, resolver=self).items():
                 self.found[name] = self._material(described)
 
     def get(self, name: str) -> bytes:
@@ -224,6 +234,8 @@ class _Materials:
 
         Programs disagree about the product of the two.
         """
+        from trimesh.visual.material import SimpleMaterial
+
         image = described.pop("image", None)
         if image is not None:
             name = image.info["file_path"]

@@ -6,10 +6,13 @@ import hashlib
 import importlib.util
 import io
 import warnings
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 __all__ = ["MOST_TEXELS", "Pictures", "is_ktx2", "ktx2_is_readable"]
 
@@ -78,6 +81,8 @@ class Pictures:
             texels = np.asarray(texture.transcode("rgba8").data, np.uint8)
         except opengl_basisu.BasisuError as error:
             raise ValueError(f"a KTX2 picture cannot be decoded: {error}") from error
+        from PIL import Image
+
         image = Image.fromarray(texels)
         self._texels[id(image)] = texels
         return image
@@ -94,6 +99,8 @@ def ktx2_is_readable() -> bool:
 
 
 def _verified(data: bytes) -> Image.Image:
+    from PIL import Image
+
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of Pillow's own limit; ours is the budget
@@ -105,6 +112,8 @@ def _verified(data: bytes) -> Image.Image:
 
 
 def _decoded(data: bytes) -> NDArray[np.uint8]:
+    from PIL import Image
+
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

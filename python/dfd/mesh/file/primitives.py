@@ -5,15 +5,39 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
-__all__ = ["MovedPrimitive", "Placing", "Primitive", "UniqueNames", "place"]
+# trimesh takes most of a second to import; what has no looks is read without.
+if TYPE_CHECKING:
+    import trimesh
+
+__all__ = ["BareGeometry", "Geometry", "MovedPrimitive", "Placing", "Primitive", "UniqueNames", "place"]
 
 # Rows and faces that a scene may place: a file of a few kilobytes can name any number of them.
 _MOST_ROWS = 10**8
+
+
+@dataclass(frozen=True, eq=False)
+class BareGeometry:
+    """What a trimesh geometry is to a scene, of a shape without materials, textures and colors."""
+
+    vertices: NDArray[np.float64]  # (N, 3)
+    faces: NDArray[np.int64]  # (F, 3)
+    normals: NDArray[np.float64] | None  # (N, 3) the file's own
+
+    visual = None
+
+    def to_trimesh(self) -> trimesh.Trimesh:
+        """Return the same shape as trimesh has it."""
+        import trimesh
+
+        return trimesh.Trimesh(self.vertices, self.faces, vertex_normals=self.normals, process=False)
+
+
+Geometry: TypeAlias = "trimesh.Trimesh | BareGeometry"
 
 
 @dataclass(frozen=True)
@@ -22,7 +46,7 @@ class Placing:
 
     part: str  # the scene's part that it belongs to; equal names that follow each other are one part
     name: str  # the geometry's own name
-    geometry: trimesh.Trimesh
+    geometry: Geometry
     transform: NDArray[np.float64] | None = None  # (4, 4) from the geometry's coordinates to the scene's
     source: tuple[int, int, int] = (0, 0, 0)  # node, mesh and primitive of a glTF file
 
@@ -33,7 +57,7 @@ class Primitive:
 
     part: str
     name: str
-    geometry: trimesh.Trimesh
+    geometry: Geometry
     transform: NDArray[np.float64]  # (4, 4) from the geometry's own coordinates to the scene's
     source: tuple[int, int, int]
     rows: slice  # its vertices among all rows of the file
@@ -42,6 +66,8 @@ class Primitive:
     @property
     def normals(self) -> NDArray[np.float64] | None:
         """(rows, 3) the file's normals, in the geometry's own coordinates; None where it has none."""
+        if isinstance(self.geometry, BareGeometry):
+            return self.geometry.normals
         # trimesh would make normals up when asked for `vertex_normals`; only those it was given are in its cache
         normals = self.geometry._cache.cache.get("vertex_normals")
         return None if normals is None else np.asarray(normals)
@@ -98,7 +124,7 @@ def place(path: Path, placings: Sequence[Placing]) -> tuple[tuple[Primitive, ...
     return tuple(primitives), stacked
 
 
-def _checked(path: Path, name: str, geometry: trimesh.Trimesh) -> tuple[NDArray[np.float64], int]:
+def _checked(path: Path, name: str, geometry: Geometry) -> tuple[NDArray[np.float64], int]:
     """Return the vertices and the number of faces of a geometry.
 
     Coordinates that are not finite and faces of vertices that are not there are refused.

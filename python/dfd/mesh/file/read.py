@@ -8,18 +8,19 @@ import io
 import os
 import warnings
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
 
-from dfd.mesh.file import glb, gltf_header, gltf_read, obj_read, obj_text, plain_formats
+from dfd.mesh.file import glb, obj_read, obj_text, plain_formats
 from dfd.mesh.file.assets import AssetFolder, read_regular
-from dfd.mesh.file.gltf_data import GltfData
-from dfd.mesh.file.gltf_patch import GltfSource
 from dfd.mesh.file.pictures import Pictures
 from dfd.mesh.file.primitives import Placing
 from dfd.mesh.file.scene_file import SceneFile
+
+# What a format needs is imported where it is read: trimesh alone takes half a second.
+if TYPE_CHECKING:
+    import trimesh
 
 __all__ = ["ENDINGS", "of_trimesh", "read"]
 
@@ -65,6 +66,8 @@ def of_trimesh(source: trimesh.Trimesh | trimesh.Scene) -> SceneFile:
     ValueError
         If it holds no faces, an index out of range or a coordinate that is not finite.
     """
+    import trimesh
+
     if isinstance(source, trimesh.Trimesh):
         copy = source.copy()
         placings = [Placing(str(source.metadata.get("name") or "mesh"), "mesh", copy)]
@@ -102,6 +105,10 @@ def _read_obj(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
 
 
 def _read_gltf(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
+    from dfd.mesh.file import gltf_header, gltf_read
+    from dfd.mesh.file.gltf_data import GltfData
+    from dfd.mesh.file.gltf_patch import GltfSource
+
     text, embedded = glb.split(data) if glb.is_glb(data) else (data.removeprefix(codecs.BOM_UTF8), None)
     header = gltf_header.read(path, text, glb=glb.is_glb(data))
     content = GltfData(header, embedded, assets)
@@ -110,6 +117,8 @@ def _read_gltf(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
 
 
 def _read_plain(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
+    import trimesh
+
     ending = path.suffix.lower()
     data = plain_formats.checked(data, ending)
     with warnings.catch_warnings():

@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dfd.mesh.appearance import Appearance, Material
-from dfd.mesh.file.gltf_patch import GltfSource
 from dfd.mesh.file.materials import read_appearance
 from dfd.mesh.file.obj_read import ObjSource
 from dfd.mesh.file.primitives import Placing, Primitive, place
 from dfd.mesh.weld import weld
+
+if TYPE_CHECKING:
+    from dfd.mesh.file.gltf_patch import GltfSource
 
 __all__ = ["SceneFile"]
 

@@ -12,14 +12,15 @@ from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
 from dfd.mesh.appearance import GREY, linear, srgb
+from dfd.mesh.file.primitives import BareGeometry, Geometry
 
 __all__ = ["has_image", "is_stand_in", "rebuilt", "simple"]
 
 
-def rebuilt(
-    geometry: trimesh.Trimesh, vertices: NDArray[np.float64], normals: NDArray[np.float64] | None
-) -> trimesh.Trimesh:
+def rebuilt(geometry: Geometry, vertices: NDArray[np.float64], normals: NDArray[np.float64] | None) -> trimesh.Trimesh:
     """Return `geometry` with other vertices and normals, sharing its materials."""
+    if isinstance(geometry, BareGeometry):
+        return BareGeometry(vertices, geometry.faces, normals).to_trimesh()
     return trimesh.Trimesh(
         vertices,
         geometry.faces,
@@ -32,7 +33,7 @@ def rebuilt(
     )
 
 
-def has_image(geometry: trimesh.Trimesh) -> bool:
+def has_image(geometry: Geometry) -> bool:
     """Whether the geometry's material has a texture."""
     material = getattr(geometry.visual, "material", None)
     image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
