@@ -26,5 +26,6 @@ NB_MODULE(_core, m)
     init_fit(m);
     init_geodesics(m);
     init_pose(m);
+    init_shading(m);
     init_transformer(m);
 }

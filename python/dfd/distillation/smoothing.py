@@ -29,11 +29,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse.linalg import SuperLU, splu
 from scipy.spatial import cKDTree
 
 from dfd.common.pca import principal_directions
@@ -45,6 +45,10 @@ from dfd.field.pieces import boxes_of_components
 from dfd.geometry.topology import face_areas, face_components
 from dfd.mesh.weld import weld
 from dfd.views.render import Views, used_vertices
+
+# Imported where it is needed, by a thread beside others that need no lock of Python's.
+if TYPE_CHECKING:
+    from scipy.sparse.linalg import SuperLU
 
 __all__ = ["Ground", "lay_ground", "spread"]
 
@@ -208,6 +212,8 @@ def _strength(smoothing: float) -> float:
 
 def _factors(confidence: NDArray[np.float64], area: float, stiffness: sparse.csr_matrix) -> SuperLU:
     """Factors of the system whose solutions have least Σ_i c_i ‖Z_i − Ẑ_i‖² + Zᵀ (stiffness) Z."""
+    from scipy.sparse.linalg import splu
+
     # The last term only keeps the system regular where nothing is seen and nothing is near.
     system = sparse.csc_matrix(stiffness + sparse.diags(confidence + 1e-6 * area))
     # Positive definite: no pivots have to be looked for, and an ordering that stays symmetric fills in half as much.

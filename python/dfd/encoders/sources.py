@@ -7,12 +7,12 @@ import json
 import logging
 import os
 import socket
+import sys
 import threading
 import time
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
-from urllib.request import getproxies
 
 from dfd.encoders.offline import find_wheel, wheel_fingerprint, wheel_weights
 from dfd.encoders.presets import PRESETS
@@ -193,9 +193,18 @@ def _knock(endpoint: str) -> None:
         If there is no way.
     """
     address = urlsplit(endpoint)
-    if address.hostname and not getproxies():
+    if address.hostname and not _behind_proxy():
         port = address.port or (80 if address.scheme == "http" else 443)
         socket.create_connection((address.hostname, port), timeout=_PATIENCE).close()
+
+
+def _behind_proxy() -> bool:
+    """Whether variables such as https_proxy, or on macOS and Windows the system, tell of a proxy."""
+    if sys.platform not in ("darwin", "win32") and not any(name.lower().endswith("_proxy") for name in os.environ):
+        return False  # without what reads them, which takes as long to import as all else here
+    from urllib.request import getproxies
+
+    return bool(getproxies())
 
 
 def _in_vain(endpoint: str, error: Exception) -> str:

@@ -72,7 +72,8 @@ class Scene:
         ray = np.flatnonzero(found["primID"] >= 0)
         u, v = found["u"][ray], found["v"][ray]  # shares of the second corner and the third
         barycentric = np.stack([1 - u - v, u, v], axis=1).clip(0, 1)
-        barycentric /= barycentric.sum(axis=1, keepdims=True)
+        first, second, third = barycentric.T
+        barycentric /= (first + second + third)[:, None]
         return Hits(ray, found["primID"][ray], barycentric, found["tfar"][ray])
 
     def hides(

@@ -192,7 +192,7 @@ def used_vertices(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> ND
 
 def surface_points(vertices: NDArray[np.float32], faces: NDArray[np.int32], hits: Hits) -> NDArray[np.float32]:
     """P = B·T (Eq. 2) of all hits, (K, 3), in the units of `vertices`."""
-    return blend(vertices, faces[hits.face], hits.barycentric)
+    return blend(vertices, faces.take(hits.face, axis=0), hits.barycentric)
 
 
 def _visible_vertices(

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.mesh.appearance import GREY, blend
+from dfd import _core
+from dfd.mesh.appearance import GREY
 from dfd.views.raycast import Hits, Scene
 
 if TYPE_CHECKING:
@@ -18,7 +19,6 @@ __all__ = ["Shading", "facing"]
 
 AMBIENT, DIFFUSE = 0.6, 0.4  # the public reference's light
 _LAYERS = 8  # clear surfaces one behind another that a ray passes at most
-_CANCELLED = 0.2  # a blend of unit normals shorter than this says nothing
 _STEP = 1e-4  # past a clear surface, in normalized coordinates
 
 
@@ -48,9 +48,9 @@ class Shading:
         rgba = self.colors(hits, directions)
         if (rgba[:, 3] < 1).any():
             hits, color = self._see_through(origin, directions, hits, rgba)
-            image[:] = _bytes(color)
+            image[:] = (color * np.float32(255) + np.float32(0.5)).astype(np.uint8)
         else:
-            image[hits.ray] = _bytes(rgba[:, :3])
+            _core.paint(rgba, hits.ray, image)
         return image.reshape(resolution, resolution, 3), hits
 
     def colors(self, hits: Hits, directions: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -101,12 +101,6 @@ class Shading:
         return first_hits, color + clear[:, None]
 
 
-def _bytes(color: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Colors in [0, 1] as pictures have them."""
-    rounded: NDArray[np.uint8] = (color * np.float32(255) + np.float32(0.5)).astype(np.uint8)
-    return rounded
-
-
 def facing(
     vertices: NDArray[np.float32],  # (V, 3)
     faces: NDArray[np.int32],  # (F, 3)
@@ -114,17 +108,10 @@ def facing(
     hits: Hits,
     directions: NDArray[np.float32],  # (N, 3) unit, of all rays
 ) -> NDArray[np.float32]:
-    """|n · d| of each hit, (K,): 1 where the surface faces the eye, from either side, 0 where it is seen edge on."""
-    corners = faces[hits.face]
-    normal = blend(normals, corners, hits.barycentric)
-    length = np.sqrt(np.einsum("kc,kc->k", normal, normal))
-    # Where faces wound either way meet, their normals cancel out and what is left points anywhere.
-    lost = np.flatnonzero(length < _CANCELLED)
-    if len(lost):
-        first, second, third = (vertices[corners[lost, corner]].astype(np.float64) for corner in range(3))
-        crossed = np.cross(second - first, third - first)
-        length[lost] = np.linalg.norm(crossed, axis=1)
-        crossed /= np.maximum(length[lost, None], np.finfo(np.float32).tiny)
-        normal[lost], length[lost] = crossed, 1
-    towards = np.abs(np.einsum("kc,kc->k", normal, directions[hits.ray]))
-    return np.asarray((towards / length).clip(0, 1), np.float32)
+    """|n · d| of each hit, (K,): 1 where the surface faces the eye, from either side, 0 where it is seen edge on.
+
+    Where faces wound either way meet, their normals cancel out, and the face's own is taken.
+    """
+    light = np.empty((len(hits.ray), 1), np.float32)
+    _core.facing(vertices, normals, faces.take(hits.face, axis=0), hits.barycentric, hits.ray, directions, light)
+    return light[:, 0]

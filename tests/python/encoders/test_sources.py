@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import socket
+import sys
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -177,7 +179,7 @@ def test_a_hub_that_does_not_answer_is_left_alone(monkeypatch: pytest.MonkeyPatc
 
 def test_a_hub_without_a_way_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("HF_HUB_OFFLINE")
-    monkeypatch.setattr(encoder_weights, "getproxies", dict)
+    monkeypatch.setattr(encoder_weights, "_behind_proxy", lambda: False)
     asked: list[str] = []
     monkeypatch.setattr(huggingface_hub.HfApi, "model_info", lambda self, name, timeout: asked.append(name))
     with socket.create_server(("127.0.0.1", 0)) as server:
@@ -244,3 +246,14 @@ def test_the_wheel_is_known_by_its_manifest(monkeypatch: pytest.MonkeyPatch, tmp
     assert encoder_weights.find_fingerprint("dinov2-small") == "sha256:12ab"
     (folder / MANIFEST).write_text("{")
     assert encoder_weights.find_fingerprint("dinov2-small") is None
+
+
+@pytest.mark.parametrize("name", ["https_proxy", "HTTP_PROXY", "all_proxy"])
+def test_a_proxy_of_the_environment_is_found(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for variable in [each for each in os.environ if each.lower().endswith("_proxy")]:
+        monkeypatch.delenv(variable)
+    assert sys.platform in ("darwin", "win32") or not encoder_weights._behind_proxy()
+    monkeypatch.setenv(name, "http://proxy.example:3128")
+    assert encoder_weights._behind_proxy()
+    monkeypatch.setenv(name, "")
+    assert sys.platform in ("darwin", "win32") or not encoder_weights._behind_proxy()
