@@ -17,7 +17,7 @@ from dfd.distillation.metric import find_metric
 from dfd.distillation.pieces import keep_pieces
 from dfd.distillation.settings import DistillSettings
 from dfd.distillation.smoothing import lay_ground, spread
-from dfd.distillation.targets import PixelTargets, PointTargets
+from dfd.distillation.targets import PixelTargets, PointTargets, TokenGrid
 from dfd.distillation.upright import said_or_found
 from dfd.encoders.encode import Encoder
 from dfd.field.field import Field
@@ -40,7 +40,9 @@ def distill_pictures(
     views = render(mesh, **settings.of_pictures(), frame=up.frames, stages=stages)
     smoothing, seed = settings.smoothing, settings.seed
     # A thread of its own fills what is left of the processors while the last pictures are encoded.
-    laid = beside(partial(lay_ground, views, smoothing=smoothing, seed=seed)) if smoothing > 0 else nullcontext()
+    side = encoder.nearest_resolution(settings.resolution) // encoder.patch
+    lay = partial(lay_ground, views, TokenGrid(views, side, side), smoothing=smoothing, seed=seed)
+    laid = beside(lay) if smoothing > 0 else nullcontext()
     with laid as ground:
         tokens = encoder.encode(views.images, covered=views.covered, store=kept, stages=stages)
     pixels = PixelTargets(views, tokens)

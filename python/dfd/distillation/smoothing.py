@@ -40,7 +40,7 @@ from dfd.common.pca import principal_directions
 from dfd.common.progress import Stages
 from dfd.common.threads import get_num_threads, one_blas_thread
 from dfd.distillation.contrast import PAIRS, mean_distance, restore_contrast, unit
-from dfd.distillation.targets import PixelTargets, PointTargets
+from dfd.distillation.targets import PixelTargets, PointTargets, TokenGrid
 from dfd.field.pieces import boxes_of_components
 from dfd.geometry.topology import face_areas, face_components
 from dfd.mesh.weld import weld
@@ -81,8 +81,8 @@ class Ground:
         (N, 3) points on the surface, in normalized coordinates, the face of each, and the area that each stands for.
     component
         (F,) the connected component that each face of the surface belongs to.
-    chosen, nearest
-        (P,) the pixels that are gathered, and the point that each is nearest to.
+    gathered
+        (N, tokens) the share of each token in the mean at each point.
     confidence
         (N,) how well each point is seen.
     links
@@ -97,16 +97,15 @@ class Ground:
     face: NDArray[np.int64]
     area: float
     component: NDArray[np.int32]
-    chosen: NDArray[np.int64]
-    nearest: NDArray[np.int64]
+    gathered: sparse.csr_matrix
     confidence: NDArray[np.float64]
     links: sparse.csr_matrix
     factors: SuperLU
     generator: np.random.Generator
 
 
-def lay_ground(views: Views, *, smoothing: float, seed: int) -> Ground:
-    """Return what `spread` needs besides the tokens; arguments as there."""
+def lay_ground(views: Views, grid: TokenGrid, *, smoothing: float, seed: int) -> Ground:
+    """Return what `spread` needs besides the tokens, of which `grid` knows where they stand; arguments as there."""
     generator = np.random.default_rng(seed)
     vertices, faces = views.vertices.astype(np.float64), views.faces
     component = face_components(weld(vertices)[1][faces])
@@ -116,7 +115,8 @@ def lay_ground(views: Views, *, smoothing: float, seed: int) -> Ground:
     confidence = np.minimum(seen, ENOUGH) * area
     links = _surface_links(points, component[face], seen > 0, area)
     factors = _factors(confidence, area, _strength(smoothing) * _laplacian(links))
-    return Ground(points, face, area, component, chosen, nearest, confidence, links, factors, generator)
+    gathered = grid.means(chosen, nearest, len(points))
+    return Ground(points, face, area, component, gathered, confidence, links, factors, generator)
 
 
 def spread(
@@ -149,9 +149,9 @@ def spread(
     features.
     """
     with stages.stage("spread"), one_blas_thread():
-        on = ground() if ground else lay_ground(views, smoothing=smoothing, seed=seed)
+        on = ground() if ground else lay_ground(views, pixels.grid, smoothing=smoothing, seed=seed)
         points, confidence, generator = on.points, on.confidence, on.generator
-        tokens = pixels.mean_at(on.chosen, on.nearest, len(points))
+        tokens = pixels.means_by(on.gathered)
         directions = _main_directions(tokens, confidence)
         main = tokens @ directions.T
         looks = unit(_smooth(main[:, :ALIKE_DIRECTIONS], confidence, on.factors))

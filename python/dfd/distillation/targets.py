@@ -16,9 +16,10 @@ from dfd.views.render import Views
 if TYPE_CHECKING:
     import torch
 
-__all__ = ["PixelTargets", "PointTargets", "Targets"]
+__all__ = ["PixelTargets", "PointTargets", "Targets", "TokenGrid"]
 
 _GROUPS_AT_ONCE = 1000  # whose means one thread takes
+_ROWS_AT_ONCE = 2048  # of tokens
 
 
 class Targets(Protocol):
@@ -70,11 +71,56 @@ class PointTargets:
         return torch.from_numpy(self.points[chosen]), torch.from_numpy(self.targets[chosen])
 
 
+class TokenGrid:
+    """Where the tokens of pictures stand, and which of them each surface point is read from.
+
+    Tokens are read between their positions, bilinearly: a patch's token stands at the center of the patch.
+
+    Parameters
+    ----------
+    height, width
+        Tokens of each of the square images of `views`.
+    """
+
+    def __init__(self, views: Views, height: int, width: int) -> None:
+        self.size = len(views.images) * height * width
+        self._height, self._width = height, width
+        self._view, self._row, self._column = views.view, views.row, views.column
+        self._resolution = views.images.shape[1]
+
+    def corners(self, chosen: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+        """The four tokens around each chosen point, numbered image by image, row by row, and their shares: (B, 4)."""
+        top, lower = self._between(self._row[chosen], self._height)
+        left, right = self._between(self._column[chosen], self._width)
+        bottom, after = np.minimum(top + 1, self._height - 1), np.minimum(left + 1, self._width - 1)
+        first = self._view[chosen].astype(np.int64) * self._height
+        indices = np.stack(
+            [(first + y) * self._width + x for y, x in ((top, left), (top, after), (bottom, left), (bottom, after))], 1
+        )
+        shares = np.stack([(1 - lower) * (1 - right), (1 - lower) * right, lower * (1 - right), lower * right], 1)
+        return indices, shares
+
+    def means(self, chosen: NDArray[np.integer], group: NDArray[np.integer], count: int) -> sparse.csr_matrix:
+        """(count, tokens) shares of all tokens in the mean of each group of points; none where a group is empty.
+
+        `group` (B,) numbers the group of each of the `chosen`.
+        """
+        indices, shares = self.corners(chosen)
+        size = np.bincount(group, minlength=count)
+        weight = shares / size[group][:, None].astype(np.float32)
+        return sparse.csr_matrix((weight.ravel(), (np.repeat(group, 4), indices.ravel())), shape=(count, self.size))
+
+    def _between(self, pixel: NDArray[np.float32], count: int) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+        cells = np.float32(count / self._resolution)
+        position = ((pixel + np.float32(0.5)) * cells - np.float32(0.5)).clip(0, count - 1)
+        before = position.astype(np.int64)
+        return before, position - before.astype(np.float32)
+
+
 class PixelTargets:
     """Targets at the surface points of all views: Ω of Eq. 3.
 
-    Tokens are read between their positions, bilinearly: a patch's token stands at the center of the patch. Only the
-    tokens are kept, never features of pixels.
+    Only the tokens are kept, never features of pixels.
 
     Parameters
     ----------
@@ -85,10 +131,10 @@ class PixelTargets:
     directions = None  # these targets are features as the encoder gives them
 
     def __init__(self, views: Views, tokens: NDArray[np.float32]) -> None:
-        count, self._height, self._width, self.dimension = tokens.shape
-        self._table = tokens.reshape(count * self._height * self._width, self.dimension)
+        count, height, width, self.dimension = tokens.shape
+        self.grid = TokenGrid(views, height, width)
+        self._table = tokens.reshape(count * height * width, self.dimension)
         self._points, self._view, self._row, self._column = views.points, views.view, views.row, views.column
-        self._resolution = views.images.shape[1]
 
     @property
     def arrays(self) -> tuple[NDArray[Any], ...]:
@@ -104,46 +150,24 @@ class PixelTargets:
 
     def at(self, chosen: NDArray[np.integer]) -> NDArray[np.float32]:
         """Unit targets Z/‖Z‖ of the chosen points, (B, D)."""
-        indices, shares = self._corners(chosen)
+        indices, shares = self.grid.corners(chosen)
         blended = np.zeros((len(chosen), self.dimension), np.float32)
         for corner in range(4):
             blended += self._table[indices[:, corner]] * shares[:, corner, None]
         return unit(blended)
 
-    def mean_at(self, chosen: NDArray[np.integer], group: NDArray[np.integer], count: int) -> NDArray[np.float32]:
-        """Mean of unit tokens over each group of points, (count, D); zero where a group is empty.
+    def means_by(self, shares: sparse.csr_matrix) -> NDArray[np.float32]:
+        """Sums of unit tokens by `shares` (N, tokens), such as `TokenGrid.means` gives, (N, D)."""
+        table = np.empty(self._table.shape, np.float32)
 
-        `group` (B,) numbers the group of each of the `chosen`. Nothing of size B×D is made.
-        """
-        indices, shares = self._corners(chosen)
-        size = np.bincount(group, minlength=count)
-        weight = shares / size[group][:, None].astype(np.float32)
-        gather = sparse.csr_matrix(
-            (weight.ravel(), (np.repeat(group, 4), indices.ravel())), shape=(count, len(self._table))
-        )
-        table = unit(self._table)
-        mean = np.empty((count, self.dimension), np.float32)
+        def shorten(begin: int, end: int) -> None:
+            table[begin:end] = unit(self._table[begin:end])
+
+        share(len(table), _ROWS_AT_ONCE, shorten)
+        mean = np.empty((shares.shape[0], self.dimension), np.float32)
 
         def fill(begin: int, end: int) -> None:
-            mean[begin:end] = gather[begin:end] @ table
+            mean[begin:end] = shares[begin:end] @ table
 
-        share(count, _GROUPS_AT_ONCE, fill)
+        share(len(mean), _GROUPS_AT_ONCE, fill)
         return mean
-
-    def _corners(self, chosen: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-        """The four tokens around each chosen sample, as rows of the table, and their shares: (B, 4) each."""
-        top, lower = self._between(self._row[chosen], self._height)
-        left, right = self._between(self._column[chosen], self._width)
-        bottom, after = np.minimum(top + 1, self._height - 1), np.minimum(left + 1, self._width - 1)
-        first = self._view[chosen].astype(np.int64) * self._height
-        indices = np.stack(
-            [(first + y) * self._width + x for y, x in ((top, left), (top, after), (bottom, left), (bottom, after))], 1
-        )
-        shares = np.stack([(1 - lower) * (1 - right), (1 - lower) * right, lower * (1 - right), lower * right], 1)
-        return indices, shares
-
-    def _between(self, pixel: NDArray[np.float32], count: int) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-        cells = np.float32(count / self._resolution)
-        position = ((pixel + np.float32(0.5)) * cells - np.float32(0.5)).clip(0, count - 1)
-        before = position.astype(np.int64)
-        return before, position - before.astype(np.float32)

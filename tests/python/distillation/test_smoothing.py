@@ -101,7 +101,7 @@ def test_ground_that_was_laid_before_gives_the_same() -> None:
     views = views_of(two_sheets(0.5))
     pixels = colored(views, np.abs(views.points) + 0.1)
     points, targets = spread(views, pixels, smoothing=0.2, seed=3)
-    ground = smoothing.lay_ground(views, smoothing=0.2, seed=3)
+    ground = smoothing.lay_ground(views, pixels.grid, smoothing=0.2, seed=3)
     again = spread(views, pixels, smoothing=0.2, seed=3, ground=lambda: ground)
     np.testing.assert_array_equal(points, again[0])
     np.testing.assert_array_equal(targets, again[1])

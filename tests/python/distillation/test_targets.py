@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import torch
 
+import dfd
+from dfd.distillation.contrast import unit
 from dfd.distillation.targets import PixelTargets, PointTargets
 from dfd.views.render import Views
 
@@ -47,11 +49,41 @@ def test_tokens_stand_at_patch_centres_and_blend_between(views: Views, tokens: n
 
 
 def test_means_of_groups_are_means_of_unit_tokens(views: Views, tokens: np.ndarray) -> None:
-    mean = PixelTargets(views, tokens).mean_at(np.array([0, 2, 3]), np.array([2, 0, 0]), 4)
+    pixels = PixelTargets(views, tokens)
+    before = tokens.copy()
+    mean = pixels.means_by(pixels.grid.means(np.array([0, 2, 3]), np.array([2, 0, 0]), 4))
+    np.testing.assert_array_equal(tokens, before)
     unit = tokens / np.linalg.norm(tokens, axis=-1, keepdims=True)
     np.testing.assert_allclose(mean[0], (unit[1, 0, 1] + unit[1, 1, 1]) / 2, atol=1e-6)
     np.testing.assert_allclose(mean[2], unit[0, 0, 0], atol=1e-6)
     assert not mean[[1, 3]].any()
+
+
+def test_means_are_the_same_on_any_number_of_threads(views: Views) -> None:
+    tokens = np.random.default_rng(0).normal(size=(2, 60, 60, 5)).astype(np.float32)
+    pixels = PixelTargets(views, tokens)
+    generator = np.random.default_rng(1)
+    shares = pixels.grid.means(generator.integers(0, 4, 9000), generator.integers(0, 3000, 9000), 3000)
+    threads, means = dfd.get_num_threads(), []
+    try:
+        for count in (1, 2, 5):
+            dfd.set_num_threads(count)
+            means.append(pixels.means_by(shares))
+    finally:
+        dfd.set_num_threads(threads)
+    np.testing.assert_array_equal(means[0], means[1])
+    np.testing.assert_array_equal(means[0], means[2])
+
+
+def test_rows_of_unit_length_are_the_same_in_any_number_at_once() -> None:
+    rows = np.random.default_rng(0).normal(size=(1500, 7)).astype(np.float32)
+    rows[3] = 0
+    whole = unit(rows)
+    np.testing.assert_allclose(np.delete(np.linalg.norm(whole, axis=1), 3), 1, atol=1e-6)
+    assert not whole[3].any()
+    for row in (0, 3, 511, 512, 1499):
+        np.testing.assert_array_equal(unit(rows[row : row + 1]), whole[row : row + 1])
+    assert unit(rows[:0]).shape == (0, 7)
 
 
 def test_draws_keep_points_and_targets_together(views: Views, tokens: np.ndarray) -> None:
