@@ -8,6 +8,7 @@ import logging
 import os
 import warnings
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
@@ -48,7 +49,7 @@ class TokenStore(Protocol):
     def write_tokens(
         self, image: NDArray[np.uint8], covered: NDArray[np.bool_] | None, tokens: NDArray[np.float32]
     ) -> None:
-        """Keep `tokens`; called from any thread."""
+        """Keep `tokens`; called from another thread than `read_tokens`, for one image after the other."""
 
 
 class Network(Protocol):
@@ -211,16 +212,22 @@ class Encoder:
             if shown is not None:  # those that take longest come first, so that nobody is left with one at the end
                 remaining.sort(key=lambda image: -np.count_nonzero(shown[image]))
 
+            writing: list[Future[None]] = []
+
             def fill(begin: int, end: int) -> None:
                 some = remaining[begin:end]
                 tokens[some] = self._forward(pictures[some], shown_in(some))
                 if store is not None:
                     for image in some:
-                        store.write_tokens(pictures[image], shown_in(image), tokens[image])
+                        writing.append(disk.submit(store.write_tokens, pictures[image], shown_in(image), tokens[image]))
                 advance(end - begin)
 
             try:
-                self._network.share(len(remaining), resolution, fill)
+                # Waiting for the disk is a thread's own task: those that compute have no time for it.
+                with ThreadPoolExecutor(1, "dfd-keep") as disk:
+                    self._network.share(len(remaining), resolution, fill)
+                for written in writing:
+                    written.result()
             except RuntimeError as error:
                 if not out_of_memory(error):
                     raise

@@ -59,10 +59,12 @@ class Checkpoint:
             raise NotADirectoryError(f"distill: `checkpoint` must be a folder, but {self.folder} is a file")
         if not self.folder.parent.is_dir():
             raise FileNotFoundError(f"distill: `checkpoint`: the folder {self.folder.parent} does not exist")
+        self._has_tokens = False
         before = _read_recipe(self.folder)
         if before is None and not self._is_ours():
             raise ValueError(f"distill: `checkpoint` must be a new folder or one of an earlier run, got {self.folder}")
         if before == dict(recipe):
+            self._has_tokens = any(self.folder.glob(f"{_TOKENS}-*"))
             return
         if before is not None:
             warn(
@@ -90,6 +92,8 @@ class Checkpoint:
 
     def read_tokens(self, image: NDArray[np.uint8], covered: NDArray[np.bool_] | None) -> NDArray[np.float32] | None:
         """See `dfd.encoders.encode.TokenStore`."""
+        if not self._has_tokens:  # found out without a look at all of the image
+            return None
         name = self._tokens_name(image, covered)
         content = self._pieces.read(name)
         if content is None:
@@ -107,6 +111,7 @@ class Checkpoint:
         """See `dfd.encoders.encode.TokenStore`."""
         content = safetensors.numpy.save({_TOKENS: np.ascontiguousarray(tokens)})
         self._pieces.write(self._tokens_name(image, covered), content)
+        self._has_tokens = True
 
     def fit_state(self, *made_from: NDArray[Any]) -> FitState:
         """Return where the state of a fit to the arrays `made_from` is kept."""

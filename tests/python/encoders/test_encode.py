@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -191,6 +192,45 @@ def test_tokens_that_are_in_store_are_not_made_again(
     made.clear()
     np.testing.assert_array_equal(encoder.encode(images, covered=covered, store=memory), expected)
     assert made == []
+
+
+def test_pictures_do_not_wait_for_a_slow_store_and_all_are_kept(dinov2: Saved) -> None:
+    encoder = load_encoder(dinov2.folder, device="cpu", precision="float32")
+    images, encoded = pictures(4, 48), threading.Event()
+
+    class Slow(Memory):
+        def write_tokens(self, image: np.ndarray, covered: np.ndarray | None, tokens: np.ndarray) -> None:
+            assert encoded.wait(30)
+            super().write_tokens(image, covered, tokens)
+
+    class Watched(Stages):
+        def __init__(self) -> None:
+            super().__init__(show=False)
+            self.done = 0
+
+        @contextmanager
+        def stage(self, name: str, total: int | None = None) -> Iterator[Any]:
+            def advance(count: int = 1) -> None:
+                self.done += count
+                if self.done == total:
+                    encoded.set()
+
+            yield advance
+
+    memory = Slow()
+    expected = encoder.encode(images, store=memory, stages=Watched())
+    assert len(memory.kept) == 4
+    for image, tokens in zip(images, expected, strict=True):
+        np.testing.assert_array_equal(memory.kept[image.tobytes()], tokens)
+
+
+def test_what_a_store_raises_is_raised(dinov2: Saved) -> None:
+    class Broken(Memory):
+        def write_tokens(self, image: np.ndarray, covered: np.ndarray | None, tokens: np.ndarray) -> None:
+            raise OSError("no room")
+
+    with pytest.raises(OSError, match="^no room$"):
+        load_encoder(dinov2.folder, device="cpu").encode(pictures(2, 48), store=Broken())
 
 
 @pytest.mark.parametrize("resolution", [0, 2.5, True, "48"])

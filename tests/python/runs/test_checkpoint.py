@@ -33,6 +33,14 @@ from dfd.runs.fit_state import FitState
 pytestmark = pytest.mark.usefixtures("every_step_is_kept")
 
 
+def count_calls(monkeypatch: pytest.MonkeyPatch, name: str) -> list[int]:
+    """Numbers of arguments of the calls of a function that still does what it did."""
+    module, _, function = name.rpartition(".")
+    original, calls = getattr(sys.modules[module], function), list[int]()
+    monkeypatch.setattr(name, lambda *given: calls.append(len(given)) or original(*given))
+    return calls
+
+
 @pytest.mark.parametrize("step", [10, 30, 40])
 def test_an_interrupted_fit_goes_on_to_the_same_bits(
     encoder: Path, mesh: Mesh, whole: Field, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: int
@@ -70,6 +78,21 @@ def test_pictures_that_were_encoded_are_not_encoded_again(
     encoded = count_work(monkeypatch)
     assert same(dfd.distill(mesh, encoder, checkpoint=tmp_path / "run", **SMALL), whole)
     assert sum(encoded) == 4
+
+
+def test_images_are_looked_at_only_where_tokens_were_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    image, tokens = np.zeros((8, 8, 3), np.uint8), np.ones((2, 2, 3), np.float32)
+    recipe = {"format": 1, "code": "some"}
+    looks = count_calls(monkeypatch, "dfd.runs.checkpoint.hash_arrays")
+    fresh = Checkpoint(tmp_path / "run", recipe)
+    assert fresh.read_tokens(image, None) is None
+    assert looks == []
+    fresh.write_tokens(image, None, tokens)
+    for checkpoint in (fresh, Checkpoint(tmp_path / "run", recipe)):
+        found = checkpoint.read_tokens(image, None)
+        assert found is not None
+        np.testing.assert_array_equal(found, tokens)
+        assert checkpoint.read_tokens(image + 1, None) is None
 
 
 def test_a_run_with_a_checkpoint_gives_what_one_without_gives(
