@@ -22,6 +22,7 @@ NB_MODULE(_core, m)
           nb::sig("def empty_float64(rows: int, columns: int) -> numpy.typing.NDArray[numpy.float64]"),
           "A new array, its contents not yet set.");
     init_bind(m);
+    init_camera(m);
     init_field(m);
     init_fit(m);
     init_geodesics(m);

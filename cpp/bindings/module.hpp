@@ -3,6 +3,7 @@
 #include <nanobind/nanobind.h>
 
 void init_bind(nanobind::module_& m);
+void init_camera(nanobind::module_& m);
 void init_field(nanobind::module_& m);
 void init_fit(nanobind::module_& m);
 void init_geodesics(nanobind::module_& m);

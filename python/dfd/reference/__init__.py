@@ -13,7 +13,7 @@ from dfd.reference.deformation import (
     surface_distances,
 )
 from dfd.reference.networks import field, fit_gradients, kinds_of_parts, transformer
-from dfd.reference.shading import blend, facing, paint
+from dfd.reference.shading import blend, facing, paint, ray_directions
 
 __all__ = [
     "bind",
@@ -27,6 +27,7 @@ __all__ = [
     "paint",
     "pose",
     "positive_share",
+    "ray_directions",
     "subtract_fixed",
     "surface_distances",
     "transformer",

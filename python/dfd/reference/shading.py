@@ -1,11 +1,16 @@
-"""The slow twins of what pictures are made with: blends of a face's corners, light at the eye, bytes."""
+"""The slow twins of what pictures are made with: rays, blends of a face's corners, light at the eye, bytes."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["blend", "facing", "paint"]
+if TYPE_CHECKING:
+    from dfd.views.cameras import Camera
+
+__all__ = ["blend", "facing", "paint", "ray_directions"]
 
 Array = NDArray[np.float64]
 
@@ -41,3 +46,11 @@ def paint(colors: ArrayLike, pixels: ArrayLike, count: int) -> NDArray[np.uint8]
     image = np.full((count, 3), 255, np.uint8)
     image[np.asarray(pixels)] = np.floor(np.asarray(colors, np.float64)[:, :3] * 255 + 0.5)
     return image
+
+
+def ray_directions(camera: Camera, resolution: int) -> Array:
+    """(resolution², 3) unit directions through the centers of all pixels, row by row from the top left."""
+    places = ((np.arange(resolution) + 0.5) / resolution * 2 - 1) * camera.half_width
+    directions = np.array([x * camera.right - y * camera.up - camera.back for y in places for x in places])
+    unit: Array = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    return unit

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dfd import _core
 from dfd.common import check
 
 __all__ = ["Camera", "Framing", "camera_towards", "fibonacci_directions", "place_cameras"]
@@ -48,15 +49,31 @@ class Camera:
         """Half the picture's width at distance 1."""
         return float(np.tan(np.radians(self.field_of_view) / 2))
 
-    def ray_directions(self, resolution: int) -> NDArray[np.float32]:
-        """Unit directions through the centers of all pixels, (resolution², 3), row by row from the top left."""
-        across = ((np.arange(resolution) + 0.5) / resolution * 2 - 1) * self.half_width
-        down = -across[:, None]
-        shorter = 1 / np.sqrt(1 + across**2 + down**2)  # the axes are orthonormal
-        directions = np.empty((resolution, resolution, 3), np.float32)
-        for axis in range(3):
-            directions[:, :, axis] = (across * self.right[axis] + down * self.up[axis] - self.back[axis]) * shorter
-        return directions.reshape(-1, 3)
+    def ray_directions(self, resolution: int, pixels: NDArray[np.int64] | None = None) -> NDArray[np.float32]:
+        """Unit directions through the centers of `pixels` (N,), numbered row by row from the top left: (N, 3).
+
+        None: of all pixels, (resolution², 3).
+        """
+        wanted = np.arange(resolution * resolution) if pixels is None else pixels
+        directions = np.empty((len(wanted), 3), np.float32)
+        _core.ray_directions(self._frame, self.half_width, resolution, wanted, directions)
+        return directions
+
+    def may_show(self, vertices: NDArray[np.float32], faces: NDArray[np.int32], resolution: int) -> NDArray[np.int64]:
+        """Pixels (N,), ascending, that may show some of the `faces` (F, 3) of `vertices` (V, 3): no other one does.
+
+        Where there are more faces than pixels they are not gone through, and all pixels may.
+        """
+        if len(faces) > resolution * resolution:
+            return np.arange(resolution * resolution)
+        shown = np.empty((resolution, resolution), np.uint8)
+        _core.may_show(self._frame, self.half_width, resolution, vertices, faces, shown)
+        return np.flatnonzero(shown)
+
+    @property
+    def _frame(self) -> NDArray[np.float64]:
+        """(4, 3) the eye and the three axes."""
+        return np.array([self.position, self.right, self.up, self.back], np.float64)
 
     def in_mesh(self, frame: NDArray[np.float64]) -> Camera:
         """Return this camera, whose coordinates lie along the rows of `frame` (3, 3), in the coordinates of those."""

@@ -38,6 +38,10 @@ class Hits:
         """Only the chosen of them; `chosen` is (K,)."""
         return Hits(self.ray[chosen], self.face[chosen], self.barycentric[chosen], self.distance[chosen])
 
+    def of_rays(self, numbers: NDArray[np.int64]) -> Hits:
+        """The same, of rays that have these `numbers` (N,), ascending, among others."""
+        return Hits(numbers[self.ray], self.face, self.barycentric, self.distance)
+
 
 class Scene:
     """Triangles in normalized coordinates, ready to be hit; front and back faces alike.

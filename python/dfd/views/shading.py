@@ -42,16 +42,17 @@ class Shading:
         clear, with `ray` the pixel's index.
         """
         origin = camera.position.astype(np.float32)
-        directions = camera.ray_directions(resolution)
+        pixels = camera.may_show(self._vertices, self._faces, resolution)
+        directions = camera.ray_directions(resolution, pixels)
         hits = self._scene.cast(origin, directions)
         image = np.full((resolution * resolution, 3), 255, np.uint8)
         rgba = self.colors(hits, directions)
         if (rgba[:, 3] < 1).any():
             hits, color = self._see_through(origin, directions, hits, rgba)
-            image[:] = (color * np.float32(255) + np.float32(0.5)).astype(np.uint8)
+            image[pixels] = (color * np.float32(255) + np.float32(0.5)).astype(np.uint8)
         else:
-            _core.paint(rgba, hits.ray, image)
-        return image.reshape(resolution, resolution, 3), hits
+            _core.paint(rgba, pixels[hits.ray], image)
+        return image.reshape(resolution, resolution, 3), hits.of_rays(pixels)
 
     def colors(self, hits: Hits, directions: NDArray[np.float32]) -> NDArray[np.float32]:
         """Lit color and opacity of each hit, (K, 4) in [0, 1]; `directions` are those of all rays."""
