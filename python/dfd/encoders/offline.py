@@ -78,8 +78,8 @@ def wheel_weights(graph: Path, version: str) -> Weights:
         content, sha256 = found
     else:
         arrays = {name: np.ascontiguousarray(value) for name, value in _backbone(graph).items()}
-        content = safetensors.numpy.save(arrays, metadata={"format": "pt"})
-        sha256 = hashlib.sha256(content).hexdigest()
+        content = np.frombuffer(safetensors.numpy.save(arrays, metadata={"format": "pt"}), np.uint8).copy()
+        sha256 = hashlib.sha256(content.data).hexdigest()
         try:
             _write_cached(folder, content, sha256, source)
         except OSError as error:
@@ -91,7 +91,7 @@ def wheel_weights(graph: Path, version: str) -> Weights:
             )
     return Weights(
         config=dict(_CONFIG),
-        tensors=safetensors.numpy.load(content),
+        tensors=_tensors(content),
         source=source,
         fingerprint=f"sha256:{sha256}",
         block=BLOCK,
@@ -115,22 +115,36 @@ def _folder(source: str) -> Path:
     return cache_directory() / "encoders" / f"dinov2-small-{source.replace(' ', '-')}"
 
 
-def _read_cached(folder: Path) -> tuple[bytes, str] | None:
-    """The weights in `folder` and their hash; None where they are not whole.
+def _read_cached(folder: Path) -> tuple[NDArray[np.uint8], str] | None:
+    """The bytes of the weights in `folder` and their hash; None where they are not whole.
 
     They are read once, so that what was checked is what is used.
     """
     try:
         manifest = json.loads((folder / MANIFEST).read_text("utf-8"))
-        content = (folder / _WEIGHTS).read_bytes()
-        sha256 = hashlib.sha256(content).hexdigest()
+        content = np.fromfile(folder / _WEIGHTS, np.uint8)  # into large pages, where the system has them
+        sha256 = hashlib.sha256(content.data).hexdigest()
         whole = sha256 == manifest["sha256"]
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
     return (content, sha256) if whole else None
 
 
-def _write_cached(folder: Path, content: bytes, sha256: str, source: str) -> None:
+def _tensors(content: NDArray[np.uint8]) -> dict[str, NDArray[np.float32]]:
+    """The tensors of a .safetensors file of ours, in float32: views of its bytes, which the library would copy.
+
+    The format: the length of the header in 8 bytes, the header in JSON, then the numbers.
+    """
+    begin = 8 + int(content[:8].view("<u8")[0])
+    header = json.loads(bytes(content[8:begin]))
+    header.pop("__metadata__", None)
+    numbers = content[begin:]
+    return {
+        name: numbers[slice(*told["data_offsets"])].view("<f4").reshape(told["shape"]) for name, told in header.items()
+    }
+
+
+def _write_cached(folder: Path, content: NDArray[np.uint8], sha256: str, source: str) -> None:
     folder.parent.mkdir(parents=True, exist_ok=True)
     temporary = folder.with_name(f".{folder.name}.{secrets.token_hex(4)}")
     try:
@@ -139,7 +153,7 @@ def _write_cached(folder: Path, content: bytes, sha256: str, source: str) -> Non
         (temporary / "config.json").write_text(json.dumps(_CONFIG, indent=2), "utf-8")
         (temporary / MANIFEST).write_text(json.dumps(manifest, indent=2), "utf-8")
         with (temporary / _WEIGHTS).open("wb") as stream:
-            stream.write(content)
+            stream.write(content.data)
             stream.flush()
             os.fsync(stream.fileno())
         if folder.exists() and _read_cached(folder) is None:

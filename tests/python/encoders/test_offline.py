@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import safetensors.numpy
 import safetensors.torch
 import torch
 import transformers
@@ -219,3 +220,23 @@ def test_a_missing_onnx_says_what_to_install(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setitem(sys.modules, "onnx", None)
     with pytest.raises(OSError, match=r"the package `onnx` is needed .*pip install 'dfd\[offline\]'"):
         load_encoder("dinov2-small")
+
+
+def test_tensors_are_views_that_the_library_agrees_with() -> None:
+    generator = np.random.default_rng(0)
+    given = {
+        "a": generator.normal(size=(3, 5)).astype(np.float32),
+        "none": np.zeros((0, 4), np.float32),
+        "one": np.float32([7]).reshape(1, 1, 1),
+        "z": generator.normal(size=1000).astype(np.float32),
+    }
+    content = np.frombuffer(safetensors.numpy.save(given, metadata={"format": "pt"}), np.uint8).copy()
+    before = content.copy()
+    found, wanted = encoder_offline._tensors(content), safetensors.numpy.load(content.tobytes())
+    assert found.keys() == wanted.keys()
+    for name, values in found.items():
+        assert values.dtype == np.float32
+        assert values.flags.writeable
+        np.testing.assert_array_equal(values, wanted[name])
+        assert not values.size or np.shares_memory(values, content)
+    np.testing.assert_array_equal(content, before)
