@@ -39,8 +39,8 @@ def distill_pictures(
     up = said_or_found(mesh, encoder, settings.up, stages=stages)
     views = render(mesh, **settings.of_pictures(), frame=up.frames, stages=stages)
     smoothing, seed = settings.smoothing, settings.seed
-    # A thread of its own fills what is left of the processors while the last pictures are encoded.
     side = encoder.nearest_resolution(settings.resolution) // encoder.patch
+    # Hardly any of it can be shared among threads: beside pictures it leaves no processor idle.
     lay = partial(lay_ground, views, TokenGrid(views, side, side), smoothing=smoothing, seed=seed)
     laid = beside(lay) if smoothing > 0 else nullcontext()
     with laid as ground:
