@@ -107,9 +107,10 @@ def spread(views: Views, pixels: PixelTargets, *, smoothing: float, seed: int, s
         targets = restore_contrast(unit(smooth[reached]), DISTANCE_KEPT * mean_distance(one, other), generator)
         reached_points = points[reached].astype(np.float32)
         if component.max(initial=0) == 0:
-            return PointTargets(reached_points, targets, directions)
+            return PointTargets(reached_points, targets, directions, face=face[reached])
         boxes = boxes_of_components(vertices, faces, component)
-        return PointTargets(reached_points, targets, directions, component[face][reached], boxes)
+        piece = component[face][reached]
+        return PointTargets(reached_points, targets, directions, piece, boxes, face[reached])
 
 
 def _gather(
