@@ -46,7 +46,9 @@ def thickness_bands(views: Views, targets: PointTargets) -> NDArray[np.float32]:
     """
     assert targets.face is not None, "only points on a surface have a thickness"
     points, piece = targets.points.astype(np.float64), targets.piece
-    thick = thicknesses(views.vertices, views.faces, points, targets.face, piece)
+    # The search tree of a million faces takes a second to build.
+    scene = views.scene or Scene(views.vertices, views.faces)
+    thick = thicknesses(scene, views.vertices[views.faces[targets.face]], points, piece)
     size = np.sqrt(np.square(points - points.mean(axis=0)).sum(axis=1).mean())
     ratio = np.log(np.clip(thick / max(size, 1e-12), np.exp(_CENTERS[0]), np.exp(_CENTERS[-1])))
     width = _CENTERS[1] - _CENTERS[0]
@@ -58,26 +60,24 @@ def thickness_bands(views: Views, targets: PointTargets) -> NDArray[np.float32]:
 
 
 def thicknesses(
-    vertices: NDArray[np.floating],
-    faces: NDArray[np.int32],
+    scene: Scene,
+    corners: NDArray[np.floating],
     points: NDArray[np.float64],
-    face: NDArray[np.int64],
     piece: NDArray[np.int32] | None = None,
 ) -> NDArray[np.float64]:
-    """Return (N,) how far it is through the shape from each point, in the unit of the vertices; 0 on an open sheet.
+    """Return (N,) how far it is through the shape from each point, in the unit of the scene; 0 on an open sheet.
 
     Parameters
     ----------
-    vertices, faces
-        (V, 3), normalized, and (F, 3).
-    points, face
-        (N, 3) on the surface, and (N,) the face of each.
+    scene
+        The shape, normalized.
+    corners, points
+        (N, 3, 3) those of the face that each point lies on, and (N, 3) the points.
     piece
         (N,) the connected component of each; None where there is one. Where as many rays of a point meet something on
         either side, its component decides which is inside.
     """
-    scene = Scene(vertices, faces)
-    along, across, normal = _axes(vertices[faces[face]].astype(np.float64))
+    along, across, normal = _axes(corners.astype(np.float64))
     # A turn from point to point: neighbors look into directions of their own, and tell more together.
     turn = np.arange(len(points)) * np.pi * (3 - np.sqrt(5))
     far = np.full((2, len(points), RAYS), np.inf)  # behind the face, and before it

@@ -20,6 +20,7 @@ from dfd.distillation.targets import PointTargets
 from dfd.distillation.thickness import BANDS, RAYS, thickness_bands, thicknesses
 from dfd.encoders.encode import load_encoder
 from dfd.geometry.topology import face_components
+from dfd.views.raycast import Scene
 
 # Of the rays about a normal, even by solid angle, from the middle one outwards.
 COSINES = 1 - (np.arange(RAYS) + 0.5) / RAYS * (1 - np.cos(thickness.CONE))
@@ -37,6 +38,10 @@ def flipped(faces: NDArray[np.int32], chosen: NDArray[np.bool_]) -> NDArray[np.i
     return np.where(chosen[:, None], faces[:, [0, 2, 1]], faces)
 
 
+def thick(vertices: Any, faces: Any, points: Any, face: Any, piece: Any = None) -> NDArray[np.float64]:
+    return thicknesses(Scene(vertices, faces), vertices[faces[face]], points, piece)
+
+
 def targets_of(mesh: dfd.Mesh, count: int = 3000) -> tuple[Any, PointTargets]:
     """What `thickness_bands` reads of the pictures of a mesh, and points on it, drawn alike on every copy."""
     low, high = mesh.bounds
@@ -44,18 +49,18 @@ def targets_of(mesh: dfd.Mesh, count: int = 3000) -> tuple[Any, PointTargets]:
     points, face, _ = _draw_points(vertices.astype(np.float64), mesh.faces, count, np.random.default_rng(0))
     component = face_components(mesh.faces)
     piece = component[face] if component.max() > 0 else None
-    views = SimpleNamespace(vertices=vertices, faces=mesh.faces)
+    views = SimpleNamespace(vertices=vertices, faces=mesh.faces, scene=None)
     return views, PointTargets(points.astype(np.float32), np.ones((count, 1), np.float32), None, piece, face=face)
 
 
 def test_a_sphere_is_as_thick_as_its_chords() -> None:
-    found = thicknesses(*drawn(trimesh.creation.icosphere(subdivisions=5, radius=0.5)))
+    found = thick(*drawn(trimesh.creation.icosphere(subdivisions=5, radius=0.5)))
     np.testing.assert_allclose(found, np.sort(COSINES)[MEDIAN], rtol=0.03)  # the chord at an angle is 2 r cos
 
 
 def test_a_slab_is_as_thick_as_the_slanted_ways_through_it() -> None:
     vertices, faces, points, face = drawn(trimesh.creation.box((1.8, 0.1, 1.8)), 2000)
-    found = thicknesses(vertices, faces, points, face)
+    found = thick(vertices, faces, points, face)
     middle = np.abs(points[:, [0, 2]]).max(axis=1) < 0.6
     np.testing.assert_allclose(found[middle], 0.1 / np.sort(COSINES)[::-1][MEDIAN], rtol=0.01)
 
@@ -64,7 +69,7 @@ def test_a_slab_is_as_thick_as_the_slanted_ways_through_it() -> None:
 def test_which_way_round_faces_are_does_not_matter(share: float) -> None:
     vertices, faces, points, face = drawn(trimesh.creation.icosphere(subdivisions=5, radius=0.5))
     chosen = np.random.default_rng(1).random(len(faces)) < share
-    found = thicknesses(vertices, flipped(faces, chosen), points, face)
+    found = thick(vertices, flipped(faces, chosen), points, face)
     np.testing.assert_allclose(found, np.sort(COSINES)[MEDIAN], rtol=0.03)
 
 
@@ -73,9 +78,9 @@ def test_where_both_sides_are_closed_in_the_rest_of_the_piece_decides() -> None:
     rod, box = trimesh.creation.box((0.1, 1.8, 0.1)), trimesh.creation.box((0.6, 0.5, 0.6))
     vertices, faces, points, face = drawn(rod, 800)
     faces = flipped(faces, np.ones(len(faces), bool))
-    alone = thicknesses(vertices, faces, points, face)
+    alone = thick(vertices, faces, points, face)
     both = np.concatenate([faces, np.asarray(box.faces, np.int32) + len(vertices)])
-    within = thicknesses(np.concatenate([vertices, box.vertices]), both, points, face, np.zeros(len(points), np.int32))
+    within = thick(np.concatenate([vertices, box.vertices]), both, points, face, np.zeros(len(points), np.int32))
     inside = np.abs(points[:, 1]) < 0.06  # no ray through the rod comes to the lids of the box, which cut it
     assert inside.sum() > 40
     np.testing.assert_allclose(within[inside], alone[inside])
@@ -85,7 +90,7 @@ def test_an_open_sheet_has_no_thickness() -> None:
     vertices = np.array([[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]], float)
     faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
     points, face, _ = _draw_points(vertices, faces, 50, np.random.default_rng(0))
-    np.testing.assert_array_equal(thicknesses(vertices, faces, points, face), 0)
+    np.testing.assert_array_equal(thick(vertices, faces, points, face), 0)
 
 
 def test_bands_go_up_with_thickness_and_are_the_same_on_a_turned_and_larger_copy() -> None:
@@ -131,6 +136,13 @@ def test_one_thread_gives_what_many_give() -> None:
     finally:
         set_num_threads(threads)
     np.testing.assert_array_equal(*found)
+
+
+def test_the_scene_of_the_pictures_serves_as_one_of_its_own() -> None:
+    views, targets = targets_of(dfd.samples.chair(4000).mesh)
+    alone = thickness_bands(views, targets)
+    views.scene = Scene(views.vertices, views.faces)
+    np.testing.assert_array_equal(thickness_bands(views, targets), alone)
 
 
 def test_a_single_point_has_bands() -> None:
