@@ -28,7 +28,7 @@ from bench.quality import shapes
 from bench.quality.evaluate import Draw, judge
 from bench.quality.families import family_of
 from bench.quality.learn_kinds import learn_kinds
-from bench.quality.looks import kept_looks
+from bench.quality.looks import Looks, kept_looks
 from bench.quality.parts import label_vertices, without_few
 from bench.quality.shapes import Shape
 from bench.quality.skins import strongest_joints
@@ -42,6 +42,7 @@ REPORT = Path(__file__).resolve().parents[1] / "results" / "quality" / "metric.m
 KEPT_LOOKS = REPORT.parent / "metric_looks"
 DIRECTIONS = 51  # with the kinds of parts beside them, 64 numbers
 RIDGE = 1.0  # of the mean variance within parts
+THICKNESS = 0.25  # that a band of thickness counts, beside the numbers of a feature of unit length
 POWER = 0.125  # of the ratio of variances that a direction's length is
 NONE = "other"  # a joint of no part
 FEWEST = 5  # vertices of a part that says something
@@ -53,11 +54,16 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Lesson:
-    """A labelled shape with the features of its vertices; whether it only teaches, and is not judged."""
+    """A labelled shape with the looks of its vertices; whether it only teaches, and is not judged."""
 
     shape: Shape
-    features: NDArray[np.float32]  # (V, D)
+    looks: Looks
     only_teaches: bool = False
+
+    @property
+    def features(self) -> NDArray[np.float32]:
+        """(V, D) of the vertices."""
+        return self.looks.features
 
     @property
     def family(self) -> str:
@@ -81,9 +87,13 @@ class Lesson:
 
     @cached_property
     def scatters(self) -> tuple[Matrix, Matrix]:
-        """How features vary within and between parts, (D, D) each: parts count alike, and their sum has trace 1."""
+        """How features and bands vary within and between parts, (D + BANDS, D + BANDS) each; their sum has trace 1.
+
+        Parts count alike.
+        """
         assert self.shape.labels is not None
-        rows = [self.features[self.shape.labels == part].astype(np.float64) for part in range(len(self.shape.parts))]
+        every = np.concatenate([self.features, np.float32(THICKNESS) * self.looks.thickness], axis=1, dtype=np.float64)
+        rows = [every[self.shape.labels == part] for part in range(len(self.shape.parts))]
         rows = [part for part in rows if len(part) >= FEWEST]
         within = np.mean([np.cov(part.T, bias=True) for part in rows], axis=0)
         between = np.cov(np.stack([part.mean(axis=0) for part in rows]).T, bias=True)
@@ -141,11 +151,11 @@ def further_rigs(folder: Path | None, say: Callable[[str], None]) -> Iterator[Sh
 
 def learn(lessons: Sequence[Lesson], encoder: Encoder) -> Metric:
     """The metric of all lessons."""
-    return Metric(discriminants(lessons), *encoder_identity(encoder), learn_kinds(lessons))
+    return Metric(*discriminants(lessons), *encoder_identity(encoder), learn_kinds(lessons))
 
 
-def discriminants(lessons: Sequence[Lesson]) -> NDArray[np.float32]:
-    """(D, d) the directions in which features change most between parts for what they change within them.
+def discriminants(lessons: Sequence[Lesson]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The directions, (D, d) and (BANDS, d), in which looks change most between parts for what they change within them.
 
     Every family counts alike. A direction is of unit variance within parts, times a power of the ratio of variances.
 
@@ -159,7 +169,9 @@ def discriminants(lessons: Sequence[Lesson]) -> NDArray[np.float32]:
     ratio, directions = scipy.linalg.eigh(between, within)
     ratio, directions = ratio[: -DIRECTIONS - 1 : -1], directions[:, : -DIRECTIONS - 1 : -1]
     directions *= np.sign(directions[np.abs(directions).argmax(axis=0), np.arange(directions.shape[1])])
-    return np.ascontiguousarray(directions * np.maximum(ratio, 0) ** POWER, np.float32)
+    directions *= np.maximum(ratio, 0) ** POWER
+    of_features, of_bands = np.split(directions, [lessons[0].features.shape[1]])
+    return np.ascontiguousarray(of_features, np.float32), np.ascontiguousarray(THICKNESS * of_bands, np.float32)
 
 
 def judged(lesson: Lesson, features: NDArray[np.float32], draw: Draw) -> dict[str, float]:
@@ -184,9 +196,10 @@ def report(lessons: Sequence[Lesson], draw: Draw = DRAW) -> str:
         if not others:
             continue
         tested = [each for each in lessons if each.family == family and not each.only_teaches]
-        metric = Metric(discriminants(others), "", 0, learn_kinds(others)) if tested else None
+        metric = Metric(*discriminants(others), "", 0, learn_kinds(others)) if tested else None
         for lesson in tested:
-            mapped = metric.mapped(lesson.features, np.random.default_rng(0), mean=lesson.mean)
+            thickness = lesson.looks.thickness
+            mapped = metric.mapped(lesson.features, thickness, np.random.default_rng(0), mean=lesson.mean)
             plain, learned = judged(lesson, lesson.features, draw), judged(lesson, mapped, draw)
             numbers = [verdict[name] for name in ("precision", "moving") for verdict in (plain, learned)]
             lines.append(f"| {family} | {lesson.shape.name} | " + " | ".join(f"{each:.3f}" for each in numbers) + " |")

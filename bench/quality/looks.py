@@ -1,7 +1,8 @@
-"""What an encoder sees at the vertices of a shape, before a field is fitted: what a metric is learned from."""
+"""What a metric is learned from: what an encoder sees at the vertices of a shape, and how thick the shape is there."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,27 +17,38 @@ from dfd.distillation.contrast import unit
 from dfd.distillation.settings import DistillSettings
 from dfd.distillation.smoothing import spread
 from dfd.distillation.targets import PixelTargets
+from dfd.distillation.thickness import thickness_bands
 from dfd.distillation.upright import said_or_found
 from dfd.encoders.encode import Encoder
 from dfd.views.render import render
 
-__all__ = ["kept_looks", "looks"]
+__all__ = ["Looks", "kept_looks", "looks"]
 
 NEAREST = 3  # points that a vertex is interpolated from
 
 
-def kept_looks(folder: Path, mesh: dfd.Mesh, encoder: Encoder) -> NDArray[np.float32]:
+@dataclass(frozen=True, eq=False)
+class Looks:
+    """What distillation has at the vertices of a shape before a field is fitted, by the plain distance."""
+
+    features: NDArray[np.float32]  # (V, D) unit rows
+    thickness: NDArray[np.float32]  # (V, BANDS), see `dfd.distillation.thickness`
+
+
+def kept_looks(folder: Path, mesh: dfd.Mesh, encoder: Encoder) -> Looks:
     """`looks`, from `folder` if they are there: taking them takes seconds for each shape."""
-    path = folder / f"{mesh.content_hash}.npy"
+    path = folder / f"{mesh.content_hash}.npz"
     if not path.is_file():
         folder.mkdir(parents=True, exist_ok=True)
         with atomic_write(path) as temporary, temporary.open("wb") as stream:
-            np.save(stream, looks(mesh, encoder).astype(np.float16))
-    return unit(np.load(path).astype(np.float32))
+            seen = looks(mesh, encoder)
+            np.savez(stream, features=seen.features.astype(np.float16), thickness=seen.thickness)
+    with np.load(path) as kept:
+        return Looks(unit(kept["features"].astype(np.float32)), kept["thickness"])
 
 
-def looks(mesh: dfd.Mesh, encoder: Encoder, **changes: Any) -> NDArray[np.float32]:
-    """Unit features (V, D) at the vertices of `mesh`, +y up, as they are after spreading, by the plain distance.
+def looks(mesh: dfd.Mesh, encoder: Encoder, **changes: Any) -> Looks:
+    """What `mesh`, +y up, looks like at its vertices, as distillation has it at the surface points around them.
 
     `changes` are settings of `dfd.distill` that are not its defaults.
     """
@@ -49,4 +61,8 @@ def looks(mesh: dfd.Mesh, encoder: Encoder, **changes: Any) -> NDArray[np.float3
     distance, near = cKDTree(targets.points).query(vertices, NEAREST)
     shares = 1 / np.square(distance + 1e-6)
     shares /= shares.sum(axis=1, keepdims=True)
-    return unit(np.einsum("vkd,vk->vd", targets.features[near], shares.astype(np.float32)))
+
+    def at_vertices(rows: NDArray[np.float32]) -> NDArray[np.float32]:
+        return np.asarray(np.einsum("vkd,vk->vd", rows[near], shares.astype(np.float32)), np.float32)
+
+    return Looks(unit(at_vertices(targets.features)), at_vertices(thickness_bands(views, targets)))

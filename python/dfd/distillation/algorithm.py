@@ -18,6 +18,7 @@ from dfd.distillation.pieces import keep_pieces
 from dfd.distillation.settings import DistillSettings
 from dfd.distillation.smoothing import lay_ground, spread
 from dfd.distillation.targets import PixelTargets, PointTargets, TokenGrid
+from dfd.distillation.thickness import thickness_bands
 from dfd.distillation.upright import said_or_found
 from dfd.encoders.encode import Encoder
 from dfd.field.field import Field
@@ -49,7 +50,8 @@ def distill_pictures(
     targets: PixelTargets | PointTargets = pixels  # as the paper has it, without smoothing
     if smoothing > 0:
         targets = spread(views, pixels, smoothing=smoothing, seed=seed, stages=stages, ground=ground)
-        targets = metric.of_targets(targets, seed) if metric else targets
+        if metric:
+            targets = metric.of_targets(targets, thickness_bands(views, targets), seed)
     state = kept.fit_state(*targets.arrays) if kept else None
     field = fit(
         targets, settings, center=views.center, scale=views.scale, device=encoder.device, stages=stages, state=state
@@ -58,5 +60,6 @@ def distill_pictures(
         field = keep_pieces(field, targets)
     if targets.directions is not None:
         field = widen(field, targets.directions)
-    made_with = {**settings.as_dict(), "metric": "learned" if metric else "none"}
+    of_metric = {"metric": "learned", "metric_hash": metric.content_hash} if metric else {"metric": "none"}
+    made_with = {**settings.as_dict(), **of_metric}
     return field.with_settings({**encoder.settings(), **made_with, **up.settings, **field.settings})

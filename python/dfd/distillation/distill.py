@@ -95,10 +95,10 @@ def distill(
         side of the box; 0 fits the pixels as they are, as the paper does, and then the length of the fit decides how
         well its weights tell parts apart. What spreads, and why, stands in `dfd.distillation.smoothing`.
     metric
-        "learned" fits features that went through the metric that was learned for this encoder, see
-        `dfd.distillation.metric`: parts are told apart better, and a feature has fewer numbers. "none" is the paper's
-        distance, and what is taken without smoothing and where no metric comes with the package for an encoder's
-        weights and block; the field's `settings` say which it was.
+        "learned" fits features that went, with how thick the shape is around each point, through the metric that was
+        learned for this encoder, see `dfd.distillation.metric`: parts are told apart better, and a feature has fewer
+        numbers. "none" is the paper's distance, of what is seen alone, and what is taken without smoothing and where no
+        metric comes with the package for an encoder's weights and block; the field's `settings` say which it was.
     octaves
         Wavelengths of the sines that the field's network is given beside the coordinates; 0 is the paper's network.
     steps, batch, learning_rate

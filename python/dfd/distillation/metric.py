@@ -1,8 +1,9 @@
-"""A metric learned once per encoder: which differences of features tell parts apart, and which lie within a part.
+"""A metric learned once per encoder: which differences tell parts apart, and which lie within a part.
 
 An encoder's features differ by more than parts: by where on the body a point is, how the surface bends, what stands
-near. Labelled shapes say which differences those are. Features go through one linear map that weighs each direction by
-how much it changes between parts for what it changes within them (Fisher's discriminant directions; `python -m
+near. And some of what parts differ by is in no picture, such as how thick they are, see `dfd.distillation.thickness`.
+Labelled shapes say which differences count. Features and thickness go through one linear map that weighs each direction
+by how much it changes between parts for what it changes within them (Fisher's discriminant directions; `python -m
 bench.quality.learn_metric` learns it). Beside what comes out stands which kind of part a point looks like, see
 `dfd.distillation.kinds`. Rows are of unit length and about as far from each other, on average, as they were before: a
 weight 1 − d keeps its meaning.
@@ -15,7 +16,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,18 +25,20 @@ from dfd.distillation.contrast import PAIRS, mean_distance, restore_contrast, un
 from dfd.distillation.kinds import ARRAYS, Kinds
 from dfd.distillation.learned_file import encoder_identity, read_learned, write_learned
 from dfd.distillation.targets import PointTargets
+from dfd.distillation.thickness import BANDS
+from dfd.runs.recipe import hash_arrays
 
 if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
 
 __all__ = ["FOLDER", "Metric", "find_metric"]
 
-KIND = "dfd metric 2"  # the number is that of the format
-LINEAR = {"directions"}  # what a file holds that knows no kinds of parts
+KIND = "dfd metric 3"  # the number is that of the format
+LINEAR = {"directions", "thickness_directions"}  # what a file holds that knows no kinds of parts
 FOLDER = Path(__file__).with_name("metrics")
 # Details, of many vertices and little area, draw together: at equal mean distance over the surface a handle would move
 # more vertices than without the metric. So much farther apart it moves fewer.
-FARTHER = 1.05
+FARTHER = 1.06
 # What a squared distance of kinds counts for, beside one of mapped features. With more, birds lose.
 KINDS_SHARE = 0.2
 _LEAST_STRETCH = 0.02  # towards their mean, where mapped rows lie farther apart than before
@@ -49,6 +52,8 @@ class Metric:
     ----------
     directions
         (D, d) the map of a row of features.
+    thickness_directions
+        (BANDS, d) that of a row of `dfd.distillation.thickness.thickness_bands`; both are added.
     kinds
         What tells kinds of parts; None where only the map was learned.
     encoder_weights, encoder_block
@@ -56,6 +61,7 @@ class Metric:
     """
 
     directions: NDArray[np.float32]
+    thickness_directions: NDArray[np.float32]
     encoder_weights: str
     encoder_block: int
     kinds: Kinds | None = None
@@ -63,28 +69,41 @@ class Metric:
     def mapped(
         self,
         features: NDArray[np.floating],
+        thickness: NDArray[np.float32],
         generator: np.random.Generator,
         *,
         mean: NDArray[np.float32] | None = None,
     ) -> NDArray[np.float32]:
-        """Return features (N, D) as unit rows whose mean distance is `FARTHER` times that of `features`.
+        """Return features (N, D) with bands of thickness (N, BANDS) as unit rows, whose distances tell parts apart.
 
-        They are (N, d), or (N, d + K) with K kinds. `mean` (D,) is that of the shape; None takes that of `features`.
+        They are (N, d), or (N, d + K) with K kinds; their mean distance is `FARTHER` times that of `features`. `mean`
+        (D,) is that of the features of the shape; None takes that of `features`.
         """
         one, other = generator.integers(0, len(features), (2, PAIRS))
         rows = np.asarray(features, np.float32)
         distance = FARTHER * mean_distance(rows[one], rows[other])
-        mapped = restore_contrast(unit(rows @ self.directions), distance, generator, least=_LEAST_STRETCH)
+        mapped = unit(rows @ self.directions + thickness @ self.thickness_directions)
+        mapped = restore_contrast(mapped, distance, generator, least=_LEAST_STRETCH)
         if self.kinds is None:
             return mapped
         likely = self.kinds.likely(rows, rows.mean(axis=0) if mean is None else mean)
         both = unit(np.concatenate([mapped, np.float32(np.sqrt(KINDS_SHARE)) * likely], axis=1))
         return restore_contrast(both, distance, generator, least=_LEAST_STRETCH)
 
-    def of_targets(self, targets: PointTargets, seed: int) -> PointTargets:
+    def of_targets(self, targets: PointTargets, thickness: NDArray[np.float32], seed: int) -> PointTargets:
         """Return targets at the same points whose features went through `mapped`; `seed` draws pairs to measure."""
-        rows = self.mapped(targets.features, np.random.default_rng(seed))
-        return PointTargets(targets.points, rows, None, targets.piece, targets.boxes)
+        rows = self.mapped(targets.features, thickness, np.random.default_rng(seed))
+        return PointTargets(targets.points, rows, None, targets.piece, targets.boxes, targets.face)
+
+    @property
+    def content_hash(self) -> str:
+        """SHA-256 of all its numbers: features that went through another metric are not to be compared."""
+        return hash_arrays(*self._arrays().values())
+
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        """What a file keeps, by name."""
+        linear = {"directions": self.directions, "thickness_directions": self.thickness_directions}
+        return {**linear, **(self.kinds.arrays() if self.kinds else {})}
 
     def fits(self, encoder: Encoder) -> bool:
         """Whether it was learned from the features that `encoder` gives."""
@@ -92,8 +111,7 @@ class Metric:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a .safetensors file, whole or not at all; equal metrics are equal files."""
-        arrays = {"directions": self.directions, **(self.kinds.arrays() if self.kinds else {})}
-        write_learned(path, KIND, arrays, (self.encoder_weights, self.encoder_block))
+        write_learned(path, KIND, self._arrays(), (self.encoder_weights, self.encoder_block))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], encoder: Encoder | None = None) -> Metric:
@@ -115,11 +133,19 @@ class Metric:
         directions = arrays["directions"]
         if directions.ndim != 2 or 0 in directions.shape or not np.isfinite(directions).all():
             raise ValueError(f"Metric.load: `directions` in {name} must be finite, (D, d), got {directions.shape}")
+        thickness = arrays["thickness_directions"]
+        wanted = (BANDS, directions.shape[1])
+        if thickness.shape != wanted or not np.isfinite(thickness).all():
+            raise ValueError(
+                f"Metric.load: `thickness_directions` in {name} must be finite, {wanted}, got {thickness.shape}"
+            )
         try:
             kinds = Kinds.of(arrays, len(directions)) if ARRAYS[0] in arrays else None
         except ValueError as error:
             raise ValueError(f"Metric.load: {error} in {name}") from None
-        metric = cls(directions.astype(np.float32), str(told.get("encoder_weights", "")), int(block), kinds)
+        encoder_weights = str(told.get("encoder_weights", ""))
+        maps = directions.astype(np.float32), thickness.astype(np.float32)
+        metric = cls(*maps, encoder_weights, int(block), kinds)
         if encoder is not None and not metric.fits(encoder):
             raise ValueError(f"Metric.load: {name} was learned from another encoder than {encoder!r}")
         return metric

@@ -163,10 +163,11 @@ def spread(
         one, other = (pixels.at(some) for some in pairs)
         targets = restore_contrast(unit(smooth[reached]), DISTANCE_KEPT * mean_distance(one, other), generator)
         reached_points = points[reached].astype(np.float32)
+        face = on.face[reached]
         if on.component.max(initial=0) == 0:
-            return PointTargets(reached_points, targets, directions)
+            return PointTargets(reached_points, targets, directions, face=face)
         boxes = boxes_of_components(views.vertices.astype(np.float64), views.faces, on.component)
-        return PointTargets(reached_points, targets, directions, on.component[on.face][reached], boxes)
+        return PointTargets(reached_points, targets, directions, on.component[face], boxes, face)
 
 
 def _gather(

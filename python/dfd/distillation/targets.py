@@ -38,7 +38,8 @@ class PointTargets:
 
     `directions` (d, D), orthonormal rows, lead from targets to features as the encoder gives them; None where the
     targets are what a field is to give. Of a surface in several pieces, connected components, `piece` (N,) is the one
-    that each point is on and `boxes` (P, 6) are the corners of the boxes around them; None else.
+    that each point is on and `boxes` (P, 6) are the corners of the boxes around them; None else. `face` (N,) is the
+    face that each point lies on; None where nobody asks.
     """
 
     def __init__(
@@ -48,9 +49,10 @@ class PointTargets:
         directions: NDArray[np.float32] | None,
         piece: NDArray[np.int32] | None = None,
         boxes: NDArray[np.float64] | None = None,
+        face: NDArray[np.int64] | None = None,
     ) -> None:
         self.points, self.targets, self.directions = points, targets, directions
-        self.piece, self.boxes = piece, boxes
+        self.piece, self.boxes, self.face = piece, boxes, face
         self.dimension = targets.shape[1]
 
     @property

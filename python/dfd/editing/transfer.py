@@ -33,7 +33,8 @@ __all__ = ["Transferred", "transfer"]
 AS_NEAR = 0.1
 MOST_POSITIONS = 2048  # of a set of vertices: more of them lie between these
 SAMPLE = 4096  # points of a surface, whose features have the mean of all of them to a percent
-OF_ENCODER = ("encoder_family", "encoder_weights", "encoder_block")  # of a field's settings: what features come from
+# Of a field's settings: what its features come from.
+OF_FEATURES = ("encoder_family", "encoder_weights", "encoder_block", "metric_hash")
 TOO_SHORT = 1e-4  # a feature nearer to the mean of its shape differs from it in no way that could be told
 
 Points = NDArray[np.float64]
@@ -95,8 +96,8 @@ def _check_encoders(field_from: Field, field_to: Field) -> None:
             f"transfer: `field_to` must have features of width {field_from.dimension} as `field_from` has, "
             f"got {field_to.dimension}: were they distilled with another `encoder` or another `metric`?"
         )
-    before, now = ([field.settings.get(key) for key in OF_ENCODER] for field in (field_from, field_to))
-    for key, was, found in zip(OF_ENCODER, before, now, strict=True):
+    before, now = ([field.settings.get(key) for key in OF_FEATURES] for field in (field_from, field_to))
+    for key, was, found in zip(OF_FEATURES, before, now, strict=True):
         if was is not None and found is not None and was != found:
             raise ValueError(f"transfer: `field_to` must be of the {key} {was} as `field_from` is, got {found}")
 

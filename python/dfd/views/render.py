@@ -55,6 +55,8 @@ class Views:
         The normalization: the middle of the bounding box comes to the origin, its longest side to [−1, 1].
     frame
         (3, 3) the directions, in the mesh's coordinates, that count as right, up and front.
+    scene
+        `vertices` and `faces`, ready for further rays; None where none are to come.
     """
 
     images: NDArray[np.uint8]
@@ -70,6 +72,7 @@ class Views:
     center: NDArray[np.float64]
     scale: float
     frame: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    scene: Scene | None = None
 
 
 def render(
@@ -160,7 +163,7 @@ def render(
     if not met.any() or len(points) == 0:
         raise ValueError("render: `mesh` is seen by no camera: all its faces are without area, or smaller than a pixel")
     return Views(
-        images, covered, cameras, points, view, row, column, face, vertices, mesh.faces, center, scale, frames[0]
+        images, covered, cameras, points, view, row, column, face, vertices, mesh.faces, center, scale, frames[0], scene
     )
 
 

@@ -16,13 +16,22 @@ from bench.quality import learn_metric
 from bench.quality.evaluate import Draw
 from bench.quality.learn_kinds import KINDS, learn_kinds
 from bench.quality.learn_metric import Lesson, discriminants, further_rigs, judged, report
-from bench.quality.looks import kept_looks, looks
+from bench.quality.looks import Looks, kept_looks, looks
 from bench.quality.parts import without_few
 from bench.quality.shapes import Shape
 from dfd.distillation.contrast import unit
-from dfd.distillation.metric import find_metric
+from dfd.distillation.learned_file import encoder_identity
+from dfd.distillation.metric import Metric, find_metric
+from dfd.distillation.targets import PointTargets
+from dfd.distillation.thickness import BANDS, thickness_bands
 from dfd.encoders.encode import load_encoder
 from dfd.encoders.sources import find_fingerprint
+from dfd.views.render import Views
+
+
+def looking(features: np.ndarray) -> Looks:
+    """Features (V, D) of a shape that is as thick everywhere."""
+    return Looks(features, np.zeros((len(features), BANDS), np.float32))
 
 
 def lesson(name: str, seed: int) -> Lesson:
@@ -37,11 +46,13 @@ def lesson(name: str, seed: int) -> Lesson:
         ],
         axis=1,
     )
-    return Lesson(Shape(name, sample.mesh, sample.labels, sample.parts), unit(rows.astype(np.float32)))
+    return Lesson(Shape(name, sample.mesh, sample.labels, sample.parts), looking(unit(rows.astype(np.float32))))
 
 
 def test_directions_between_parts_come_first_and_longest() -> None:
-    directions = discriminants([lesson("chair", 0), lesson("horse", 1), lesson("boat", 2)])
+    directions, of_bands = discriminants([lesson("chair", 0), lesson("horse", 1), lesson("boat", 2)])
+    assert of_bands.shape[0] == BANDS
+    directions = directions[:, :12]  # the others are of bands, which are all zero
     assert directions.shape == (12, 12)
     assert np.abs(directions[:2, :2]).max() > 5 * np.abs(directions[2:, :2]).max()
     lengths = np.linalg.norm(directions, axis=0)
@@ -50,7 +61,21 @@ def test_directions_between_parts_come_first_and_longest() -> None:
 
 def test_equal_lessons_give_equal_directions() -> None:
     one, again = (discriminants([lesson("chair", 0), lesson("horse", 1)]) for _ in range(2))
-    np.testing.assert_array_equal(one, again)
+    for before, after in zip(one, again, strict=True):
+        np.testing.assert_array_equal(before, after)
+
+
+def test_parts_that_only_differ_in_thickness_are_told_apart() -> None:
+    lessons = []
+    for seed, name in enumerate(("chair", "horse", "boat")):
+        each = lesson(name, seed)
+        noise = np.random.default_rng(seed).normal(size=each.features.shape).astype(np.float32)
+        thick = np.eye(BANDS, dtype=np.float32)[4 * each.shape.labels]
+        lessons.append(replace(each, looks=Looks(unit(noise), thick)))
+    of_features, of_bands = discriminants(lessons)
+    told = [0, 4, 8]
+    assert np.abs(of_bands[told, 0]).max() > 3 * np.abs(of_features[:, 0]).max()
+    assert np.abs(np.delete(of_bands, told, axis=0)[:, 0]).max() < 1e-4
 
 
 def test_the_report_leaves_the_family_out_and_sees_the_gain() -> None:
@@ -66,7 +91,7 @@ def figure(name: str, seed: int) -> Lesson:
     generator = np.random.default_rng(seed)
     of_kind = np.random.default_rng(99).normal(size=(len(sample.parts), 24))
     rows = of_kind[sample.labels] + generator.normal(size=24) + generator.normal(size=(len(sample.labels), 24))
-    return Lesson(Shape(name, sample.mesh, sample.labels, sample.parts), unit(rows.astype(np.float32)))
+    return Lesson(Shape(name, sample.mesh, sample.labels, sample.parts), looking(unit(rows.astype(np.float32))))
 
 
 def test_kinds_are_known_again_on_a_shape_that_was_not_seen() -> None:
@@ -94,9 +119,9 @@ def test_no_kinds_are_learned_from_parts_that_are_none() -> None:
 def test_the_mean_of_a_surface_does_not_depend_on_how_densely_it_is_meshed() -> None:
     sample = dfd.samples.chair(4000)
     along = sample.mesh.vertices[:, :2].astype(np.float32)
-    whole = Lesson(Shape("chair", sample.mesh), along)
+    whole = Lesson(Shape("chair", sample.mesh), looking(along))
     split = dfd.samples.chair(16_000)
-    fine = Lesson(Shape("chair", split.mesh), split.mesh.vertices[:, :2].astype(np.float32))
+    fine = Lesson(Shape("chair", split.mesh), looking(split.mesh.vertices[:, :2].astype(np.float32)))
     np.testing.assert_allclose(whole.mean, fine.mean, atol=0.01)
 
 
@@ -127,13 +152,40 @@ def test_looks_are_unit_and_taken_once(tmp_path: Path, monkeypatch: pytest.Monke
     encoder = load_encoder(save_tiny_encoder(tmp_path / "encoder"), device="cpu", precision="float32")
     mesh = dfd.samples.chair(4000).mesh
     seen = looks(mesh, encoder, views=4, resolution=64)
-    assert seen.shape == (len(mesh.vertices), encoder.dimension)
-    np.testing.assert_allclose(np.linalg.norm(seen, axis=1), 1, atol=1e-5)
+    assert seen.features.shape == (len(mesh.vertices), encoder.dimension)
+    assert seen.thickness.shape == (len(mesh.vertices), BANDS)
+    np.testing.assert_allclose(np.linalg.norm(seen.features, axis=1), 1, atol=1e-5)
     monkeypatch.setattr("bench.quality.looks.looks", lambda *_: seen)
     kept = kept_looks(tmp_path / "looks", mesh, encoder)
-    np.testing.assert_allclose(kept, seen, atol=2e-3)
+    np.testing.assert_allclose(kept.features, seen.features, atol=2e-3)
+    np.testing.assert_array_equal(kept.thickness, seen.thickness)
     monkeypatch.setattr("bench.quality.looks.looks", lambda *_: pytest.fail("looked again"))
-    np.testing.assert_array_equal(kept_looks(tmp_path / "looks", mesh, encoder), kept)
+    again = kept_looks(tmp_path / "looks", mesh, encoder)
+    np.testing.assert_array_equal(again.features, kept.features)
+    np.testing.assert_array_equal(again.thickness, kept.thickness)
+
+
+def test_what_is_learned_from_is_what_distillation_maps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    encoder = load_encoder(save_tiny_encoder(tmp_path / "encoder"), device="cpu", precision="float32")
+    identity = encoder_identity(encoder)
+    maps = np.eye(encoder.dimension, 3, dtype=np.float32), np.ones((BANDS, 3), np.float32)
+    Metric(*maps, *identity).save(tmp_path / "tiny.safetensors")
+    monkeypatch.setattr("dfd.distillation.metric.FOLDER", tmp_path)
+    measured = []
+
+    def recorded(views: Views, targets: PointTargets) -> np.ndarray:
+        bands = thickness_bands(views, targets)
+        measured.append((targets.features, bands))
+        return bands
+
+    monkeypatch.setattr("dfd.distillation.algorithm.thickness_bands", recorded)
+    monkeypatch.setattr("bench.quality.looks.thickness_bands", recorded)
+    mesh = dfd.samples.chair(4000).mesh
+    looks(mesh, encoder, views=4, resolution=64)
+    dfd.distill(mesh, encoder, views=4, resolution=64, steps=2, up="file", cache=False, progress=False)
+    learned_from, distilled = measured
+    for one, other in zip(learned_from, distilled, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.skipif(find_fingerprint("dinov2-small") is None, reason="the encoder's weights are not on this machine")
@@ -144,6 +196,6 @@ def test_the_packages_metric_tells_the_parts_of_a_sample_better() -> None:
     assert metric.kinds is not None
     sample = dfd.samples.quadruped(4000)
     each = Lesson(Shape("quadruped", sample.mesh, sample.labels, sample.parts), looks(sample.mesh, encoder))
-    mapped = metric.mapped(each.features, np.random.default_rng(0), mean=each.mean)
+    mapped = metric.mapped(each.features, each.looks.thickness, np.random.default_rng(0), mean=each.mean)
     plain, learned = (judged(each, rows, Draw(each=4, seeds=(0,))) for rows in (each.features, mapped))
     assert learned["precision"] > plain["precision"] + 0.01

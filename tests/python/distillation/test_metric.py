@@ -18,8 +18,11 @@ from dfd.distillation.kinds import Kinds
 from dfd.distillation.metric import FOLDER, Metric, find_metric
 from dfd.distillation.settings import DistillSettings
 from dfd.distillation.targets import PointTargets
+from dfd.distillation.thickness import BANDS
 from dfd.encoders.encode import Encoder, load_encoder
 
+NO_THICKNESS = np.zeros((BANDS, 3), np.float32)
+BANDS_OF_500 = np.zeros((500, BANDS), np.float32)
 SMALL = {"views": 4, "resolution": 64, "steps": 20, "cache": False, "progress": False, "device": "cpu"}
 
 
@@ -33,7 +36,7 @@ def metric(encoder: Encoder) -> Metric:
     """The first three of sixteen numbers, the third counted four times."""
     settings = encoder.settings()
     directions = np.eye(16, 3, dtype=np.float32) * np.array([1, 1, 4], np.float32)
-    return Metric(directions, str(settings["encoder_weights"]), int(settings["encoder_block"]))
+    return Metric(directions, NO_THICKNESS, str(settings["encoder_weights"]), int(settings["encoder_block"]))
 
 
 @pytest.fixture
@@ -57,7 +60,7 @@ def distance(rows: np.ndarray) -> float:
 
 def test_mapped_rows_are_unit_and_about_as_far_apart_as_before(metric: Metric, features: np.ndarray) -> None:
     before = features.copy()
-    rows = metric.mapped(features, np.random.default_rng(0))
+    rows = metric.mapped(features, BANDS_OF_500, np.random.default_rng(0))
     assert rows.shape == (500, 3)
     np.testing.assert_allclose(np.linalg.norm(rows, axis=1), 1, atol=1e-6)
     assert distance(rows) == pytest.approx(metrics.FARTHER * distance(features), rel=0.03)
@@ -70,12 +73,16 @@ def test_what_counts_more_sets_rows_farther_apart(features: np.ndarray) -> None:
     along[:, 2] += 0.1
     across[:, 9] += 0.1
     directions = np.diag([1.0] * 2 + [4.0] + [1.0] * 13).astype(np.float32)
-    mapped = Metric(directions, "", 0).mapped(np.concatenate([features, along, across]), np.random.default_rng(0))
+    rows, bands = np.concatenate([features, along, across]), np.zeros((900, BANDS), np.float32)
+    metric = Metric(directions, np.zeros((BANDS, 16), np.float32), "", 0)
+    mapped = metric.mapped(rows, bands, np.random.default_rng(0))
     assert mean_distance(mapped[500:700], mapped[:200]) > 2 * mean_distance(mapped[700:], mapped[:200])
 
 
 def test_the_identity_changes_distances_alike(features: np.ndarray) -> None:
-    rows = Metric(np.eye(16, dtype=np.float32), "", 0).mapped(features, np.random.default_rng(0))
+    rows = Metric(np.eye(16, dtype=np.float32), np.zeros((BANDS, 16), np.float32), "", 0).mapped(
+        features, BANDS_OF_500, np.random.default_rng(0)
+    )
     before, after = (np.linalg.norm(some[:250] - some[250:], axis=1) for some in (features, rows))
     assert np.corrcoef(before, after)[0, 1] > 0.99
     assert np.mean(after / before) == pytest.approx(metrics.FARTHER, rel=0.03)
@@ -84,12 +91,27 @@ def test_the_identity_changes_distances_alike(features: np.ndarray) -> None:
 def test_targets_in_main_directions_are_mapped_as_features(metric: Metric, features: np.ndarray) -> None:
     turned = np.linalg.qr(np.random.default_rng(2).normal(size=(16, 16)))[0].astype(np.float32)
     points = np.zeros((500, 3), np.float32)
-    direct = metric.of_targets(PointTargets(points, features, None), 5)
-    through = metric.of_targets(PointTargets(points, features @ turned.T, turned), 5)
+    face = np.arange(500)
+    direct = metric.of_targets(PointTargets(points, features, None, face=face), BANDS_OF_500, 5)
+    through = metric.of_targets(PointTargets(points, features @ turned.T, turned), BANDS_OF_500, 5)
     assert direct.directions is None
     assert through.directions is None
     np.testing.assert_allclose(direct.targets, through.targets, atol=1e-4)
     assert through.dimension == 3
+    assert direct.face is face
+
+
+def test_thickness_sets_rows_apart_that_look_alike(metric: Metric, features: np.ndarray) -> None:
+    thick, twice = np.zeros((1000, BANDS), np.float32), np.concatenate([features, features])
+    thick[:500, 4], thick[500:, 15] = 1, 1
+    told = NO_THICKNESS.copy()
+    told[4, 0], told[15, 0] = 0.5, -0.5
+    before, after = (
+        each.mapped(twice, thick, np.random.default_rng(0))
+        for each in (metric, replace(metric, thickness_directions=told))
+    )
+    np.testing.assert_array_equal(before[:500], before[500:])
+    assert mean_distance(after[:500], after[500:]) > distance(after)
 
 
 def test_contrast_may_shrink_only_where_it_is_allowed(features: np.ndarray) -> None:
@@ -121,30 +143,31 @@ def test_kinds_stand_beside_what_is_mapped_and_the_scale_stays(
     metric: Metric, kinds: Kinds, features: np.ndarray
 ) -> None:
     both = replace(metric, kinds=kinds)
-    rows = both.mapped(features, np.random.default_rng(0))
+    rows = both.mapped(features, BANDS_OF_500, np.random.default_rng(0))
     assert rows.shape == (500, 3 + 5)
     np.testing.assert_allclose(np.linalg.norm(rows, axis=1), 1, atol=1e-6)
     assert distance(rows) == pytest.approx(metrics.FARTHER * distance(features), rel=0.03)
     # one kind for all tells nothing: distances are those of the map alone
     certain = replace(kinds, output_bias=np.array([100, 0, 0, 0, 0], np.float32))
-    alone = metric.mapped(features, np.random.default_rng(0))
-    without = replace(metric, kinds=certain).mapped(features, np.random.default_rng(0))
+    alone = metric.mapped(features, BANDS_OF_500, np.random.default_rng(0))
+    without = replace(metric, kinds=certain).mapped(features, BANDS_OF_500, np.random.default_rng(0))
     before, after = (np.linalg.norm(some[:250] - some[250:], axis=1) for some in (alone, without))
     assert np.corrcoef(before, after)[0, 1] > 0.98
 
 
 def test_the_mean_of_a_shape_decides_and_may_be_said(metric: Metric, kinds: Kinds, features: np.ndarray) -> None:
     both = replace(metric, kinds=kinds)
-    by_itself = both.mapped(features, np.random.default_rng(0))
-    said = both.mapped(features, np.random.default_rng(0), mean=features.mean(axis=0))
+    by_itself = both.mapped(features, BANDS_OF_500, np.random.default_rng(0))
+    said = both.mapped(features, BANDS_OF_500, np.random.default_rng(0), mean=features.mean(axis=0))
     np.testing.assert_array_equal(by_itself, said)
-    other = both.mapped(features, np.random.default_rng(0), mean=np.zeros(16, np.float32))
+    other = both.mapped(features, BANDS_OF_500, np.random.default_rng(0), mean=np.zeros(16, np.float32))
     assert np.abs(other - said).max() > 0.01
 
 
 def test_rows_that_are_all_alike_stay_finite(metric: Metric, kinds: Kinds) -> None:
     for some in (metric, replace(metric, kinds=kinds)):
-        assert np.isfinite(some.mapped(np.full((4, 16), 0.25, np.float32), np.random.default_rng(0))).all()
+        rows = some.mapped(np.full((4, 16), 0.25, np.float32), BANDS_OF_500[:4], np.random.default_rng(0))
+        assert np.isfinite(rows).all()
 
 
 def test_metrics_come_back_from_their_files(metric: Metric, encoder: Encoder, tmp_path: Path) -> None:
@@ -152,6 +175,7 @@ def test_metrics_come_back_from_their_files(metric: Metric, encoder: Encoder, tm
     again = Metric.load(tmp_path / "metric.safetensors", encoder)
     assert again.fits(encoder)
     np.testing.assert_array_equal(again.directions, metric.directions)
+    np.testing.assert_array_equal(again.thickness_directions, metric.thickness_directions)
     again.save(tmp_path / "again.safetensors")
     assert (tmp_path / "again.safetensors").read_bytes() == (tmp_path / "metric.safetensors").read_bytes()
 
@@ -162,8 +186,18 @@ def test_kinds_come_back_with_their_metric(metric: Metric, kinds: Kinds, feature
     again = Metric.load(tmp_path / "metric.safetensors")
     again.save(tmp_path / "again.safetensors")
     assert (tmp_path / "again.safetensors").read_bytes() == (tmp_path / "metric.safetensors").read_bytes()
-    rows = (some.mapped(features, np.random.default_rng(0)) for some in (both, again))
+    rows = (some.mapped(features, BANDS_OF_500, np.random.default_rng(0)) for some in (both, again))
     np.testing.assert_array_equal(*rows)
+
+
+def test_the_hash_is_of_every_number(metric: Metric, kinds: Kinds, tmp_path: Path) -> None:
+    both = replace(metric, kinds=kinds)
+    both.save(tmp_path / "metric.safetensors")
+    assert Metric.load(tmp_path / "metric.safetensors").content_hash == both.content_hash
+    thicker = metric.thickness_directions.copy()
+    thicker[3, 1] = 1
+    others = (metric, replace(both, thickness_directions=thicker), replace(both, directions=2 * metric.directions))
+    assert len({each.content_hash for each in (both, *others)}) == 4
 
 
 def test_damaged_kinds_are_refused(metric: Metric, kinds: Kinds, tmp_path: Path) -> None:
@@ -180,11 +214,13 @@ def test_damaged_kinds_are_refused(metric: Metric, kinds: Kinds, tmp_path: Path)
 
 
 def test_metrics_of_another_version_are_refused(metric: Metric, tmp_path: Path) -> None:
-    told = {"kind": "dfd metric", "encoder_weights": metric.encoder_weights, "encoder_block": "1"}
+    told = {"kind": "dfd metric 2", "encoder_weights": metric.encoder_weights, "encoder_block": "1"}
     save_file({"directions": metric.directions}, tmp_path / "old.safetensors", told)
     told["kind"] = metrics.KIND
-    save_file({"directions": metric.directions, "heads": np.ones(3)}, tmp_path / "new.safetensors", told)
-    for name in ("old", "new"):
+    save_file({"directions": metric.directions}, tmp_path / "without.safetensors", told)
+    linear = {"directions": metric.directions, "thickness_directions": metric.thickness_directions}
+    save_file({**linear, "heads": np.ones(3)}, tmp_path / "new.safetensors", told)
+    for name in ("old", "without", "new"):
         with pytest.raises(ValueError, match="holds no metric of this version"):
             Metric.load(tmp_path / f"{name}.safetensors")
 
@@ -201,6 +237,11 @@ def test_damaged_and_foreign_metrics_are_refused(metric: Metric, encoder: Encode
     replace(metric, directions=np.full((16, 3), np.nan, np.float32)).save(path)
     with pytest.raises(ValueError, match=r"`directions` in .* must be finite, \(D, d\), got \(16, 3\)"):
         Metric.load(path)
+    for damaged in (np.zeros((BANDS - 1, 3), np.float32), np.full((BANDS, 3), np.inf, np.float32)):
+        replace(metric, thickness_directions=damaged).save(path)
+        wanted = rf"`thickness_directions` in .* must be finite, \({BANDS}, 3\), got \({len(damaged)}, 3\)"
+        with pytest.raises(ValueError, match=wanted):
+            Metric.load(path)
     replace(metric, encoder_block=2, encoder_weights="others").save(path)
     with pytest.raises(ValueError, match="was learned from another encoder than"):
         Metric.load(path, encoder)
@@ -227,6 +268,8 @@ def test_fields_are_of_the_metric_where_there_is_one(
     learned = dfd.distill(mesh, encoder, **SMALL)
     plain = dfd.distill(mesh, encoder, metric="none", **SMALL)
     assert (learned.dimension, learned.settings["metric"]) == (3, "learned")
+    assert learned.settings["metric_hash"] == metric.content_hash
+    assert "metric_hash" not in plain.settings
     assert (plain.dimension, plain.settings["metric"]) == (16, "none")
     assert without.settings["metric"] == "none"
     np.testing.assert_array_equal(without.features(mesh), plain.features(mesh))

@@ -1,0 +1,162 @@
+"""How thick a shape is: chords that are known, whatever way round its faces are, and nothing on open sheets."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+from tiny_encoder import save_tiny_encoder
+
+import dfd
+from dfd.common.threads import get_num_threads, set_num_threads
+from dfd.distillation import algorithm, thickness
+from dfd.distillation.smoothing import _draw_points
+from dfd.distillation.targets import PointTargets
+from dfd.distillation.thickness import BANDS, RAYS, thickness_bands, thicknesses
+from dfd.encoders.encode import load_encoder
+from dfd.geometry.topology import face_components
+from dfd.views.raycast import Scene
+
+# Of the rays about a normal, even by solid angle, from the middle one outwards.
+COSINES = 1 - (np.arange(RAYS) + 0.5) / RAYS * (1 - np.cos(thickness.CONE))
+MEDIAN = (RAYS - 1) // 2
+
+
+def drawn(mesh: trimesh.Trimesh, count: int = 500) -> tuple[NDArray[np.float64], NDArray[np.int32], Any, Any]:
+    """Vertices, faces, and points with the face of each."""
+    vertices, faces = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32)
+    points, face, _ = _draw_points(vertices, faces, count, np.random.default_rng(0))
+    return vertices, faces, points, face
+
+
+def flipped(faces: NDArray[np.int32], chosen: NDArray[np.bool_]) -> NDArray[np.int32]:
+    return np.where(chosen[:, None], faces[:, [0, 2, 1]], faces)
+
+
+def thick(vertices: Any, faces: Any, points: Any, face: Any, piece: Any = None) -> NDArray[np.float64]:
+    return thicknesses(Scene(vertices, faces), vertices[faces[face]], points, piece)
+
+
+def targets_of(mesh: dfd.Mesh, count: int = 3000) -> tuple[Any, PointTargets]:
+    """What `thickness_bands` reads of the pictures of a mesh, and points on it, drawn alike on every copy."""
+    low, high = mesh.bounds
+    vertices = ((mesh.vertices - (low + high) / 2) / (np.max(high - low) / 2)).astype(np.float32)
+    points, face, _ = _draw_points(vertices.astype(np.float64), mesh.faces, count, np.random.default_rng(0))
+    component = face_components(mesh.faces)
+    piece = component[face] if component.max() > 0 else None
+    views = SimpleNamespace(vertices=vertices, faces=mesh.faces, scene=None)
+    return views, PointTargets(points.astype(np.float32), np.ones((count, 1), np.float32), None, piece, face=face)
+
+
+def test_a_sphere_is_as_thick_as_its_chords() -> None:
+    found = thick(*drawn(trimesh.creation.icosphere(subdivisions=5, radius=0.5)))
+    np.testing.assert_allclose(found, np.sort(COSINES)[MEDIAN], rtol=0.03)  # the chord at an angle is 2 r cos
+
+
+def test_a_slab_is_as_thick_as_the_slanted_ways_through_it() -> None:
+    vertices, faces, points, face = drawn(trimesh.creation.box((1.8, 0.1, 1.8)), 2000)
+    found = thick(vertices, faces, points, face)
+    middle = np.abs(points[:, [0, 2]]).max(axis=1) < 0.6
+    np.testing.assert_allclose(found[middle], 0.1 / np.sort(COSINES)[::-1][MEDIAN], rtol=0.01)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5])
+def test_which_way_round_faces_are_does_not_matter(share: float) -> None:
+    vertices, faces, points, face = drawn(trimesh.creation.icosphere(subdivisions=5, radius=0.5))
+    chosen = np.random.default_rng(1).random(len(faces)) < share
+    found = thick(vertices, flipped(faces, chosen), points, face)
+    np.testing.assert_allclose(found, np.sort(COSINES)[MEDIAN], rtol=0.03)
+
+
+def test_where_both_sides_are_closed_in_the_rest_of_the_piece_decides() -> None:
+    """A rod through a box, its faces the wrong way round: in the box rays meet something on either side."""
+    rod, box = trimesh.creation.box((0.1, 1.8, 0.1)), trimesh.creation.box((0.6, 0.5, 0.6))
+    vertices, faces, points, face = drawn(rod, 800)
+    faces = flipped(faces, np.ones(len(faces), bool))
+    alone = thick(vertices, faces, points, face)
+    both = np.concatenate([faces, np.asarray(box.faces, np.int32) + len(vertices)])
+    within = thick(np.concatenate([vertices, box.vertices]), both, points, face, np.zeros(len(points), np.int32))
+    inside = np.abs(points[:, 1]) < 0.06  # no ray through the rod comes to the lids of the box, which cut it
+    assert inside.sum() > 40
+    np.testing.assert_allclose(within[inside], alone[inside])
+
+
+def test_an_open_sheet_has_no_thickness() -> None:
+    vertices = np.array([[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]], float)
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    points, face, _ = _draw_points(vertices, faces, 50, np.random.default_rng(0))
+    np.testing.assert_array_equal(thick(vertices, faces, points, face), 0)
+
+
+def test_bands_go_up_with_thickness_and_are_the_same_on_a_turned_and_larger_copy() -> None:
+    sample = dfd.samples.quadruped(4000)
+    views, targets = targets_of(sample.mesh)
+    before = targets.points.copy()
+    bands = thickness_bands(views, targets)
+    assert (bands.shape, bands.dtype) == ((3000, BANDS), np.float32)
+    assert bands.min() >= 0
+    assert bands.max() <= 1
+    np.testing.assert_array_equal(targets.points, before)
+    part = sample.labels[sample.mesh.faces[targets.face, 0]]
+    band = {name: bands[part == number].mean(axis=0).argmax() for number, name in enumerate(sample.parts)}
+    assert band["leg"] < band["body"]
+    assert band["ear"] < band["body"]
+    turn = Rotation.from_euler("xyz", (0.7, -0.4, 1.9)).as_matrix()
+    copy = thickness_bands(*targets_of(dfd.Mesh(7 * sample.mesh.vertices @ turn.T + 3, sample.mesh.faces)))
+    # A ray that grazes an edge may fall on its other side.
+    assert np.abs(copy - bands).mean() < 2e-3
+    assert np.quantile(np.abs(copy - bands), 0.99) < 0.05
+
+
+def test_neighbors_on_other_pieces_do_not_count() -> None:
+    """A thin plate close above a thick block."""
+    block, plate = trimesh.creation.box((1.8, 0.8, 1.8)), trimesh.creation.box((1.8, 0.04, 1.8))
+    both = trimesh.util.concatenate([block, plate.apply_translation((0, 0.43, 0))])
+    views, targets = targets_of(dfd.Mesh(both.vertices, both.faces))
+    bands = thickness_bands(views, targets).argmax(axis=1)
+    middle = np.abs(targets.points[:, [0, 2]]).max(axis=1) < 0.7
+    assert targets.piece is not None
+    thin = targets.piece == targets.piece[targets.points[:, 1].argmax()]
+    assert bands[thin & middle].max() + 6 < bands[~thin & middle].min()
+
+
+def test_one_thread_gives_what_many_give() -> None:
+    views, targets = targets_of(dfd.samples.chair(4000).mesh)
+    threads = get_num_threads()
+    try:
+        found = []
+        for count in (1, 3):
+            set_num_threads(count)
+            found.append(thickness_bands(views, targets))
+    finally:
+        set_num_threads(threads)
+    np.testing.assert_array_equal(*found)
+
+
+def test_the_scene_of_the_pictures_serves_as_one_of_its_own() -> None:
+    views, targets = targets_of(dfd.samples.chair(4000).mesh)
+    alone = thickness_bands(views, targets)
+    views.scene = Scene(views.vertices, views.faces)
+    np.testing.assert_array_equal(thickness_bands(views, targets), alone)
+
+
+def test_a_single_point_has_bands() -> None:
+    views, targets = targets_of(dfd.samples.chair(4000).mesh, count=1)
+    bands = thickness_bands(views, targets)
+    assert bands.shape == (1, BANDS)
+    assert np.isfinite(bands).all()
+
+
+def test_the_papers_distance_knows_no_thickness(
+    tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    encoder = load_encoder(save_tiny_encoder(tmp_path_factory.mktemp("encoder")), device="cpu", precision="float32")
+    monkeypatch.setattr(algorithm, "thickness_bands", lambda *_: pytest.fail("thickness was measured"))
+    small: dict[str, Any] = {"views": 4, "resolution": 64, "steps": 5, "cache": False, "progress": False}
+    field = dfd.distill(dfd.samples.chair(4000).mesh, encoder, metric="none", **small)
+    assert field.settings["metric"] == "none"
