@@ -13,7 +13,7 @@ from dfd.common.progress import Stages
 from dfd.common.sharing import beside
 from dfd.common.threads import one_blas_thread
 from dfd.distillation.fit import fit, widen
-from dfd.distillation.metric import find_metric
+from dfd.distillation.metric import Metric, find_metric
 from dfd.distillation.pieces import keep_pieces
 from dfd.distillation.settings import DistillSettings
 from dfd.distillation.smoothing import lay_ground, spread
@@ -22,7 +22,7 @@ from dfd.distillation.thickness import thickness_bands
 from dfd.distillation.upright import said_or_found
 from dfd.encoders.encode import Encoder
 from dfd.field.field import Field
-from dfd.views.render import render
+from dfd.views.render import Views, render
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
@@ -39,19 +39,7 @@ def distill_pictures(
     metric = find_metric(encoder) if settings.metric == "learned" else None
     up = said_or_found(mesh, encoder, settings.up, stages=stages)
     views = render(mesh, **settings.of_pictures(), frame=up.frames, stages=stages)
-    smoothing, seed = settings.smoothing, settings.seed
-    side = encoder.nearest_resolution(settings.resolution) // encoder.patch
-    # Hardly any of it can be shared among threads: beside pictures it leaves no processor idle.
-    lay = partial(lay_ground, views, TokenGrid(views, side, side), smoothing=smoothing, seed=seed)
-    laid = beside(lay) if smoothing > 0 else nullcontext()
-    with laid as ground:
-        tokens = encoder.encode(views.images, covered=views.covered, store=kept, stages=stages)
-    pixels = PixelTargets(views, tokens)
-    targets: PixelTargets | PointTargets = pixels  # as the paper has it, without smoothing
-    if smoothing > 0:
-        targets = spread(views, pixels, smoothing=smoothing, seed=seed, stages=stages, ground=ground)
-        if metric:
-            targets = metric.of_targets(targets, thickness_bands(views, targets), seed)
+    targets = _targets(views, encoder, settings, metric, stages=stages, kept=kept)
     state = kept.fit_state(*targets.arrays) if kept else None
     field = fit(
         targets, settings, center=views.center, scale=views.scale, device=encoder.device, stages=stages, state=state
@@ -63,3 +51,26 @@ def distill_pictures(
     of_metric = {"metric": "learned", "metric_hash": metric.content_hash} if metric else {"metric": "none"}
     made_with = {**settings.as_dict(), **of_metric}
     return field.with_settings({**encoder.settings(), **made_with, **up.settings, **field.settings})
+
+
+def _targets(
+    views: Views,
+    encoder: Encoder,
+    settings: DistillSettings,
+    metric: Metric | None,
+    *,
+    stages: Stages,
+    kept: Checkpoint | None,
+) -> PixelTargets | PointTargets:
+    """What the field is to give: features of pixels, as the paper has it, or, spread, of points on the surface."""
+    smoothing, seed = settings.smoothing, settings.seed
+    side = encoder.nearest_resolution(settings.resolution) // encoder.patch
+    # Hardly any of it can be shared among threads: beside pictures it leaves no processor idle.
+    lay = partial(lay_ground, views, TokenGrid(views, side, side), smoothing=smoothing, seed=seed)
+    with beside(lay) if smoothing > 0 else nullcontext() as ground:
+        tokens = encoder.encode(views.images, covered=views.covered, store=kept, stages=stages)
+    pixels = PixelTargets(views, tokens)
+    if smoothing == 0:
+        return pixels
+    targets = spread(views, pixels, smoothing=smoothing, seed=seed, stages=stages, ground=ground)
+    return metric.of_targets(targets, thickness_bands(views, targets), seed) if metric else targets
