@@ -109,20 +109,17 @@ def lesson(name: str, mesh: dfd.Mesh, encoder: Encoder) -> Lesson:
     center, scale = normalization(mesh)
     vertices = (mesh.vertices - center) * scale
     own, standing = not name.startswith(ALSO), Standing(vertices, mesh.faces)
-    along = look_once(mesh, encoder, FRAMES, np.concatenate([SIDES, CORNERS]) if own else SIDES)
+    sides = look_once(mesh, encoder, FRAMES, SIDES)
     tilted = []
     for draw in range(DRAWS if own else 1):
         rotation = Rotation.random(rng=np.random.default_rng([draw, *name.encode()])).as_matrix()
         seen = look_once(mesh, encoder, FRAMES @ rotation, SIDES)
         seen = Seen(seen.tokens, seen.axes @ rotation.T)
         tilted.append(Tilted(seen, rotation, Standing(vertices @ rotation.T, mesh.faces)))
-    around = np.split(np.arange(len(along.tokens)), len(FRAMES))
-    return Lesson(
-        name,
-        tuple(Seen(along.tokens[each], along.axes[each]) for each in around),
-        tuple(tilted),
-        np.stack([standing.evidence(frame) for frame in FRAMES]),
-    )
+    of_frames = map(Seen, np.split(sides.tokens, len(FRAMES)), np.split(sides.axes, len(FRAMES)))
+    corners = look_once(mesh, encoder, FRAMES, CORNERS)
+    evidence = np.stack([standing.evidence(frame) for frame in FRAMES])
+    return Lesson(name, tuple(of_frames), corners, tuple(tilted), evidence)
 
 
 def look_once(mesh: dfd.Mesh, encoder: Encoder, frames: NDArray[np.float64], eyes: NDArray[np.float64]) -> Seen:
@@ -243,7 +240,7 @@ def _shares(odds: Sequence[Odds], priors: tuple[float, float]) -> list[str]:
         return f"{right[0]:.2f} ({right[1]:.2f})"
 
     at_once = np.mean([sure_at_once(each, TRUE) for each in odds])
-    tilted = np.mean([_found_tilted(*pair) for each in odds for pair in each.tilted] or [[np.nan] * 2], axis=0)
+    tilted = np.mean([_found_tilted(*pair) for each in odds for pair in each.tilted] or [(False, False)], axis=0)
     columns = [found([TRUE], (0.0, 0.0)), found([TRUE]), found([0, 1]), found(range(6))]
     return [*columns, f"{at_once:.2f}", f"{tilted[0]:.2f} ({tilted[1]:.2f})"]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -65,7 +65,8 @@ class Lesson:
     """A shape that stands as it should, +y up, and what is learned from it."""
 
     name: str
-    seen: tuple[Seen, ...]  # from around each of `FRAMES`
+    sides: tuple[Seen, ...]  # of each of `FRAMES`
+    corners: Seen  # of all of them
     tilted: tuple[Tilted, ...]
     evidence: NDArray[np.float64]  # (6, 7), of every frame
 
@@ -78,13 +79,7 @@ class Lesson:
     @property
     def all_seen(self) -> Seen:
         """All pictures along its own axes."""
-        return together(self.seen)
-
-
-def together(seen: Iterable[Seen]) -> Seen:
-    """All of their pictures."""
-    parts = list(seen)
-    return Seen(np.concatenate([each.tokens for each in parts]), np.concatenate([each.axes for each in parts]))
+        return sum(self.sides, self.corners)
 
 
 def by_family(lesson: Lesson) -> str:
@@ -144,15 +139,19 @@ class Ridge:
         along = np.concatenate([each.terms[: len(FRAMES)] for each in rows])
         squares = np.square(along.reshape(len(along), blocks, -1)).sum(axis=2).mean(axis=0)
         self._blocks, self._scales = blocks, np.sqrt(np.maximum(squares, np.finfo(np.float64).tiny))
-        scaled = [self._scaled(each) for each in rows]
-        moment = sum(terms.T @ (each.counts[:, None] * terms) for terms, each in zip(scaled, rows, strict=True))
-        self._inverse = np.linalg.inv(moment + RIDGE * blocks * np.eye(len(moment)))
-        told = sum(terms.T @ (each.counts * each.targets) for terms, each in zip(scaled, rows, strict=True))
+        size = along.shape[1]
+        moment, told = RIDGE * blocks * np.eye(size), np.zeros(size)
+        for each in rows:
+            terms = self._scaled(each)
+            moment += terms.T @ (each.counts[:, None] * terms)
+            told += terms.T @ (each.counts * each.targets)
+        self._inverse = np.linalg.inv(moment)
         self._weights = self._inverse @ told
 
     def _scaled(self, rows: Rows) -> NDArray[np.float64]:
         terms = rows.terms.reshape(len(rows.terms), self._blocks, -1) / self._scales[:, None]
-        return terms.reshape(rows.terms.shape)
+        scaled: NDArray[np.float64] = terms.reshape(rows.terms.shape)
+        return scaled
 
     def without(self, some: Sequence[Rows] = ()) -> NDArray[np.float32]:
         """The vote (J, D) that all rows but `some` teach; it follows from that of all (Woodbury's identity)."""
@@ -171,8 +170,8 @@ class Votes:
     """What pictures teach: probes that vote, without odds."""
 
     def __init__(self, lessons: Sequence[Lesson]) -> None:
-        tokens = [seen.tokens[:, 0].mean(axis=0) for lesson in lessons for seen in (lesson.all_seen,)]
-        self._mean = np.mean(tokens, axis=0, dtype=np.float64).astype(np.float32)
+        tokens = [lesson.all_seen.tokens[:, 0].mean(axis=0) for lesson in lessons]
+        self._mean: NDArray[np.float32] = np.stack(tokens).mean(axis=0, dtype=np.float64).astype(np.float32)
         self._rows = {lesson.name: rows_of(lesson, self._mean) for lesson in lessons}
         self._form = Ridge([form for form, _ in self._rows.values()], len(FORMS))
         self._vector = Ridge([vector for _, vector in self._rows.values()], len(VECTORS))
@@ -182,7 +181,7 @@ class Votes:
         some = [self._rows[name] for name in names]
         form = self._form.without([each for each, _ in some])
         vector = self._vector.without([each for _, each in some])
-        return UpProbe(self._mean, form, vector, np.zeros((2, len(TERMS))), 0.0, 0.0, 0.0, "", 0)
+        return UpProbe(self._mean, form, vector, np.zeros((3, len(TERMS))), 0.0, 0.0, 0.0, "", 0)
 
 
 @cache
@@ -219,7 +218,7 @@ def choices(lesson: Lesson, probe: UpProbe) -> Choices:
         return Choice(found, frames[:, 1] @ each.ups[TRUE] > NEAR)
 
     return Choices(
-        tuple(Choice(probe.terms(each, UPS, lesson.evidence), upright) for each in lesson.seen),
+        tuple(Choice(probe.terms(each, UPS, lesson.evidence), upright) for each in lesson.sides),
         Choice(probe.terms(lesson.all_seen, UPS, lesson.evidence), upright),
         # What has come to lie along the axes of a file after all is not looked at as tilted.
         tuple(of_tilted(each) for each in lesson.tilted if not np.array_equal(each.standing.frame(), np.eye(3))),
@@ -229,7 +228,8 @@ def choices(lesson: Lesson, probe: UpProbe) -> Choices:
 @cache
 def left_out_choices(lessons: tuple[Lesson, ...], group: Group) -> dict[str, Choices]:
     """`choices` of every shape by votes that were learned without its group."""
-    votes, found = learned_votes(lessons), {}
+    votes = learned_votes(lessons)
+    found: dict[str, Choices] = {}
     for own in dict.fromkeys(map(group, lessons)):
         members = [each for each in lessons if group(each) == own]
         probe = votes.without([each.name for each in members])
@@ -239,10 +239,10 @@ def left_out_choices(lessons: tuple[Lesson, ...], group: Group) -> dict[str, Cho
 
 def learned_odds(
     lessons: tuple[Lesson, ...],
-    without: Callable[[Lesson], bool] = lambda _: False,
+    without: Collection[str] = (),
     start: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
-    """(3, 9) see `UpProbe.odds`, of all lessons but some; `start` only saves time.
+    """(3, 9) see `UpProbe.odds`, of all lessons but those of some names; `start` only saves time.
 
     From votes that never saw a shape's family, and from votes that only never saw the shape: what comes to be judged
     is sometimes of a known family and sometimes not.
@@ -251,7 +251,7 @@ def learned_odds(
         left_out_choices(lessons, group)[each.name]
         for group in (by_family, by_shape)
         for each in lessons
-        if not without(each)
+        if each.name not in without
     ]
     kinds = (
         [choice for each in some for choice in each.at_once],
@@ -305,12 +305,14 @@ def left_out_odds(lessons: tuple[Lesson, ...], group: Group) -> dict[str, Odds]:
 
     A fold is some groups: nine numbers hardly know one of hundreds of shapes.
     """
-    found, start = {}, learned_odds(lessons)
+    found: dict[str, Odds] = {}
+    start = learned_odds(lessons)
     groups = list(dict.fromkeys(map(group, lessons)))
     for fold in (set(groups[first::FOLDS]) for first in range(FOLDS)):
-        at_once, along, tilted = learned_odds(lessons, lambda each, fold=fold: group(each) in fold, start)
+        names = {each.name for each in lessons if group(each) in fold}
+        at_once, along, tilted = learned_odds(lessons, names, start)
         for each in lessons:
-            if group(each) in fold:
+            if each.name in names:
                 told = left_out_choices(lessons, group)[each.name]
                 found[each.name] = Odds(
                     np.stack([choice.terms @ at_once for choice in told.at_once]),

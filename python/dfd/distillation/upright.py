@@ -79,12 +79,12 @@ def _along_the_file(standing: Standing, frame: NDArray[np.float64], around: Arou
     frames = np.stack(axis_frames(frame))
     ups, evidence = frames[:, 1], np.stack([standing.evidence(each) for each in frames])
     before = np.array([prior(probe, each) for each in frames])
-    file_first = np.argsort(ups @ AXES["+y"] < 1, kind="stable")
-    seen = around.seen(frames[file_first[:1]], SIDES)
+    as_filed = ups @ AXES["+y"] == 1
+    seen = around.seen(frames[as_filed], SIDES)
     at_once = probe.terms(seen, ups, evidence) @ probe.odds[0]
     if decide(frames, at_once).confidence >= SURE_AT_ONCE:
         return decide(frames, at_once + before)
-    seen += around.seen(frames[file_first[1:]], SIDES)
+    seen += around.seen(frames[~as_filed], SIDES)
     up = decide(frames, probe.terms(seen, ups, evidence) @ probe.odds[1] + before)
     if up.confidence < SURE:
         seen += around.seen(frames, CORNERS)

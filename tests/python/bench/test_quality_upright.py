@@ -181,7 +181,8 @@ def lessons(count):
         evidence = generator.normal(size=(len(FRAMES), len(EVIDENCE)))
         evidence[TRUE, EVIDENCE.index("middle")] += 3
         name = f"also/family{number % 3}/{number}" if number % 2 else f"upright/wolf{number}"
-        made.append(Lesson(name, around, (tilted,), evidence))
+        corners = seen(Rotation.random(24, rng=generator).as_matrix(), UPS[TRUE])
+        made.append(Lesson(name, around, corners, (tilted,), evidence))
     return tuple(made)
 
 
