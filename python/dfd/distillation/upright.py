@@ -24,9 +24,13 @@ __all__ = ["find_up", "said_or_found"]
 # Of mean part precision, the wrong axis upright costs 0.030, upside down nothing, and two axes that share the pictures,
 # one of them right, 0.006 (three 0.031): below this chance of the likeliest axis two of them cost less than a guess.
 CLEAR = 0.8
-# Looked at from four sides, a shape whose axis is so likely is never taken for another from eight (67 shapes, upright,
-# with z up and without what files have by convention; four in five of the upright ones).
-SURE = 0.97
+# Looked at from its four sides as the file has it, a shape whose axis is so likely, whatever files have by convention,
+# is hardly ever taken for another after twenty more pictures.
+SURE_AT_ONCE = 0.95
+SURE = 0.97  # looked at along all axes, likewise; else from the corners too
+SAME = np.cos(np.radians(8))  # ups nearer than that to each other are one
+ASKEW = 0.5  # of what files have by convention counts for a shape that lies along none of its file's axes
+LEAST_ACROSS = 0.1  # of a unit vector that must lie across another one
 
 
 def said_or_found(
@@ -64,38 +68,71 @@ def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stage
     if not face_areas(vertices, mesh.faces).sum() > 0:
         return file_up()
     with (stages or Stages(show=False)).stage("up"):
-        standing = Standing(vertices, mesh.faces)
-        frames = candidates(standing)
-        evidence = np.stack([standing.evidence(frame) for frame in frames])
-        # What is tilted follows no convention of files.
-        before = [prior(probe, frame) if lies_along_the_file(frames) else 0.0 for frame in frames]
-        around = Around(mesh, encoder)
-        seen = around.seen(frames, SIDES)
-        up = decide(frames, probe.terms(seen, evidence) @ probe.odds + before)
-        if up.confidence < SURE:
-            seen = (seen + around.seen(frames, CORNERS)) / 2
-            up = decide(frames, probe.terms(seen, evidence) @ probe.odds + before)
-        return up
+        standing, around = Standing(vertices, mesh.faces), Around(mesh, encoder)
+        frame = standing.frame()
+        look = _along_the_file if np.array_equal(frame, np.eye(3)) else _tilted
+        return look(standing, frame, around, probe)
 
 
-def candidates(standing: Standing) -> NDArray[np.float64]:
-    """The frames (2K, 3, 3) that may be upright, each followed by the same upside down.
+def _along_the_file(standing: Standing, frame: NDArray[np.float64], around: Around, probe: UpProbe) -> Up:
+    """The axis of the file, and its end, that are up: by as few pictures as leave no doubt."""
+    frames = np.stack(axis_frames(frame))
+    ups, evidence = frames[:, 1], np.stack([standing.evidence(each) for each in frames])
+    before = np.array([prior(probe, each) for each in frames])
+    as_filed = ups @ AXES["+y"] == 1
+    seen = around.seen(frames[as_filed], SIDES)
+    at_once = probe.terms(seen, ups, evidence) @ probe.odds[0]
+    if decide(frames, at_once).confidence >= SURE_AT_ONCE:
+        return decide(frames, at_once + before)
+    seen += around.seen(frames[~as_filed], SIDES)
+    up = decide(frames, probe.terms(seen, ups, evidence) @ probe.odds[1] + before)
+    if up.confidence < SURE:
+        seen += around.seen(frames, CORNERS)
+        up = decide(frames, probe.terms(seen, ups, evidence) @ probe.odds[1] + before)
+    return up
 
-    Those are the file's axes; of a shape that lies along none of them the file's y, and how it would come to rest with
-    its mirror plane upright.
+
+def _tilted(standing: Standing, frame: NDArray[np.float64], around: Around, probe: UpProbe) -> Up:
+    """Which way is up in a shape whose mirror plane is `frame`'s and that lies along no axis of the file.
+
+    Pictures along all axes tell roughly, then also those that show the likeliest as they would stand. It may yet stand
+    upright in its file, without a mirror plane that says so.
     """
-    frame = standing.frame()
-    if np.array_equal(frame, np.eye(3)):
-        return np.stack(axis_frames(np.eye(3)))
-    found = axis_frames(np.eye(3))[2:4]
-    for up in standing.resting(frame):
-        found += [np.stack([frame[0], each, np.cross(frame[0], each)]) for each in (up, -up)]
-    return np.stack(found)
+
+    def found() -> Up:
+        frames = candidates(standing, frame, probe.votes(seen)[0])
+        evidence = np.stack([standing.evidence(each) for each in frames])
+        before = ASKEW * np.array([prior(probe, each) for each in frames])
+        return decide(frames, probe.terms(seen, frames[:, 1], evidence) @ probe.odds[2] + before)
+
+    seen = around.seen(np.stack(axis_frames(np.eye(3))), SIDES)
+    seen += around.seen(found().frames, CORNERS)
+    return found()
 
 
-def lies_along_the_file(frames: NDArray[np.float64]) -> bool:
-    """Whether `candidates` are the file's axes."""
-    return np.array_equal(frames, axis_frames(np.eye(3)))
+def candidates(standing: Standing, frame: NDArray[np.float64], form: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The frames (2K, 3, 3) in which a tilted shape may be upright, each followed by the same upside down.
+
+    Those are the file's axes, how it would come to rest with its mirror plane upright, and the axes along which the
+    pictures' quadratic form (3, 3) is largest, leaned into the mirror plane and as they are.
+    """
+    normal = frame[0]
+    seen = np.linalg.eigh(form)[1].T[::-1][:2]
+    leaned = [each / np.linalg.norm(each) for each in seen - np.outer(seen @ normal, normal) if each @ each > 0.25]
+    found = [AXES["+y"], AXES["+z"], AXES["+x"]]
+    for up in [*standing.resting(frame), *leaned, *seen]:
+        if all(abs(up @ other) < SAME for other in found):
+            found.append(up)
+    return np.stack([_facing(sign * up, normal) for up in found for sign in (1.0, -1.0)])
+
+
+def _facing(up: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A frame (3, 3) with `up`, and its right as near to `right` as can be, both unit."""
+    across = right - (right @ up) * up
+    if np.linalg.norm(across) < LEAST_ACROSS:
+        across = np.cross(up, np.eye(3)[np.abs(up).argmin()])
+    across /= np.linalg.norm(across)
+    return np.stack([across, up, np.cross(across, up)])
 
 
 def prior(probe: UpProbe, frame: NDArray[np.float64]) -> float:

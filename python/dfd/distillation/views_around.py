@@ -1,8 +1,9 @@
-"""What an encoder sees of a shape as it would stand: pictures from around, the same ones for every candidate."""
+"""What an encoder sees of a shape in a few small pictures, taken from around as it may stand."""
 
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,9 +20,8 @@ if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["CORNERS", "LAYERS", "SIDES", "Around"]
+__all__ = ["CORNERS", "SIDES", "Around", "Seen"]
 
-LAYERS = ("all", "upper", "middle", "lower")  # of a shape in a picture: all of it, and its thirds
 PATCHES = 16  # along a picture's side
 SHOWN = 0.3  # of a patch's pixels, so that its token counts
 
@@ -41,8 +41,29 @@ def _square(first: float, height: float) -> NDArray[np.float64]:
 SIDES, CORNERS = _square(0, 20), _square(45, 15)  # of a square that the shape stands in: where the eye is
 
 
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What N pictures show.
+
+    Attributes
+    ----------
+    tokens
+        (N, 2, D) of every picture the mean token of the shape, and by how much that of its right half differs from
+        that of its left half.
+    axes
+        (N, 3, 3) right, up and back of every camera, in the mesh's coordinates.
+    """
+
+    tokens: NDArray[np.float32]
+    axes: NDArray[np.float64]
+
+    def __add__(self, other: Seen) -> Seen:
+        """The pictures of both."""
+        return Seen(np.concatenate([self.tokens, other.tokens]), np.concatenate([self.axes, other.axes]))
+
+
 class Around:
-    """Takes small pictures of a mesh from around, as it would stand."""
+    """Takes small pictures of a mesh from around."""
 
     def __init__(self, mesh: Mesh, encoder: Encoder) -> None:
         center, scale = normalization(mesh)
@@ -52,10 +73,8 @@ class Around:
         self._encoder = encoder
         self._resolution = encoder.nearest_resolution(PATCHES * encoder.patch)
 
-    def seen(self, frames: NDArray[np.float64], eyes: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Mean tokens of pictures from `eyes` (E, 3), for `frames` (K, 3, 3) that may be upright: (K, 4, D).
-
-        The second axis is of `LAYERS`.
+    def seen(self, frames: NDArray[np.float64], eyes: NDArray[np.float64]) -> Seen:
+        """Pictures from `eyes` (E, 3), for each of `frames` (K, 3, 3) as right, up and front: K·E of them, in turn.
 
         Raises
         ------
@@ -83,22 +102,20 @@ class Around:
             )
         covered = covered.reshape(images.shape[:3])
         tokens = self._encoder.encode(images, covered=covered)
-        layers = [_layers(*each) for each in zip(tokens, covered, strict=True)]
-        of_frames = np.stack(layers).reshape(len(frames), len(eyes), len(LAYERS), self._encoder.dimension)
-        mean: NDArray[np.float64] = of_frames.mean(axis=1, dtype=np.float64)
-        return mean
+        axes = np.stack([[camera.right, camera.up, camera.back] for camera in cameras])
+        return Seen(np.stack([_halves(*each) for each in zip(tokens, covered, strict=True)]), axes)
 
 
-def _layers(tokens: NDArray[np.float32], covered: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Mean tokens (4, D), of a picture's tokens (h, w, D) and covered pixels; what is missing is as the mean of all."""
+def _halves(tokens: NDArray[np.float32], covered: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """The mean token and right less left (2, D), of a picture's tokens (h, w, D) and covered pixels; 0 of nothing."""
     side = len(tokens)
     within = len(covered) // side
     shown = covered[: side * within, : side * within].reshape(side, within, side, within).mean(axis=(1, 3))
     if not shown.any():
-        return np.zeros((len(LAYERS), tokens.shape[2]), np.float32)
+        return np.zeros((2, tokens.shape[2]), np.float32)
     rows, columns = np.nonzero(shown > min(SHOWN, 0.99 * shown.max()))  # of a shape as thin as a wire: what there is
-    height = (rows + 0.5 - rows.min()) / (rows.max() + 1 - rows.min())
-    own = tokens[rows, columns]
+    own, across = tokens[rows, columns], 2 * columns - (columns.min() + columns.max())
     mean = own.mean(axis=0)
-    thirds = [own[(height * 3).astype(int) == third] for third in range(3)]
-    return np.stack([mean, *(some.mean(axis=0) if len(some) else mean for some in thirds)])
+    if not across.any():  # of a single column
+        return np.stack([mean, np.zeros_like(mean)])
+    return np.stack([mean, own[across > 0].mean(axis=0) - own[across < 0].mean(axis=0)])

@@ -2,34 +2,41 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from bench.quality.families import family_of
-from bench.quality.learn_up import (
-    FRAMES,
-    TRUE,
-    Lesson,
-    both_terms,
-    by_family,
-    by_shape,
-    decided,
-    fit_odds,
-    least_priors,
-    left_out_looks,
-    left_out_odds,
-    ridge,
-    scaled,
-    upright_shapes,
-)
+from bench.quality.learn_up import LYING, decided, least_priors, raised, upright_shapes
 from bench.quality.parts import kind_of_part, without_few
 from bench.quality.shapes import Shape, rigs
 from bench.quality.studies import Row
+from bench.quality.up_lessons import (
+    FRAMES,
+    RIDGE,
+    TRUE,
+    UPS,
+    Choice,
+    Lesson,
+    Odds,
+    Ridge,
+    Tilted,
+    by_family,
+    by_shape,
+    fit_odds,
+    learned_odds,
+    learned_votes,
+    left_out_choices,
+    left_out_odds,
+    rows_of,
+)
 from bench.quality.upright import EUCLIDEAN, STUDY, TURNS, turned
 from bench.quality.upright import by_family as table
-from dfd.distillation.standing import EVIDENCE
-from dfd.distillation.up_probe import LOOKS, TERMS
-from dfd.distillation.views_around import LAYERS
+from dfd.distillation.standing import EVIDENCE, Standing
+from dfd.distillation.up_probe import FORMS, TERMS
+from dfd.distillation.views_around import Seen
 from dfd.samples import quadruped, robot
 
 
@@ -97,77 +104,145 @@ def test_table_by_family_says_where_distance_is_as_good():
 
 
 def test_odds_find_the_term_that_tells():
+    """Among candidates of any number, of which several may be right."""
     generator = np.random.default_rng(0)
-    rows = generator.normal(size=(40, 6, len(TERMS)))
-    rows[:, TRUE, 3] += 4
-    odds = fit_odds(list(rows))
+    choices = []
+    for number in range(40):
+        rows = generator.normal(size=(4 + number % 5, len(TERMS)))
+        right = np.arange(len(rows)) < 1 + number % 2
+        rows[right, 3] += 4
+        choices.append(Choice(rows, right))
+    odds = fit_odds([*choices, Choice(np.ones((3, len(TERMS))), np.zeros(3, bool))])
     assert odds.argmax() == 3
-    assert np.mean((rows @ odds).argmax(axis=1) == TRUE) > 0.9
+    assert np.mean([each.right[(each.terms @ odds).argmax()] for each in choices]) > 0.9
+    assert np.allclose(odds, fit_odds(choices), atol=1e-3)  # where none is right there is nothing to learn
+    assert np.allclose(odds, fit_odds(choices, odds), atol=1e-3)
+
+
+def unsure(along):
+    """Odds of a shape that one look leaves in doubt."""
+    return Odds(np.zeros((6, 6)), np.asarray(along, float))
 
 
 def test_the_least_priors_keep_whatever_stands():
+    """+y must come first in one's own shapes; in others it may share the pictures."""
     doubtful = np.array([1.0, 0, 0, 0, 0, 0])
-    up, down = least_priors({"one": doubtful})
-    assert decided(doubtful, TRUE, (up, down)) == (TRUE // 2, TRUE)
-    assert decided(doubtful, TRUE, (up - 0.2, down - 0.2))[0] != TRUE // 2
+    up, down = least_priors({"one": doubtful}, {"one"})
+    assert decided(unsure(doubtful), TRUE, (up, down)) == (TRUE // 2, TRUE)
+    assert decided(unsure(doubtful), TRUE, (up - 0.2, down - 0.2))[0] != TRUE // 2
+    assert least_priors({"one": doubtful}) == (0.0, 0.0)
+    wrong = np.array([9.0, 0, 0, 0, 0, 0])
+    assert least_priors({"one": wrong})[0] > 5
 
 
 def test_own_shapes_keep_their_axis_whatever_all_do():
     """One of many may fall; not where it is one of few that count by themselves."""
     odds = {f"also/{number}": np.array([0, 0, 5.0, 0, 0, 0]) for number in range(200)}
-    odds["own"] = np.array([2.0, 0, 0, 0, 0, 0])
+    odds["own"] = np.array([4.0, 0, 0, 0, 0, 0])
     assert least_priors(odds)[0] == 0
     up, _ = least_priors(odds, {"own"})
-    assert decided(odds["own"], TRUE, (up, up))[0] == TRUE // 2
+    assert decided(unsure(odds["own"]), TRUE, (up, up))[0] == TRUE // 2
 
 
 def test_the_file_up_grows_where_its_down_must_lose():
     """Here −y is likelier than +y, and the axis needs both unless +y gets more."""
     odds = {"one": np.array([2.0, 2, 0, 2.5, 0, 0])}
-    up, down = least_priors(odds)
-    assert decided(odds["one"], TRUE, (up, down)) == (TRUE // 2, TRUE)
+    up, down = least_priors(odds, {"one"})
+    assert decided(unsure(odds["one"]), TRUE, (up, down)) == (TRUE // 2, TRUE)
     assert down < up
 
 
+def test_one_look_decides_where_it_leaves_no_doubt():
+    at_once = np.zeros((6, 6))
+    at_once[4, TRUE] = 9.0
+    odds = Odds(at_once, np.array([5.0, 0, 0, 0, 0, 0]))
+    assert decided(odds, 4, (0.0, 0.0)) == (TRUE // 2, TRUE)
+    assert decided(odds, TRUE, (0.0, 0.0)) == (0, 0)
+
+
+WIDTH = 5
+
+
+@cache
 def lessons(count):
-    """Shapes whose first token says which way is up, as does their middle; the rest is chance."""
-    generator = np.random.default_rng(0)
-    made = []
+    """Shapes whose tokens tell by one number how much the camera's up is theirs; the rest is chance."""
+    generator, mesh, made = np.random.default_rng(0), robot(4000).mesh, []
+
+    def seen(axes, up):
+        tokens = generator.normal(size=(len(axes), 2, WIDTH)).astype(np.float32)
+        tokens[:, 0, 0] += 4 * (axes[:, 1] @ up)
+        return Seen(tokens, axes)
+
     for number in range(count):
-        seen = generator.normal(size=(len(FRAMES), len(LAYERS), 5))
-        seen[TRUE, :, 0] += 3
+        around = tuple(seen(Rotation.random(4, rng=generator).as_matrix(), UPS[TRUE]) for _ in FRAMES)
+        rotation = Rotation.random(rng=generator).as_matrix()
+        standing = Standing(mesh.vertices @ rotation.T, mesh.faces)
+        tilted = Tilted(seen(Rotation.random(24, rng=generator).as_matrix(), rotation @ UPS[TRUE]), rotation, standing)
         evidence = generator.normal(size=(len(FRAMES), len(EVIDENCE)))
         evidence[TRUE, EVIDENCE.index("middle")] += 3
         name = f"also/family{number % 3}/{number}" if number % 2 else f"upright/wolf{number}"
-        made.append(Lesson(name, seen - seen.mean(axis=0), evidence))
-    return made
+        corners = seen(Rotation.random(24, rng=generator).as_matrix(), UPS[TRUE])
+        made.append(Lesson(name, around, corners, (tilted,), evidence))
+    return tuple(made)
 
 
 def test_families_are_folders_of_further_shapes():
     assert [each.family for each in lessons(4)] == ["four-legged", "family1", "four-legged", "family0"]
 
 
+def test_rows_say_what_the_votes_of_pictures_are():
+    """A probe's form and vector times the rows are its terms, but for their mean over the candidates."""
+    (lesson,) = lessons(1)
+    probe = learned_votes((lesson,)).without()
+    form, vector = rows_of(lesson, probe.mean)
+    told = probe.terms(lesson.all_seen, UPS, lesson.evidence)[:, :2]
+    assert np.allclose(form.terms[:6] @ probe.form.ravel(), told[:, 0] - told[:, 0].mean(), atol=1e-5)
+    assert np.allclose(vector.terms[:6] @ probe.vector.ravel(), told[:, 1] - told[:, 1].mean(), atol=1e-5)
+    told = probe.terms(lesson.tilted[0].seen, lesson.tilted[0].ups, lesson.evidence)[:, :2]
+    assert np.allclose(form.terms[6:] @ probe.form.ravel(), told[:, 0] - told[:, 0].mean(), atol=1e-5)
+    assert form.targets[:6].tolist() == pytest.approx([-1 / 3, -1 / 3, 2 / 3, 2 / 3, -1 / 3, -1 / 3])
+    assert vector.targets[:6].tolist() == pytest.approx([-1 / 6, -1 / 6, 5 / 6, -1 / 6, -1 / 6, -1 / 6])
+
+
+def test_votes_without_some_are_what_the_others_teach():
+    """The short cut gives what the normal equations of the others alone give."""
+    some = lessons(6)
+    rows = [rows_of(each, np.zeros(WIDTH, np.float32))[0] for each in some]
+    ridge = Ridge(rows, len(FORMS))
+    along = np.concatenate([each.terms[:6] for each in rows]).reshape(-1, len(FORMS), WIDTH)
+    scales = np.repeat(np.sqrt(np.square(along).sum(axis=2).mean(axis=0)), WIDTH)
+    for left_out in ([], [2], [0, 5]):
+        kept = [each for number, each in enumerate(rows) if number not in left_out]
+        terms = np.concatenate([each.terms for each in kept]) / scales
+        counts, targets = (np.concatenate([getattr(each, name) for each in kept]) for name in ("counts", "targets"))
+        moment = terms.T @ (counts[:, None] * terms) + RIDGE * len(FORMS) * np.eye(terms.shape[1])
+        direct = np.linalg.solve(moment, terms.T @ (counts * targets)) / scales
+        assert np.allclose(ridge.without([rows[number] for number in left_out]).ravel(), direct, rtol=1e-4, atol=1e-6)
+
+
 @pytest.mark.parametrize("group", [by_shape, by_family])
-def test_looks_without_a_group_are_what_the_others_teach(group):
-    """The short cut gives what a regression on the others alone gives."""
-    some = lessons(8)
-    rows, _ = scaled(some)
-    found = left_out_looks(tuple(some), group)
-    targets, inverse = ridge(rows)
-    kernel = np.linalg.inv(inverse)
-    assert found.shape == (8, len(FRAMES), len(LOOKS))
-    for number, lesson in enumerate(some):
-        others = np.repeat([group(each) != group(lesson) for each in some], len(FRAMES))
-        dual = np.linalg.solve(kernel[np.ix_(others, others)], targets[others])
-        own = slice(number * len(FRAMES), (number + 1) * len(FRAMES))
-        assert np.allclose(found[number], kernel[own, others] @ dual, atol=1e-8)
+def test_what_is_learned_finds_shapes_that_it_never_saw(group):
+    some = lessons(16)
+    odds = left_out_odds(some, group)
+    assert set(odds) == {each.name for each in some}
+    assert np.mean([each.along.argmax() == TRUE for each in odds.values()]) > 0.8
+    assert learned_odds(some).shape == (3, len(TERMS))
 
 
-def test_what_is_learned_finds_shapes_that_it_never_saw():
-    some = lessons(24)
-    assert len(both_terms(some)) == 48
-    odds = left_out_odds(tuple(some), by_shape)
-    assert np.mean([each.argmax() == TRUE for each in odds.values()]) > 0.8
+def test_a_tilted_shape_is_judged_by_candidates_near_its_up():
+    some = lessons(4)
+    told = left_out_choices(some, by_shape)[some[0].name]
+    (choice,) = told.tilted
+    assert choice.terms.shape == (len(choice.right), len(TERMS))
+    assert 0 < choice.right.sum() <= len(choice.right) // 2
+
+
+def test_what_lies_in_its_file_is_raised():
+    mesh = robot(4000).mesh
+    assert raised(mesh, "+y") is mesh
+    for up in {"+z", "-x", *LYING.values()}:
+        axis = {"x": 0, "y": 1, "z": 2}[up[1]]
+        assert np.allclose(raised(mesh, up).vertices[:, 1], mesh.vertices[:, axis] * float(f"{up[0]}1"))
 
 
 def test_further_shapes_come_from_folders_of_families(tmp_path):

@@ -16,9 +16,19 @@ import dfd
 from dfd.distillation.settings import DistillSettings
 from dfd.distillation.standing import EVIDENCE, RESTS, Standing
 from dfd.distillation.up import UP_WORDS, Up, axis_frames, check_up, said_up
-from dfd.distillation.up_probe import FOLDER, LOOKS, TERMS, UpProbe, find_probe
-from dfd.distillation.upright import CLEAR, candidates, decide, find_up, prior
-from dfd.distillation.views_around import CORNERS, LAYERS, SIDES, Around
+from dfd.distillation.up_probe import (
+    FOLDER,
+    FORM_TOKENS,
+    FORMS,
+    LOOKS,
+    TERMS,
+    VECTOR_TOKENS,
+    VECTORS,
+    UpProbe,
+    find_probe,
+)
+from dfd.distillation.upright import ASKEW, CLEAR, SAME, candidates, decide, find_up, prior
+from dfd.distillation.views_around import CORNERS, SIDES, Around, Seen
 from dfd.encoders.encode import load_encoder
 from dfd.views.render import render
 
@@ -51,8 +61,10 @@ def probe_of(encoder, **changes):
     odds[[TERMS.index("stable"), TERMS.index("facing up"), TERMS.index("mirrors flat")]] = 10.0, 5.0, 20.0
     own = encoder.settings()
     plain = UpProbe(
-        np.zeros((len(LOOKS), len(LAYERS), encoder.dimension), np.float32),
-        odds,
+        np.zeros(encoder.dimension, np.float32),
+        np.zeros((len(FORMS), encoder.dimension), np.float32),
+        np.zeros((len(VECTORS), encoder.dimension), np.float32),
+        np.stack([odds] * 3),
         0.0,
         0.0,
         0.0,
@@ -146,16 +158,34 @@ def test_a_tilted_shape_gets_axes_of_its_own(seed):
 @pytest.mark.parametrize("seed", range(3))
 def test_candidates_come_in_pairs_and_a_tilted_table_rests_on_its_legs_in_one(seed):
     mesh = table()
-    assert np.array_equal(candidates(Standing(mesh.vertices, mesh.faces)), axis_frames(np.eye(3)))
     rotation = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
     standing = Standing(mesh.vertices @ rotation.T, mesh.faces)
-    found = candidates(standing)
-    assert 6 <= len(found) <= 2 + 2 * RESTS
-    assert np.array_equal(found[0], np.eye(3))
+    frame = standing.frame()
+    found = candidates(standing, frame, np.zeros((3, 3)))
+    assert 6 + 2 <= len(found) <= 2 * (3 + RESTS + 4)
+    assert np.allclose(found[:6:2, 1], [[0, 1, 0], [0, 0, 1], [1, 0, 0]])
+    assert np.allclose(found @ found.transpose(0, 2, 1), np.eye(3))
     assert np.allclose(np.linalg.det(found), 1)
     assert np.allclose(found[::2, 1], -found[1::2, 1])
-    assert np.allclose(found[2:, 1] @ standing.frame()[0], 0)  # the mirror plane stands upright
     assert np.abs(found[:, 1] @ rotation[:, 1]).max() > np.cos(np.radians(3))
+
+
+def test_the_axis_that_pictures_vote_for_is_a_candidate_and_leans_into_the_mirror_plane():
+    """What pictures tell is rough: with the mirror plane upright it is nearer to the truth."""
+    mesh = table()
+    rotation = Rotation.random(rng=np.random.default_rng(0)).as_matrix()
+    standing = Standing(mesh.vertices @ rotation.T, mesh.faces)
+    frame = standing.frame()
+    rough = frame[0] + 2 * frame[1] + 1.5 * frame[2]
+    rough /= np.linalg.norm(rough)
+    ups = candidates(standing, frame, np.outer(rough, rough) - np.eye(3) / 3)[:, 1]
+    leaned = rough - (rough @ frame[0]) * frame[0]
+    leaned /= np.linalg.norm(leaned)
+    # One of its candidates may stand for another that is nearly the same.
+    assert np.abs(ups @ rough).max() > SAME
+    assert np.abs(ups @ leaned).max() > SAME
+    twice = np.abs(ups[::2] @ ups[::2].T) - np.eye(len(ups) // 2)
+    assert twice.max() < SAME
 
 
 def test_a_shape_rests_where_its_middle_is_above_an_edge():
@@ -170,72 +200,145 @@ def test_a_shape_rests_where_its_middle_is_above_an_edge():
         assert np.allclose(ups[:, 2], 0)
 
 
-def look_around(mesh, encoder, frames):
-    """What is seen from the sides and from the corners, together."""
-    around = Around(mesh, encoder)
-    return (around.seen(frames, SIDES) + around.seen(frames, CORNERS)) / 2
-
-
 def test_what_is_seen_around_a_candidate_does_not_depend_on_where_it_lies(encoder):
     """All 24 ways to lay a table down show the same pictures, of the axis that was up before."""
     mesh = table()
     frames = np.stack(axis_frames(np.eye(3)))
-    seen = look_around(mesh, encoder, frames)
-    assert seen.shape == (6, len(LAYERS), encoder.dimension)
+
+    def mean_tokens(mesh):
+        seen = Around(mesh, encoder).seen(frames, SIDES)
+        assert seen.tokens.shape == (24, 2, encoder.dimension)
+        assert np.allclose(seen.axes @ seen.axes.transpose(0, 2, 1), np.eye(3))
+        return seen.tokens[:, 0].reshape(6, 4, -1).mean(axis=1)
+
+    seen = mean_tokens(mesh)
     scale = np.abs(seen - seen.mean(axis=0)).max()
     for index in (0, 3, 4):
         rotation = frames[index].T
-        lying = look_around(dfd.Mesh(mesh.vertices @ rotation.T, mesh.faces), encoder, frames)
+        lying = mean_tokens(dfd.Mesh(mesh.vertices @ rotation.T, mesh.faces))
         for number, frame in enumerate(frames):
             other = int((frames[:, 1] @ (rotation @ frame[1])).argmax())
             assert np.abs(lying[other] - seen[number]).max() < 0.05 * scale
 
 
-def test_layers_are_thirds_of_the_shape_in_its_pictures(encoder, monkeypatch):
-    """Tokens that are their own row: the upper third has the least."""
+def test_the_second_token_is_right_less_left(encoder, monkeypatch):
+    """Tokens that are their own column, of a shape as wide as the picture."""
 
-    def rows(images, *, covered):
+    def columns(images, *, covered):
         side = images.shape[1] // encoder.patch
-        tokens = np.broadcast_to(np.arange(side, dtype=np.float32)[:, None, None], (side, side, encoder.dimension))
+        tokens = np.broadcast_to(np.arange(side, dtype=np.float32)[None, :, None], (side, side, encoder.dimension))
         return np.broadcast_to(tokens, (len(images), *tokens.shape))
 
-    monkeypatch.setattr(encoder, "encode", rows)
-    mean, upper, middle, lower = look_around(table(), encoder, np.eye(3)[None])[0, :, 0]
-    assert upper < middle < lower
-    assert upper < mean < lower
+    monkeypatch.setattr(encoder, "encode", columns)
+    around = Around(table(), encoder)
+    side = around._resolution // encoder.patch
+    mean, across = around.seen(np.eye(3)[None], np.array([[0.0, 0.2, 1.0]])).tokens[0, :, 0]
+    assert mean == pytest.approx((side - 1) / 2, abs=0.2)
+    assert side / 2 <= across < side  # the legs are at the ends
 
 
-@pytest.mark.parametrize("look", LOOKS)
-def test_looks_decide_when_the_surface_says_nothing(encoder, look):
+def pictures(generator, count, width):
+    """What random pictures from random cameras show."""
+    axes = Rotation.random(count, rng=generator).as_matrix()
+    return Seen(generator.standard_normal((count, 2, width)).astype(np.float32), axes)
+
+
+def random_probe(encoder, generator, **changes):
+    """A probe whose votes are anything."""
+    width = encoder.dimension
+    form, vector = (generator.standard_normal((rows, width)).astype(np.float32) for rows in (5, 3))
+    return probe_of(encoder, form=form, vector=vector, **changes)
+
+
+def test_votes_turn_with_the_pictures_and_mirror_with_them(encoder):
+    generator = np.random.default_rng(0)
+    seen, probe = pictures(generator, 7, encoder.dimension), random_probe(encoder, generator)
+    form, vector = probe.votes(seen)
+    assert np.allclose(form, form.T)
+    assert np.trace(form) == pytest.approx(0, abs=1e-9)
+    rotation = Rotation.random(rng=generator).as_matrix()
+    turned = probe.votes(Seen(seen.tokens, seen.axes @ rotation.T))
+    assert np.allclose(turned[0], rotation @ form @ rotation.T)
+    assert np.allclose(turned[1], rotation @ vector)
+    # A mirror image is seen by the mirrored camera, whose right is turned round; its halves have changed places.
+    mirror = np.diag([-1.0, 1, 1])
+    mirrored = Seen(seen.tokens * np.float32([1, -1])[:, None], np.diag([-1.0, 1, 1]) @ seen.axes @ mirror)
+    assert np.allclose(probe.votes(mirrored)[0], mirror @ form @ mirror)
+    assert np.allclose(probe.votes(mirrored)[1], mirror @ vector)
+
+
+def test_votes_are_spherical_harmonics_of_the_tokens(encoder):
+    """What a candidate gets is linear in the tokens, times what its direction is in each picture."""
+    generator = np.random.default_rng(1)
+    probe = random_probe(encoder, generator, mean=generator.standard_normal(encoder.dimension).astype(np.float32))
+    seen, ups = pictures(generator, 3, encoder.dimension), np.array([[0.0, 1, 0], [0, 0.6, 0.8]])
+    evidence = generator.standard_normal((2, len(EVIDENCE)))
+    told = probe.terms(seen, ups, evidence)
+    assert told.shape == (2, len(TERMS))
+    assert np.array_equal(told[:, len(LOOKS) :], evidence)
+    for number, up in enumerate(ups):
+        form = vector = 0.0
+        for (mean, across), axes in zip(seen.tokens, seen.axes, strict=True):
+            x, y, z = axes @ up
+            tokens = (mean - probe.mean, across)
+            squares = (y * y - (x * x + z * z) / 2, (z * z - x * x) * 3**0.5 / 2, 3**0.5 * y * z)
+            for weight, at, token in zip(
+                probe.form, (*squares, 3**0.5 * x * y, 3**0.5 * x * z), FORM_TOKENS, strict=True
+            ):
+                form += float(weight @ tokens[token]) * at / len(seen.tokens)
+            for weight, at, token in zip(probe.vector, (y, z, x), VECTOR_TOKENS, strict=True):
+                vector += float(weight @ tokens[token]) * at / len(seen.tokens)
+        assert told[number, : len(LOOKS)] == pytest.approx((form, vector), rel=1e-4)
+
+
+def voting_for(seen, up, encoder):
+    """A form and a vector of least length by which pictures vote for `up`, and for nothing else."""
+    at = np.einsum("nai,ki->nka", seen.axes, np.eye(3))
+    forms = np.einsum("nka,jab,nkb,njd->kjd", at, FORMS, at, seen.tokens[:, FORM_TOKENS], optimize=True)
+    vectors = np.einsum("nka,ja,njd->kjd", at, VECTORS, seen.tokens[:, VECTOR_TOKENS], optimize=True)
+    said = (np.square(up) - 1 / 3, up)
+    return tuple(
+        np.linalg.lstsq(each.reshape(3, -1) / len(seen.tokens), wanted)[0].reshape(each.shape[1:]).astype(np.float32)
+        for each, wanted in zip((forms, vectors), said, strict=True)
+    )
+
+
+def test_pictures_decide_when_the_surface_says_nothing(encoder):
     mesh, frames = table(), np.stack(axis_frames(np.eye(3)))
-    seen = look_around(mesh, encoder, frames)
-    towards = (seen[4] - np.delete(seen, 4, axis=0).mean(axis=0)).astype(np.float32)
-    odds = np.zeros(len(TERMS))
-    odds[TERMS.index(look)] = 100 / np.square(towards).sum()
-    looks = np.stack([towards if look == each else np.zeros_like(towards) for each in LOOKS])
-    found = find_up(mesh, encoder, probe=probe_of(encoder, looks=looks, odds=odds))
-    assert str(found) == "+z"
+    form, vector = voting_for(Around(mesh, encoder).seen(frames, SIDES), np.array([0.0, 0, -1]), encoder)
+    odds = np.zeros((3, len(TERMS)))
+    odds[1, : len(LOOKS)] = 100.0
+    found = find_up(mesh, encoder, probe=probe_of(encoder, form=form, vector=vector, odds=odds))
+    assert str(found) == "-z"
     assert found.source == "found"
-    assert found.sentence == f"+z, {found.confidence:.0%} sure"
+    assert found.sentence == f"-z, {found.confidence:.0%} sure"
 
 
-@pytest.mark.parametrize(("sure", "pictures"), [(True, 24), (False, 48)])
-def test_four_sides_are_enough_where_the_axis_is_sure(encoder, monkeypatch, sure, pictures):
-    """Four pictures of each of six directions; four more where they leave a doubt, and all eight decide."""
-    mesh, frames, looked = table(), np.stack(axis_frames(np.eye(3))), []
-    from_eight = look_around(mesh, encoder, frames)
-    encode = encoder.encode
+@pytest.mark.parametrize(
+    ("at_once", "then", "pictures"), [("sure", "sure", 4), ("doubtful", "sure", 24), ("doubtful", "doubtful", 48)]
+)
+def test_few_pictures_are_enough_where_they_leave_no_doubt(encoder, monkeypatch, at_once, then, pictures):
+    """Four around the file's up; four around each axis; eight, and all decide."""
+    looked, encode = [], encoder.encode
     monkeypatch.setattr(
         encoder, "encode", lambda images, **more: (looked.append(len(images)), encode(images, **more))[1]
     )
-    looks = np.random.default_rng(0).standard_normal((len(LOOKS), *from_eight.shape[1:])).astype(np.float32)
-    told = np.einsum("kld,ld->k", from_eight, looks[0])
-    odds = np.zeros(len(TERMS))
-    odds[TERMS.index(LOOKS[0])] = (100.0 if sure else 0.1) / np.ptp(told)
-    found = find_up(mesh, encoder, probe=probe_of(encoder, looks=looks, odds=odds))
+    odds = np.zeros((3, len(TERMS)))
+    for row, said in zip(odds, (at_once, then), strict=False):
+        row[TERMS.index("mirrors flat")] = 1000.0 if said == "sure" else 1.0
+    found = find_up(table(), encoder, probe=probe_of(encoder, odds=odds))
     assert sum(looked) == pictures
-    if not sure:
-        assert found.confidence == pytest.approx(decide(frames, told * odds[TERMS.index(LOOKS[0])]).confidence)
+    assert (found.source == "averaged") == (then == "doubtful")
+
+
+def test_one_look_decides_only_what_it_leaves_no_doubt_about(encoder):
+    """What files have by convention makes nothing sure at once, but it counts where the look is sure of the axis."""
+    odds = np.zeros((3, len(TERMS)))
+    odds[1, TERMS.index("mirrors flat")] = 1000.0
+    z_up = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    lying = dfd.Mesh(table().vertices @ z_up.T, table().faces)
+    found = find_up(lying, encoder, probe=probe_of(encoder, odds=odds, file_up=9.0, file_down=9.0))
+    assert str(found) in ("+z", "-z")
 
 
 def test_the_axis_is_decided_before_its_end():
@@ -288,7 +391,7 @@ def test_a_table_is_found_whichever_way_it_lies(encoder, up):
 
 
 def test_the_prior_decides_where_nothing_else_does(encoder):
-    silent = probe_of(encoder, odds=np.zeros(len(TERMS)), file_up=4.0, file_down=2.0, file_z=1.0)
+    silent = probe_of(encoder, odds=np.zeros((3, len(TERMS))), file_up=4.0, file_down=2.0, file_z=1.0)
     found = find_up(table(), encoder, probe=silent)
     assert np.array_equal(found.frame, np.eye(3))
     assert found.source == "file"
@@ -298,13 +401,37 @@ def test_the_prior_decides_where_nothing_else_does(encoder):
     assert [prior(silent, frame) for frame in axis_frames(np.eye(3))] == [0, 0, 4, 2, 1, 1]
 
 
-def test_a_tilted_shape_has_no_prior(encoder):
-    rotation = Rotation.random(rng=np.random.default_rng(0)).as_matrix()
-    tilted = dfd.Mesh(table().vertices @ rotation.T, table().faces)
-    silent = probe_of(encoder, odds=np.zeros(len(TERMS)), file_up=9.0, file_down=8.0, file_z=1.0)
+def tilted_table(seed=0):
+    rotation = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+    return dfd.Mesh(table().vertices @ rotation.T, table().faces), rotation
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_tilted_table_is_found(encoder, seed):
+    tilted, rotation = tilted_table(seed)
+    found = find_up(tilted, encoder, probe=probe_of(encoder))
+    assert max(abs(frame[1] @ rotation[:, 1]) for frame in found.frames) > np.cos(np.radians(3))
+
+
+def test_a_tilted_shape_is_looked_at_along_all_axes_and_then_as_it_would_stand(encoder, monkeypatch):
+    looked, encode = [], encoder.encode
+    monkeypatch.setattr(
+        encoder, "encode", lambda images, **more: (looked.append(len(images)), encode(images, **more))[1]
+    )
+    silent = probe_of(encoder, odds=np.zeros((3, len(TERMS))))
+    assert find_up(tilted_table()[0], encoder, probe=silent).source == "averaged"
+    assert looked == [24, 8]
+
+
+def test_what_files_have_by_convention_counts_half_for_a_tilted_shape(encoder):
+    tilted, _ = tilted_table()
+    silent = probe_of(encoder, odds=np.zeros((3, len(TERMS))), file_up=9.0, file_down=8.0, file_z=1.0)
+    standing = Standing(tilted.vertices, tilted.faces)
+    count = len(candidates(standing, standing.frame(), np.zeros((3, 3))))
     found = find_up(tilted, encoder, probe=silent)
-    assert found.source == "averaged"
-    assert found.confidence <= 1 / 3
+    odds = np.exp(ASKEW * np.array([9.0, 8, 1, 1, *[0] * (count - 4)]))
+    assert str(found) == "+y"
+    assert found.confidence == pytest.approx(odds[:2].sum() / odds.sum(), rel=0.05)  # one candidate more or less
 
 
 def test_another_encoders_probe_is_refused_and_without_one_the_files_up_stays(encoder):
@@ -351,7 +478,7 @@ def test_damaged_and_foreign_probes_are_refused(encoder, tmp_path):
     save_file({"looks": np.zeros(3, np.float32)}, other)
     with pytest.raises(ValueError, match="holds no probe"):
         UpProbe.load(other)
-    probe_of(encoder, odds=np.full(len(TERMS), np.nan)).save(whole)
+    probe_of(encoder, odds=np.full((3, len(TERMS)), np.nan)).save(whole)
     with pytest.raises(ValueError, match="`odds` in .* must be finite"):
         UpProbe.load(whole)
 
