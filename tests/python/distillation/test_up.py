@@ -28,7 +28,7 @@ from dfd.distillation.up_probe import (
     find_probe,
 )
 from dfd.distillation.upright import ASKEW, CLEAR, SAME, candidates, decide, find_up, prior
-from dfd.distillation.views_around import CORNERS, SIDES, Around, Seen
+from dfd.distillation.views_around import SIDES, Around, Seen
 from dfd.encoders.encode import load_encoder
 from dfd.views.render import render
 
