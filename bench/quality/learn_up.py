@@ -191,8 +191,9 @@ def least_priors(odds: Mapping[str, NDArray[np.float64]], own: Collection[str] =
         first, second = np.argsort(-axes, axis=1).T[:2]
         doubtful = axes.max(axis=1) - np.logaddexp.reduce(axes, axis=1) < np.log(CLEAR)
         shown = (first == TRUE // 2) | (doubtful & (second == TRUE // 2))
-        up_kept = (first == TRUE // 2) <= (favored[:, TRUE] >= favored[:, TRUE ^ 1])
-        return bool(shown.mean() >= KEPT and (first == TRUE // 2)[among].mean() >= least and up_kept.mean() >= KEPT_UP)
+        fallen = (first == TRUE // 2) & (favored[:, TRUE ^ 1] > favored[:, TRUE])
+        kept = shown.mean() >= KEPT and (first == TRUE // 2)[among].mean() >= least
+        return bool(kept and fallen.mean() <= 1 - KEPT_UP)
 
     pairs = ((float(up), float(up - loss)) for up in PRIORS for loss in LOSSES)
     return next((each for each in pairs if enough(*each)), (float(PRIORS[-1]), float(PRIORS[-1] - LOSSES[-1])))
