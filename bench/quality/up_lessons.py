@@ -37,7 +37,7 @@ FRAMES = np.stack(axis_frames(np.eye(3)))
 UPS = FRAMES[:, 1]
 TRUE = 2  # +y among them
 ALSO = "also/"
-RIDGE = 0.1  # of the mean moment of the terms
+RIDGE = 1.0  # of the mean moment of the terms
 SHRINK = 3.0  # of the odds, whose terms have unit spread
 FOLDS = 16
 NEAR = np.cos(np.radians(20))  # of a tilted shape a candidate so near to its up is right
@@ -136,10 +136,12 @@ class Ridge:
     """
 
     def __init__(self, rows: Sequence[Rows], blocks: int) -> None:
-        along = np.concatenate([each.terms[: len(FRAMES)] for each in rows])
-        squares = np.square(along.reshape(len(along), blocks, -1)).sum(axis=2).mean(axis=0)
-        self._blocks, self._scales = blocks, np.sqrt(np.maximum(squares, np.finfo(np.float64).tiny))
-        size = along.shape[1]
+        size = rows[0].terms.shape[1]
+        squares = np.zeros(size)
+        for each in rows:
+            squares += each.counts @ np.square(each.terms)
+        spread = squares.reshape(blocks, -1).sum(axis=1) / sum(each.counts.sum() for each in rows)
+        self._blocks, self._scales = blocks, np.sqrt(np.maximum(spread, np.finfo(np.float64).tiny))
         moment, told = RIDGE * blocks * np.eye(size), np.zeros(size)
         for each in rows:
             terms = self._scaled(each)

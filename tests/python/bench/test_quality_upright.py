@@ -209,8 +209,9 @@ def test_votes_without_some_are_what_the_others_teach():
     some = lessons(6)
     rows = [rows_of(each, np.zeros(WIDTH, np.float32))[0] for each in some]
     ridge = Ridge(rows, len(FORMS))
-    along = np.concatenate([each.terms[:6] for each in rows]).reshape(-1, len(FORMS), WIDTH)
-    scales = np.repeat(np.sqrt(np.square(along).sum(axis=2).mean(axis=0)), WIDTH)
+    counts, terms = (np.concatenate([getattr(each, name) for each in rows]) for name in ("counts", "terms"))
+    squares = np.square(terms.reshape(-1, len(FORMS), WIDTH)).sum(axis=2)
+    scales = np.repeat(np.sqrt(np.average(squares, axis=0, weights=counts)), WIDTH)
     for left_out in ([], [2], [0, 5]):
         kept = [each for number, each in enumerate(rows) if number not in left_out]
         terms = np.concatenate([each.terms for each in kept]) / scales
