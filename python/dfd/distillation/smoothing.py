@@ -50,7 +50,7 @@ from dfd.views.render import Views, used_vertices
 if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU
 
-__all__ = ["Ground", "lay_ground", "spread"]
+__all__ = ["Ground", "apart", "lay_ground", "spread"]
 
 NODES = 12_000  # points on the surface: on average 0.02 apart in normalized coordinates
 HITS = 400_000  # pixels that are gathered at most; more change nothing that can be measured
@@ -181,8 +181,8 @@ def _gather(
     chosen = np.arange(len(views.points))
     if len(chosen) > HITS:
         chosen = np.sort(generator.choice(len(chosen), HITS, replace=False))
-    tree = cKDTree(_apart(points, component[face]))
-    _, nearest = tree.query(_apart(views.points[chosen], component[views.face[chosen]]), workers=-1)
+    tree = cKDTree(apart(points, component[face]))
+    _, nearest = tree.query(apart(views.points[chosen], component[views.face[chosen]]), workers=-1)
     return chosen, nearest
 
 
@@ -255,7 +255,7 @@ def _surface_links(
     blind = np.bincount(component, seen)[component] == 0  # on components of which nothing is seen
     links = [
         _links(
-            _apart(points, component), everyone, everyone, NEIGHBOURS, lambda i, j: component[i] == component[j], 1.0
+            apart(points, component), everyone, everyone, NEIGHBOURS, lambda i, j: component[i] == component[j], 1.0
         ),
         _links(points, everyone, everyone, TIED_NEIGHBOURS, lambda i, j: component[i] != component[j], TIE),
         _links(points, np.flatnonzero(blind), np.flatnonzero(~blind), TIED_NEIGHBOURS, lambda i, j: i != j, TIE),
@@ -326,6 +326,6 @@ def _links(
     return one[kept], other[kept], np.full(int(kept.sum()), strength / neighbours)
 
 
-def _apart(points: NDArray[np.floating], component: NDArray[np.int32]) -> NDArray[np.float64]:
+def apart(points: NDArray[np.floating], component: NDArray[np.int32]) -> NDArray[np.float64]:
     """Points (N, 3) with a fourth coordinate that keeps components apart in a search for neighbours, (N, 4)."""
     return np.column_stack([points, _APART * component])

@@ -22,6 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from dfd.common.vectors import unit
+from dfd.distillation.smoothing import apart
 from dfd.distillation.targets import PointTargets
 from dfd.views.raycast import Scene
 from dfd.views.render import Views
@@ -35,7 +37,6 @@ NEIGHBORS = 16  # points that tell a band together, the point itself among them
 BANDS = 22
 _CENTERS = np.log(1 / 80) + np.log(2) / 3 * np.arange(BANDS)
 _OFF = 1e-4  # so far from the surface a ray begins, normalized: beyond the face that its point lies on
-_APART = 10.0  # between pieces in the search for neighbors, beyond any distance within [−1, 1]³
 
 
 def thickness_bands(views: Views, targets: PointTargets) -> NDArray[np.float32]:
@@ -53,7 +54,7 @@ def thickness_bands(views: Views, targets: PointTargets) -> NDArray[np.float32]:
     ratio = np.log(np.clip(thick / max(size, 1e-12), np.exp(_CENTERS[0]), np.exp(_CENTERS[-1])))
     width = _CENTERS[1] - _CENTERS[0]
     bands = np.exp(-np.square((ratio[:, None] - _CENTERS) / width)).astype(np.float32)
-    places = points if piece is None else np.column_stack([points, _APART * piece])
+    places = points if piece is None else apart(points, piece)
     _, near = cKDTree(places).query(places, np.arange(1, min(NEIGHBORS, len(points)) + 1), workers=-1)
     result: NDArray[np.float32] = bands[near].mean(axis=1)
     return result
@@ -103,11 +104,6 @@ def _axes(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Unit axes (N, 3) of triangles, that turn with them: along the first edge, across it, and the normal."""
     along, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    normal = _unit(np.cross(along, other))
-    along = _unit(along)
+    normal = unit(np.cross(along, other))
+    along = unit(along)
     return along, np.cross(normal, along), normal
-
-
-def _unit(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    result: NDArray[np.float64] = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
-    return result

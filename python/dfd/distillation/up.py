@@ -12,12 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["AXES", "UP_WORDS", "Up", "axis_frames", "check_up", "file_up", "said_up", "up_sentence"]
+__all__ = ["AXES", "UP_WORDS", "Up", "axis_frames", "check_up", "file_up", "frame_facing", "said_up", "up_sentence"]
 
 AXES: dict[str, NDArray[np.float64]] = {
     f"{sign}{name}": float(f"{sign}1") * np.eye(3)[axis] for axis, name in enumerate("xyz") for sign in "+-"
 }
 UP_WORDS = ("auto", "file", *AXES)
+LEAST_ACROSS = 0.1  # of a unit vector that must lie across another one
 LEAST_EXTENT = 1e-6  # of the longest side: what has less along an axis has none
 
 
@@ -158,7 +159,13 @@ def _upright_frame(up: NDArray[np.float64]) -> NDArray[np.float64]:
         straight: NDArray[np.float64] = axis_frames(np.eye(3))[2 * int(along[0]) + int(up[along[0]] < 0)]
         return straight
     right = np.eye(3)[0] if abs(up[0]) < 0.9 else np.eye(3)[2]
-    right = right - (right @ up) * up
-    right /= np.linalg.norm(right)
-    frame: NDArray[np.float64] = np.stack([right, up, np.cross(right, up)])
-    return frame
+    return frame_facing(up, right)
+
+
+def frame_facing(up: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The frame (3, 3) with `up`, and its right as near to `right` as can be; both (3,), unit."""
+    across = right - (right @ up) * up
+    if np.linalg.norm(across) < LEAST_ACROSS:
+        across = np.cross(up, np.eye(3)[np.abs(up).argmin()])
+    across /= np.linalg.norm(across)
+    return np.stack([across, up, np.cross(across, up)])

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dfd.common.progress import Stages
 from dfd.distillation.standing import Standing
-from dfd.distillation.up import AXES, Up, axis_frames, file_up, said_up
+from dfd.distillation.up import AXES, Up, axis_frames, file_up, frame_facing, said_up
 from dfd.distillation.up_probe import UpProbe, find_probe
 from dfd.distillation.views_around import CORNERS, SIDES, Around
 from dfd.geometry.topology import face_areas
@@ -30,7 +30,6 @@ SURE_AT_ONCE = 0.95
 SURE = 0.97  # looked at along all axes, likewise; else from the corners too
 SAME = np.cos(np.radians(8))  # ups nearer than that to each other are one
 ASKEW = 0.5  # of what files have by convention counts for a shape that lies along none of its file's axes
-LEAST_ACROSS = 0.1  # of a unit vector that must lie across another one
 
 
 def said_or_found(
@@ -123,16 +122,7 @@ def candidates(standing: Standing, frame: NDArray[np.float64], form: NDArray[np.
     for up in [*standing.resting(frame), *leaned, *seen]:
         if all(abs(up @ other) < SAME for other in found):
             found.append(up)
-    return np.stack([_facing(sign * up, normal) for up in found for sign in (1.0, -1.0)])
-
-
-def _facing(up: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A frame (3, 3) with `up`, and its right as near to `right` as can be, both unit."""
-    across = right - (right @ up) * up
-    if np.linalg.norm(across) < LEAST_ACROSS:
-        across = np.cross(up, np.eye(3)[np.abs(up).argmin()])
-    across /= np.linalg.norm(across)
-    return np.stack([across, up, np.cross(across, up)])
+    return np.stack([frame_facing(sign * up, normal) for up in found for sign in (1.0, -1.0)])
 
 
 def prior(probe: UpProbe, frame: NDArray[np.float64]) -> float:
