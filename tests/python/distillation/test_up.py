@@ -1,77 +1,39 @@
-"""Which way is up: what may be said, what a surface tells, what was learned, and that pictures follow it."""
+"""Which way is up: what may be said, how it is found, and that pictures follow it."""
 
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from made_table import probe_of, table
 from scipy.spatial.transform import Rotation
 from tiny_encoder import save_tiny_encoder
 
 import dfd
 from dfd.distillation.settings import DistillSettings
-from dfd.distillation.standing import EVIDENCE, RESTS, Standing
+from dfd.distillation.standing import RESTS, Standing
 from dfd.distillation.up import UP_WORDS, Up, axis_frames, check_up, said_up
 from dfd.distillation.up_probe import (
-    FOLDER,
     FORM_TOKENS,
     FORMS,
     LOOKS,
     TERMS,
     VECTOR_TOKENS,
     VECTORS,
-    UpProbe,
     find_probe,
 )
 from dfd.distillation.upright import ASKEW, CLEAR, SAME, candidates, decide, find_up, prior
-from dfd.distillation.views_around import SIDES, Around, Seen
+from dfd.distillation.views_around import SIDES, Around
 from dfd.encoders.encode import load_encoder
 from dfd.views.render import render
-
-TABLE_LEGS = ((-0.9, -0.4), (-0.9, 0.4), (0.9, -0.4), (0.9, 0.4))
-
-
-def box(low, high):
-    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
-    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
-    return corners, np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]])
-
-
-def table():
-    """A table: upright, longer than it is deep, y up."""
-    parts = [box((-1, 0.9, -0.5), (1, 1.0, 0.5))]
-    parts += [box((x - 0.05, 0, z - 0.05), (x + 0.05, 0.9, z + 0.05)) for x, z in TABLE_LEGS]
-    vertices = np.concatenate([corners for corners, _ in parts])
-    faces = np.concatenate([faces + 8 * number for number, (_, faces) in enumerate(parts)])
-    return dfd.Mesh(vertices, faces)
 
 
 @pytest.fixture(scope="module")
 def encoder(tmp_path_factory):
     return load_encoder(save_tiny_encoder(tmp_path_factory.mktemp("encoder")), device="cpu", precision="float32")
-
-
-def probe_of(encoder, **changes):
-    """A probe that goes by the surface alone: what stands stably and shows the least of its sides is upright."""
-    odds = np.zeros(len(TERMS))
-    odds[[TERMS.index("stable"), TERMS.index("facing up"), TERMS.index("mirrors flat")]] = 10.0, 5.0, 20.0
-    own = encoder.settings()
-    plain = UpProbe(
-        np.zeros(encoder.dimension, np.float32),
-        np.zeros((len(FORMS), encoder.dimension), np.float32),
-        np.zeros((len(VECTORS), encoder.dimension), np.float32),
-        np.stack([odds] * 3),
-        0.0,
-        0.0,
-        0.0,
-        str(own["encoder_weights"]),
-        int(own["encoder_block"]),
-    )
-    return replace(plain, **changes)
 
 
 @pytest.mark.parametrize("up", UP_WORDS)
@@ -123,38 +85,6 @@ def test_six_frames_of_an_axis_each():
     assert np.array_equal(frames[2], np.eye(3))
 
 
-def test_evidence_of_a_table():
-    mesh = table()
-    standing = Standing(mesh.vertices, mesh.faces)
-    upright, upside_down = (
-        dict(zip(EVIDENCE, standing.evidence(frame), strict=True)) for frame in axis_frames(np.eye(3))[2:4]
-    )
-    assert upright["stable"] == upside_down["stable"] == 1
-    assert upright["base"] == pytest.approx(1.9 * 0.9 / (2 * 1), rel=1e-6)
-    assert upside_down["base"] == pytest.approx(1, rel=1e-6)
-    assert upright["near the base"] < upside_down["near the base"]
-    assert upright["middle"] > 0.85  # most of its surface is its top
-    assert upright["middle"] + upside_down["middle"] == pytest.approx(1)
-    assert upright["mirrors upright"] < 0.02 < upright["mirrors flat"]
-
-
-def test_a_table_on_two_of_its_legs_would_fall():
-    mesh = table()
-    angle = np.radians(20)
-    frame = np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
-    assert Standing(mesh.vertices, mesh.faces).evidence(frame)[EVIDENCE.index("stable")] == 0
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_a_tilted_shape_gets_axes_of_its_own(seed):
-    mesh = table()
-    assert np.array_equal(Standing(mesh.vertices, mesh.faces).frame(), np.eye(3))
-    rotation = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
-    frame = Standing(mesh.vertices @ rotation.T, mesh.faces).frame()
-    assert np.linalg.det(frame) == pytest.approx(1)
-    assert np.abs(frame @ rotation[:, 1]).max() > np.cos(np.radians(3))
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_candidates_come_in_pairs_and_a_tilted_table_rests_on_its_legs_in_one(seed):
     mesh = table()
@@ -186,109 +116,6 @@ def test_the_axis_that_pictures_vote_for_is_a_candidate_and_leans_into_the_mirro
     assert np.abs(ups @ leaned).max() > SAME
     twice = np.abs(ups[::2] @ ups[::2].T) - np.eye(len(ups) // 2)
     assert twice.max() < SAME
-
-
-def test_a_shape_rests_where_its_middle_is_above_an_edge():
-    """A triangle seen from the side rests on each of its sides; one that leans far only on two."""
-    frame = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
-    for tip, ways in (((0.5, 0.8, 0), 3), ((3.0, 0.5, 0), 2)):
-        mesh = dfd.Mesh([[0, 0, 0], [1, 0, 0], tip], [[0, 1, 2]])
-        ups = Standing(mesh.vertices, mesh.faces).resting(frame)
-        heights = [mesh.vertices @ up for up in ups]
-        lowest = [np.sort(height - height.min())[1] for height in heights]
-        assert sum(second < 1e-9 for second in lowest) == ways
-        assert np.allclose(ups[:, 2], 0)
-
-
-def test_what_is_seen_around_a_candidate_does_not_depend_on_where_it_lies(encoder):
-    """All 24 ways to lay a table down show the same pictures, of the axis that was up before."""
-    mesh = table()
-    frames = np.stack(axis_frames(np.eye(3)))
-
-    def mean_tokens(mesh):
-        seen = Around(mesh, encoder).seen(frames, SIDES)
-        assert seen.tokens.shape == (24, 2, encoder.dimension)
-        assert np.allclose(seen.axes @ seen.axes.transpose(0, 2, 1), np.eye(3))
-        return seen.tokens[:, 0].reshape(6, 4, -1).mean(axis=1)
-
-    seen = mean_tokens(mesh)
-    scale = np.abs(seen - seen.mean(axis=0)).max()
-    for index in (0, 3, 4):
-        rotation = frames[index].T
-        lying = mean_tokens(dfd.Mesh(mesh.vertices @ rotation.T, mesh.faces))
-        for number, frame in enumerate(frames):
-            other = int((frames[:, 1] @ (rotation @ frame[1])).argmax())
-            assert np.abs(lying[other] - seen[number]).max() < 0.05 * scale
-
-
-def test_the_second_token_is_right_less_left(encoder, monkeypatch):
-    """Tokens that are their own column, of a shape as wide as the picture."""
-
-    def columns(images, *, covered):
-        side = images.shape[1] // encoder.patch
-        tokens = np.broadcast_to(np.arange(side, dtype=np.float32)[None, :, None], (side, side, encoder.dimension))
-        return np.broadcast_to(tokens, (len(images), *tokens.shape))
-
-    monkeypatch.setattr(encoder, "encode", columns)
-    around = Around(table(), encoder)
-    side = around._resolution // encoder.patch
-    mean, across = around.seen(np.eye(3)[None], np.array([[0.0, 0.2, 1.0]])).tokens[0, :, 0]
-    assert mean == pytest.approx((side - 1) / 2, abs=0.2)
-    assert side / 2 <= across < side  # the legs are at the ends
-
-
-def pictures(generator, count, width):
-    """What random pictures from random cameras show."""
-    axes = Rotation.random(count, rng=generator).as_matrix()
-    return Seen(generator.standard_normal((count, 2, width)).astype(np.float32), axes)
-
-
-def random_probe(encoder, generator, **changes):
-    """A probe whose votes are anything."""
-    width = encoder.dimension
-    form, vector = (generator.standard_normal((rows, width)).astype(np.float32) for rows in (5, 3))
-    return probe_of(encoder, form=form, vector=vector, **changes)
-
-
-def test_votes_turn_with_the_pictures_and_mirror_with_them(encoder):
-    generator = np.random.default_rng(0)
-    seen, probe = pictures(generator, 7, encoder.dimension), random_probe(encoder, generator)
-    form, vector = probe.votes(seen)
-    assert np.allclose(form, form.T)
-    assert np.trace(form) == pytest.approx(0, abs=1e-9)
-    rotation = Rotation.random(rng=generator).as_matrix()
-    turned = probe.votes(Seen(seen.tokens, seen.axes @ rotation.T))
-    assert np.allclose(turned[0], rotation @ form @ rotation.T)
-    assert np.allclose(turned[1], rotation @ vector)
-    # A mirror image is seen by the mirrored camera, whose right is turned round; its halves have changed places.
-    mirror = np.diag([-1.0, 1, 1])
-    mirrored = Seen(seen.tokens * np.float32([1, -1])[:, None], np.diag([-1.0, 1, 1]) @ seen.axes @ mirror)
-    assert np.allclose(probe.votes(mirrored)[0], mirror @ form @ mirror)
-    assert np.allclose(probe.votes(mirrored)[1], mirror @ vector)
-
-
-def test_votes_are_spherical_harmonics_of_the_tokens(encoder):
-    """What a candidate gets is linear in the tokens, times what its direction is in each picture."""
-    generator = np.random.default_rng(1)
-    probe = random_probe(encoder, generator, mean=generator.standard_normal(encoder.dimension).astype(np.float32))
-    seen, ups = pictures(generator, 3, encoder.dimension), np.array([[0.0, 1, 0], [0, 0.6, 0.8]])
-    evidence = generator.standard_normal((2, len(EVIDENCE)))
-    told = probe.terms(seen, ups, evidence)
-    assert told.shape == (2, len(TERMS))
-    assert np.array_equal(told[:, len(LOOKS) :], evidence)
-    for number, up in enumerate(ups):
-        form = vector = 0.0
-        for (mean, across), axes in zip(seen.tokens, seen.axes, strict=True):
-            x, y, z = axes @ up
-            tokens = (mean - probe.mean, across)
-            squares = (y * y - (x * x + z * z) / 2, (z * z - x * x) * 3**0.5 / 2, 3**0.5 * y * z)
-            for weight, at, token in zip(
-                probe.form, (*squares, 3**0.5 * x * y, 3**0.5 * x * z), FORM_TOKENS, strict=True
-            ):
-                form += float(weight @ tokens[token]) * at / len(seen.tokens)
-            for weight, at, token in zip(probe.vector, (y, z, x), VECTOR_TOKENS, strict=True):
-                vector += float(weight @ tokens[token]) * at / len(seen.tokens)
-        assert told[number, : len(LOOKS)] == pytest.approx((form, vector), rel=1e-4)
 
 
 def voting_for(seen, up, encoder):
@@ -454,39 +281,6 @@ def test_a_flat_sheet_is_looked_at_like_anything_else(encoder):
     found = find_up(sheet, encoder, probe=probe_of(encoder))
     assert np.isfinite(found.confidence)
     assert np.allclose(found.frame @ found.frame.T, np.eye(3))
-
-
-def test_probes_come_back_from_their_files(encoder, tmp_path):
-    probe = probe_of(encoder, file_up=1.5)
-    probe.save(tmp_path / "probe.safetensors")
-    again = UpProbe.load(tmp_path / "probe.safetensors")
-    assert again.fits(encoder)
-    assert again.file_up == 1.5
-    assert np.array_equal(again.odds, probe.odds)
-    again.save(tmp_path / "again.safetensors")
-    assert (tmp_path / "again.safetensors").read_bytes() == (tmp_path / "probe.safetensors").read_bytes()
-
-
-def test_damaged_and_foreign_probes_are_refused(encoder, tmp_path):
-    whole, cut, other = (tmp_path / f"{name}.safetensors" for name in ("whole", "cut", "other"))
-    probe_of(encoder).save(whole)
-    cut.write_bytes(whole.read_bytes()[:-10])
-    with pytest.raises(ValueError, match=r"is no whole \.safetensors file"):
-        UpProbe.load(cut)
-    from safetensors.numpy import save_file
-
-    save_file({"looks": np.zeros(3, np.float32)}, other)
-    with pytest.raises(ValueError, match="holds no probe"):
-        UpProbe.load(other)
-    probe_of(encoder, odds=np.full((3, len(TERMS)), np.nan)).save(whole)
-    with pytest.raises(ValueError, match="`odds` in .* must be finite"):
-        UpProbe.load(whole)
-
-
-def test_the_packages_own_probes_are_whole():
-    found = [UpProbe.load(path) for path in sorted(FOLDER.glob("*.safetensors"))]
-    assert found
-    assert all(probe.file_up > max(probe.file_down, probe.file_z) >= 0 for probe in found)
 
 
 def test_pictures_in_a_frame_are_those_of_the_turned_mesh():
