@@ -25,11 +25,9 @@ NB_MODULE(_core, m)
           nb::sig("def empty_float64(rows: int, columns: int) -> numpy.typing.NDArray[numpy.float64]"),
           "A new array, its contents not yet set.");
     init_bind(m);
-    init_camera(m);
     init_field(m);
     init_fit(m);
     init_geodesics(m);
     init_pose(m);
-    init_shading(m);
     init_transformer(m);
 }

@@ -1,8 +1,8 @@
 """How many threads the kernels use.
 
-The kernels run on the OpenMP runtime that torch loads as well: this module, which `dfd` imports before its kernels, sees
-to that. Its pool of threads does not survive a fork, so a forked child computes on one thread; start workers with the
-method "spawn" to give them more.
+The kernels run on the OpenMP runtime that torch loads as well: this module, which `dfd` imports before its kernels,
+sees to that. Its pool of threads does not survive a fork, so a forked child computes on one thread; start workers with
+the method "spawn" to give them more.
 """
 
 from __future__ import annotations
