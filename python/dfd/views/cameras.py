@@ -62,7 +62,8 @@ class Camera:
         x, y = across[column], -across[row]
         local = np.stack([x, y, np.full(len(x), -1.0)], axis=1)
         local /= np.sqrt(1 + x * x + y * y)[:, None]
-        return (local @ np.array([self.right, self.up, self.back])).astype(np.float32)
+        directions: NDArray[np.float64] = local @ np.array([self.right, self.up, self.back])
+        return directions.astype(np.float32)
 
     def may_show(self, vertices: NDArray[np.float32], faces: NDArray[np.int32], resolution: int) -> NDArray[np.int64]:
         """Pixels (N,), ascending, that may show some of the `faces` (F, 3) of `vertices` (V, 3): no other one does.
