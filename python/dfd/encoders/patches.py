@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["foreground_patches"]
+__all__ = ["patch_mask"]
 
 
-def foreground_patches(covered: NDArray[np.bool_], side: int) -> NDArray[np.bool_]:
-    """Which of `side` × `side` patches show something of the shape, or lie beside one that does: (side, side).
+def patch_mask(covered: NDArray[np.bool_], side: int) -> NDArray[np.bool_]:
+    """The mask (side, side) of patches that show something of the shape, or lie beside one that does.
 
     `covered` (R, R) tells the pixels of the shape. Tokens are read bilinearly: those one patch away count.
     """
