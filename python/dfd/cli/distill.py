@@ -96,7 +96,7 @@ def distill(
         if known is not None and look_up:
             found = find_distilled(known, encoder, settings, device=device, checkpoint=partial)
         if found is None:
-            from dfd.encoders.sources import load_in_background
+            from dfd.encoders.background import load_in_background
 
             loading = load_in_background(encoder, device=device) if rows is None else None
             shape = dfd.load(mesh)

