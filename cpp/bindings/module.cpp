@@ -29,5 +29,4 @@ NB_MODULE(_core, m)
     init_fit(m);
     init_geodesics(m);
     init_pose(m);
-    init_transformer(m);
 }

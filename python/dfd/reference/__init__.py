@@ -12,7 +12,7 @@ from dfd.reference.deformation import (
     subtract_fixed,
     surface_distances,
 )
-from dfd.reference.networks import field, fit_gradients, kinds_of_parts, transformer
+from dfd.reference.networks import field, fit_gradients, kinds_of_parts
 
 __all__ = [
     "bind",
@@ -25,5 +25,4 @@ __all__ = [
     "positive_share",
     "subtract_fixed",
     "surface_distances",
-    "transformer",
 ]
