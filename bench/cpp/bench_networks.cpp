@@ -1,14 +1,12 @@
-// Times the networks: the blocks of a vision transformer and the steps of a fit: bench_networks [tokens] [threads] [instruction set].
+// Times the blocks of a vision transformer: bench_networks [tokens] [threads] [instruction set].
 //
 // What products reach is told beside the machine's own ceiling: multiply-adds on numbers that stay in registers.
 
-#include "dfd/fit.hpp"
 #include "dfd/transformer.hpp"
 
 #include "dfd/kernels/dispatch.hpp"
 #include "measure.hpp"
 
-#include <array>
 #include <deque>
 #include <vector>
 
@@ -84,28 +82,6 @@ void transformer(std::size_t tokens, const dfd::Kernels& kernels, double most)
     report(kernels.name, "3 blocks of DINOv2-small", timing, double(count) * block_count * operations, most);
 }
 
-void fit(const dfd::Kernels& kernels, double most)
-{
-    constexpr std::size_t points = 12'000, batch = 192, steps = 20;
-    const std::array<std::size_t, 6> widths{40, 256, 256, 256, 256, 64};
-    const std::size_t size = dfd::fit_size(widths);
-    std::vector<float> state = made(3 * size, 0.06f), losses(steps);
-    std::fill(state.begin() + static_cast<std::ptrdiff_t>(size), state.end(), 0.0f);
-    const auto inputs = made(points * widths.front(), 1), targets = made(points * widths.back(), 0.2f);
-    std::vector<std::int32_t> chosen(steps * batch);
-    for (std::int32_t& point : chosen) point = static_cast<std::int32_t>(bench::random_bits() % points);
-    const std::vector<double> rates(steps, 1e-4), momenta(steps, 0.9);
-    const bench::Timing timing = bench::measure([&] {
-        dfd::fit({state.data(), 3, size}, widths, {inputs.data(), points, widths.front()},
-                 {targets.data(), points, widths.back()}, {chosen.data(), steps, batch}, {rates, momenta, 0}, losses,
-                 bench::thread_count, kernels);
-    });
-    double products = 0;
-    for (std::size_t i = 0; i + 1 < widths.size(); ++i)
-        products += (i == 0 ? 2.0 : 3.0) * double(widths[i]) * double(widths[i + 1]);
-    report(kernels.name, "20 steps of a fit", timing, 2.0 * products * double(batch * steps), most);
-}
-
 }  // namespace
 
 int main(int argc, char** argv)
@@ -119,6 +95,5 @@ int main(int argc, char** argv)
         if (argc > 3 && name != argv[3]) continue;
         const dfd::Kernels& kernels = dfd::kernels(name);
         transformer(tokens, kernels, most);
-        fit(kernels, most);
     }
 }

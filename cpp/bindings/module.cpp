@@ -24,7 +24,6 @@ NB_MODULE(_core, m)
     init_bind(m);
     init_camera(m);
     init_field(m);
-    init_fit(m);
     init_geodesics(m);
     init_pose(m);
     init_shading(m);

@@ -5,7 +5,6 @@
 void init_bind(nanobind::module_& m);
 void init_camera(nanobind::module_& m);
 void init_field(nanobind::module_& m);
-void init_fit(nanobind::module_& m);
 void init_geodesics(nanobind::module_& m);
 void init_pose(nanobind::module_& m);
 void init_shading(nanobind::module_& m);

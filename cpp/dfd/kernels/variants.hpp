@@ -14,8 +14,6 @@
     void transformer_pack(const float*, std::size_t, std::size_t, float*);                               \
     std::size_t transformer_scratch(const TransformerJob&, std::size_t);                                 \
     void transformer(const TransformerJob&, const float*, std::size_t, float*, float*);                  \
-    void fit_gradients(const FitJob&, std::size_t);                                                      \
-    void fit_steps(const FitJob&, std::size_t, std::size_t);                                             \
     }
 
 DFD_DECLARE_VARIANT(baseline)

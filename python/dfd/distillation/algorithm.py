@@ -40,16 +40,14 @@ def distill_pictures(
     up = said_or_found(mesh, encoder, settings.up, stages=stages)
     views = render(mesh, **settings.of_pictures(), frame=up.frames, stages=stages)
     targets = _targets(views, encoder, settings, metric, stages=stages, kept=kept)
-    state = kept.fit_state(*targets.arrays) if kept else None
-    field = fit(
-        targets, settings, center=views.center, scale=views.scale, device=encoder.device, stages=stages, state=state
-    )
-    if isinstance(targets, PointTargets):
+    field = fit(targets, settings, center=views.center, scale=views.scale, device=encoder.device, stages=stages)
+    if settings.pieces and isinstance(targets, PointTargets):
         field = keep_pieces(field, targets)
     if targets.directions is not None:
         field = widen(field, targets.directions)
     of_metric = {"metric": "learned", "metric_hash": metric.content_hash} if metric else {"metric": "none"}
-    made_with = {**settings.as_dict(), **of_metric}
+    of_encoder = {"block": encoder.block, "background": not encoder.foreground_only}
+    made_with = {**settings.as_dict(), **of_encoder, **of_metric}
     return field.with_settings({**encoder.settings(), **made_with, **up.settings, **field.settings})
 
 

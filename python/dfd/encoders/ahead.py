@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dfd.encoders.sources import at_hand
 
@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 __all__ = ["load_ahead"]
 
 
-def load_ahead(encoder: str | os.PathLike[str], *, device: str | torch.device | None = None) -> Future[Encoder] | None:
+def load_ahead(
+    encoder: str | os.PathLike[str], *, device: str | torch.device | None = None, **options: Any
+) -> Future[Encoder] | None:
     """Begin to load what `dfd.encoders.encode.load_encoder` loads; whoever asks for the result gets what that raises.
 
     None where it would have to be downloaded first: that takes as long as it takes, and should be waited for, or
@@ -26,12 +28,12 @@ def load_ahead(encoder: str | os.PathLike[str], *, device: str | torch.device | 
     if not at_hand(encoder):
         return None
     pool = ThreadPoolExecutor(1, "dfd-encoder")
-    loading = pool.submit(_load, encoder, device)
+    loading = pool.submit(_load, encoder, device, options)
     pool.shutdown(wait=False)
     return loading
 
 
-def _load(encoder: str | os.PathLike[str], device: str | torch.device | None) -> Encoder:
+def _load(encoder: str | os.PathLike[str], device: str | torch.device | None, options: dict[str, Any]) -> Encoder:
     from dfd.encoders.encode import load_encoder
 
-    return load_encoder(encoder, device=device)
+    return load_encoder(encoder, device=device, **options)

@@ -12,7 +12,7 @@ from dfd.reference.deformation import (
     subtract_fixed,
     surface_distances,
 )
-from dfd.reference.networks import field, fit_gradients, kinds_of_parts, transformer
+from dfd.reference.networks import field, kinds_of_parts, transformer
 from dfd.reference.shading import blend, facing, paint, ray_directions
 
 __all__ = [
@@ -21,7 +21,6 @@ __all__ = [
     "facing",
     "feature_weights",
     "field",
-    "fit_gradients",
     "geodesic_falloff",
     "kinds_of_parts",
     "paint",
