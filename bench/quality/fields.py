@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 import dfd
 from dfd.common.progress import Stages
-from dfd.distillation.distill import DEFAULT_ENCODER
 from dfd.distillation.settings import LENGTHS, DistillSettings
 from dfd.encoders.encode import Encoder, TokenStore, load_encoder
+from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.runs.recipe import hash_arrays
 
 BESIDE: dict[str, Any] = {"encoder": DEFAULT_ENCODER, "device": None, "cache": True, "texture": True}

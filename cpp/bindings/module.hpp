@@ -8,4 +8,3 @@ void init_field(nanobind::module_& m);
 void init_geodesics(nanobind::module_& m);
 void init_pose(nanobind::module_& m);
 void init_shading(nanobind::module_& m);
-void init_transformer(nanobind::module_& m);

@@ -13,8 +13,9 @@ import dfd
 from dfd.cli.arguments import MeshArgument, check_output
 from dfd.common.importing import importing
 from dfd.common.progress import Stages
-from dfd.distillation.distill import DEFAULT_ENCODER, distilling, find_distilled
+from dfd.distillation.distill import distilling, find_distilled
 from dfd.distillation.settings import DistillSettings
+from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.field.given_features import check_order, read_features
 from dfd.runs.known_meshes import hash_file, note, recall
 
@@ -63,7 +64,7 @@ def distill(
     mesh: MeshArgument,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FIELD", help="The .safetensors file to write.")],
     encoder: Annotated[
-        str, typer.Option(metavar="NAME", help="A preset's name, a folder with weights, or a hub name.")
+        str, typer.Option(metavar="NAME", help="A known name, a folder with weights, or a hub name.")
     ] = DEFAULT_ENCODER,
     device: Annotated[
         str | None, typer.Option(help="Where torch computes: cpu, cuda, …; by default CUDA when there is one.")
@@ -98,9 +99,10 @@ def distill(
         if known is not None and look_up:
             found = find_distilled(known, encoder, settings, device=device, checkpoint=partial)
         if found is None:
-            from dfd.encoders.ahead import load_ahead
+            from dfd.encoders.background import load_in_background
 
-            loading = load_ahead(encoder, device=device, **settings.of_encoder()) if rows is None else None
+            options = settings.of_encoder()
+            loading = load_in_background(encoder, device=device, **options) if rows is None else None
             shape = dfd.load(mesh)
             if features is not None and rows is not None:
                 check_order(features, rows, shape, FEATURES)

@@ -11,6 +11,7 @@ from dfd.common.importing import importing
 from dfd.common.interrupts import heed_interrupts
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillOptions, DistillSettings
+from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.runs import field_cache
 from dfd.runs.checkpoint import Checkpoint
 from dfd.runs.recipe import recipe
@@ -27,9 +28,7 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh, MeshLike
     from dfd.runs.recipe import Content
 
-__all__ = ["DEFAULT_ENCODER", "distill", "distilling", "find_distilled"]
-
-DEFAULT_ENCODER = "dinov2-small"
+__all__ = ["distill", "distilling", "find_distilled"]
 
 # What a stage needs memory for, and what lowers that.
 _PICTURES = "the pictures: lower `resolution` or `views`"
@@ -64,7 +63,7 @@ def distill(
         The shape, or whatever `dfd.load` makes one of; with or without textures, holes, loose parts and faces of no
         area.
     encoder
-        A preset's name, a folder with weights, a hub name, or an encoder that is loaded already.
+        A known encoder's name, a folder with weights, a hub name, or an encoder that is loaded already.
     features
         Features of another network, which are fitted instead of an encoder's: (V, D), a row a vertex, or the pair
         points (N, 3) in mesh units and their rows (N, D). What concerns pictures has no meaning then, and an epoch has

@@ -161,7 +161,8 @@ class DistillSettings(BaseModel):
         _checked(check.choice, MetricChoice),
         Field(
             description="learned: distances that tell parts apart better, where some were learned for the encoder's "
-            "weights and block; none: the paper's, of what is seen alone. Without smoothing always none."
+            "weights and block; none: the paper's, of what is seen alone. Without smoothing always none; what was not "
+            "learned for an encoder is in `field.settings` as encoder_lacks."
         ),
     ] = "learned"
     pieces: Annotated[

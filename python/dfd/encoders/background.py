@@ -1,4 +1,4 @@
-"""An encoder that is loaded beside what else is to be read: hardly any of its loading needs Python's lock."""
+"""An encoder that is loaded on a thread of its own, while a shape is read."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
-from dfd.encoders.sources import at_hand
+from dfd.encoders.sources import is_cached
 
 # torch takes seconds to import, and is not needed to begin.
 if TYPE_CHECKING:
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
     from dfd.encoders.encode import Encoder
 
-__all__ = ["load_ahead"]
+__all__ = ["load_in_background"]
 
 
-def load_ahead(
+def load_in_background(
     encoder: str | os.PathLike[str], *, device: str | torch.device | None = None, **options: Any
 ) -> Future[Encoder] | None:
     """Begin to load what `dfd.encoders.encode.load_encoder` loads; whoever asks for the result gets what that raises.
@@ -25,15 +25,15 @@ def load_ahead(
     None where it would have to be downloaded first: that takes as long as it takes, and should be waited for, or
     interrupted, where its result is wanted.
     """
-    if not at_hand(encoder):
+    if not is_cached(encoder):
         return None
+
+    def load() -> Encoder:
+        from dfd.encoders.encode import load_encoder
+
+        return load_encoder(encoder, device=device, **options)
+
     pool = ThreadPoolExecutor(1, "dfd-encoder")
-    loading = pool.submit(_load, encoder, device, options)
+    loading = pool.submit(load)
     pool.shutdown(wait=False)
     return loading
-
-
-def _load(encoder: str | os.PathLike[str], device: str | torch.device | None, options: dict[str, Any]) -> Encoder:
-    from dfd.encoders.encode import load_encoder
-
-    return load_encoder(encoder, device=device, **options)
