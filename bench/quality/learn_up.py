@@ -45,11 +45,10 @@ from dfd.distillation.views_around import CORNERS, SIDES, Around, Seen
 from dfd.encoders.encode import Encoder, load_encoder
 from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.mesh.normalization import normalization
-from dfd.runs.recipe import hash_recipe, origin
+from dfd.runs.recipe import FIELD_VERSION, hash_recipe
 
 REPORT = Path(__file__).resolve().parents[1] / "results" / "quality" / "up.md"
 KEPT_VIEWS = REPORT.parent / "views_around"
-LOOKING = ("common", "mesh", "views", "encoders")  # the rooms whose code decides what is seen
 LYING = {"plane_holes": "+z"}  # files of DFD_MESHES that do not stand with +y up
 DRAWS = 2  # of axes at random, of a shape in DFD_MESHES; of the others one
 KEPT = 0.99  # of upright files must have pictures that show them upright
@@ -126,7 +125,7 @@ def lesson(name: str, mesh: dfd.Mesh, encoder: Encoder) -> Lesson:
 def look_once(mesh: dfd.Mesh, encoder: Encoder, frames: NDArray[np.float64], eyes: NDArray[np.float64]) -> Seen:
     """`Around.seen`, kept in a file for the next time: the pictures take minutes, what follows them seconds."""
     made_of = {
-        **origin(LOOKING, "torch"),
+        "field_version": FIELD_VERSION,
         "around": hashlib.sha256(Path(views_around.__file__).read_bytes()).hexdigest(),
         "mesh": mesh.content_hash,
         "frames": frames.round(6).tolist(),

@@ -26,7 +26,6 @@ NB_MODULE(_core, m)
           "A new array, its contents not yet set.");
     init_bind(m);
     init_field(m);
-    init_fit(m);
     init_geodesics(m);
     init_pose(m);
 }

@@ -10,7 +10,7 @@ namespace {
 
 #define DFD_KERNELS(variant)                                                                              \
     Kernels{#variant, variant::bind_rows, variant::bind_halves, variant::bind_bytes, variant::pose_float, \
-            variant::pose_double, variant::field, variant::fit_gradients, variant::fit_steps}
+            variant::pose_double, variant::field}
 
 std::vector<Kernels> available()
 {

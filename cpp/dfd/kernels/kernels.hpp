@@ -162,41 +162,6 @@ using FieldRange = void (*)(const FieldJob& job, std::size_t begin, std::size_t 
 
 constexpr std::size_t field_scratch(std::size_t widest) { return 2 * field_points * widest; }
 
-/// Widths of a fitted network's layers, and of what enters the first one, are multiples of these.
-constexpr std::size_t fit_group = 64, fit_rows = 8;
-
-/// Outputs of a layer whose parameters take their steps together.
-constexpr std::size_t fit_columns = 32;
-
-/// Where a layer's parameters begin in `FitJob::values`: the matrix (outputs / 16, inputs, 16), then vectors (outputs).
-struct FitLayer {
-    std::size_t inputs = 0, outputs = 0;
-    std::size_t weight = 0, bias = 0, gain = 0, shift = 0;  // the last two of hidden layers
-};
-
-/// What a layer keeps of the 48 points of a unit.
-struct FitActivations {
-    float* in = nullptr;                               // (inputs, 48)
-    float* normal = nullptr;                           // (outputs, 48) mean 0, variance 1
-    float *factor = nullptr, *least = nullptr;         // (48) 1 / deviation, and what `normal` is where the ReLU gives 0
-    float *bias = nullptr, *gain = nullptr, *shift = nullptr;  // (outputs) gradients, summed over the unit
-};
-
-struct FitJob {
-    float *values = nullptr, *first = nullptr, *second = nullptr;  // parameters and their moments
-    const FitLayer* layers = nullptr;
-    std::size_t layer_count = 0;
-    const float* inputs = nullptr;         // (N, inputs of the first layer)
-    const float* targets = nullptr;        // (N, outputs of the last one)
-    const std::int32_t* chosen = nullptr;  // (batch) which of them this step is for
-    std::size_t batch = 0, units = 0;
-    const FitActivations* activations = nullptr;  // (units, layers)
-    float* const* gradients = nullptr;            // (units, 2) each (widest, 48)
-    float* const* turned = nullptr;               // (layers) gradients of a layer's outputs, by points
-    float* losses = nullptr;                      // (units) sums over their points
-    float rate = 0, momentum = 0, decay = 0, root = 0, epsilon = 0;  // Adam's; the root of 1 / (1 - decay^step)
-};
-
 /// The kernels of one instruction set.
 struct Kernels {
     const char* name;
@@ -206,8 +171,6 @@ struct Kernels {
     PoseRange<float> pose_float;
     PoseRange<double> pose_double;
     FieldRange field;
-    void (*fit_gradients)(const FitJob& job, std::size_t unit);
-    void (*fit_steps)(const FitJob& job, std::size_t layer, std::size_t first);  // of `fit_columns` outputs
 };
 
 }  // namespace dfd

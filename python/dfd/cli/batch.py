@@ -201,7 +201,6 @@ def _distill_settings(texts: list[str], wanted: bool) -> dict[str, Any]:
     ValueError
         If one is unknown, no such text, or out of its range.
     """
-    import dataclasses
     import json
 
     from dfd.distillation.settings import DistillSettings
@@ -210,7 +209,7 @@ def _distill_settings(texts: list[str], wanted: bool) -> dict[str, Any]:
         if texts:
             raise ValueError("batch: `distill` settings need the step distill")
         return {}
-    known = {each.name for each in dataclasses.fields(DistillSettings)}
+    known = DistillSettings.model_fields.keys()
     given: dict[str, Any] = {}
     for text in texts:
         name, equals, value = text.partition("=")

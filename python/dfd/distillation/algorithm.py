@@ -8,7 +8,7 @@ from __future__ import annotations
 import logging
 from contextlib import nullcontext
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dfd.common.progress import Stages
 from dfd.common.sharing import beside
@@ -51,16 +51,16 @@ def distill_pictures(
         _log.warning("encoder %s, block %d: %s", encoder.name, encoder.block, "; ".join(lacking))
     views = render(mesh, **settings.of_pictures(), frame=up.frames, stages=stages)
     targets = _targets(views, encoder, settings, metric, stages=stages, kept=kept)
-    state = kept.fit_state(*targets.arrays) if kept else None
-    field = fit(
-        targets, settings, center=views.center, scale=views.scale, device=encoder.device, stages=stages, state=state
-    )
-    if isinstance(targets, PointTargets):
+    field = fit(targets, settings, center=views.center, scale=views.scale, device=encoder.device, stages=stages)
+    if settings.pieces and isinstance(targets, PointTargets):
         field = keep_pieces(field, targets)
     if targets.directions is not None:
         field = widen(field, targets.directions)
     of_metric = {"metric": "learned", "metric_hash": metric.content_hash} if metric else {"metric": "none"}
-    made_with = {**settings.as_dict(), **of_metric, **({"encoder_lacks": lacking} if lacking else {})}
+    of_encoder: dict[str, Any] = {"block": encoder.block, "background": not encoder.foreground_only}
+    if lacking:
+        of_encoder["encoder_lacks"] = lacking
+    made_with = {**settings.as_dict(), **of_encoder, **of_metric}
     return field.with_settings({**encoder.settings(), **made_with, **up.settings, **field.settings})
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dfd.encoders.sources import is_cached
 
@@ -18,7 +18,7 @@ __all__ = ["load_in_background"]
 
 
 def load_in_background(
-    encoder: str | os.PathLike[str], *, device: str | torch.device | None = None
+    encoder: str | os.PathLike[str], *, device: str | torch.device | None = None, **options: Any
 ) -> Future[Encoder] | None:
     """Begin to load what `dfd.encoders.encode.load_encoder` loads; whoever asks for the result gets what that raises.
 
@@ -31,7 +31,7 @@ def load_in_background(
     def load() -> Encoder:
         from dfd.encoders.encode import load_encoder
 
-        return load_encoder(encoder, device=device)
+        return load_encoder(encoder, device=device, **options)
 
     pool = ThreadPoolExecutor(1, "dfd-encoder")
     loading = pool.submit(load)

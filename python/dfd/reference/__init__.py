@@ -12,13 +12,12 @@ from dfd.reference.deformation import (
     subtract_fixed,
     surface_distances,
 )
-from dfd.reference.networks import field, fit_gradients, kinds_of_parts
+from dfd.reference.networks import field, kinds_of_parts
 
 __all__ = [
     "bind",
     "feature_weights",
     "field",
-    "fit_gradients",
     "geodesic_falloff",
     "kinds_of_parts",
     "pose",
