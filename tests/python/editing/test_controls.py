@@ -51,7 +51,7 @@ def test_reach_and_falloff_are_those_of_bind(session, labeled, foot):
     session.undo()
     assert session.handles == ()
     session.redo()
-    assert session.handle(handle).controls == Controls(0.5, "sharp")
+    assert session.handle(handle).controls == Controls(0.5, "sharp", instances="together")
 
 
 @pytest.mark.usefixtures("paper_handles")
@@ -84,8 +84,8 @@ def test_a_radius_ends_smoothly_where_it_says(session, geodesics_of, labeled, fo
 @pytest.fixture
 def geodesics_of():
     def replaced(session):
-        session._weights._distances.__dict__["_geodesics"] = Counting(session.mesh)
-        return session._weights._distances._geodesics
+        session._weights._distances._geodesics[True] = Counting(session.mesh)
+        return session._weights._distances._geodesics[True]
 
     return replaced
 
