@@ -67,7 +67,7 @@ def run(
     opening: list[Picture] = []
     table = Table("stage", title="Seconds")
     seconds: list[dict[str, float]] = []
-    model = load_encoder(encoder)
+    model = load_encoder(encoder, background=preset == "paper")
     for name, sample, edits in (
         ("chair", samples.chair(faces), _edit_chair),
         ("quadruped", samples.quadruped(faces), _edit_quadruped),

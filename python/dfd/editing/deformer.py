@@ -130,11 +130,10 @@ class Deformer(WholeShape):
             surface's normal at the handle, "limb" for one whose third vector runs along the limb there, so that
             (1.5, 1.5, 1) makes it thicker and not longer, each instance along its own; the mesh's own if left out.
         reach
-            Feature distance at which the weight is 0: 0.7 if left out, the paper's is 1, less takes fewer look-alikes
-            along; "auto" stops at the largest gap of the distances.
+            Feature distance at which the weight is 0; less takes fewer look-alikes along, "auto" stops at the largest
+            gap of the distances. If left out the preset's, as those of `falloff` and `instances`.
         falloff
-            The curve from the handle to the end of its reach, by the names of `dfd.bind`; "smooth" if left out, the
-            paper's is "linear".
+            The curve from the handle to the end of its reach, by the names of `dfd.bind`.
         locality
             λ of Eq. 7: 0 reaches everything that looks alike, more stays nearer.
         radius
@@ -143,8 +142,8 @@ class Deformer(WholeShape):
         strength
             In [0, 1], a factor for all of its weights; 1 if left out.
         instances
-            "own" (if left out): each look-alike moves about its own counterpart of the pivot, mirrored where a plane of
-            symmetry lies between; "together" (the paper's): all move about the one pivot; "only": this one alone.
+            "own": each look-alike moves about its own counterpart of the pivot, mirrored where a plane of symmetry lies
+            between; "together": all move about the one pivot; "only": this one alone.
         level
             Whether all instances follow as fully as the handle's own.
         without_instances

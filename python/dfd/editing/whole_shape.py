@@ -100,15 +100,15 @@ class WholeShape(Steps):
             elsewhere along it; "auto" for the plane across which the shape looks most alike; None for no symmetry.
         band
             Half width, in mesh units, of the zone in which the sides blend; 0 is Eq. 8 to the letter, which tears what
-            lies across the plane. If left out: the plane's own, or for a text 3 % of the longest side, the paper's 0.
+            lies across the plane. If left out: the plane's own, or for a text the preset's.
         candidates, threshold
-            What "auto" chooses from, as `dfd.symmetry_planes` takes them; if left out "any" and "relative", the paper's
-            are "axes" and its ε, 0.1.
+            What "auto" chooses from, as `dfd.symmetry_planes` takes them; the preset's if left out.
 
         Raises
         ------
         ValueError
-            If it is no such plane, `band` is negative or not finite, or "auto" finds no plane.
+            If it is no such plane, `band` is negative or not finite, "auto" finds no plane, or `candidates` or
+            `threshold` is given for another one.
         """
         with door("Deformer.set_symmetry"):
             self._set_symmetry(plane, band=band, candidates=candidates, threshold=threshold)

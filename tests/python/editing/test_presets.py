@@ -231,7 +231,7 @@ def test_the_preset_and_what_was_set_apart_stay_in_the_file_and_on_another_shape
 
 @pytest.mark.parametrize("name", ["mirrored_locality", "bridges"])
 def test_rules_of_distances_are_true_or_false_and_undo(deformer, name):
-    deformer.add(int(deformer.mesh.vertices[:, 0].argmax()), locality=3.0)
+    deformer.add(int(deformer.mesh.vertices[:, 0].argmax()), reach=2.0, locality=3.0)
     deformer.set_symmetry("x")
     before = deformer.weights
     setattr(deformer, name, False)

@@ -124,6 +124,7 @@ step("the paper's preset is one switch and one step", async () => {
   assert.deepEqual(await state(page, (s) => s.edit.new_handle), { reach: 1, falloff: "linear" });
   assert.deepEqual([(await handles())[0].falloff, (await handles())[0].instances], ["linear", "together"]);
   assert.ok((await farthest([before[0].vertex])) > 0.001, "the handle does not move any more");
+  await page.getByLabel("Preset").scrollIntoViewIfNeeded();
   await shot(page, "paper");
   await page.keyboard.press("Control+z");
   await until(page, (s) => s.edit.preset === "default" && s.columns.has(s.edit.handles[0].column));
