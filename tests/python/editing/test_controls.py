@@ -5,7 +5,7 @@ import pytest
 from counting import Counting
 
 import dfd
-from dfd.editing.controls import Controls, radius_on
+from dfd.editing.controls import Controls, controls_of, radius_on
 from dfd.editing.place import place_on
 from dfd.editing.regions import Ball, HalfSpace
 from dfd.posing.transforms import frame_of_normal
@@ -74,7 +74,7 @@ def test_a_radius_ends_smoothly_where_it_says(session, geodesics_of, labeled, fo
     np.testing.assert_allclose(weights, wanted, atol=1e-6)
     assert weights[foot] == 1
     session.change(handle, locality=2.0)
-    assert session.handle(handle).controls == Controls(locality=2.0)
+    assert session.handle(handle).controls == controls_of("paper").changed(locality=2.0)
     session.change(handle, radius="20%")
     assert session.handle(handle).controls.radius == pytest.approx(0.2 * session.mesh.diagonal)
     assert session.handle(handle).controls.locality == 0
