@@ -71,6 +71,7 @@ def test_a_preset_is_one_step_and_stays_when_all_is_cleared(page: Page) -> None:
     page.ask("clear")
     assert (page.last("state")["preset"], page.last("state")["handles"]) == ("paper", [])
     assert "`preset` must be one of default, paper" in page.ask("set_preset", preset="mine")["message"]
+    page.ask("set_preset", preset="default")  # other tests go on with this session
 
 
 def test_the_heat_map_comes_first_and_instances_after_it(page: Page) -> None:
