@@ -1,15 +1,13 @@
-// Times the networks: the blocks of a vision transformer and the steps of a fit: bench_networks [tokens] [threads] [instruction set].
+// Times the steps of a fit: bench_networks [threads] [instruction set].
 //
 // What products reach is told beside the machine's own ceiling: multiply-adds on numbers that stay in registers.
 
 #include "dfd/fit.hpp"
-#include "dfd/transformer.hpp"
 
 #include "dfd/kernels/dispatch.hpp"
 #include "measure.hpp"
 
 #include <array>
-#include <deque>
 #include <vector>
 
 namespace {
@@ -57,33 +55,6 @@ double ceiling()
     return 2.0 * sums * times * (bytes / sizeof(float)) * bench::thread_count / timing.best / 1e9;
 }
 
-void transformer(std::size_t tokens, const dfd::Kernels& kernels, double most)
-{
-    constexpr std::size_t width = 384, hidden = 4 * width, heads = 6, block_count = 3;
-    std::deque<std::vector<float>> memory;
-    const auto matrix = [&](std::size_t rows, std::size_t columns) -> dfd::Matrix<const float> {
-        return {memory.emplace_back(made(rows * columns, 0.05f)).data(), rows, columns};
-    };
-    const auto vector = [&](std::size_t size) -> std::span<const float> { return memory.emplace_back(made(size, 1)); };
-    std::vector<dfd::BlockWeights> blocks;
-    for (std::size_t i = 0; i < block_count; ++i)
-        blocks.push_back({matrix(3 * width, width), matrix(width, width), matrix(hidden, width), matrix(width, hidden),
-                          vector(3 * width), vector(width), vector(hidden), vector(width), vector(width), vector(width),
-                          vector(width), vector(width)});
-    const dfd::Transformer network(blocks, vector(width), vector(width), heads, 1e-6f, kernels);
-    const auto entering = made(tokens * width, 1);
-    const auto count = static_cast<std::size_t>(bench::thread_count);
-    std::vector<float> leaving(count * tokens * width);
-    const bench::Timing timing = bench::measure([&] {
-        dfd::parallel_tasks(count, bench::thread_count, [&](std::size_t task) {
-            network.run({entering.data(), tokens, width}, {leaving.data() + task * tokens * width, tokens, width});
-        });
-    });
-    const double operations = 2.0 * double(tokens) * double(4 * width * width + 2 * width * hidden) +
-                              4.0 * double(tokens) * double(tokens) * width;
-    report(kernels.name, "3 blocks of DINOv2-small", timing, double(count) * block_count * operations, most);
-}
-
 void fit(const dfd::Kernels& kernels, double most)
 {
     constexpr std::size_t points = 12'000, batch = 192, steps = 20;
@@ -110,15 +81,10 @@ void fit(const dfd::Kernels& kernels, double most)
 
 int main(int argc, char** argv)
 {
-    const std::size_t tokens = argc > 1 ? std::strtoul(argv[1], nullptr, 10) : 737;
-    if (argc > 2) bench::thread_count = std::atoi(argv[2]);
+    if (argc > 1) bench::thread_count = std::atoi(argv[1]);
     const double most = ceiling();
-    std::printf("%zu tokens, %d threads; at most %.0f GFLOP/s\n%38s %9s %9s %9s\n", tokens, bench::thread_count, most, "",
-                "best ms", "median ms", "GFLOP/s");
-    for (const std::string& name : dfd::instruction_sets()) {
-        if (argc > 3 && name != argv[3]) continue;
-        const dfd::Kernels& kernels = dfd::kernels(name);
-        transformer(tokens, kernels, most);
-        fit(kernels, most);
-    }
+    std::printf("%d threads; at most %.0f GFLOP/s\n%38s %9s %9s %9s\n", bench::thread_count, most, "", "best ms",
+                "median ms", "GFLOP/s");
+    for (const std::string& name : dfd::instruction_sets())
+        if (argc <= 2 || name == argv[2]) fit(dfd::kernels(name), most);
 }

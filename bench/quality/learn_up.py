@@ -43,6 +43,7 @@ from dfd.distillation.up_probe import FOLDER, UpProbe
 from dfd.distillation.upright import CLEAR, SURE_AT_ONCE
 from dfd.distillation.views_around import CORNERS, SIDES, Around, Seen
 from dfd.encoders.encode import Encoder, load_encoder
+from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.mesh.normalization import normalization
 from dfd.runs.recipe import hash_recipe, origin
 
@@ -63,7 +64,7 @@ _FAVOR = np.array([[0, 0, 1, 0, Z_SHARE, Z_SHARE], [0, 0, 0, 1, 0, 0]])
 def main(arguments: Sequence[str] | None = None) -> None:
     """Learn, judge and write."""
     parser = argparse.ArgumentParser("python -m bench.quality.learn_up", description=__doc__)
-    parser.add_argument("--encoder", default="dinov2-small")
+    parser.add_argument("--encoder", default=DEFAULT_ENCODER)
     parser.add_argument("--output", type=Path, help="the probe's file; by default where the package looks for it")
     parser.add_argument("--also", type=Path, help="a folder of families, folders of .glb and .obj to learn from, +y up")
     options = parser.parse_args(arguments)

@@ -28,5 +28,4 @@ NB_MODULE(_core, m)
     init_geodesics(m);
     init_pose(m);
     init_shading(m);
-    init_transformer(m);
 }

@@ -9,4 +9,3 @@ void init_fit(nanobind::module_& m);
 void init_geodesics(nanobind::module_& m);
 void init_pose(nanobind::module_& m);
 void init_shading(nanobind::module_& m);
-void init_transformer(nanobind::module_& m);

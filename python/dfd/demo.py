@@ -18,6 +18,7 @@ from dfd.distillation.distill import distill
 from dfd.editing.deformer import Deformer
 from dfd.editing.presets import Preset
 from dfd.encoders.encode import Encoder, load_encoder
+from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.pictures.colors import feature_colors
 from dfd.pictures.contact_sheet import contact_sheet, heat_bar
 from dfd.pictures.picture import picture, save_png
@@ -39,7 +40,7 @@ def run(
     output: Path,
     *,
     preset: Preset = "default",
-    encoder: str = "dinov2-small",
+    encoder: str = DEFAULT_ENCODER,
     faces: int = 20_000,
     console: Console | None = None,
 ) -> None:

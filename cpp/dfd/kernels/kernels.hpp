@@ -162,31 +162,6 @@ using FieldRange = void (*)(const FieldJob& job, std::size_t begin, std::size_t 
 
 constexpr std::size_t field_scratch(std::size_t widest) { return 2 * field_points * widest; }
 
-/// One block of a transformer; matrices are packed by `TransformerKernels::pack`.
-struct TransformerBlock {
-    const float* project = nullptr;  // (3 D, D) queries, scaled, keys and values
-    const float* mix = nullptr;      // (D, D) what the heads found, back into the stream
-    const float* widen = nullptr;    // (H, D)
-    const float* narrow = nullptr;   // (D, H)
-    const float *project_bias = nullptr, *mix_bias = nullptr, *widen_bias = nullptr, *narrow_bias = nullptr;
-    const float *gain_1 = nullptr, *shift_1 = nullptr;  // (D) of the LayerNorm before the attention
-    const float *gain_2 = nullptr, *shift_2 = nullptr;  // (D) of the one before the perceptron
-};
-
-struct TransformerJob {
-    const TransformerBlock* blocks = nullptr;
-    std::size_t block_count = 0, width = 0, hidden = 0, heads = 0;
-    const float *gain = nullptr, *shift = nullptr;  // (D) of the last LayerNorm
-    float epsilon = 0;
-};
-
-struct TransformerKernels {
-    std::size_t (*columns)();  // outputs of a packed matrix are filled up to a multiple of it
-    void (*pack)(const float* weight, std::size_t outputs, std::size_t inputs, float* panels);
-    std::size_t (*scratch)(const TransformerJob& job, std::size_t count);  // floats, aligned to 64 bytes
-    void (*run)(const TransformerJob& job, const float* tokens, std::size_t count, float* features, float* scratch);
-};
-
 /// Widths of a fitted network's layers, and of what enters the first one, are multiples of these.
 constexpr std::size_t fit_group = 64, fit_rows = 8;
 
@@ -231,7 +206,6 @@ struct Kernels {
     PoseRange<float> pose_float;
     PoseRange<double> pose_double;
     FieldRange field;
-    TransformerKernels transformer;
     void (*fit_gradients)(const FitJob& job, std::size_t unit);
     void (*fit_steps)(const FitJob& job, std::size_t layer, std::size_t first);  // of `fit_columns` outputs
 };

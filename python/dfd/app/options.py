@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, JsonValue
 
 from dfd.editing.presets import Preset
+from dfd.encoders.known import DEFAULT_ENCODER
 
 __all__ = ["OpenedFile", "SessionOptions", "Source"]
 
@@ -52,7 +53,7 @@ class SessionOptions(BaseModel):
     field: OpenedFile | None = None
     edit: OpenedFile | None = None
     preset: Preset = "default"
-    encoder: str = "dinov2-small"
+    encoder: str = DEFAULT_ENCODER
     distill: dict[str, JsonValue] = {}
     memory_bytes: int | None = None
 

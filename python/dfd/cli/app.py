@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from dfd.cli.options import PresetOption, chosen_preset
+from dfd.encoders.known import DEFAULT_ENCODER
 
 __all__ = ["app"]
 
@@ -26,8 +27,8 @@ def app(
     ] = None,
     preset: PresetOption = None,
     encoder: Annotated[
-        str, typer.Option(metavar="NAME", help="What makes fields: a preset's name, a folder, or a hub name.")
-    ] = "dinov2-small",
+        str, typer.Option(metavar="NAME", help="What makes fields: a known name, a folder, or a hub name.")
+    ] = DEFAULT_ENCODER,
     port: Annotated[
         int | None, typer.Option(min=0, max=65535, help="Where to listen; by default 8765, or any that is free.")
     ] = None,

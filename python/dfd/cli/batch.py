@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dfd.common import check
+from dfd.encoders.known import DEFAULT_ENCODER
 
 if TYPE_CHECKING:
     from dfd.batch.pool import Slots
@@ -33,8 +34,8 @@ def batch(
         ),
     ] = ["inspect", "distill", "pictures"],  # noqa: B006  # Typer copies it
     encoder: Annotated[
-        str, typer.Option(metavar="NAME", help="A preset's name, a folder with weights, or a hub name.")
-    ] = "dinov2-small",
+        str, typer.Option(metavar="NAME", help="A known name, a folder with weights, or a hub name.")
+    ] = DEFAULT_ENCODER,
     preset: Annotated[
         str | None,
         typer.Option(metavar="default|paper", help="How fields are distilled; edits have their own."),

@@ -29,6 +29,7 @@ from dfd.cli.options import (
     chosen_preset,
     number_or,
 )
+from dfd.encoders.known import DEFAULT_ENCODER
 
 __all__ = ["deform"]
 
@@ -137,7 +138,7 @@ def deform(
     ] = None,
     encoder: Annotated[
         str, typer.Option(metavar="NAME", help="What makes the fields of shapes that have none.")
-    ] = "dinov2-small",
+    ] = DEFAULT_ENCODER,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", metavar="MESH|FOLDER", help="The mesh to write; of several shapes the folder."),

@@ -12,8 +12,9 @@ import dfd
 from dfd.cli.arguments import MeshArgument, check_output
 from dfd.common.importing import importing
 from dfd.common.progress import Stages
-from dfd.distillation.distill import DEFAULT_ENCODER, distilling, find_distilled
+from dfd.distillation.distill import distilling, find_distilled
 from dfd.distillation.settings import DistillSettings
+from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.field.given_features import check_order, read_features
 from dfd.runs.known_meshes import hash_file, note, recall
 
@@ -31,7 +32,7 @@ def distill(
     mesh: MeshArgument,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FIELD", help="The .safetensors file to write.")],
     encoder: Annotated[
-        str, typer.Option(metavar="NAME", help="A preset's name, a folder with weights, or a hub name.")
+        str, typer.Option(metavar="NAME", help="A known name, a folder with weights, or a hub name.")
     ] = DEFAULT_ENCODER,
     views: Annotated[int, typer.Option(help="Pictures taken from around the shape.")] = DEFAULTS.views,
     resolution: Annotated[int, typer.Option(help="Pixels along a picture's side.")] = DEFAULTS.resolution,
@@ -95,9 +96,9 @@ def distill(
         if known is not None and look_up:
             found = find_distilled(known, encoder, settings, device=device, checkpoint=partial)
         if found is None:
-            from dfd.encoders.ahead import load_ahead
+            from dfd.encoders.background import load_in_background
 
-            loading = load_ahead(encoder, device=device) if rows is None else None
+            loading = load_in_background(encoder, device=device) if rows is None else None
             shape = dfd.load(mesh)
             if features is not None and rows is not None:
                 check_order(features, rows, shape, FEATURES)

