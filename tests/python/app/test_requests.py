@@ -55,7 +55,8 @@ def test_a_shape_is_shown_and_edited(page: Page, deformer: Deformer) -> None:
     assert page.last("state")["can_undo"]
 
 
-def test_a_preset_is_one_step_and_stays_when_all_is_cleared(page: Page) -> None:
+def test_a_preset_is_one_step_and_stays_when_all_is_cleared(new_page: Page) -> None:
+    page = new_page
     page.ask("add", at={"vertex": 5}, controls={"reach": 0.4})
     page.ask("set_preset", preset="paper")
     state = page.last("state")
@@ -71,7 +72,6 @@ def test_a_preset_is_one_step_and_stays_when_all_is_cleared(page: Page) -> None:
     page.ask("clear")
     assert (page.last("state")["preset"], page.last("state")["handles"]) == ("paper", [])
     assert "`preset` must be one of default, paper" in page.ask("set_preset", preset="mine")["message"]
-    page.ask("set_preset", preset="default")  # other tests go on with this session
 
 
 def test_the_heat_map_comes_first_and_instances_after_it(page: Page) -> None:
