@@ -1,4 +1,4 @@
-"""The methods that are compared: each returns the moved vertices (V, 3) of a case, mesh units, or says why not."""
+"""Methods that DFD is compared with: each returns the moved vertices (V, 3) of a case, mesh units, or says why not."""
 
 from __future__ import annotations
 
@@ -10,31 +10,13 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-import dfd
 from bench.paper.handles import Case
 from bench.quality.baselines import PeerError, in_child
 
-__all__ = ["BALL", "arap", "biharmonic", "constraints", "ours"]
+__all__ = ["BALL", "arap", "biharmonic", "constraints"]
 
 BALL = 0.01  # of the longest side: the radius in which the paper gives other methods the neighbors of a point as well
 ITERATIONS = 100
-
-
-def ours(case: Case, field: dfd.Field, *, fixed: bool) -> NDArray[np.float64]:
-    """Handles moved to their targets in a session, and with `fixed` the fixed points held (Eq. 6).
-
-    Raises
-    ------
-    ValueError
-        If the field is of another shape, or fixed points leave nothing of a handle.
-    """
-    deformer = dfd.Deformer(case.mesh, field)
-    if fixed:
-        for vertex in case.fixed:
-            deformer.fix(int(vertex))
-    for vertex, target in zip(case.handles, case.targets, strict=True):
-        deformer.add(int(vertex), translation=target - case.mesh.vertices[vertex])
-    return deformer.vertices
 
 
 def arap(case: Case, ball: float = BALL) -> NDArray[np.float64]:
