@@ -16,8 +16,18 @@ from dfd.distillation.distill import DEFAULT_ENCODER
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "paper"
 
-# Every page: the module of `bench.paper` whose `page(context)` makes it, and what it shows.
+# Every page: the module of `bench.paper` whose `page(context)` makes it, or MODULE:FUNCTION, and what it shows.
 PAGES: dict[str, tuple[str, str]] = {
+    "fig4": ("fig04_distillation", "pixels that teach a field, and the field of a shape reduced by 99 %"),
+    "fig5": ("fig05_symmetry", "planes of symmetry that are seen, and edits of one side"),
+    "fig9": ("fig09_dense", "layouts of DeepMetaHandles by every method (Fig. 16 too)"),
+    "fig14": ("fig14_translations", "one handle by every method, others with the neighbors of their constraints"),
+    "fig15": ("fig14_translations:page_without_neighbors", "the same without neighbors"),
+    "fig21": ("fig09_dense:page_dense", "DFD with fifty handles"),
+    "fig22": ("fig22_metrics", "what every method does to the surface, in numbers"),
+    "table3": ("table3_rebinding", "seconds to bind 1, 10 and 100 new handles, beside OptCtrlPoints"),
+    "study1": ("studies:desirable", "sheets of the first user study: the best two of anonymous options"),
+    "study2": ("studies:realistic", "sheets of the second user study: the most realistic"),
     "handles": ("handle_sets", "sets of handles as APAP-Bench 3D and DeepMetaHandles have them, by every method"),
 }
 
@@ -43,9 +53,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         ball=options.ball,
         say=lambda line: console.print(line, markup=False, soft_wrap=True),
     )
-    module, _ = PAGES[options.name]
+    module, _, function = PAGES[options.name][0].partition(":")
     try:
-        page = import_module(f"bench.paper.{module}").page(context)
+        page = getattr(import_module(f"bench.paper.{module}"), function or "page")(context)
     except (ValueError, OSError) as error:
         parser.error(str(error))
     settings = {"quick": context.quick, "presets": context.used}

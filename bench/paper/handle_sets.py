@@ -12,7 +12,7 @@ from bench.paper.compare import COLUMNS, Row, compare
 from bench.paper.context import PRESETS, Context, named
 from bench.paper.drawing import aim, blank
 from bench.paper.handles import Case, find
-from bench.paper.methods import arap, biharmonic
+from bench.paper.methods import others
 from bench.paper.report import Page, Section, Table
 from dfd.pictures.picture import picture
 
@@ -24,9 +24,10 @@ LEGEND = """\
 - **volume**: how much the enclosed volume changed; empty where the surface is open.
 - **flipped faces**: folded over against the faces around them, and not so at rest.
 - DFD is moved by its handles alone, as in the paper; **fixed points** holds those of the set.
-- **ARAP** and **biharmonic** are libigl's over the surface, given handles, fixed points and their neighbors; the paper
-  solves the latter within tetrahedra. Shapes of DeepMetaHandles give them all control points, and their own
-  coordinates where the set has them."""
+- Other methods are given handles, fixed points and their neighbors. **biharmonic** (coordinates) and **BBW** work
+  within tetrahedra of fTetWild, of the shape simplified to 6,000 faces; **NeuralMLS** is written from its paper. Shapes
+  of DeepMetaHandles give them all control points, and their own coordinates where the set has them. The networks of
+  APAP and DeepMetaHandles cannot be had."""
 
 
 def page(context: Context) -> Page:
@@ -63,7 +64,7 @@ def methods_of(context: Context, case: Case) -> dict[str, Callable[[], NDArray[n
         methods[named(preset)] = partial(context.solve, case, preset)
         if len(case.fixed):
             methods[f"{named(preset)}, fixed points"] = partial(context.solve, case, preset, fixed=True)
-    return {**methods, "ARAP": partial(arap, case, context.ball), "biharmonic": partial(biharmonic, case, context.ball)}
+    return {**methods, **others(case, context.ball)}
 
 
 def pictures(case: Case, rows: Sequence[Row]) -> list[tuple[NDArray[np.uint8], str]]:

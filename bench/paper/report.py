@@ -55,6 +55,7 @@ class Page:
     look_for: str
     sections: Sequence[Section]
     facts: Mapping[str, Any] = field(default_factory=dict)  # further numbers, for NAME.json alone
+    files: Mapping[str, str] = field(default_factory=dict)  # further texts to write beside the page, by their names
     failed: int = 0  # how many of its shapes could not be done; the command's exit code tells
 
 
@@ -83,6 +84,8 @@ def write(page: Page, name: str, folder: Path, notes: Sequence[str], settings: M
             lines += ["", *_markdown(section.table)]
     document = {"page": name, "title": page.title, **settings, "tables": tables, **page.facts}
     _write_text(folder / f"{name}.json", json.dumps(document, indent=2, default=_plain) + "\n")
+    for other, text in page.files.items():
+        _write_text(folder / other, text)
     _write_text(folder / f"{name}.md", "\n".join(lines) + "\n")
     return folder / f"{name}.md"
 

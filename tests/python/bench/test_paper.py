@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import re
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -182,7 +181,8 @@ def case_of(mesh: dfd.Mesh, held: list[int], moves: np.ndarray, **more) -> Case:
 
 def test_neighbors_go_along_with_the_nearest_point(ball):
     case = case_of(ball, [top(ball), bottom(ball)], np.array([MOVE, 0 * MOVE]))
-    held, to = methods.constraints(case, 0.1)
+    job = methods.constraints(case, 0.1)
+    held, to = job.held, job.targets
     distance = np.linalg.norm(ball.vertices - ball.vertices[top(ball)], axis=1)
     near = np.flatnonzero(
         (distance <= 0.2) | (np.linalg.norm(ball.vertices - ball.vertices[bottom(ball)], axis=1) <= 0.2)
@@ -191,26 +191,16 @@ def test_neighbors_go_along_with_the_nearest_point(ball):
     assert len(held) > 4
     upper = ball.vertices[held, 1] > 0
     np.testing.assert_allclose(to - ball.vertices[held], np.where(upper[:, None], MOVE, 0), atol=1e-12)
-    assert methods.constraints(case, 0.0)[0].tolist() == sorted(case.held)
+    assert job.group.tolist() == np.where(upper, 0, -1).tolist()
+    assert methods.constraints(case, 0.0).held.tolist() == sorted(case.held)
     dense = case_of(ball, [top(ball), bottom(ball)], np.array([MOVE, 0 * MOVE]), dense=True)
-    assert methods.constraints(dense, 0.1)[0].tolist() == sorted(case.held)
-
-
-@pytest.mark.parametrize("method", [methods.arap, methods.biharmonic])
-def test_peers_follow_a_motion_that_all_points_share_and_keep_their_points(ball, method):
-    pytest.importorskip("igl")
-    corners = [top(ball), bottom(ball), int(ball.vertices[:, 0].argmax()), int(ball.vertices[:, 2].argmax())]
-    np.testing.assert_allclose(method(case_of(ball, corners, MOVE)), ball.vertices + MOVE, atol=1e-5)
-    case = case_of(ball, corners, np.array([MOVE, 0 * MOVE, 0 * MOVE, 0 * MOVE]))
-    moved = method(case, 0.0)
-    np.testing.assert_allclose(moved[case.held], case.held_to, atol=1e-9)
-    assert np.isfinite(moved).all()
+    assert methods.constraints(dense, 0.1).held.tolist() == sorted(case.held)
 
 
 def test_vertices_of_no_face_do_not_stop_the_peers(ball):
     pytest.importorskip("igl")
     mesh = dfd.Mesh(np.concatenate([ball.vertices, [(9.0, 9, 9)]]), ball.faces)
-    moved = methods.arap(case_of(mesh, [top(ball), bottom(ball)], MOVE))
+    moved = methods.deform("ARAP", case_of(mesh, [top(ball), bottom(ball)], MOVE)).vertices
     np.testing.assert_allclose(moved[:-1], ball.vertices + MOVE, atol=1e-5)
     np.testing.assert_array_equal(moved[-1], mesh.vertices[-1])
 
@@ -218,7 +208,8 @@ def test_vertices_of_no_face_do_not_stop_the_peers(ball):
 def test_coordinates_of_the_set_are_used(ball):
     corners = [top(ball), bottom(ball)]
     weights = np.stack([0.5 + ball.vertices[:, 1] / 2, 0.5 - ball.vertices[:, 1] / 2], axis=1)
-    moved = methods.biharmonic(case_of(ball, corners, np.array([MOVE, 0 * MOVE]), coordinates=weights))
+    case = case_of(ball, corners, np.array([MOVE, 0 * MOVE]), coordinates=weights)
+    moved = methods.deform("biharmonic", case).vertices
     np.testing.assert_allclose(moved, ball.vertices + weights[:, :1] * MOVE, atol=1e-12)
 
 
@@ -227,15 +218,8 @@ def test_a_piece_without_a_point_is_told(ball):
         np.concatenate([ball.vertices, ball.vertices + 5]),
         np.concatenate([ball.faces, ball.faces + len(ball.vertices)]),
     )
-    with pytest.raises(PeerError, match="on every one of the 2 pieces of the surface"):
-        methods.arap(case_of(both, [top(ball), bottom(ball)], MOVE))
-
-
-@pytest.mark.parametrize("solve", [methods._arap, methods._biharmonic])
-def test_a_missing_libigl_is_told(ball, solve, monkeypatch):
-    monkeypatch.setitem(sys.modules, "igl", None)
-    with pytest.raises(PeerError, match="libigl is not installed"):
-        solve(ball.vertices, ball.faces, np.array([0]), ball.vertices[:1])
+    with pytest.raises(PeerError, match="on every one of the 2 pieces"):
+        methods.deform("ARAP", case_of(both, [top(ball), bottom(ball)], MOVE))
 
 
 @pytest.fixture
@@ -277,6 +261,7 @@ def test_a_method_that_fails_stops_no_other(ball, monkeypatch):
         raise OSError("no such\nencoder")
 
     monkeypatch.setattr(Context, "field", none)
+    monkeypatch.setattr(methods, "COMPARED", ("ARAP", "biharmonic"))
     rows = {row.method: row for row in compare("ball", case, methods_of(Context(ball=0.0), case))}
     assert list(rows) == ["paper preset", "dfd default", "ARAP", "biharmonic"]
     assert rows["paper preset"].note == "no such encoder"
@@ -285,8 +270,9 @@ def test_a_method_that_fails_stops_no_other(ball, monkeypatch):
     assert rows["biharmonic"].metrics.area == pytest.approx(0, abs=1e-9)
 
 
-def test_the_command_writes_a_table_and_a_page(tmp_path, ball, context, capsys):
+def test_the_command_writes_a_table_and_a_page(tmp_path, ball, context, capsys, monkeypatch):
     pytest.importorskip("igl")
+    monkeypatch.setattr(methods, "COMPARED", ("ARAP", "NeuralMLS"))
     write_apap(tmp_path / "set" / "ball", ball)
     broken = write_apap(tmp_path / "set" / "wrong", ball)
     (broken / USER).write_text("first\n")
@@ -295,9 +281,10 @@ def test_the_command_writes_a_table_and_a_page(tmp_path, ball, context, capsys):
         rows = list(csv.DictReader(stream))
     names = ["paper preset", "dfd default"]
     fixed = [f"{name}, fixed points" for name in names]
-    assert [row["method"] for row in rows] == [names[0], fixed[0], names[1], fixed[1], "ARAP", "biharmonic", ""]
+    assert [row["method"] for row in rows] == [names[0], fixed[0], names[1], fixed[1], "ARAP", "NeuralMLS", ""]
     for row in rows[:6]:
-        assert float(row["handle off %"]) < (100 if row["method"] == fixed[0] else 1e-3)
+        # Not all methods interpolate: the paper's fixed points take from a handle, a network is trained to a tolerance.
+        assert float(row["handle off %"]) < {fixed[0]: 100, "NeuralMLS": 3}.get(row["method"], 1e-3)
         assert float(row["area %"]) > 0
         assert row["note"] == ""
     assert "line 1: must read 'vertex x y z', got 'first'" in rows[6]["note"]
