@@ -18,6 +18,17 @@ OUTPUT = Path(__file__).resolve().parents[1] / "results" / "paper"
 
 # Every page: the module of `bench.paper` whose `page(context)` makes it, and what it shows.
 PAGES: dict[str, tuple[str, str]] = {
+    "fig6": ("fig06_constraints", "feature space constraints: what looks like a fixed point stays"),
+    "fig7": ("fig07_locality", "locality: one deformation, less and less of the shape"),
+    "fig8": ("fig08_translations", "one handle translated, beside methods that need fixed points"),
+    "fig10": ("fig10_timing", "seconds to preprocess, bind and pose over the number of faces"),
+    "fig11": ("fig11_encoders", "one deformation with the features of several image encoders"),
+    "fig12": ("fig12_encoder_weights", "weights of several image encoders"),
+    "fig13": ("fig13_ablation", "barycentric distillation against vertices alone, from coarse to fine"),
+    "fig17": ("fig17_topology", "shapes with holes, loose components and non-manifold edges"),
+    "fig18": ("fig18_high_resolution", "large meshes: defects, holes, and seconds of each stage"),
+    "fig19": ("fig19_generalization", "one field on other tessellations and on another animal"),
+    "fig20": ("fig20_consistency", "the same parts on different shapes of one class"),
     "handles": ("handle_sets", "sets of handles as APAP-Bench 3D and DeepMetaHandles have them, by every method"),
 }
 
