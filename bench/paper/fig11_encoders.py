@@ -23,10 +23,10 @@ def page(context: Context) -> Page:
     for shape, at in shapes(context):
         for preset in PRESETS:
             handle = {"at": at, "translation": OFFSET * shape.mesh.diagonal}
-            moved = {
-                name: context.session(shape, context.field(shape, preset, encoder=encoder), preset, [handle]).vertices
-                for name, encoder in found.items()
-            }
+            moved = {}
+            for name, encoder in found.items():
+                field = context.field(shape, preset, encoder=context.loaded(preset, *encoder))
+                moved[name] = context.session(shape, field, preset, [handle]).vertices
             source = shape.mesh.vertices[[at]]
             where = aim(shape.mesh, source, *moved.values())
             target = source + handle["translation"]

@@ -9,10 +9,10 @@ from bench.paper.context import PRESETS, Context, Preset, Shape, named
 from bench.paper.drawing import aim, heat
 from bench.paper.measures import vertex_shares
 from bench.paper.report import Page, Section, Table
-from dfd.encoders.encode import Encoder, load_encoder
 
-__all__ = ["CASES", "encoders", "missing", "page", "shapes"]
+__all__ = ["CASES", "Choice", "encoders", "missing", "page", "shapes"]
 
+Choice = tuple[str, int | None]  # an encoder's name, and the block whose tokens are taken; None is its own choice
 # Besides the blocks of the encoder that is at hand anyway, those that the paper names and what is like them.
 OTHERS = ("dinov2-base", "dinov3-small", "clip-vit-l-14", "siglip2-base", "sam-base", "sam2-tiny", "mae-base")
 BLOCKS = (3, 6, 9, 12)
@@ -53,19 +53,20 @@ def shapes(context: Context) -> list[tuple[Shape, int]]:
     return [(shape, shape.at(at)) for shape, at in context.cases(CASES, most=1 if context.quick else 3)]
 
 
-def encoders(context: Context) -> tuple[dict[str, Encoder], dict[str, str]]:
+def encoders(context: Context) -> tuple[dict[str, Choice], dict[str, str]]:
     """Encoders by what a page calls them, the one that is used by itself first; and why others are not available."""
     own = context.loaded("paper")
     label = str(own.name).rpartition("/")[2]
-    found = {f"{label}, block {own.block}": own}
+    found: dict[str, Choice] = {f"{label}, block {own.block}": (own.name, None)}
     for block in BLOCKS[1::2] if context.quick else BLOCKS:
         if block <= own.depth and block != own.block:
-            found[f"{label}, block {block}"] = load_encoder(own.name, block=block, background=True)
+            found[f"{label}, block {block}"] = (own.name, block)
     absent = {}
     for name in () if context.quick else OTHERS:
         try:
             context.say(f"looking for {name}")
-            found[name] = load_encoder(name, background=True)
+            context.loaded("paper", name)
+            found[name] = (name, None)
         except (OSError, ValueError) as error:
             absent[name] = " ".join(str(error).split())
     return found, absent
@@ -78,9 +79,9 @@ def missing(absent: dict[str, str]) -> str:
     return "\n\nNot available here: " + ", ".join(absent) + f". The first one: {next(iter(absent.values()))}"
 
 
-def weights_of(context: Context, shape: Shape, at: int, preset: Preset, encoder: Encoder) -> NDArray[np.float32]:
+def weights_of(context: Context, shape: Shape, at: int, preset: Preset, encoder: Choice) -> NDArray[np.float32]:
     """(V,) the weights of a handle with the features of `encoder`."""
-    field = context.field(shape, preset, encoder=encoder)
+    field = context.field(shape, preset, encoder=context.loaded(preset, *encoder))
     return context.session(shape, field, preset, [{"at": at}]).weights[:, 0]
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 import dfd
-from bench.paper.context import Context, named
+from bench.paper.context import Context, Preset, named
 from bench.paper.drawing import aim, before_after
 from bench.paper.measures import roughness, vertex_shares
 from bench.paper.report import Page, Section, Table
@@ -23,22 +25,26 @@ CASES = {  # where each shape is taken hold of, from 0 to 1 along the sides of i
     "*": (0.5, 1.0, 0.5),
 }
 OFFSET = np.array([0.0, 0.12, 0.0])  # of the diagonal
-KINDS = {  # columns: the preset, and what is changed of it
+COARSE_COPY: dict[str, Any] = {"simplify_to": COARSE}
+KINDS: dict[str, tuple[Preset, dict[str, Any]]] = {  # columns: the preset, and what is changed of it
     "fine copy, all pixels": ("paper", {}),
-    "coarse copy, vertices alone": ("paper", {"simplify_to": COARSE, "supervision": "vertex"}),
-    "coarse copy, all pixels": ("paper", {"simplify_to": COARSE}),
-    "coarse copy, dfd default": ("default", {"simplify_to": COARSE}),
+    "coarse copy, vertices alone": ("paper", {**COARSE_COPY, "supervision": "vertex"}),
+    "coarse copy, all pixels": ("paper", COARSE_COPY),
+    "coarse copy, dfd default": ("default", COARSE_COPY),
 }
 
 
 def page(context: Context) -> Page:
     """The weights and a pull on the fine mesh, by fields of coarse and fine copies."""
-    drawn, rows = [], []
+    drawn, rows, lengths = [], [], []
     for shape, place in context.cases(CASES, most=1 if context.quick else 2):
         at = shape.at(place)
         sessions: dict[str, dfd.Deformer] = {}
+        dense = len(context.field(shape, "paper", **COARSE_COPY).settings["losses"])
+        lengths.append(f"{shape.name} {dense:,}")
         for name, (preset, changes) in KINDS.items():
-            field = context.field(shape, preset, **changes)
+            length = {"steps": dense} if "supervision" in changes else {}
+            field = context.field(shape, preset, **changes, **length)
             handle = {"at": at, "translation": OFFSET * shape.mesh.diagonal}
             sessions[name] = context.session(shape, field, preset, [handle])
         where = aim(shape.mesh, shape.mesh.vertices[[at]], *(each.vertices for each in sessions.values()))
@@ -67,10 +73,9 @@ def page(context: Context) -> Page:
             weights = session.weights[:, 0]
             off = float(areas @ np.abs(weights - fine)) if KINDS[name][0] == "paper" else None
             rows.append([shape.name, name, roughness(shape.mesh, weights), off])
-    made = context.distill_settings("paper")
     text = (
-        f"Fits of the {named('paper')} take the same {made['steps']:,} steps of {made['batch']:,} samples, "
-        f"{context.epochs} rounds over all pixels: with vertices alone the same samples come again and again. "
+        f"Fits of the {named('paper')} to the coarse copy take the same number of steps, {context.epochs} rounds over "
+        f"all pixels ({', '.join(lengths)}): with vertices alone the same samples come again and again. "
         "Roughness is the mean of |∇W| on the fine mesh, in weight per diagonal; off is the mean difference from the "
         "weights of the fine copy."
     )
