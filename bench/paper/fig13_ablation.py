@@ -79,7 +79,10 @@ def page(context: Context) -> Page:
         "Roughness is the mean of |∇W| on the fine mesh, in weight per diagonal; off is the mean difference from the "
         "weights of the fine copy."
     )
-    look_for = "By vertices alone weights are blotched and the pull tears the surface; by all pixels both stay smooth."
+    look_for = (
+        "Weights by vertices alone lie farther from those of the fine copy than weights by all pixels; in the paper they "
+        "are blotched, and the pull tears the surface."
+    )
     table = Table(["shape", "field", "roughness", "off"], rows)
     title = "Fig. 13: barycentric distillation from coarse to fine"
     return Page(title, look_for, [Section("One pull on the fine mesh", text, drawn, table)])

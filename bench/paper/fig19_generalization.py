@@ -13,6 +13,7 @@ from bench.paper.fig18_high_resolution import subdivided
 from bench.paper.measures import vertex_shares
 from bench.paper.report import Page, Section, Table
 from dfd.geometry.simplify import simplify
+from dfd.pictures.before_after import azimuth_towards
 
 __all__ = ["in_box_of", "page"]
 
@@ -32,6 +33,7 @@ def page(context: Context) -> Page:
     drawn, rows = [], []
     for shape, (place, others) in context.cases(CASES, most=1 if context.quick else 2):
         at = shape.at(place)
+        azimuth = azimuth_towards(shape.mesh, shape.mesh.vertices[[at]])
         novel = {
             name: turned(context.shape(name), angle)
             for name, angle in others.items()
@@ -55,7 +57,7 @@ def page(context: Context) -> Page:
                     "translation": OFFSET * mesh.diagonal,
                 }
                 session = context.session(each, field, preset, [handle], features=features)
-                where = aim(mesh, mesh.vertices[[handle["at"]]], session.vertices)
+                where = aim(mesh, (), session.vertices, azimuth=azimuth)
                 (heat, _), (moved, _) = before_after(session, where)
                 weights_row.append((heat, name))
                 moved_row.append((moved, name))
