@@ -11,7 +11,7 @@ from rich.console import Console
 
 from bench.paper.context import Context
 from bench.paper.methods import BALL
-from bench.paper.report import write
+from bench.paper.report import Page, write
 from dfd.distillation.distill import DEFAULT_ENCODER
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "paper"
@@ -20,9 +20,20 @@ OUTPUT = Path(__file__).resolve().parents[1] / "results" / "paper"
 PAGES: dict[str, tuple[str, str]] = {
     "fig4": ("fig04_distillation", "pixels that teach a field, and the field of a shape reduced by 99 %"),
     "fig5": ("fig05_symmetry", "planes of symmetry that are seen, and edits of one side"),
+    "fig6": ("fig06_constraints", "feature space constraints: what looks like a fixed point stays"),
+    "fig7": ("fig07_locality", "locality: one deformation, less and less of the shape"),
+    "fig8": ("fig08_translations", "one handle translated, beside methods that need fixed points"),
     "fig9": ("fig09_dense", "layouts of DeepMetaHandles by every method (Fig. 16 too)"),
+    "fig10": ("fig10_timing", "seconds to preprocess, bind and pose over the number of faces"),
+    "fig11": ("fig11_encoders", "one deformation with the features of several image encoders"),
+    "fig12": ("fig12_encoder_weights", "weights of several image encoders"),
+    "fig13": ("fig13_ablation", "barycentric distillation against vertices alone, from coarse to fine"),
     "fig14": ("fig14_translations", "one handle by every method, others with the neighbors of their constraints"),
     "fig15": ("fig14_translations:page_without_neighbors", "the same without neighbors"),
+    "fig17": ("fig17_topology", "shapes with holes, loose components and non-manifold edges"),
+    "fig18": ("fig18_high_resolution", "large meshes: defects, holes, and seconds of each stage"),
+    "fig19": ("fig19_generalization", "one field on other tessellations and on another animal"),
+    "fig20": ("fig20_consistency", "the same parts on different shapes of one class"),
     "fig21": ("fig09_dense:page_dense", "DFD with fifty handles"),
     "fig22": ("fig22_metrics", "what every method does to the surface, in numbers"),
     "table3": ("table3_rebinding", "seconds to bind 1, 10 and 100 new handles, beside OptCtrlPoints"),
@@ -53,15 +64,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
         ball=options.ball,
         say=lambda line: console.print(line, markup=False, soft_wrap=True),
     )
-    module, _, function = PAGES[options.name][0].partition(":")
     try:
-        page = getattr(import_module(f"bench.paper.{module}"), function or "page")(context)
+        page = make(options.name, context)
     except (ValueError, OSError) as error:
         parser.error(str(error))
     settings = {"quick": context.quick, "presets": context.used}
     path = write(page, options.name, options.output, context.notes(), settings)
     Console().print(f"{path}", highlight=False, soft_wrap=True)
     return 1 if page.failed else 0
+
+
+def make(name: str, context: Context) -> Page:
+    """The page called `name`; ValueError or OSError if it cannot be made."""
+    module, _, function = PAGES[name][0].partition(":")
+    made: Page = getattr(import_module(f"bench.paper.{module}"), function or "page")(context)
+    return made
 
 
 def _radius(text: str) -> float:

@@ -23,6 +23,7 @@ __all__ = ["affine", "compared", "dense", "farthest", "marked", "methods_of", "p
 
 Float64 = NDArray[np.float64]
 Methods = dict[str, Callable[[], Float64]]
+EXPLODED = 3.0  # times the shape's diagonal: beyond, a result has a camera of its own
 BLUE, GREEN = (40, 90, 230), (20, 150, 60)
 
 
@@ -113,12 +114,19 @@ def compared(context: Context, name: str, case: Case, methods: Methods) -> tuple
     context.say(name)
     rows = compare(name, case, methods)
     source = case.mesh.vertices[case.handles]
-    where = aim(case.mesh, source, case.targets, *[row.vertices for row in rows if row.vertices is not None])
+    sizes = [0.0 if row.vertices is None else _diagonal(row.vertices) / case.mesh.diagonal for row in rows]
+    fitting = [row.vertices for row, size in zip(rows, sizes, strict=True) if 0 < size < EXPLODED]
+    where = aim(case.mesh, source, case.targets, *fitting)
     fixed = case.mesh.vertices[case.held] if case.dense else case.mesh.vertices[case.fixed]
     drawn = [(marked(case, where, picture(case.mesh, fixed=fixed, **where)), "source")]
-    for row in rows:
-        image = blank() if row.vertices is None else silhouettes(case.mesh, row.vertices, where)
-        drawn.append((image, f"{row.method}: {row.note}" if row.note else row.method))
+    for row, size in zip(rows, sizes, strict=True):
+        if row.vertices is None:
+            drawn.append((blank(), f"{row.method}: {row.note}"))
+        elif size < EXPLODED:
+            drawn.append((silhouettes(case.mesh, row.vertices, where), row.method))
+        else:  # beside it the others would be dots
+            alone = aim(case.mesh, source, row.vertices)
+            drawn.append((silhouettes(case.mesh, row.vertices, alone), f"{row.method}: {size:.0f} times as large"))
     return (name, drawn), rows
 
 
@@ -137,6 +145,10 @@ def table(rows: Sequence[Row]) -> Table:
     return Table(
         ["shape", "method", *COLUMNS, "note"], [[row.shape, row.method, *row.values, row.note] for row in rows]
     )
+
+
+def _diagonal(vertices: Float64) -> float:
+    return float(np.linalg.norm(np.ptp(vertices, axis=0)))
 
 
 def _sets(context: Context) -> list[tuple[str, Case]]:

@@ -35,7 +35,8 @@ SAMPLES: dict[str, Callable[[], dfd.samples.Sample]] = {
 LONGEST_EDGE = 0.03  # of the diagonal: with longer ones weights, which are exact at vertices alone, look coarse
 
 # The paper's procedure (supplement L and section 4), spelled out.
-EPOCHS, BATCH, COVERED = 15, 10_000, 0.19  # COVERED: how much of a picture at the paper's distance shows the shape
+EPOCHS, BATCH, QUICK_EPOCHS, QUICK_BATCH = 15, 10_000, 5, 2_000
+COVERED = 0.19  # how much of a picture at the paper's distance shows the shape
 PAPER: dict[str, Any] = {
     "views": 24,
     "resolution": 518,
@@ -51,7 +52,7 @@ PAPER: dict[str, Any] = {
 }
 PAPER_HANDLE: dict[str, Any] = {"reach": 1.0, "falloff": "linear", "instances": "together"}
 EPSILON = 0.1  # of section 3.3.3
-QUICK: dict[str, Any] = {"views": 8, "resolution": 252}
+QUICK: dict[str, Any] = {"views": 8, "resolution": 196}
 
 Value = TypeVar("Value")
 
@@ -111,6 +112,7 @@ class Context:
     settings: Mapping[str, Any] = field(default_factory=dict)
     say: Callable[[str], None] = lambda line: None
     fields: dict[tuple[Any, ...], dfd.Field] = field(default_factory=dict)
+    encoders: dict[tuple[str, int | None, bool], Encoder] = field(default_factory=dict)
     used: dict[str, dict[str, Any]] = field(default_factory=dict)  # settings of the fields, for NAME.json
 
     # --- meshes
@@ -136,24 +138,32 @@ class Context:
     def cases(self, known: Mapping[str, Value], *, most: int) -> list[tuple[Shape, Value]]:
         """At most `most` shapes and what is known of each by its name.
 
-        Of a folder that was given: its meshes, those that are not known with the case that is called "*". Else the
-        known ones among the files at hand in their order, or the known samples where there are none.
+        Of a folder that was given: its meshes, the known ones first, the others with the case that is called "*". Else
+        the known ones among files and samples, in their order.
         """
         if self.folder is not None:
             stems = [path.stem for path in _mesh_files(self.folder)]
             names = sorted(dict.fromkeys(stems), key=lambda name: (name not in known, name))
         else:
-            names = [name for name in known if name in self.files] or [name for name in known if name in SAMPLES]
+            names = [name for name in known if name in self.files or name in SAMPLES]
         return [(self.shape(name), known.get(name, known["*"])) for name in names[:most]]
 
     # --- fields
 
+    @property
+    def epochs(self) -> int:
+        """Rounds over all pixels that the paper's fit takes."""
+        return QUICK_EPOCHS if self.quick else EPOCHS
+
     def distill_settings(self, preset: Preset) -> dict[str, Any]:
         """The keywords of `dfd.distill` for a preset."""
-        settings = {**(PAPER if preset == "paper" else {}), **(QUICK if self.quick else {}), **self.settings}
+        settings = {**(PAPER if preset == "paper" else {}), **(QUICK if self.quick else {})}
+        if preset == "paper" and self.quick:
+            settings["batch"] = QUICK_BATCH
+        settings.update(self.settings)
         if preset == "paper" and "steps" not in settings:
             pixels = settings["views"] * settings["resolution"] ** 2 * COVERED
-            settings["steps"] = max(1, round(EPOCHS * pixels / BATCH))
+            settings["steps"] = max(1, round(self.epochs * pixels / settings["batch"]))
         return settings
 
     def loaded(self, preset: Preset, encoder: str | Path | Encoder | None = None, block: int | None = None) -> Encoder:
@@ -161,7 +171,10 @@ class Context:
         chosen = self.encoder if encoder is None else encoder
         if isinstance(chosen, Encoder):
             return chosen
-        return load_encoder(chosen, block=block, background=preset == "paper")
+        key = (str(chosen), block, preset == "paper")
+        if key not in self.encoders:
+            self.encoders[key] = load_encoder(chosen, block=block, background=preset == "paper")
+        return self.encoders[key]
 
     def field(
         self, shape: Shape, preset: Preset, *, encoder: Encoder | None = None, stages: Stages | None = None, **more: Any
@@ -191,6 +204,7 @@ class Context:
         *,
         fixed: Sequence[Any] = (),
         symmetric: bool = False,
+        features: NDArray[np.float32] | None = None,
     ) -> dfd.Deformer:
         """A session with `handles`, each what `Deformer.add` takes by name, and `fixed` points.
 
@@ -198,7 +212,7 @@ class Context:
         with a score below ε, to the letter; in dfd's own the plane that `"auto"` finds. Where there is none, none is
         used.
         """
-        deformer = dfd.Deformer(shape.mesh, field)
+        deformer = dfd.Deformer(shape.mesh, field, features=features)
         own: dict[str, Any] = {}
         if preset == "paper":
             deformer.overlap, deformer.arrive = "paper", False
@@ -236,7 +250,8 @@ class Context:
             made = self.distill_settings("paper")
             notes.append(
                 f"Made with --quick: {made['views']} pictures of {made['resolution']}² instead of {PAPER['views']} of "
-                f"{PAPER['resolution']}², and fewer shapes. Weights are rougher than they would be."
+                f"{PAPER['resolution']}², {self.epochs} rounds over them instead of {EPOCHS} in the paper preset, "
+                "and fewer shapes. Weights are rougher than they would be."
             )
         return notes
 
