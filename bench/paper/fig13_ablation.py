@@ -80,8 +80,8 @@ def page(context: Context) -> Page:
         "weights of the fine copy."
     )
     look_for = (
-        "Weights by vertices alone lie farther from those of the fine copy than weights by all pixels; in the paper they "
-        "are blotched, and the pull tears the surface."
+        "Weights by vertices alone lie farther from those of the fine copy than weights by all pixels do; in the paper "
+        "they are blotched, and the pull tears the surface."
     )
     table = Table(["shape", "field", "roughness", "off"], rows)
     title = "Fig. 13: barycentric distillation from coarse to fine"
