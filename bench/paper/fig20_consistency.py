@@ -12,12 +12,12 @@ __all__ = ["page"]
 FOLLOWS = 0.5
 
 # Points from 0 to 1 along the sides of each chair's box.
-LEG, SEAT, BACK = (0.0, 0.0, 1.0), (0.5, 0.5, 0.7), (0.5, 1.0, 0.0)
+LEG, SEAT, BACK = (0.0, 0.0, 1.0), (0.5, 0.5, 0.7), (0.5, 1.0, 0.15)
 CASES = {
     "kaykit_chair_A": {"leg": LEG, "seat": SEAT, "back": BACK},
     "chair_2": {"leg": LEG, "seat": SEAT, "back": BACK},
-    "kaykit_armchair": {"leg": LEG, "seat": (0.5, 0.45, 0.8), "back": BACK, "arm": (0.0, 0.6, 0.7)},
-    "couch_small1": {"leg": LEG, "seat": (0.5, 0.5, 0.7), "back": BACK, "arm": (0.0, 0.8, 0.7)},
+    "kaykit_armchair": {"leg": LEG, "seat": (0.5, 0.45, 0.8), "back": BACK, "arm": (0.08, 0.75, 0.75)},
+    "couch_small1": {"leg": LEG, "seat": (0.5, 0.5, 0.7), "back": BACK, "arm": (0.05, 0.85, 0.8)},
     "chair": {"leg": LEG, "seat": SEAT, "back": BACK},
     "bench_1": {"leg": LEG, "seat": (0.5, 0.45, 0.7), "back": BACK, "arm": (0.0, 0.65, 0.7)},
     "*": {"leg": LEG, "seat": SEAT, "back": BACK},
