@@ -44,8 +44,8 @@ def page_dense(context: Context) -> Page:
         drawn.append(pictures)
         rows += own
     look_for = (
-        "The paper finds shapes reasonable although weights sum to more than 1; by Eq. 1 to the letter they then also grow "
-        "about the origin by that sum, which dfd's default prevents in part."
+        "The paper finds shapes reasonable although weights sum to more than 1. By Eq. 1 to the letter they then also "
+        "grow about the origin, by that sum; dfd's default prevents it in part."
     )
     sections = [
         Section("Fifty handles", TEXT + LEGEND, drawn, table(rows)),
