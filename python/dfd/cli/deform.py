@@ -49,8 +49,8 @@ def deform(
         typer.Option(
             "--field",
             metavar="FIELD",
-            help="The shape's field, as `dfd distill` wrote it, or an .npy with another network's row for each vertex;"
-            " for several shapes a folder with NAME.field.safetensors"
+            help="The shape's field, as `dfd distill` wrote it, or an .npy or .pt with another network's rows of"
+            " vertices; for several shapes a folder with NAME.field.safetensors"
             " (by default their own). What is not there is found or made.",
         ),
     ] = None,
