@@ -13,10 +13,11 @@ from rich.console import Console
 from rich.table import Table
 
 from dfd import samples
+from dfd.common.preset import Preset
 from dfd.common.progress import Stages
 from dfd.distillation.distill import distill
+from dfd.distillation.settings import DistillSettings
 from dfd.editing.deformer import Deformer
-from dfd.editing.presets import Preset
 from dfd.encoders.encode import Encoder, load_encoder
 from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.pictures.colors import feature_colors
@@ -68,7 +69,7 @@ def run(
     opening: list[Picture] = []
     table = Table("stage", title="Seconds")
     seconds: list[dict[str, float]] = []
-    model = load_encoder(encoder, background=preset == "paper")
+    model = load_encoder(encoder, **DistillSettings(preset=preset).of_encoder())
     for name, sample, edits in (
         ("chair", samples.chair(faces), _edit_chair),
         ("quadruped", samples.quadruped(faces), _edit_quadruped),
@@ -98,8 +99,7 @@ def _distill(
     sample: Sample, model: Encoder, preset: Preset, stages: Stages
 ) -> tuple[Field, NDArray[np.float32], list[Picture]]:
     mesh = sample.mesh
-    chosen: dict[str, Any] = {} if preset == "default" else {"preset": preset}
-    field = distill(mesh, model, progress=stages, cache=False, **chosen)
+    field = distill(mesh, model, progress=stages, cache=False, preset=preset)
     with stages.stage("symmetry"):
         planes = symmetry_planes(field, mesh)
     found = ", ".join(f"{axis_name(plane.normal)} ({plane.score:.2f})" for plane in planes) or "none"

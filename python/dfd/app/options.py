@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, JsonValue
 
-from dfd.editing.presets import Preset
+from dfd.common.preset import Preset
 from dfd.encoders.known import DEFAULT_ENCODER
 
 __all__ = ["OpenedFile", "SessionOptions", "Source"]

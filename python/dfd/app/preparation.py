@@ -14,8 +14,8 @@ from dfd.app.options import SessionOptions, Source
 from dfd.app.time_left import TimeLeft
 
 if TYPE_CHECKING:
+    from dfd.common.preset import Preset
     from dfd.editing.deformer import Deformer
-    from dfd.editing.presets import Preset
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
 

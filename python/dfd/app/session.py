@@ -20,9 +20,9 @@ from dfd.app.surface import mesh_messages
 from dfd.editing.edit_file import read_edit
 
 if TYPE_CHECKING:
+    from dfd.common.preset import Preset
     from dfd.editing.deformer import Deformer
     from dfd.editing.edit import Edit
-    from dfd.editing.presets import Preset
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
 

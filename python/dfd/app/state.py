@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any, get_args
 from dfd.app.columns import Columns, column_kind
 from dfd.app.protocol.answers import FieldState, FixedState, HandleState, NewHandle, StateMessage
 from dfd.app.protocol.parts import KeyPose, Plane, PoseTransform
+from dfd.common.preset import Preset
 from dfd.editing.controls import Blend, Falloff, Instances, Overlap
 from dfd.editing.edit import band_on, box_center
 from dfd.editing.edit_file import to_document
-from dfd.editing.presets import PRESETS, Preset
+from dfd.editing.presets import PRESETS
 from dfd.editing.regions import members
 from dfd.symmetry.plane import axis_name
 

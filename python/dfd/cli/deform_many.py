@@ -15,7 +15,7 @@ from dfd.batch.inputs import MESH_ENDINGS, has_magic, local_matches
 
 if TYPE_CHECKING:
     from dfd.batch.one_edit import Original
-    from dfd.editing.presets import Preset
+    from dfd.common.preset import Preset
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 

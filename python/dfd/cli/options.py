@@ -8,7 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from dfd.common import check
-from dfd.editing.presets import PRESETS, Preset
+from dfd.common.preset import Preset
+from dfd.editing.presets import PRESETS
 
 __all__ = [
     "CONTROLS",

@@ -8,8 +8,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from dfd.common import check
+from dfd.common.preset import Preset
 from dfd.editing.place import Place, place_on
-from dfd.editing.presets import PRESETS, Instances, Preset
+from dfd.editing.presets import PRESETS, Instances
 from dfd.editing.regions import Region
 from dfd.posing.pose import Blend, Overlap
 from dfd.weights.bind import Falloff

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dfd.common import check
+from dfd.common.preset import Preset
 from dfd.editing.compatibility import check_compatible
 from dfd.editing.controls import Falloff, Instances, controls_of, controls_on
 from dfd.editing.door import door
@@ -20,7 +21,6 @@ from dfd.editing.edit_file import read_edit, write_edit
 from dfd.editing.handle_weights import HandleWeights
 from dfd.editing.place import Place, place_on
 from dfd.editing.posed_shape import PosedShape
-from dfd.editing.presets import Preset
 from dfd.editing.regions import Region
 from dfd.editing.report import Report, report
 from dfd.editing.whole_shape import WholeShape

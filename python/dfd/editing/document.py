@@ -61,8 +61,9 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError
 
+from dfd.common.preset import Preset
 from dfd.editing.controls import Blend, Falloff, Overlap
-from dfd.editing.presets import PRESETS, Instances, Preset
+from dfd.editing.presets import PRESETS, Instances
 from dfd.posing.transforms import Along
 
 __all__ = [

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import check
+from dfd.common.preset import Preset
 from dfd.editing.controls import Blend, Controls, Overlap, controls_with_places
 from dfd.editing.place import Place, place_on
-from dfd.editing.presets import PRESETS, Preset, SymmetryCandidates
+from dfd.editing.presets import PRESETS, SymmetryCandidates
 from dfd.editing.regions import Region, members
 from dfd.posing.transforms import Transform, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane, plane_from_text

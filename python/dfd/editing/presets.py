@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+from dfd.common.preset import Preset
 from dfd.symmetry.plane import DEFAULT_BAND
 
 if TYPE_CHECKING:
     from dfd.posing.pose import Blend, Overlap
     from dfd.weights.bind import Falloff
 
-__all__ = ["PRESETS", "WHOLE_SHAPE", "Defaults", "Instances", "Preset", "SymmetryCandidates"]
+__all__ = ["PRESETS", "WHOLE_SHAPE", "Defaults", "Instances", "SymmetryCandidates"]
 
-Preset = Literal["default", "paper"]
 Instances = Literal["own", "together", "only"]
 SymmetryCandidates = Literal["any", "axes"]
 

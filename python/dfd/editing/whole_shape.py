@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from numpy.typing import ArrayLike
 
+from dfd.common.preset import Preset
 from dfd.editing.controls import Blend, Overlap
 from dfd.editing.door import door
 from dfd.editing.edit import Fixed, box_center, symmetry_on, with_preset
 from dfd.editing.place import place_on
-from dfd.editing.presets import Preset, SymmetryCandidates
+from dfd.editing.presets import SymmetryCandidates
 from dfd.editing.steps import Steps
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
