@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.mesh.file.gltf_header import Header, is_index, objects
-from dfd.mesh.file.gltf_read import world_transforms
+from dfd.mesh.file.gltf.header import Header, is_index, objects
+from dfd.mesh.file.gltf.read import world_transforms
 
 if TYPE_CHECKING:
-    from dfd.mesh.file.gltf_data import GltfData
+    from dfd.mesh.file.gltf.data import GltfData
     from dfd.mesh.file.primitives import Primitive
     from dfd.mesh.mesh import Mesh
 

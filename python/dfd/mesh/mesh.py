@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dfd.common import check, tensors
 from dfd.mesh.appearance import Appearance
-from dfd.mesh.file.obj_groups import face_groups
+from dfd.mesh.file.obj.read import face_groups
 from dfd.mesh.file.read import of_trimesh, read
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.normals import smooth_normals

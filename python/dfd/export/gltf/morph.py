@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dfd.editing.edit import Edit
 from dfd.export.gltf.document import GltfDocument
 from dfd.mesh.file import moved_normals
-from dfd.mesh.file.gltf_header import Header, objects
+from dfd.mesh.file.gltf.header import Header, objects
 from dfd.posing.transforms import Transform
 
 if TYPE_CHECKING:

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.mesh.appearance import Wrap
-from dfd.mesh.file.gltf_header import Header, extension, item
-from dfd.mesh.file.gltf_materials import GltfMaterials, coordinates
-from dfd.mesh.file.gltf_read import from_below
-from dfd.mesh.file.pictures import Pictures
+from dfd.mesh.file.gltf.header import Header, extension, item
+from dfd.mesh.file.gltf.materials import GltfMaterials, coordinates
+from dfd.mesh.file.gltf.read import from_below
+from dfd.mesh.file.images import ImageCache
 
 if TYPE_CHECKING:
-    from dfd.mesh.file.gltf_data import GltfData
+    from dfd.mesh.file.gltf.data import GltfData
     from dfd.mesh.file.primitives import Primitive
     from dfd.mesh.mesh import Mesh
 
@@ -130,7 +130,7 @@ class _Reader:
         self.scaled: list[str] = []
         self.coordinates: dict[str, NDArray[np.float32]] = {}
         self._header, self._data, self._rows = header, data, rows
-        self._materials = GltfMaterials(header, data, Pictures(), self.unreadable)
+        self._materials = GltfMaterials(header, data, ImageCache(), self.unreadable)
         self._names: dict[tuple[int, bytes], str] = {}
 
     def surface(self, primitives: Sequence[Primitive], has_picture: bool) -> Surface:

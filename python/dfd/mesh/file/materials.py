@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.mesh.appearance import Appearance, Material, srgb
-from dfd.mesh.file.pictures import MOST_TEXELS
+from dfd.mesh.file.images import MOST_TEXELS
 from dfd.mesh.file.primitives import BareGeometry, Primitive
 
 __all__ = ["read_appearance", "vertex_colors"]

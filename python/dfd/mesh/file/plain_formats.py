@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import struct
 
-from dfd.mesh.file.assets import brief
-from dfd.mesh.file.obj_text import decoded
+from dfd.mesh.file.assets import shortened
+from dfd.mesh.file.obj.text import decoded
 
 __all__ = ["checked"]
 
@@ -60,11 +60,11 @@ def _check_ply(head: str, body: bytes) -> None:
     start = 0
     for element in elements:
         if len(element) < 3 or not element[2].isdigit():
-            raise ValueError(f"it has the malformed line {brief(' '.join(element))}")
+            raise ValueError(f"it has the malformed line {shortened(' '.join(element))}")
         name, count = element[1], int(element[2])
         if start + count > len(lines):
             raise ValueError(
-                f"it should have {count} of {brief(name)}, but is cut off after {len(lines) - start} of them"
+                f"it should have {count} of {shortened(name)}, but is cut off after {len(lines) - start} of them"
             )
         if name == "face" and lists.get(name):
             _check_faces(lines[start : start + count])
@@ -90,7 +90,7 @@ def _check_faces(lines: list[str]) -> None:
         words = line.split()
         corners = int(words[0]) if words[0].isdigit() else -1
         if corners < 3:
-            raise ValueError(f"face {number} has {brief(words[0])} corners, and 3 are needed")
+            raise ValueError(f"face {number} has {shortened(words[0])} corners, and 3 are needed")
         if len(words) <= corners:
             raise ValueError(f"face {number} should have {corners} corners, but {len(words) - 1} are there")
 

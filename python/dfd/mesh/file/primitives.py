@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["BareGeometry", "Geometry", "MovedPrimitive", "Placing", "Primitive", "UniqueNames", "place"]
+__all__ = ["BareGeometry", "Geometry", "MeshInstance", "MovedPrimitive", "Primitive", "UniqueNames", "place"]
 
 # Rows and faces that a scene may place: a file of a few kilobytes can name any number of them.
 _MOST_ROWS = 10**8
@@ -41,7 +41,7 @@ Geometry: TypeAlias = "trimesh.Trimesh | BareGeometry"
 
 
 @dataclass(frozen=True)
-class Placing:
+class MeshInstance:
     """One geometry of one material, and where the scene shows it; one that is shown twice is placed twice."""
 
     part: str  # the scene's part that it belongs to; equal names that follow each other are one part
@@ -84,7 +84,7 @@ class MovedPrimitive:
     moved: bool  # whether any row differs from the file's
 
 
-def place(path: Path, placings: Sequence[Placing]) -> tuple[tuple[Primitive, ...], NDArray[np.float64]]:
+def place(path: Path, instances: Sequence[MeshInstance]) -> tuple[tuple[Primitive, ...], NDArray[np.float64]]:
     """Return the primitives that have faces and the positions (R, 3) of their rows in the scene.
 
     Raises
@@ -97,7 +97,7 @@ def place(path: Path, placings: Sequence[Placing]) -> tuple[tuple[Primitive, ...
     row_count = face_count = 0
     checked: dict[int, tuple[NDArray[np.float64], int]] = {}
     identity = np.eye(4)
-    for each in placings:
+    for each in instances:
         geometry = each.geometry
         if id(geometry) not in checked:
             checked[id(geometry)] = _checked(path, each.name, geometry)

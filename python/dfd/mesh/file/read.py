@@ -12,10 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dfd.mesh.file import glb, obj_read, obj_text, plain_formats
+from dfd.mesh.file import plain_formats
 from dfd.mesh.file.assets import AssetFolder, read_regular
-from dfd.mesh.file.pictures import Pictures
-from dfd.mesh.file.primitives import Placing
+from dfd.mesh.file.gltf import glb
+from dfd.mesh.file.images import ImageCache
+from dfd.mesh.file.obj import read as obj_read
+from dfd.mesh.file.obj import text as obj_text
+from dfd.mesh.file.primitives import MeshInstance
 from dfd.mesh.file.scene_file import SceneFile
 
 # What a format needs is imported where it is read: trimesh alone takes half a second.
@@ -70,17 +73,17 @@ def of_trimesh(source: trimesh.Trimesh | trimesh.Scene) -> SceneFile:
 
     if isinstance(source, trimesh.Trimesh):
         copy = source.copy()
-        placings = [Placing(str(source.metadata.get("name") or "mesh"), "mesh", copy)]
+        instances = [MeshInstance(str(source.metadata.get("name") or "mesh"), "mesh", copy)]
         vertices = np.asarray(copy.vertices, np.float64)
-        return SceneFile.of(None, placings, {}, own_vertices=vertices, own_numbers=np.arange(len(vertices)))
+        return SceneFile.of(None, instances, {}, own_vertices=vertices, own_numbers=np.arange(len(vertices)))
     copies = {name: each.copy() for name, each in source.geometry.items() if isinstance(each, trimesh.Trimesh)}
-    placings = []
+    instances = []
     for node in source.graph.nodes_geometry:
         transform, name = source.graph[node]
         if name in copies:
             matrix = None if np.array_equal(transform, np.eye(4)) else np.asarray(transform, np.float64)
-            placings.append(Placing(str(node), name, copies[name], matrix))
-    return SceneFile.of(None, placings, {})
+            instances.append(MeshInstance(str(node), name, copies[name], matrix))
+    return SceneFile.of(None, instances, {})
 
 
 def _read_bytes(path: Path) -> bytes:
@@ -100,20 +103,21 @@ def _malformed(path: Path, reason: str) -> ValueError:
 
 def _read_obj(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
     text = obj_text.parse(data)
-    placings, looks, numbers, source = obj_read.read(text, path, assets)
-    return SceneFile.of(path, placings, looks, own_vertices=text.positions, own_numbers=numbers, obj=source)
+    instances, looks, numbers, source = obj_read.read(text, path, assets)
+    return SceneFile.of(path, instances, looks, own_vertices=text.positions, own_numbers=numbers, obj=source)
 
 
 def _read_gltf(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
-    from dfd.mesh.file import gltf_header, gltf_read
-    from dfd.mesh.file.gltf_data import GltfData
-    from dfd.mesh.file.gltf_patch import GltfSource
+    from dfd.mesh.file.gltf import header as gltf_header
+    from dfd.mesh.file.gltf import read as gltf_read
+    from dfd.mesh.file.gltf.data import GltfData
+    from dfd.mesh.file.gltf.patch import GltfSource
 
     text, embedded = glb.split(data) if glb.is_glb(data) else (data.removeprefix(codecs.BOM_UTF8), None)
     header = gltf_header.read(path, text, glb=glb.is_glb(data))
     content = GltfData(header, embedded, assets)
-    placings, looks = gltf_read.read(header, content, assets)
-    return SceneFile.of(path, placings, looks, linear=True, gltf=GltfSource(text, header, content))
+    instances, looks = gltf_read.read(header, content, assets)
+    return SceneFile.of(path, instances, looks, linear=True, gltf=GltfSource(text, header, content))
 
 
 def _read_plain(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
@@ -127,23 +131,23 @@ def _read_plain(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
         options = {"file_type": ending[1:], "resolver": _PictureResolver(assets), "process": False}
         loaded: Any = trimesh.load_scene(io.BytesIO(data), **options)
     meshes = [each for each in loaded.geometry.values() if isinstance(each, trimesh.Trimesh)]
-    placings = [Placing(path.stem, path.stem, each) for each in meshes]
-    if ending == ".stl" or len(placings) != 1:
-        return SceneFile.of(path, placings, {})
-    vertices = placings[0].geometry.vertices.view(np.ndarray).astype(np.float64)
-    return SceneFile.of(path, placings, {}, own_vertices=vertices, own_numbers=np.arange(len(vertices)))
+    instances = [MeshInstance(path.stem, path.stem, each) for each in meshes]
+    if ending == ".stl" or len(instances) != 1:
+        return SceneFile.of(path, instances, {})
+    vertices = instances[0].geometry.vertices.view(np.ndarray).astype(np.float64)
+    return SceneFile.of(path, instances, {}, own_vertices=vertices, own_numbers=np.arange(len(vertices)))
 
 
 class _PictureResolver:
     """Gives trimesh the pictures that a PLY file names, and nothing else."""
 
     def __init__(self, assets: AssetFolder) -> None:
-        self._assets, self._pictures = assets, Pictures()
+        self._assets, self._images = assets, ImageCache()
 
     def get(self, name: str) -> bytes:
         try:
             data = self._assets.read(name)
-            self._pictures.open(data)
+            self._images.open(data)
         except (ValueError, OSError):
             self._assets.unreadable.add(name)
             raise

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.file.materials import read_appearance
-from dfd.mesh.file.obj_read import ObjSource
-from dfd.mesh.file.primitives import Placing, Primitive, place
+from dfd.mesh.file.obj.read import ObjSource
+from dfd.mesh.file.primitives import MeshInstance, Primitive, place
 from dfd.mesh.weld import weld
 
 if TYPE_CHECKING:
-    from dfd.mesh.file.gltf_patch import GltfSource
+    from dfd.mesh.file.gltf.patch import GltfSource
 
 __all__ = ["SceneFile"]
 
@@ -49,7 +49,7 @@ class SceneFile:
     def of(
         cls,
         path: Path | None,
-        placings: Sequence[Placing],
+        instances: Sequence[MeshInstance],
         looks: Mapping[int, Material],
         *,
         linear: bool = False,
@@ -64,7 +64,7 @@ class SceneFile:
         ----------
         path
             The file, for errors.
-        placings, looks
+        instances, looks
             What it shows, and the looks of materials by their ids.
         linear
             Whether its vertex colors are.
@@ -79,7 +79,7 @@ class SceneFile:
         ValueError
             If there are no faces or fewer than three distinct vertices, or something is not finite.
         """
-        primitives, positions = place(path or Path("mesh"), placings)
+        primitives, positions = place(path or Path("mesh"), instances)
         geometries = {id(each.geometry): each.geometry for each in primitives}
         local = {key: geometry.faces.view(np.ndarray).astype(np.int32) for key, geometry in geometries.items()}
         corner_faces = np.concatenate([local[id(each.geometry)] + np.int32(each.rows.start) for each in primitives])

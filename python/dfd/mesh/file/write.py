@@ -17,7 +17,10 @@ from trimesh.exchange.stl import export_stl
 
 from dfd.common.files import atomic_write
 from dfd.mesh.appearance import Appearance
-from dfd.mesh.file import gltf_patch, moved_normals, obj_patch, obj_write, visuals
+from dfd.mesh.file import moved_normals, visuals
+from dfd.mesh.file.gltf import patch as gltf_patch
+from dfd.mesh.file.obj import patch as obj_patch
+from dfd.mesh.file.obj import write as obj_write
 from dfd.mesh.file.primitives import MovedPrimitive, UniqueNames
 from dfd.mesh.file.read import ENDINGS
 from dfd.mesh.file.scene_file import SceneFile

@@ -1,4 +1,4 @@
-"""Files from strangers: nothing private is read or written, nothing is waited for, and no number asks for the moon."""
+"""Files from strangers: nothing private is read or written, nothing is waited for, and counts are bounded before anything is allocated."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ import pytest
 from mesh_files import CORNERS, CUBE, Gltf, checkered, header_and_data, obj_cube, textured_quad, write
 from PIL import Image
 
-from dfd.mesh.file import pictures
+from dfd.mesh.file import images
 from dfd.mesh.mesh import Mesh, load
 
 SECRET = b"-----BEGIN OPENSSH PRIVATE KEY----- secret"
@@ -152,8 +152,8 @@ def test_a_picture_too_large_to_decode_is_grey(tmp_path: Path) -> None:
 
 def test_a_picture_is_decoded_once_however_often_it_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     decoded = []
-    original = pictures._decoded
-    monkeypatch.setattr(pictures, "_decoded", lambda data: decoded.append(len(data)) or original(data))
+    original = images._decoded
+    monkeypatch.setattr(images, "_decoded", lambda data: decoded.append(len(data)) or original(data))
     gltf = textured_quad(tmp_path)
     paint = gltf.header["images"][0]
     primitive = gltf.header["meshes"][0]["primitives"][0]
@@ -170,7 +170,7 @@ def test_a_picture_is_decoded_once_however_often_it_is_named(tmp_path: Path, mon
 
 
 def test_all_pictures_of_a_file_share_one_budget(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pictures, "MOST_TEXELS", 100)
+    monkeypatch.setattr(images, "MOST_TEXELS", 100)
     materials, faces = [], []
     for number in range(3):
         Image.new("RGB", (6, 6), (number, 0, 0)).save(tmp_path / f"{number}.png")

@@ -17,10 +17,10 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.mesh.file import glb
-from dfd.mesh.file.gltf_data import GltfData
-from dfd.mesh.file.gltf_header import COMPONENT_TYPES, DRACO, MESHOPT, Header, extension, is_index, objects
-from dfd.mesh.file.pictures import Pictures
+from dfd.mesh.file.gltf import glb
+from dfd.mesh.file.gltf.data import GltfData
+from dfd.mesh.file.gltf.header import COMPONENT_TYPES, DRACO, MESHOPT, Header, extension, is_index, objects
+from dfd.mesh.file.images import ImageCache
 from dfd.mesh.file.primitives import MovedPrimitive
 
 __all__ = ["GltfPatch", "GltfSource", "encode"]
@@ -95,7 +95,7 @@ class GltfPatch:
                     place["byteOffset"] = int(place.get("byteOffset", 0)) + start
 
     def _take_pictures(self) -> None:
-        pictures = Pictures()
+        pictures = ImageCache()
         for index in sorted(_needed_images(self.header)):
             image = self.header["images"][index]
             uri = image.get("uri")

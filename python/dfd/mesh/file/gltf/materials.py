@@ -11,10 +11,10 @@ from PIL import Image
 from trimesh.visual.material import PBRMaterial
 
 from dfd.mesh.appearance import Material, Wrap, srgb
-from dfd.mesh.file.assets import brief
-from dfd.mesh.file.gltf_data import GltfData
-from dfd.mesh.file.gltf_header import Header, extension, item
-from dfd.mesh.file.pictures import Pictures, ktx2_is_readable
+from dfd.mesh.file.assets import shortened
+from dfd.mesh.file.gltf.data import GltfData
+from dfd.mesh.file.gltf.header import Header, extension, item
+from dfd.mesh.file.images import ImageCache, ktx2_is_readable
 
 __all__ = ["GltfMaterials", "Surface", "coordinates"]
 
@@ -36,8 +36,8 @@ class Surface:
 class GltfMaterials:
     """Reads the materials that primitives use, each once, and only the pictures that they show."""
 
-    def __init__(self, header: Header, data: GltfData, pictures: Pictures, unreadable: set[str]) -> None:
-        self._header, self._data, self._pictures, self._unreadable = header, data, pictures, unreadable
+    def __init__(self, header: Header, data: GltfData, pictures: ImageCache, unreadable: set[str]) -> None:
+        self._header, self._data, self._images, self._unreadable = header, data, pictures, unreadable
         self._surfaces: dict[int, Surface] = {}
 
     def of(self, primitive: Header) -> Surface | None:
@@ -89,7 +89,7 @@ class GltfMaterials:
     ) -> tuple[Image.Image | None, NDArray[np.uint8] | None, tuple[Wrap, Wrap]]:
         """Return the picture of a texture, its texels and what lies beyond it; None where it cannot be read."""
         texture = item(self._header, "textures", reference.get("index")) if isinstance(reference, dict) else None
-        failed = [f"the texture of material {brief(name)}"]
+        failed = [f"the texture of material {shortened(name)}"]
         if texture is not None:
             sources = [(each, (extension(texture, each) or {}).get("source")) for each in _OTHER_SOURCES]
             for kind, source in [*sources, ("", texture.get("source"))]:
@@ -97,14 +97,16 @@ class GltfMaterials:
                 if content is None:
                     continue
                 if kind == _BASISU and not ktx2_is_readable():
-                    failed.append(f"the {_BASISU} texture of material {brief(name)} (`pip install dfd[gltf]` reads it)")
+                    failed.append(
+                        f"the {_BASISU} texture of material {shortened(name)} (`pip install dfd[gltf]` reads it)"
+                    )
                     continue
                 try:
-                    image = self._pictures.open(self._data.picture(content))
-                    return image, self._pictures.texels(image), self._wrap(texture)
+                    image = self._images.open(self._data.picture(content))
+                    return image, self._images.texels(image), self._wrap(texture)
                 except (ValueError, OSError):
                     uri = content.get("uri")
-                    failed.append(brief(uri) if isinstance(uri, str) else failed[0])
+                    failed.append(shortened(uri) if isinstance(uri, str) else failed[0])
         self._unreadable.add(failed[-1])
         return None, None, ("repeat", "repeat")
 

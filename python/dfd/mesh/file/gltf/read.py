@@ -13,19 +13,19 @@ from numpy.typing import NDArray
 from trimesh.visual import TextureVisuals
 
 from dfd.mesh.appearance import Material
-from dfd.mesh.file.assets import AssetFolder, brief
-from dfd.mesh.file.gltf_data import GltfData
-from dfd.mesh.file.gltf_header import Header, is_index, objects, primitives
-from dfd.mesh.file.gltf_materials import GltfMaterials
-from dfd.mesh.file.pictures import Pictures
-from dfd.mesh.file.primitives import Placing, UniqueNames
+from dfd.mesh.file.assets import AssetFolder, shortened
+from dfd.mesh.file.gltf.data import GltfData
+from dfd.mesh.file.gltf.header import Header, is_index, objects, primitives
+from dfd.mesh.file.gltf.materials import GltfMaterials
+from dfd.mesh.file.images import ImageCache
+from dfd.mesh.file.primitives import MeshInstance, UniqueNames
 
 __all__ = ["from_below", "read", "triangles", "world_transforms"]
 
 _STRIP, _FAN = 5, 6
 
 
-def read(header: Header, data: GltfData, assets: AssetFolder) -> tuple[list[Placing], dict[int, Material]]:
+def read(header: Header, data: GltfData, assets: AssetFolder) -> tuple[list[MeshInstance], dict[int, Material]]:
     """Return what the scene places, node after node in the file's order, and how it looks.
 
     The looks are those of the geometries' materials, by the materials' ids.
@@ -36,14 +36,14 @@ def read(header: Header, data: GltfData, assets: AssetFolder) -> tuple[list[Plac
         If a primitive that is shown cannot be read.
     """
     shown = world_transforms(header)
-    materials = GltfMaterials(header, data, Pictures(), assets.unreadable)
+    materials = GltfMaterials(header, data, ImageCache(), assets.unreadable)
     looks: dict[int, Material] = {}
     geometries: dict[int, list[tuple[int, str, trimesh.Trimesh]]] = {}
     meshes, names, taken = objects(header, "meshes"), UniqueNames(), UniqueNames()
     of_mesh: dict[int, list[tuple[int, Header]]] = {}
     for mesh, number, primitive in primitives(header):
         of_mesh.setdefault(mesh, []).append((number, primitive))
-    placings: list[Placing] = []
+    instances: list[MeshInstance] = []
     for node in sorted(shown):
         content = header["nodes"][node]
         mesh = content.get("mesh")
@@ -58,8 +58,8 @@ def read(header: Header, data: GltfData, assets: AssetFolder) -> tuple[list[Plac
         part = taken.unique(str(content.get("name") or mesh_name or f"node {node}"))
         transform = None if np.array_equal(shown[node], np.eye(4)) else shown[node]
         for number, name, geometry in geometries[mesh]:
-            placings.append(Placing(part, name, geometry, transform, (node, mesh, number)))
-    return placings, looks
+            instances.append(MeshInstance(part, name, geometry, transform, (node, mesh, number)))
+    return instances, looks
 
 
 def _geometry(
@@ -141,7 +141,7 @@ def world_transforms(header: Header) -> dict[int, NDArray[np.float64]]:
     if scenes:
         index = header.get("scene", 0)
         if not is_index(index, len(scenes)):
-            raise ValueError(f"its scene is {brief(index)}, but there are {len(scenes)}")
+            raise ValueError(f"its scene is {shortened(index)}, but there are {len(scenes)}")
         roots = scenes[index].get("nodes", [])
         if not isinstance(roots, list) or not all(is_index(each, len(nodes)) for each in roots):
             raise ValueError("its scene has nodes that are not there")
@@ -165,9 +165,9 @@ def _local_transform(node: Header, index: int) -> NDArray[np.float64]:
     def numbers(name: str, default: list[float]) -> NDArray[np.float64]:
         values = node.get(name, default)
         if not isinstance(values, list) or len(values) != len(default):
-            raise ValueError(f"node {index} has {name} {brief(values)}")
+            raise ValueError(f"node {index} has {name} {shortened(values)}")
         if not all(isinstance(each, int | float) and not isinstance(each, bool) for each in values):
-            raise ValueError(f"node {index} has {name} {brief(values)}")
+            raise ValueError(f"node {index} has {name} {shortened(values)}")
         return np.array(values, np.float64)
 
     if "matrix" in node:

@@ -14,19 +14,21 @@ from numpy.typing import NDArray
 
 from dfd.mesh.appearance import Material
 from dfd.mesh.file.assets import AssetFolder
-from dfd.mesh.file.obj_text import ObjText, decoded
-from dfd.mesh.file.pictures import Pictures
-from dfd.mesh.file.primitives import BareGeometry, Geometry, Placing
+from dfd.mesh.file.images import ImageCache
+from dfd.mesh.file.obj.text import ObjText, decoded, parse
+from dfd.mesh.file.primitives import BareGeometry, Geometry, MeshInstance
 
 # Many files describe no looks: what these need takes half a second to import.
 if TYPE_CHECKING:
     from PIL import Image
     from trimesh.visual.material import SimpleMaterial
 
-__all__ = ["ObjSource", "libraries", "picture_name", "read", "state_at_faces"]
+__all__ = ["ObjSource", "face_groups", "libraries", "picture_name", "read"]
 
 _PICTURES = ("map_", "bump", "disp", "decal", "refl", "norm")  # how keywords that name one begin
 _OPTIONS = re.compile(r"-(?:imfchan\s+\w+|\w+(?:\s+(?:on|off|[-+]?[\d.]+(?:[eE][-+]?\d+)?))+)\s+")
+
+_GROUP_KEYWORDS = ("g", "o", "usemtl")  # where two kinds have one name, the first is meant
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ class ObjSource:
 
 def read(
     text: ObjText, path: Path, assets: AssetFolder
-) -> tuple[list[Placing], dict[int, Material], NDArray[np.int64], ObjSource]:
+) -> tuple[list[MeshInstance], dict[int, Material], NDArray[np.int64], ObjSource]:
     """Return what the file shows, how it looks, the vertex (R,) of each row, and what is needed to write it again.
 
     Parts are the file's `o`, or its `g` where it has not several `o`; within a part faces are sorted by material. The
@@ -54,7 +56,7 @@ def read(
     """
     materials = _Materials(text, assets)
     part_names, part = _parts(text, path.stem)
-    material_names, material = state_at_faces(text, "usemtl", "")
+    material_names, material = _state_at_faces(text, "usemtl", "")
     known = np.array([name in materials.found for name in material_names], bool)
     material = np.where(known[material], material, -1)  # faces of materials that are nowhere described are alike
     faces = np.flatnonzero(text.sizes >= 3)
@@ -67,7 +69,7 @@ def read(
     bounds = np.flatnonzero(np.diff(key, prepend=-1, append=-1))
     first = np.cumsum(text.sizes) - text.sizes
     corner_rows = np.full(len(text.corners), -1, np.int32)
-    placings, numbers, row_count = [], [], 0
+    instances, numbers, row_count = [], [], 0
     for begin, end in itertools.pairwise(bounds):
         some = order[begin:end]
         where = _ranges(first[some], text.sizes[some])
@@ -81,11 +83,11 @@ def read(
             materials.found.get(material_names[used]) if used >= 0 else None,
         )
         name = part_names[part[some[0]]]
-        placings.append(Placing(name, name, geometry))
+        instances.append(MeshInstance(name, name, geometry))
         numbers.append(rows[:, 0])
         row_count += len(rows)
     vertex = np.concatenate(numbers) if numbers else np.zeros(0, np.int64)
-    return placings, materials.looks, vertex, ObjSource(text.data, path.parent, corner_rows, tuple(map(len, numbers)))
+    return instances, materials.looks, vertex, ObjSource(text.data, path.parent, corner_rows, tuple(map(len, numbers)))
 
 
 def libraries(text: ObjText, assets: AssetFolder) -> list[str]:
@@ -149,17 +151,17 @@ def _ranges(starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> NDArray[np
 def _parts(text: ObjText, default: str) -> tuple[list[str], NDArray[np.int64]]:
     """Return the names of the parts and the part (P,) of each face."""
     for keyword in ("o", "g"):
-        names, part = state_at_faces(text, keyword, default)
+        names, part = _state_at_faces(text, keyword, default)
         if len(part) and (part != part[0]).any():
             return names, part
     for keyword in ("o", "g"):  # one part: whichever names it
-        names, part = state_at_faces(text, keyword, default)
+        names, part = _state_at_faces(text, keyword, default)
         if len(part) and part[0] > 0:
             return names, part
-    return state_at_faces(text, "", default)
+    return _state_at_faces(text, "", default)
 
 
-def state_at_faces(text: ObjText, keyword: str, default: str) -> tuple[list[str], NDArray[np.int64]]:
+def _state_at_faces(text: ObjText, keyword: str, default: str) -> tuple[list[str], NDArray[np.int64]]:
     """Return the names that a keyword gave, `default` first, and which of them holds (P,) at each face."""
     names, numbers, lines, values = [default], {default: 0}, [-1], [0]
     for line, found, name in text.statements:
@@ -190,6 +192,33 @@ def _warn_of_short_faces(text: ObjText, path: Path) -> None:
     )
 
 
+def face_groups(data: bytes) -> dict[str, NDArray[np.int64]]:
+    """Return the vertices (N,) of each group in the text of an OBJ file, ascending, by the group's name.
+
+    Every word of a `g` line names a group, and so does the line as a whole; `o` and `usemtl` lines have one name each.
+    A group has all faces of its name, wherever they are, and goes on where a line of another kind comes between. Faces
+    before the first line of a kind are in no group of that kind, and groups without faces are left out.
+    """
+    text = parse(data)
+    kept = np.repeat(text.sizes >= 3, text.sizes)  # faces of fewer corners are none of the mesh
+    vertices = text.corners[kept, 0]
+    found: dict[str, NDArray[np.int64]] = {}
+    for keyword in _GROUP_KEYWORDS:
+        names, state = _state_at_faces(text, keyword, "")
+        state = np.repeat(state, text.sizes)[kept]
+        order = np.argsort(state, kind="stable")
+        bounds = np.searchsorted(state[order], np.arange(len(names) + 1))
+        lines: dict[str, list[int]] = {}
+        for number, name in enumerate(names):
+            for word in dict.fromkeys([name, *(name.split() if keyword == "g" else [])]):
+                lines.setdefault(word, []).append(number)
+        for name, numbers in lines.items():
+            corners = np.concatenate([order[bounds[number] : bounds[number + 1]] for number in numbers])
+            if name and len(corners):
+                found.setdefault(name, np.unique(vertices[corners]))
+    return found
+
+
 def picture_name(line: str) -> str:
     """Return the picture that a line of an MTL file names, without its options; "" where it names none."""
     keyword, _, rest = line.strip().replace("\t", " ").partition(" ")
@@ -202,7 +231,7 @@ class _Materials:
     def __init__(self, text: ObjText, assets: AssetFolder) -> None:
         self.found: dict[str, SimpleMaterial] = {}
         self.looks: dict[int, Material] = {}
-        self._assets, self._pictures = assets, Pictures()
+        self._assets, self._images = assets, ImageCache()
         self._opened: dict[str, Image.Image] = {}
         used = {name for _, keyword, name in text.statements if keyword == "usemtl"}
         for library in libraries(text, assets):
@@ -223,7 +252,7 @@ class _Materials:
         """Return the bytes of a picture; trimesh asks for them as it comes by, and goes on without."""
         try:
             data = self._assets.read(name)
-            self._opened[name] = self._pictures.open(data)
+            self._opened[name] = self._images.open(data)
         except (ValueError, OSError):
             self._assets.unreadable.add(name)
             raise
@@ -244,7 +273,7 @@ class _Materials:
         material = SimpleMaterial(**described)
         if image is not None:
             try:
-                look = Material((1.0, 1.0, 1.0, 1.0), self._pictures.texels(described["image"]))
+                look = Material((1.0, 1.0, 1.0, 1.0), self._images.texels(described["image"]))
             except ValueError:
                 self._assets.unreadable.add(name)
                 look = Material()

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.mesh.file.assets import AssetFolder
-from dfd.mesh.file.obj_read import ObjSource, libraries, picture_name
-from dfd.mesh.file.obj_text import ObjText, decoded, parse
-from dfd.mesh.file.pictures import Pictures
+from dfd.mesh.file.images import ImageCache
+from dfd.mesh.file.obj.read import ObjSource, libraries, picture_name
+from dfd.mesh.file.obj.text import ObjText, decoded, parse
 from dfd.mesh.weld import weld
 
 __all__ = ["encode"]
@@ -142,7 +142,7 @@ def _copied_libraries(target: Path, text: ObjText, folder: Path, files: dict[str
     They keep their names where nothing else stands there, and are named after `target` where something does.
     """
     assets = AssetFolder(folder / "materials")
-    pictures = Pictures()
+    pictures = ImageCache()
 
     def added(name: str, data: bytes) -> str:
         place = target.with_name(Path(name.replace("\\", "/")).name)

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.mesh.file.assets import AssetFolder, brief
-from dfd.mesh.file.gltf_header import (
+from dfd.mesh.file.assets import AssetFolder, shortened
+from dfd.mesh.file.gltf.header import (
     COMPONENT_TYPES,
     COMPONENTS,
     DRACO,
@@ -86,7 +86,7 @@ class GltfData:
         """Return the items (count, components) of an accessor; normalized integers as the numbers they stand for."""
         accessor = item(self._header, "accessors", index)
         if accessor is None:
-            raise ValueError(f"accessor {brief(index)} is not there")
+            raise ValueError(f"accessor {shortened(index)} is not there")
         values = self._stored(accessor)
         if "sparse" in accessor:
             values = self._replaced(values.copy(), accessor["sparse"], f"accessor {index}")
@@ -209,11 +209,11 @@ def data_uri(uri: str) -> bytes:
     """
     head, _, body = uri.partition(",")
     if not head.endswith(";base64"):
-        raise ValueError(f"{brief(uri)} is not in base 64")
+        raise ValueError(f"{shortened(uri)} is not in base 64")
     try:
         return base64.b64decode(body, validate=False)
     except binascii.Error as error:
-        raise ValueError(f"{brief(uri)} is not in base 64: {error}") from error
+        raise ValueError(f"{shortened(uri)} is not in base 64: {error}") from error
 
 
 def _said(error: Exception) -> str:

@@ -89,7 +89,7 @@ class _MaterialLibrary:
     """The materials of a scene as an MTL file and its textures."""
 
     def __init__(self, stem: str) -> None:
-        self._pictures: dict[str, bytes] = {}
+        self._images: dict[str, bytes] = {}
         self._stem = stem
         self._names: dict[int, str] = {}
         self._taken: set[str] = set()
@@ -99,7 +99,7 @@ class _MaterialLibrary:
     @property
     def files(self) -> dict[str, bytes]:
         """The MTL file and its textures by name; none where no material was added."""
-        return {**self._pictures, f"{self._stem}.mtl": b"".join(self._text)} if self._text else {}
+        return {**self._images, f"{self._stem}.mtl": b"".join(self._text)} if self._text else {}
 
     def add(self, material: Any) -> str | None:
         """Return the name of a material, written when it first comes; None for one that nothing is known of."""
@@ -112,7 +112,7 @@ class _MaterialLibrary:
             files, _ = simple(material).to_obj(name=name)
             text = files.pop(f"{name}.mtl")
             for image, data in files.items():
-                self._pictures[f"{self._stem}_{image}"] = data
+                self._images[f"{self._stem}_{image}"] = data
                 text = text.replace(f"map_Kd {image}".encode(), f"map_Kd {self._stem}_{image}".encode())
             self._text.append(text + b"\n\n")
         return self._names[id(material)]
