@@ -55,8 +55,8 @@ class GltfDocument:
             source = mesh.scene.gltf
         else:
             source = _source_of(as_glb(mesh.vertices, mesh.faces, mesh.scene))
-            instances, looks = gltf_read.read(source.header, source.data, AssetFolder(Path("mesh.glb")))
-            self.scene = SceneFile.of(None, instances, looks, linear=True, gltf=source)
+            instances = gltf_read.read(source.header, source.data, AssetFolder(Path("mesh.glb")))
+            self.scene = SceneFile.of(None, instances, gltf=source)
             self.vertex = _rows_of(self.scene, mesh)
         self._source = source
         self._patch = GltfPatch(source)

@@ -170,10 +170,10 @@ class _Reader:
     ) -> Picture | None:
         if reference is None:
             return None
-        image, texels, wrap = self._materials.texture(reference, named)
+        texels, wrap = self._materials.texture(reference, named)
         key = _key(reference)
         places = [self._places(each, reference) for each in primitives]
-        if image is None or texels is None or all(each is None for each in places):
+        if texels is None or all(each is None for each in places):
             return None
         if key == known:
             return Picture(texels, wrap, BASE)

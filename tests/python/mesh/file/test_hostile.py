@@ -198,7 +198,7 @@ def test_cut_off_text_files_are_refused_wherever_they_end(tmp_path: Path) -> Non
         lines = (tmp_path / f"whole.{ending}").read_text().splitlines(keepends=True)
         assert len(load(tmp_path / f"whole.{ending}").faces) == 12
         for kept in range(len(lines) - 20, len(lines)):
-            with pytest.raises(ValueError, match="cut off after"):
+            with pytest.raises(ValueError, match="is cut off"):
                 load(write(tmp_path / f"cut.{ending}", "".join(lines[:kept])))
         short = "".join(lines).rstrip().rsplit(" ", 1)[0]
         with pytest.raises(ValueError, match="face 11 should have 3 corners, but 2 are there"):

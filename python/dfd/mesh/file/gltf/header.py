@@ -35,6 +35,8 @@ _COLLECTIONS = (
     *("accessors", "animations", "bufferViews", "buffers", "cameras", "images", "materials", "meshes", "nodes"),
     *("samplers", "scenes", "skins", "textures"),
 )
+_LEAST_STRIDE = 4  # bytes
+_MOST_ZEROS = 2**20  # items of an accessor without data, if none with data has more
 _DEEPEST = 1000  # nodes below nodes
 _DEEPEST_JSON = 200  # values inside values
 _MOST_OVERLAP = 8  # times the length of its buffers that a file's views may add up to
@@ -181,7 +183,12 @@ def _check_accessors(header: Header) -> None:
         place = whole(accessor, "bufferView", f"accessor {i}")
         if place >= len(views):
             raise ValueError(f"accessor {i} names bufferView {place}, but there are {len(views)}")
-        stride = whole(views[place], "byteStride", f"bufferView {place}", default=size)
+        stride = whole(views[place], "byteStride", f"bufferView {place}", default=max(size, _LEAST_STRIDE))
+        if stride < max(size, _LEAST_STRIDE):
+            raise ValueError(
+                f"bufferView {place} has the byteStride {stride}, but items of accessor {i} have {size} bytes"
+            )
+        stride = stride if "byteStride" in views[place] else size
         end = (
             whole(accessor, "byteOffset", f"accessor {i}", default=0) + max(count - 1, 0) * stride + size * (count > 0)
         )
@@ -193,7 +200,7 @@ def _check_accessors(header: Header) -> None:
         raise ValueError(f"its accessors add up to {total} bytes of {stored}")
     filled_otherwise = _draco_accessors(header)
     for i, count in unfilled:
-        if count > max(longest, 1000) and i not in filled_otherwise:
+        if count > max(longest, _MOST_ZEROS) and i not in filled_otherwise:
             raise ValueError(f"accessor {i} has {count} items but no data")
 
 
@@ -221,9 +228,6 @@ def _check_primitives(header: Header) -> None:
                 raise ValueError(
                     f"a primitive names accessor {shortened(index)} for its {name}, but there are {len(accessors)}"
                 )
-            accessor = accessors[cast(int, index)]
-            if "bufferView" not in accessor and "sparse" not in accessor and extension(primitive, DRACO) is None:
-                raise ValueError(f"accessor {index}, of {name}, has no data")
 
 
 def _check_nodes(header: Header) -> None:

@@ -7,8 +7,6 @@ from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
-from trimesh.visual.material import PBRMaterial
 
 from dfd.mesh.appearance import Material, Wrap, srgb
 from dfd.mesh.file.assets import shortened
@@ -25,10 +23,9 @@ _OTHER_SOURCES = ("EXT_texture_webp", _BASISU)
 
 @dataclass(frozen=True)
 class Surface:
-    """A material as trimesh writes it and as we show it, with the texture coordinates that it uses."""
+    """A material, with the texture coordinates that it uses."""
 
-    material: PBRMaterial
-    look: Material
+    material: Material
     uv_set: int = 0  # number of the attribute TEXCOORD_n
     uv_transform: NDArray[np.float64] | None = None  # (2, 3) of KHR_texture_transform, on coordinates from the top
 
@@ -60,34 +57,26 @@ class GltfMaterials:
             factor, reference = glossiness.get("diffuseFactor"), glossiness.get("diffuseTexture")
         color = _numbers(factor, 4, 1.0)
         name = str(content.get("name", ""))
-        image: Image.Image | None = None
+        material = Material(name=name, is_default=True)
+        texels: NDArray[np.uint8] | None = None
         wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
         if reference is not None:
-            image, texels, wrap = self.texture(reference, name)
-        look = Material()
-        if reference is None or image is not None:
+            texels, wrap = self.texture(reference, name)
+        if reference is None or texels is not None:
             mode = content.get("alphaMode")
             cutoff = content.get("alphaCutoff")
-            look = Material(
+            material = Material(
                 (*(float(each) for each in srgb(np.array(color[:3]))), min(max(color[3], 0.0), 1.0)),  # type: ignore[arg-type]
-                texels if image is not None else None,
+                texels,
                 wrap,
                 cast(Literal["OPAQUE", "MASK", "BLEND"], mode if mode in ("MASK", "BLEND") else "OPAQUE"),
                 float(cutoff) if isinstance(cutoff, int | float) else 0.5,
+                name,
             )
-        material = PBRMaterial(
-            name=name,
-            baseColorFactor=np.rint(np.clip(color, 0, 1) * 255).astype(np.uint8),
-            baseColorTexture=image,
-            alphaMode=look.alpha_mode if look.alpha_mode != "OPAQUE" else None,
-            alphaCutoff=look.alpha_cutoff if look.alpha_mode == "MASK" else None,
-        )
-        return Surface(material, look, *coordinates(reference))
+        return Surface(material, *coordinates(reference))
 
-    def texture(
-        self, reference: Any, name: str
-    ) -> tuple[Image.Image | None, NDArray[np.uint8] | None, tuple[Wrap, Wrap]]:
-        """Return the picture of a texture, its texels and what lies beyond it; None where it cannot be read."""
+    def texture(self, reference: Any, name: str) -> tuple[NDArray[np.uint8] | None, tuple[Wrap, Wrap]]:
+        """Return the texels of a texture and what lies beyond it; None where it cannot be read."""
         texture = item(self._header, "textures", reference.get("index")) if isinstance(reference, dict) else None
         failed = [f"the texture of material {shortened(name)}"]
         if texture is not None:
@@ -102,13 +91,12 @@ class GltfMaterials:
                     )
                     continue
                 try:
-                    image = self._images.open(self._data.picture(content))
-                    return image, self._images.texels(image), self._wrap(texture)
+                    return self._images.texels(self._images.open(self._data.picture(content))), self._wrap(texture)
                 except (ValueError, OSError):
                     uri = content.get("uri")
                     failed.append(shortened(uri) if isinstance(uri, str) else failed[0])
         self._unreadable.add(failed[-1])
-        return None, None, ("repeat", "repeat")
+        return None, ("repeat", "repeat")
 
     def _wrap(self, texture: Header) -> tuple[Wrap, Wrap]:
         sampler = item(self._header, "samplers", texture.get("sampler")) or {}

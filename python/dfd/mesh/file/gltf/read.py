@@ -8,63 +8,76 @@ from __future__ import annotations
 from typing import Any, cast
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
-from trimesh.visual import TextureVisuals
 
-from dfd.mesh.appearance import Material
+from dfd.common.vectors import unit
+from dfd.mesh.appearance import srgb
 from dfd.mesh.file.assets import AssetFolder, shortened
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import Header, is_index, objects, primitives
 from dfd.mesh.file.gltf.materials import GltfMaterials
+from dfd.mesh.file.gltf.rest import joint_matrices, morph_weights, morphed, skin_transforms
 from dfd.mesh.file.images import ImageCache
-from dfd.mesh.file.primitives import MeshInstance, UniqueNames
+from dfd.mesh.file.materials import rgba
+from dfd.mesh.file.primitives import MOST_INSTANCES, Geometry, MeshInstance, UniqueNames
 
-__all__ = ["from_below", "read", "triangles", "world_transforms"]
+__all__ = ["from_below", "read", "shown_nodes", "triangles", "world_transforms"]
 
 _STRIP, _FAN = 5, 6
 
 
-def read(header: Header, data: GltfData, assets: AssetFolder) -> tuple[list[MeshInstance], dict[int, Material]]:
-    """Return what the scene places, node after node in the file's order, and how it looks.
+def read(header: Header, data: GltfData, assets: AssetFolder, *, at_rest: bool = True) -> list[MeshInstance]:
+    """Return what the scene places, node after node in the file's order.
 
-    The looks are those of the geometries' materials, by the materials' ids.
+    Skins and morph targets are posed as the file has them where it is shown `at_rest`, and left out otherwise.
 
     Raises
     ------
     ValueError, OSError
         If a primitive that is shown cannot be read.
     """
-    shown = world_transforms(header)
+    world, shown = world_transforms(header), shown_nodes(header)
     materials = GltfMaterials(header, data, ImageCache(), assets.unreadable)
-    looks: dict[int, Material] = {}
-    geometries: dict[int, list[tuple[int, str, trimesh.Trimesh]]] = {}
+    geometries: dict[tuple[int, tuple[float, ...]], list[tuple[int, str, Geometry]]] = {}
+    joints: dict[object, NDArray[np.float64] | None] = {}
     meshes, names, taken = objects(header, "meshes"), UniqueNames(), UniqueNames()
     of_mesh: dict[int, list[tuple[int, Header]]] = {}
     for mesh, number, primitive in primitives(header):
         of_mesh.setdefault(mesh, []).append((number, primitive))
     instances: list[MeshInstance] = []
+    identity = np.eye(4)
     for node in sorted(shown):
         content = header["nodes"][node]
         mesh = content.get("mesh")
         if not is_index(mesh, len(meshes)):
             continue
         mesh_name = str(meshes[mesh].get("name") or "")
-        if mesh not in geometries:
-            geometries[mesh] = []
-            for number, primitive in of_mesh.get(mesh, []):
-                geometry = _geometry(primitive, data, materials, looks)
-                geometries[mesh].append((number, names.unique(mesh_name or "mesh"), geometry))
+        weights = morph_weights(content, meshes[mesh]) if at_rest else ()
+        if (mesh, weights) not in geometries:
+            geometries[mesh, weights] = [
+                (number, names.unique(mesh_name or "mesh"), _geometry(primitive, data, materials, weights))
+                for number, primitive in of_mesh.get(mesh, [])
+            ]
         part = taken.unique(str(content.get("name") or mesh_name or f"node {node}"))
-        transform = None if np.array_equal(shown[node], np.eye(4)) else shown[node]
-        for number, name, geometry in geometries[mesh]:
+        skin = content.get("skin") if at_rest else None
+        if skin is not None and skin not in joints:
+            joints[skin] = joint_matrices(header, skin, data, world)
+        placed = None if world[node] is identity or np.array_equal(world[node], identity) else world[node]
+        for number, name, geometry in geometries[mesh, weights]:
+            transform = placed
+            if skin is not None and (matrices := joints[skin]) is not None:
+                primitive = meshes[mesh]["primitives"][number]
+                skinned = skin_transforms(primitive, data, len(geometry.vertices), matrices)
+                transform = placed if skinned is None else skinned
             instances.append(MeshInstance(part, name, geometry, transform, (node, mesh, number)))
-    return instances, looks
+            if len(instances) > MOST_INSTANCES:
+                raise ValueError(f"its scene places more than {MOST_INSTANCES} primitives")
+    return instances
 
 
 def _geometry(
-    primitive: Header, data: GltfData, materials: GltfMaterials, looks: dict[int, Material]
-) -> trimesh.Trimesh:
+    primitive: Header, data: GltfData, materials: GltfMaterials, morph_weights: tuple[float, ...]
+) -> Geometry:
     attributes = primitive["attributes"]
     packed = data.draco(primitive) or {}
 
@@ -79,41 +92,43 @@ def _geometry(
     vertices = packed["POSITION"] if packed else data.accessor(attributes["POSITION"])
     if vertices.shape[1] != 3:
         raise ValueError(f"the positions of a primitive have {vertices.shape[1]} coordinates")
+    vertices = vertices.astype(np.float64)
     if "indices" in packed:
         indices = packed["indices"].ravel()
     elif "indices" in primitive:
-        indices = data.accessor(primitive["indices"]).ravel()
+        indices = data.indices(primitive["indices"])
     else:
         indices = np.arange(len(vertices))
     surface = materials.of(primitive)
-    colors, normals = values("COLOR_0", 0), values("NORMAL", 3)
-    options: dict[str, Any] = {}
-    if surface is not None:
-        looks[id(surface.material)] = surface.look
-        uv = values(f"TEXCOORD_{surface.uv_set}", 2)
-        visual = TextureVisuals(
-            uv=None if uv is None else from_below(uv, surface.uv_transform), material=surface.material
-        )
-        if colors is not None:
-            visual.vertex_attributes["color"] = np.array(colors)
-        options["visual"] = visual
-    elif colors is not None and colors.shape[1] in (3, 4):
-        options["vertex_colors"] = np.array(colors)
+    uv = None if surface is None else values(f"TEXCOORD_{surface.uv_set}", 2)
+    color, colors = values("COLOR_0", 0), None
+    if color is not None and color.shape[1] in (3, 4):
+        colors = rgba(color)
+        colors[:, :3] = srgb(colors[:, :3])
+    normals = values("NORMAL", 3)
     if normals is not None:
-        options["vertex_normals"] = normals.astype(np.float64)
+        normals = normals.astype(np.float64)
+        if (turned := morphed(normals, "NORMAL", primitive, morph_weights, data)) is not normals:
+            normals = unit(turned)
     own = {name: values(name, 0) for name in attributes if name.startswith("_")}
-    return trimesh.Trimesh(
-        vertices.astype(np.float64),
+    shown = morphed(vertices, "POSITION", primitive, morph_weights, data)
+    return Geometry(
+        shown,
         triangles(indices, primitive.get("mode", 4)),
-        vertex_attributes={name: np.array(each) for name, each in own.items() if each is not None},
-        process=False,
-        **options,
+        normals,
+        None if surface is None or uv is None else from_below(uv, surface.uv_transform),
+        colors,
+        material=None if surface is None else surface.material,
+        attributes={name: np.array(each) for name, each in own.items() if each is not None},
+        stored=None if shown is vertices else vertices,
     )
 
 
 def triangles(indices: NDArray[Any], mode: int) -> NDArray[np.int64]:
     """Return the triangles (F, 3) of a list, a strip or a fan."""
     numbers = indices.astype(np.int64)
+    if mode in (_STRIP, _FAN) and len(numbers) < 3:
+        return np.zeros((0, 3), np.int64)
     if mode == _STRIP:
         faces = np.stack([numbers[:-2], numbers[1:-1], numbers[2:]], axis=1)
         faces[1::2] = faces[1::2, [1, 0, 2]]
@@ -135,32 +150,52 @@ def from_below(uv: NDArray[Any], transform: NDArray[np.float64] | None) -> NDArr
     return placed
 
 
-def world_transforms(header: Header) -> dict[int, NDArray[np.float64]]:
-    """Return the nodes of the scene with their transforms (4, 4)."""
-    nodes, scenes = objects(header, "nodes"), objects(header, "scenes")
-    if scenes:
-        index = header.get("scene", 0)
-        if not is_index(index, len(scenes)):
-            raise ValueError(f"its scene is {shortened(index)}, but there are {len(scenes)}")
-        roots = scenes[index].get("nodes", [])
-        if not isinstance(roots, list) or not all(is_index(each, len(nodes)) for each in roots):
-            raise ValueError("its scene has nodes that are not there")
-    else:
-        below = {child for node in nodes for child in node.get("children", [])}
-        roots = [i for i in range(len(nodes)) if i not in below]
-    found: dict[int, NDArray[np.float64]] = {}
-    layer = [(int(root), np.eye(4)) for root in roots]
-    with np.errstate(over="ignore", invalid="ignore"):  # judged where something is shown
-        while layer:
-            node, parent = layer.pop()
-            if node not in found:
-                found[node] = parent @ _local_transform(nodes[node], node)
-                layer.extend((child, found[node]) for child in nodes[node].get("children", []))
+def shown_nodes(header: Header) -> set[int]:
+    """Return the nodes of the scene that is shown."""
+    nodes, found = objects(header, "nodes"), set()
+    layer = _roots(header)
+    while layer:
+        node = layer.pop()
+        if node not in found:
+            found.add(node)
+            layer.extend(nodes[node].get("children", []))
     return found
 
 
-def _local_transform(node: Header, index: int) -> NDArray[np.float64]:
-    """Return the transform (4, 4) of a node from its parent's coordinates: its matrix, or T · R · S."""
+def world_transforms(header: Header) -> dict[int, NDArray[np.float64]]:
+    """Return the transforms (4, 4) of all nodes: joints need not be in the scene."""
+    nodes = objects(header, "nodes")
+    below = {child for node in nodes for child in node.get("children", [])}
+    identity = np.eye(4)
+    found: dict[int, NDArray[np.float64]] = {}
+    layer = [(i, identity) for i in range(len(nodes)) if i not in below]
+    with np.errstate(over="ignore", invalid="ignore"):  # judged where something is shown
+        while layer:
+            node, parent = layer.pop()
+            own = _local_transform(nodes[node], node)
+            found[node] = parent if own is None else own if parent is identity else parent @ own
+            layer.extend((child, found[node]) for child in nodes[node].get("children", []))
+    return found
+
+
+def _roots(header: Header) -> list[int]:
+    nodes, scenes = objects(header, "nodes"), objects(header, "scenes")
+    if not scenes:
+        below = {child for node in nodes for child in node.get("children", [])}
+        return [i for i in range(len(nodes)) if i not in below]
+    index = header.get("scene", 0)
+    if not is_index(index, len(scenes)):
+        raise ValueError(f"its scene is {shortened(index)}, but there are {len(scenes)}")
+    roots = scenes[index].get("nodes", [])
+    if not isinstance(roots, list) or not all(is_index(each, len(nodes)) for each in roots):
+        raise ValueError("its scene has nodes that are not there")
+    return [int(root) for root in roots]
+
+
+def _local_transform(node: Header, index: int) -> NDArray[np.float64] | None:
+    """Return the transform (4, 4) of a node to its parent's coordinates: its matrix, or T · R · S; None without."""
+    if not node.keys() & {"matrix", "translation", "rotation", "scale"}:
+        return None
 
     def numbers(name: str, default: list[float]) -> NDArray[np.float64]:
         values = node.get(name, default)
@@ -173,7 +208,8 @@ def _local_transform(node: Header, index: int) -> NDArray[np.float64]:
     if "matrix" in node:
         return cast("NDArray[np.float64]", numbers("matrix", [0.0] * 16).reshape(4, 4).T)
     result = np.eye(4)
-    result[:3, :3] = _rotation(numbers("rotation", [0.0, 0.0, 0.0, 1.0])) * numbers("scale", [1.0, 1.0, 1.0])
+    if "rotation" in node or "scale" in node:
+        result[:3, :3] = _rotation(numbers("rotation", [0.0, 0.0, 0.0, 1.0])) * numbers("scale", [1.0, 1.0, 1.0])
     result[:3, 3] = numbers("translation", [0.0, 0.0, 0.0])
     return result
 

@@ -7,7 +7,6 @@ import re
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +14,12 @@ from numpy.typing import NDArray
 from dfd.mesh.appearance import Material
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.images import ImageCache
+from dfd.mesh.file.materials import rgba
 from dfd.mesh.file.obj.text import ObjText, decoded, parse
-from dfd.mesh.file.primitives import BareGeometry, Geometry, MeshInstance
+from dfd.mesh.file.polygons import ranges, triangulate
+from dfd.mesh.file.primitives import Geometry, MeshInstance
 
-# Many files describe no looks: what these need takes half a second to import.
-if TYPE_CHECKING:
-    from PIL import Image
-    from trimesh.visual.material import SimpleMaterial
-
-__all__ = ["ObjSource", "face_groups", "libraries", "picture_name", "read"]
+__all__ = ["ObjSource", "face_groups", "libraries", "material_lines", "picture_name", "read"]
 
 _PICTURES = ("map_", "bump", "disp", "decal", "refl", "norm")  # how keywords that name one begin
 _OPTIONS = re.compile(r"-(?:imfchan\s+\w+|\w+(?:\s+(?:on|off|[-+]?[\d.]+(?:[eE][-+]?\d+)?))+)\s+")
@@ -41,23 +37,20 @@ class ObjSource:
     row_counts: tuple[int, ...]  # rows of each primitive
 
 
-def read(
-    text: ObjText, path: Path, assets: AssetFolder
-) -> tuple[list[MeshInstance], dict[int, Material], NDArray[np.int64], ObjSource]:
-    """Return what the file shows, how it looks, the vertex (R,) of each row, and what is needed to write it again.
+def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInstance], NDArray[np.int64], ObjSource]:
+    """Return what the file shows, the vertex (R,) of each row, and what is needed to write it again.
 
-    Parts are the file's `o`, or its `g` where it has not several `o`; within a part faces are sorted by material. The
-    looks are those of the geometries' materials, by the materials' ids.
+    Parts are the file's `o`, or its `g` where it has not several `o`; within a part faces are sorted by material.
 
     Warns
     -----
     UserWarning
         If faces of fewer than three corners are left out.
     """
-    materials = _Materials(text, assets)
+    materials = _materials(text, assets)
     part_names, part = _parts(text, path.stem)
     material_names, material = _state_at_faces(text, "usemtl", "")
-    known = np.array([name in materials.found for name in material_names], bool)
+    known = np.array([name in materials for name in material_names], bool)
     material = np.where(known[material], material, -1)  # faces of materials that are nowhere described are alike
     faces = np.flatnonzero(text.sizes >= 3)
     if len(faces) < len(text.sizes):
@@ -72,22 +65,22 @@ def read(
     instances, numbers, row_count = [], [], 0
     for begin, end in itertools.pairwise(bounds):
         some = order[begin:end]
-        where = _ranges(first[some], text.sizes[some])
+        where = ranges(first[some], text.sizes[some])
         rows, inverse = _distinct(text.corners[where])
         corner_rows[where] = inverse + row_count
         used = material[some[0]]
         geometry = _geometry(
             text,
             rows,
-            inverse[_fans(text.sizes[some])],
-            materials.found.get(material_names[used]) if used >= 0 else None,
+            inverse[triangulate(text.positions, text.corners[where, 0], text.sizes[some])],
+            materials.get(material_names[used]) if used >= 0 else None,
         )
         name = part_names[part[some[0]]]
         instances.append(MeshInstance(name, name, geometry))
         numbers.append(rows[:, 0])
         row_count += len(rows)
     vertex = np.concatenate(numbers) if numbers else np.zeros(0, np.int64)
-    return instances, materials.looks, vertex, ObjSource(text.data, path.parent, corner_rows, tuple(map(len, numbers)))
+    return instances, vertex, ObjSource(text.data, path.parent, corner_rows, tuple(map(len, numbers)))
 
 
 def libraries(text: ObjText, assets: AssetFolder) -> list[str]:
@@ -98,28 +91,18 @@ def libraries(text: ObjText, assets: AssetFolder) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def _geometry(
-    text: ObjText, rows: NDArray[np.int64], faces: NDArray[np.int64], material: SimpleMaterial | None
-) -> Geometry:
+def _geometry(text: ObjText, rows: NDArray[np.int64], faces: NDArray[np.int64], material: Material | None) -> Geometry:
     """Return a geometry of distinct vertices, textures and normals (R, 3) and triangles of them (F, 3)."""
-    positions = text.positions[rows[:, 0]]
     normals = text.normals[rows[:, 2]] if len(text.normals) and (rows[:, 2] >= 0).all() else None
     textured = bool((rows[:, 1] >= 0).any())
-    if material is None and text.colors is None and not textured:
-        return BareGeometry(positions, faces, normals)
-    import trimesh
-    from trimesh.visual import TextureVisuals
-
-    options: dict[str, Any] = {} if normals is None else {"vertex_normals": normals}
-    colors = None if text.colors is None else np.rint(text.colors[rows[:, 0]].clip(0, 1) * 255).astype(np.uint8)
-    if material is not None or textured:
-        uv = np.where(rows[:, 1:2] >= 0, text.uv[rows[:, 1]], 0) if textured else None
-        options["visual"] = TextureVisuals(uv=uv, material=material)
-        if colors is not None:
-            options["visual"].vertex_attributes["color"] = colors
-    elif colors is not None:
-        options["vertex_colors"] = colors
-    return trimesh.Trimesh(positions, faces, process=False, **options)
+    return Geometry(
+        text.positions[rows[:, 0]],
+        faces,
+        normals,
+        np.where(rows[:, 1:2] >= 0, text.uv[rows[:, 1]], 0) if textured else None,
+        None if text.colors is None else rgba(text.colors[rows[:, 0]]),
+        material=material,
+    )
 
 
 def _distinct(corners: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -132,20 +115,6 @@ def _distinct(corners: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np
         return corners[first], inverse
     rows, inverse = np.unique(corners, axis=0, return_inverse=True)
     return rows, inverse.ravel()
-
-
-def _fans(sizes: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the corners (F, 3) of the triangles of polygons whose corners follow each other."""
-    first = np.cumsum(sizes) - sizes
-    start = np.repeat(first, sizes - 2)
-    step = _ranges(np.zeros(len(sizes), np.int64), sizes - 2)
-    return np.stack([start, start + step + 1, start + step + 2], axis=1)
-
-
-def _ranges(starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the whole numbers from each start on, as many as its length says, one range after the other."""
-    before = np.cumsum(lengths) - lengths
-    return np.repeat(starts - before, lengths) + np.arange(int(lengths.sum()))
 
 
 def _parts(text: ObjText, default: str) -> tuple[list[str], NDArray[np.int64]]:
@@ -225,72 +194,56 @@ def picture_name(line: str) -> str:
     return _OPTIONS.sub("", rest).strip() if keyword.lower().startswith(_PICTURES) else ""
 
 
-class _Materials:
-    """The materials that an OBJ file uses, from the MTL files that it names."""
-
-    def __init__(self, text: ObjText, assets: AssetFolder) -> None:
-        self.found: dict[str, SimpleMaterial] = {}
-        self.looks: dict[int, Material] = {}
-        self._assets, self._images = assets, ImageCache()
-        self._opened: dict[str, Image.Image] = {}
-        used = {name for _, keyword, name in text.statements if keyword == "usemtl"}
-        for library in libraries(text, assets):
-            try:
-                content = decoded(assets.read(library))
-            except (ValueError, OSError):
-                assets.unreadable.add(library)
-                continue
-            lines = _of_materials(content, used - set(self.found))
-            if not lines:
-                continue
-            from trimesh.exchange.obj import parse_mtl
-
-            for name, described in parse_mtl(lines, resolver=self).items():
-                self.found[name] = self._material(described)
-
-    def get(self, name: str) -> bytes:
-        """Return the bytes of a picture; trimesh asks for them as it comes by, and goes on without."""
+def _materials(text: ObjText, assets: AssetFolder) -> dict[str, Material]:
+    """Return the materials that the file uses, by name, from the MTL files that it names."""
+    images, found = ImageCache(), {}
+    used = {name for _, keyword, name in text.statements if keyword == "usemtl"}
+    for library in libraries(text, assets):
         try:
-            data = self._assets.read(name)
-            self._opened[name] = self._images.open(data)
+            content = decoded(assets.read(library))
         except (ValueError, OSError):
-            self._assets.unreadable.add(name)
-            raise
-        return data
+            assets.unreadable.add(library)
+            continue
+        for name, lines in material_lines(content).items():
+            if name in used and name not in found:
+                found[name] = _material(name, lines, assets, images)
+    return found
 
-    def _material(self, described: dict[str, Any]) -> SimpleMaterial:
-        """Return a material and note how it looks: its texture alone, or else its diffuse color.
 
-        Programs disagree about the product of the two.
-        """
-        from trimesh.visual.material import SimpleMaterial
+def _material(name: str, lines: list[str], assets: AssetFolder, images: ImageCache) -> Material:
+    """Return a material as it is shown: its texture alone, or else its diffuse color.
 
-        image = described.pop("image", None)
-        if image is not None:
-            name = image.info["file_path"]
-            described["image"] = self._opened[name]
-            described["image"].info["file_path"] = name
-        material = SimpleMaterial(**described)
-        if image is not None:
+    Programs disagree about the product of the two.
+    """
+    color = picture = None
+    for line in lines:
+        keyword, *words = line.split()
+        if keyword.lower() == "kd" and len(words) >= 3:
             try:
-                look = Material((1.0, 1.0, 1.0, 1.0), self._images.texels(described["image"]))
+                color = np.clip([float(word) for word in words[:3]], 0, 1)
             except ValueError:
-                self._assets.unreadable.add(name)
-                look = Material()
-            self.looks[id(material)] = look
-        elif "map_kd" in described:
-            self.looks[id(material)] = Material()
-        return material
+                continue
+        elif keyword.lower() == "map_kd":
+            picture = picture_name(line) or picture
+    if picture is not None:
+        try:
+            return Material((1.0, 1.0, 1.0, 1.0), images.texels(images.open(assets.read(picture))), name=name)
+        except (ValueError, OSError):
+            assets.unreadable.add(picture)
+    if picture is not None or color is None or not np.isfinite(color).all():
+        return Material(name=name, is_default=True)
+    red, green, blue = color.tolist()
+    return Material((red, green, blue, 1.0), name=name)
 
 
-def _of_materials(content: str, names: set[str]) -> str:
-    """Return the lines of an MTL file that describe materials of these names, without options of textures."""
-    lines, inside = [], False
+def material_lines(content: str) -> dict[str, list[str]]:
+    """Return the lines of each material of an MTL file, without the one that names it."""
+    found: dict[str, list[str]] = {}
+    lines: list[str] = []
     for line in content.splitlines():
-        keyword, _, rest = line.strip().replace("\t", " ").partition(" ")
-        keyword, rest = keyword.lower(), " ".join(rest.split()) if keyword == "newmtl" else rest
-        if keyword == "newmtl":
-            inside = rest in names
-        if inside:
-            lines.append(f"map_Kd {picture_name(line)}" if keyword == "map_kd" else line)
-    return "\n".join(lines)
+        words = line.split()
+        if words and words[0].lower() == "newmtl":
+            lines = found.setdefault(" ".join(words[1:]), [])
+        elif words and not words[0].startswith("#"):
+            lines.append(line.strip())
+    return found
