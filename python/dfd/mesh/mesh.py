@@ -170,8 +170,8 @@ class Mesh:
             if name in others:
                 faces = [self.faces[each].ravel() for each in others[name]]
                 return np.unique(np.concatenate(faces)).astype(np.int64)
-        known = ", ".join(self.part_names[:20]) + (", …" if self.part_count > 20 else "")
-        raise ValueError(f"Mesh.part_vertices: `name` must be a part of the scene ({known}), got {name!r}")
+        known = ", ".join(each[:30] for each in self.part_names[:20]) + (", …" if self.part_count > 20 else "")
+        raise ValueError(f"Mesh.part_vertices: `name` must be a part of the scene ({known}), got {name!r:.60}")
 
     @cached_property
     def _other_names(self) -> tuple[dict[str, list[slice]], dict[str, list[slice]]]:
@@ -203,9 +203,13 @@ class Mesh:
         if name in self._groups:
             return np.unique(self.representative[self._groups[name]]).astype(np.int64)
         if not self._groups:
-            raise ValueError(f"Mesh.group_vertices: `name` must be a face group, and the mesh has none, got {name!r}")
-        known = ", ".join(self.group_names[:20]) + (", …" if len(self._groups) > 20 else "")
-        raise ValueError(f"Mesh.group_vertices: `name` must be a face group of the file ({known}), got {name!r}")
+            raise ValueError(
+                f"Mesh.group_vertices: `name` must be a face group, and the mesh has none, got {name!r:.60}"
+            )
+        known = ", ".join(each[:30] for each in self.group_names[:20]) + (", …" if len(self._groups) > 20 else "")
+        raise ValueError(
+            f"Mesh.group_vertices: `name` must be a face group of the file ({known}), got {name!r:.60}"
+        )
 
     @cached_property
     def _groups(self) -> dict[str, NDArray[np.int64]]:

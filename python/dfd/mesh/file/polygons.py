@@ -31,12 +31,12 @@ def triangulate(
     -------
     Numbers of corners, in the polygons' order: size - 2 triangles for each.
     """
+    if not (sizes > 3).any():
+        return np.arange(len(corners)).reshape(-1, 3)
     first = np.cumsum(sizes) - sizes
     start = np.repeat(first, sizes - 2)
     step = ranges(np.zeros(len(sizes), np.int64), sizes - 2)
     triangles = np.stack([start, start + step + 1, start + step + 2], axis=1)
-    if not (sizes > 3).any():
-        return triangles
     concave = _concave(positions, corners, sizes, first)
     if len(concave):
         begins = np.cumsum(sizes - 2) - (sizes - 2)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dfd.common.vectors import unit
 from dfd.mesh.appearance import Material
+from dfd.mesh.file.assets import shortened
 
 # trimesh takes half a second to import; most files are read without it.
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["Geometry", "MeshInstance", "MovedPrimitive", "Primitive", "UniqueNames", "place"]
 
 MOST_ROWS = 10**8  # vertices or faces that a scene may place: a file of a few kilobytes can name any number of them
-MOST_INSTANCES = 250_000  # primitives that a scene may place
+MOST_INSTANCES = 20_000  # primitives of a glTF file's scene: more take seconds to read
 
 Float64 = NDArray[np.float64]
 
@@ -99,6 +100,9 @@ class Primitive:
     def mirrored(self) -> bool:
         """Whether the scene shows the geometry inside out."""
         linear = self.transform[..., :3, :3]
+        if linear.ndim == 2:
+            (a, b, c), (d, e, f), (g, h, i) = linear.tolist()
+            return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) < 0
         with np.errstate(over="ignore", invalid="ignore"):
             return bool(np.mean(np.linalg.det(linear) < 0) > 0.5)  # of a skin, most of its rows
 
@@ -129,8 +133,6 @@ def place(path: Path, instances: Sequence[MeshInstance]) -> tuple[tuple[Primitiv
     row_count = face_count = 0
     checked: set[int] = set()
     identity = np.eye(4)
-    if len(instances) > MOST_INSTANCES:
-        raise ValueError(f"load: `path` {path} places {len(instances)} primitives, and {MOST_INSTANCES} can be read")
     for each in instances:
         geometry, size = each.geometry, len(each.geometry.faces)
         if size == 0:
@@ -140,7 +142,7 @@ def place(path: Path, instances: Sequence[MeshInstance]) -> tuple[tuple[Primitiv
             checked.add(id(geometry))
         if each.transform is not None and not np.isfinite(each.transform).all():
             raise ValueError(
-                f"load: `path` {path} must place its parts by finite transforms, got {each.part!r} without"
+                f"load: `path` {path} must place its parts by finite transforms, got {shortened(each.part)} without"
             )
         rows = slice(row_count, row_count + len(geometry.vertices))
         faces = slice(face_count, face_count + size)
@@ -167,12 +169,13 @@ def _check(path: Path, name: str, geometry: Geometry) -> None:
     if not finite.all():
         row, axis = np.argwhere(~finite)[0]
         raise ValueError(
-            f"load: `path` {path} must hold finite coordinates, got {vertices[row, axis]} at vertex {row} of {name!r}"
+            f"load: `path` {path} must hold finite coordinates, got {vertices[row, axis]} at vertex {row} "
+            f"of {shortened(name)}"
         )
     low, high = int(faces.min()), int(faces.max())
     if low < 0 or high >= len(vertices):
         raise ValueError(
-            f"load: `path` {path} must have faces between vertices 0 … {len(vertices) - 1} of {name!r}, "
+            f"load: `path` {path} must have faces between vertices 0 … {len(vertices) - 1} of {shortened(name)}, "
             f"got {low if low < 0 else high}"
         )
 

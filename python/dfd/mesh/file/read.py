@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ENDINGS", "of_trimesh", "read"]
 
+_MOST_NAMED = 5  # files that could not be read, in a warning
 ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
 
 
@@ -62,7 +63,8 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
         reason = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
         raise _malformed(path, reason) from error
     if assets.unreadable:
-        names = ", ".join(sorted(assets.unreadable))
+        names = ", ".join(each[:100] for each in sorted(assets.unreadable)[:_MOST_NAMED])
+        names += ", …" if len(assets.unreadable) > _MOST_NAMED else ""
         warnings.warn(
             f"load: `path` {path} names {names}, which could not be read; what it would color is grey",
             stacklevel=3,

@@ -84,9 +84,12 @@ class SceneFile:
         primitives, positions = place(path or Path("mesh"), instances)
         local: dict[tuple[int, bool], NDArray[np.int32]] = {}
         numbered = []
+        mirrored: dict[int, bool] = {}  # by the ids of transforms, of which many primitives share the identity
         for each in primitives:
             # a mirror turns triangles inside out: glTF 2.0, section 3.7.4
-            key = (id(each.geometry), each.mirrored)
+            if id(each.transform) not in mirrored:
+                mirrored[id(each.transform)] = each.mirrored
+            key = (id(each.geometry), mirrored[id(each.transform)])
             if key not in local:
                 faces = each.geometry.faces.astype(np.int32)
                 local[key] = faces[:, [0, 2, 1]] if key[1] else faces

@@ -18,7 +18,7 @@ from trimesh.exchange.ply import export_ply
 from trimesh.exchange.stl import export_stl
 
 from dfd.common.files import atomic_write
-from dfd.mesh.appearance import Appearance
+from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.file import moved_normals
 from dfd.mesh.file.gltf import patch as gltf_patch
 from dfd.mesh.file.in_trimesh import to_trimesh
@@ -144,7 +144,8 @@ def _encode_ply(
 ) -> bytes:
     """One part stays as it is; several, and textures, which PLY has no room for, become colored vertices."""
     first = moved[0].primitive
-    if len(moved) == 1 and (first.geometry.uv is None or getattr(first.geometry.material, "texture", None) is None):
+    material = first.geometry.material or Material(is_default=True)
+    if len(moved) == 1 and (first.geometry.uv is None or (material.texture is None and not material.is_default)):
         normals = None if moved[0].normals is None else first.normals_to_scene(moved[0].normals)
         turned = replace(first.geometry, faces=scene.local_faces(first).astype(np.int64))
         placed = first.to_scene(moved[0].vertices)  # rows that no face uses have no vertex of the mesh

@@ -16,7 +16,7 @@ from dfd.mesh.file.assets import AssetFolder, shortened
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import Header, is_index, objects, primitives
 from dfd.mesh.file.gltf.materials import GltfMaterials
-from dfd.mesh.file.gltf.rest import joint_matrices, morph_weights, morphed, skin_transforms
+from dfd.mesh.file.gltf.rest import closed_seams, joint_matrices, morph_weights, morphed, skin_transforms
 from dfd.mesh.file.images import ImageCache
 from dfd.mesh.file.materials import rgba
 from dfd.mesh.file.primitives import MOST_INSTANCES, Geometry, MeshInstance, UniqueNames
@@ -63,16 +63,29 @@ def read(header: Header, data: GltfData, assets: AssetFolder, *, at_rest: bool =
         if skin is not None and skin not in joints:
             joints[skin] = joint_matrices(header, skin, data, world)
         placed = None if world[node] is identity or np.array_equal(world[node], identity) else world[node]
+        matrices = joints[skin] if skin is not None else None
+        skinned = {} if matrices is None else _skinned(geometries[mesh, weights], meshes[mesh], data, matrices)
         for number, name, geometry in geometries[mesh, weights]:
-            transform = placed
-            if skin is not None and (matrices := joints[skin]) is not None:
-                primitive = meshes[mesh]["primitives"][number]
-                skinned = skin_transforms(primitive, data, len(geometry.vertices), matrices)
-                transform = placed if skinned is None else skinned
-            instances.append(MeshInstance(part, name, geometry, transform, (node, mesh, number)))
+            instances.append(MeshInstance(part, name, geometry, skinned.get(number, placed), (node, mesh, number)))
             if len(instances) > MOST_INSTANCES:
                 raise ValueError(f"its scene places more than {MOST_INSTANCES} primitives")
     return instances
+
+
+def _skinned(
+    primitives: list[tuple[int, str, Geometry]], mesh: Header, data: GltfData, matrices: NDArray[np.float64]
+) -> dict[int, NDArray[np.float64]]:
+    """Return the transforms (rows, 4, 4) of the primitives of a node that have weights, by their numbers."""
+    found = {}
+    for number, _, geometry in primitives:
+        transforms = skin_transforms(mesh["primitives"][number], data, len(geometry.vertices), matrices)
+        if transforms is not None:
+            found[number] = transforms
+    kept = [geometry.vertices for number, _, geometry in primitives if number in found]
+    if kept and sum(map(len, kept)):
+        joined = closed_seams(np.concatenate(kept), np.concatenate(list(found.values())))
+        found = dict(zip(found, np.split(joined, np.cumsum([len(each) for each in kept])[:-1]), strict=True))
+    return found
 
 
 def _geometry(

@@ -14,8 +14,11 @@ from numpy.typing import NDArray
 from dfd.mesh.file.assets import shortened
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import Header, is_index, objects
+from dfd.mesh.weld import weld
 
-__all__ = ["joint_matrices", "morph_weights", "morphed", "skin_transforms"]
+__all__ = ["closed_seams", "joint_matrices", "morph_weights", "morphed", "skin_transforms"]
+
+_SEAM = 1e-4  # of the largest side: rows of one place that a skin takes no further apart are one vertex
 
 Float64 = NDArray[np.float64]
 
@@ -109,3 +112,18 @@ def skin_transforms(primitive: Header, data: GltfData, rows: int, matrices: Floa
         blended = np.where(total[:, None] > 0, blended / np.where(total > 0, total, 1)[:, None], flat[0])
     blended[:, 12:] = (0, 0, 0, 1)
     return blended.reshape(-1, 4, 4)
+
+
+def closed_seams(positions: Float64, transforms: Float64) -> Float64:
+    """Return the transforms (rows, 4, 4) with those of rows at one position alike, where they differ by rounding.
+
+    Along seams of texture or normals a file has several rows of a vertex, whose weights were rounded one by one.
+    """
+    finite = np.isfinite(positions).all() and np.isfinite(transforms).all()
+    if not finite:
+        return transforms  # refused where vertices are placed
+    first, vertex = weld(positions)
+    placed = np.einsum("nij,nj->ni", transforms[:, :3, :3], positions) + transforms[:, :3, 3]
+    leader = first[vertex]
+    near = np.abs(placed - placed[leader]).max(axis=1) <= _SEAM * np.ptp(placed, axis=0).max()
+    return transforms[np.where(near, leader, np.arange(len(leader)))]
