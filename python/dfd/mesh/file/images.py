@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = ["MOST_TEXELS", "ImageCache", "is_ktx2", "ktx2_is_readable"]
 
-MOST_TEXELS = 2**27  # of all decoded pictures of a file: 512 MiB as RGBA, eight of 4096 × 4096
+MOST_TEXELS = 2**26  # of all decoded pictures of a file: 256 MiB as RGBA, four of 4096 × 4096
 _KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
 
 
