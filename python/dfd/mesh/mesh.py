@@ -207,9 +207,7 @@ class Mesh:
                 f"Mesh.group_vertices: `name` must be a face group, and the mesh has none, got {name!r:.60}"
             )
         known = ", ".join(each[:30] for each in self.group_names[:20]) + (", …" if len(self._groups) > 20 else "")
-        raise ValueError(
-            f"Mesh.group_vertices: `name` must be a face group of the file ({known}), got {name!r:.60}"
-        )
+        raise ValueError(f"Mesh.group_vertices: `name` must be a face group of the file ({known}), got {name!r:.60}")
 
     @cached_property
     def _groups(self) -> dict[str, NDArray[np.int64]]:

@@ -102,7 +102,7 @@ class Primitive:
         linear = self.transform[..., :3, :3]
         if linear.ndim == 2:
             (a, b, c), (d, e, f), (g, h, i) = linear.tolist()
-            return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) < 0
+            return bool(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) < 0)
         with np.errstate(over="ignore", invalid="ignore"):
             return bool(np.mean(np.linalg.det(linear) < 0) > 0.5)  # of a skin, most of its rows
 
