@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dfd.mesh.appearance import Material
-from dfd.mesh.file import plain_formats, ply
 from dfd.mesh.file.assets import AssetFolder, read_regular
 from dfd.mesh.file.gltf import glb
 from dfd.mesh.file.obj import read as obj_read
 from dfd.mesh.file.obj import text as obj_text
+from dfd.mesh.file.plain import off_stl, ply
 from dfd.mesh.file.primitives import MeshInstance, UniqueNames
 from dfd.mesh.file.scene_file import SceneFile
 
@@ -142,13 +142,13 @@ def _read_ply(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
 
 
 def _read_off(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
-    geometry = plain_formats.read_off(data)
+    geometry = off_stl.read_off(data)
     instances, numbers = [MeshInstance(path.stem, path.stem, geometry)], np.arange(len(geometry.vertices))
     return SceneFile.of(path, instances, own_vertices=geometry.vertices, own_numbers=numbers)
 
 
 def _read_stl(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
-    solids, names = plain_formats.read_stl(data), UniqueNames()
+    solids, names = off_stl.read_stl(data), UniqueNames()
     several = len(solids) > 1
     parts = [(names.unique((several and name) or path.stem), each) for name, each in solids]
     return SceneFile.of(path, [MeshInstance(name, name, each) for name, each in parts])
