@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 __all__ = ["Geometry", "MeshInstance", "MovedPrimitive", "Primitive", "UniqueNames", "place"]
 
 MOST_ROWS = 10**8  # vertices or faces that a scene may place: a file of a few kilobytes can name any number of them
-MOST_INSTANCES = 20_000  # primitives of a glTF file's scene: more take seconds to read
+MOST_PRIMITIVES = 20_000  # of a glTF file that are shown: more take seconds to read
+MOST_INSTANCES = 100_000  # primitives that the scene of a glTF file places
 
 Float64 = NDArray[np.float64]
 

@@ -286,9 +286,12 @@ def test_a_falloff_that_is_none_is_named() -> None:
 
 def test_a_scene_of_too_many_primitives_is_refused(tmp_path: Path) -> None:
     gltf = cube()
-    gltf.header["nodes"] = [{"mesh": 0}] * 20_001
-    gltf.header["scenes"] = [{"nodes": list(range(20_001))}]
-    assert "its scene places more than 20000 primitives" in refusal(gltf, tmp_path)
+    gltf.header["nodes"] = [{"mesh": 0}] * 100_001
+    gltf.header["scenes"] = [{"nodes": list(range(100_001))}]
+    assert "its scene places more than 100000 primitives" in refusal(gltf, tmp_path)
+    gltf = cube()
+    gltf.header["meshes"][0]["primitives"] *= 20_001
+    assert "its scene shows more than 20000 primitives" in refusal(gltf, tmp_path)
 
 
 def test_a_picture_beyond_the_budget_is_not_decoded(tmp_path: Path) -> None:

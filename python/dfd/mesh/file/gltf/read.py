@@ -19,7 +19,7 @@ from dfd.mesh.file.gltf.materials import GltfMaterials
 from dfd.mesh.file.gltf.rest import closed_seams, joint_matrices, morph_weights, morphed, skin_transforms
 from dfd.mesh.file.images import ImageCache
 from dfd.mesh.file.materials import rgba
-from dfd.mesh.file.primitives import MOST_INSTANCES, Geometry, MeshInstance, UniqueNames
+from dfd.mesh.file.primitives import MOST_INSTANCES, MOST_PRIMITIVES, Geometry, MeshInstance, UniqueNames
 
 __all__ = ["from_below", "read", "shown_nodes", "triangles", "world_transforms"]
 
@@ -45,6 +45,7 @@ def read(header: Header, data: GltfData, assets: AssetFolder, *, at_rest: bool =
     for mesh, number, primitive in primitives(header):
         of_mesh.setdefault(mesh, []).append((number, primitive))
     instances: list[MeshInstance] = []
+    read_count = 0
     identity = np.eye(4)
     for node in sorted(shown):
         content = header["nodes"][node]
@@ -54,6 +55,9 @@ def read(header: Header, data: GltfData, assets: AssetFolder, *, at_rest: bool =
         mesh_name = str(meshes[mesh].get("name") or "")
         weights = morph_weights(content, meshes[mesh]) if at_rest else ()
         if (mesh, weights) not in geometries:
+            read_count += len(of_mesh.get(mesh, []))
+            if read_count > MOST_PRIMITIVES:
+                raise ValueError(f"its scene shows more than {MOST_PRIMITIVES} primitives")
             geometries[mesh, weights] = [
                 (number, names.unique(mesh_name or "mesh"), _geometry(primitive, data, materials, weights))
                 for number, primitive in of_mesh.get(mesh, [])
@@ -67,8 +71,8 @@ def read(header: Header, data: GltfData, assets: AssetFolder, *, at_rest: bool =
         skinned = {} if matrices is None else _skinned(geometries[mesh, weights], meshes[mesh], data, matrices)
         for number, name, geometry in geometries[mesh, weights]:
             instances.append(MeshInstance(part, name, geometry, skinned.get(number, placed), (node, mesh, number)))
-            if len(instances) > MOST_INSTANCES:
-                raise ValueError(f"its scene places more than {MOST_INSTANCES} primitives")
+        if len(instances) > MOST_INSTANCES:
+            raise ValueError(f"its scene places more than {MOST_INSTANCES} primitives")
     return instances
 
 
