@@ -38,10 +38,13 @@ def read_features(path: Path, named: str) -> NDArray[Any]:
     if path.suffix.lower() == ".pt":
         return _read_tensor(path, named)
     try:
-        with path.open("rb") as stream:
-            return np.lib.format.read_array(stream, allow_pickle=False)
-    except (ValueError, EOFError) as error:
-        raise ValueError(f"{named} must be an .npy file of numbers, but {path} is not: {error}") from None
+        # mapped, a header that promises more than the file holds is refused before any memory is asked for
+        return np.array(np.lib.format.open_memmap(path, mode="r"))
+    except OSError:
+        raise
+    except Exception as error:  # of the header's text: SyntaxError, TokenError, TypeError and more
+        reason = " ".join(str(error).split())[:200]
+        raise ValueError(f"{named} must be an .npy file of numbers, but {path} is not: {reason}") from None
 
 
 def _read_tensor(path: Path, named: str) -> NDArray[Any]:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.mesh.file.assets import brief
+from dfd.mesh.file.assets import shortened
 
 __all__ = ["ObjText", "Tokens", "decoded", "parse"]
 
@@ -203,7 +203,7 @@ def _values(tokens: Tokens, keyword: str, at_least: int) -> tuple[NDArray[np.flo
     if values is None:
         words = (tokens.text[start:end] for start, end in zip(tokens.starts, tokens.ends, strict=True))
         wrong = next((word for word in words if not _is_number(word)), b"")
-        raise ValueError(f"its {keyword!r} lines hold {brief(decoded(wrong))}, which is no number")
+        raise ValueError(f"its {keyword!r} lines hold {shortened(decoded(wrong))}, which is no number")
     return values, first
 
 
@@ -294,4 +294,4 @@ def _corners(
 def _bad_face(faces: Tokens, word: int, what: str) -> ValueError:
     line = int(np.searchsorted(np.cumsum(faces.counts), word, side="right"))
     found = decoded(faces.text[faces.starts[word] : faces.ends[word]])
-    return ValueError(f"line {faces.lines[line] + 1}: the corner {brief(found)} of a face {what}")
+    return ValueError(f"line {faces.lines[line] + 1}: the corner {shortened(found)} of a face {what}")

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mesh_files import CORNERS, CUBE, write
 
-from dfd.mesh.file.obj_groups import face_groups
+from dfd.mesh.file.obj.read import face_groups
 from dfd.mesh.mesh import Mesh, load
 
 HOUSE = """mtllib nowhere.mtl

@@ -17,10 +17,10 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.mesh.file import glb
-from dfd.mesh.file.gltf_data import GltfData
-from dfd.mesh.file.gltf_header import COMPONENT_TYPES, DRACO, MESHOPT, Header, extension, is_index, objects
-from dfd.mesh.file.pictures import Pictures
+from dfd.mesh.file.gltf import glb
+from dfd.mesh.file.gltf.data import GltfData
+from dfd.mesh.file.gltf.header import COMPONENT_TYPES, DRACO, MESHOPT, Header, extension, is_index, objects
+from dfd.mesh.file.images import ImageCache
 from dfd.mesh.file.primitives import MovedPrimitive
 
 __all__ = ["GltfPatch", "GltfSource", "encode"]
@@ -95,7 +95,7 @@ class GltfPatch:
                     place["byteOffset"] = int(place.get("byteOffset", 0)) + start
 
     def _take_pictures(self) -> None:
-        pictures = Pictures()
+        pictures = ImageCache()
         for index in sorted(_needed_images(self.header)):
             image = self.header["images"][index]
             uri = image.get("uri")
@@ -123,10 +123,10 @@ class GltfPatch:
         self.unpack(primitive)
         attributes = primitive["attributes"]
         attributes.pop("TANGENT", None)  # of the old surface; viewers make new ones
-        old = each.primitive.geometry.vertices.view(np.ndarray)
-        self._collect(node, "POSITION", attributes, old, each.vertices)
-        if each.normals is not None and each.file_normals is not None and "NORMAL" in attributes:
-            self._collect(node, "NORMAL", attributes, each.file_normals, each.normals)
+        geometry = each.primitive.geometry
+        self._collect(node, "POSITION", attributes, geometry.vertices, each.vertices, geometry.stored)
+        if each.normals is not None and geometry.normals is not None and "NORMAL" in attributes:
+            self._collect(node, "NORMAL", attributes, geometry.normals, each.normals)
 
     def unpack(self, primitive: dict[str, Any], *, moving: bool = True) -> None:
         """Store what a primitive keeps in a compressed stream as plain data.
@@ -194,12 +194,18 @@ class GltfPatch:
         return json.dumps(self.header, separators=(",", ":")).encode()
 
     def _collect(
-        self, node: int, name: str, attributes: dict[str, Any], old: NDArray[np.float64], new: NDArray[np.float64]
+        self,
+        node: int,
+        name: str,
+        attributes: dict[str, Any],
+        old: NDArray[np.float64],
+        new: NDArray[np.float64],
+        stored: NDArray[np.float64] | None = None,  # the file's own, where morph targets make `old` of them
     ) -> None:
         key = (node, name, int(attributes[name]))
-        rows = self._rows.setdefault(key, old.copy())
+        rows = self._rows.setdefault(key, (old if stored is None else stored).copy())
         changed = (old != new).any(axis=1)
-        rows[changed] = new[changed]
+        rows[changed] = new[changed] if stored is None else new[changed] - old[changed] + stored[changed]
         self._uses.setdefault(key, []).append(attributes)
 
     def view(self, data: bytes) -> int:

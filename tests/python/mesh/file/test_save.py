@@ -191,7 +191,7 @@ def test_saving_an_obj_overwrites_no_other_files_texture(tmp_path: Path) -> None
     write(other / "paint.png", "mine")
     mesh.save(other / "out.obj", mesh.vertices * 2)
     assert (other / "paint.png").read_bytes() == b"mine"
-    assert {path.name for path in other.iterdir()} == {"out.obj", "cube.mtl", "paint.png", "out_paint.png"}
+    assert {path.name for path in other.iterdir()} == {"out.obj", "out.mtl", "paint.png", "paint_2.png"}
     look, own = load(other / "out.obj").appearance, mesh.appearance
     assert look is not None
     assert own is not None

@@ -7,14 +7,12 @@ from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
-from trimesh.visual.material import PBRMaterial
 
 from dfd.mesh.appearance import Material, Wrap, srgb
-from dfd.mesh.file.assets import brief
-from dfd.mesh.file.gltf_data import GltfData
-from dfd.mesh.file.gltf_header import Header, extension, item
-from dfd.mesh.file.pictures import Pictures, ktx2_is_readable
+from dfd.mesh.file.assets import shortened
+from dfd.mesh.file.gltf.data import GltfData
+from dfd.mesh.file.gltf.header import Header, extension, item
+from dfd.mesh.file.images import ImageCache, ktx2_is_readable
 
 __all__ = ["GltfMaterials", "Surface", "coordinates"]
 
@@ -25,10 +23,9 @@ _OTHER_SOURCES = ("EXT_texture_webp", _BASISU)
 
 @dataclass(frozen=True)
 class Surface:
-    """A material as trimesh writes it and as we show it, with the texture coordinates that it uses."""
+    """A material, with the texture coordinates that it uses."""
 
-    material: PBRMaterial
-    look: Material
+    material: Material
     uv_set: int = 0  # number of the attribute TEXCOORD_n
     uv_transform: NDArray[np.float64] | None = None  # (2, 3) of KHR_texture_transform, on coordinates from the top
 
@@ -36,8 +33,8 @@ class Surface:
 class GltfMaterials:
     """Reads the materials that primitives use, each once, and only the pictures that they show."""
 
-    def __init__(self, header: Header, data: GltfData, pictures: Pictures, unreadable: set[str]) -> None:
-        self._header, self._data, self._pictures, self._unreadable = header, data, pictures, unreadable
+    def __init__(self, header: Header, data: GltfData, pictures: ImageCache, unreadable: set[str]) -> None:
+        self._header, self._data, self._images, self._unreadable = header, data, pictures, unreadable
         self._surfaces: dict[int, Surface] = {}
 
     def of(self, primitive: Header) -> Surface | None:
@@ -60,36 +57,28 @@ class GltfMaterials:
             factor, reference = glossiness.get("diffuseFactor"), glossiness.get("diffuseTexture")
         color = _numbers(factor, 4, 1.0)
         name = str(content.get("name", ""))
-        image: Image.Image | None = None
+        material = Material(name=name, is_default=True)
+        texels: NDArray[np.uint8] | None = None
         wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
         if reference is not None:
-            image, texels, wrap = self.texture(reference, name)
-        look = Material()
-        if reference is None or image is not None:
+            texels, wrap = self.texture(reference, name)
+        if reference is None or texels is not None:
             mode = content.get("alphaMode")
             cutoff = content.get("alphaCutoff")
-            look = Material(
+            material = Material(
                 (*(float(each) for each in srgb(np.array(color[:3]))), min(max(color[3], 0.0), 1.0)),  # type: ignore[arg-type]
-                texels if image is not None else None,
+                texels,
                 wrap,
                 cast(Literal["OPAQUE", "MASK", "BLEND"], mode if mode in ("MASK", "BLEND") else "OPAQUE"),
                 float(cutoff) if isinstance(cutoff, int | float) else 0.5,
+                name,
             )
-        material = PBRMaterial(
-            name=name,
-            baseColorFactor=np.rint(np.clip(color, 0, 1) * 255).astype(np.uint8),
-            baseColorTexture=image,
-            alphaMode=look.alpha_mode if look.alpha_mode != "OPAQUE" else None,
-            alphaCutoff=look.alpha_cutoff if look.alpha_mode == "MASK" else None,
-        )
-        return Surface(material, look, *coordinates(reference))
+        return Surface(material, *coordinates(reference))
 
-    def texture(
-        self, reference: Any, name: str
-    ) -> tuple[Image.Image | None, NDArray[np.uint8] | None, tuple[Wrap, Wrap]]:
-        """Return the picture of a texture, its texels and what lies beyond it; None where it cannot be read."""
+    def texture(self, reference: Any, name: str) -> tuple[NDArray[np.uint8] | None, tuple[Wrap, Wrap]]:
+        """Return the texels of a texture and what lies beyond it; None where it cannot be read."""
         texture = item(self._header, "textures", reference.get("index")) if isinstance(reference, dict) else None
-        failed = [f"the texture of material {brief(name)}"]
+        failed = [f"the texture of material {shortened(name)}"]
         if texture is not None:
             sources = [(each, (extension(texture, each) or {}).get("source")) for each in _OTHER_SOURCES]
             for kind, source in [*sources, ("", texture.get("source"))]:
@@ -97,16 +86,17 @@ class GltfMaterials:
                 if content is None:
                     continue
                 if kind == _BASISU and not ktx2_is_readable():
-                    failed.append(f"the {_BASISU} texture of material {brief(name)} (`pip install dfd[gltf]` reads it)")
+                    failed.append(
+                        f"the {_BASISU} texture of material {shortened(name)} (`pip install dfd[gltf]` reads it)"
+                    )
                     continue
                 try:
-                    image = self._pictures.open(self._data.picture(content))
-                    return image, self._pictures.texels(image), self._wrap(texture)
+                    return self._images.texels(self._images.open(self._data.picture(content))), self._wrap(texture)
                 except (ValueError, OSError):
                     uri = content.get("uri")
-                    failed.append(brief(uri) if isinstance(uri, str) else failed[0])
+                    failed.append(shortened(uri) if isinstance(uri, str) else failed[0])
         self._unreadable.add(failed[-1])
-        return None, None, ("repeat", "repeat")
+        return None, ("repeat", "repeat")
 
     def _wrap(self, texture: Header) -> tuple[Wrap, Wrap]:
         sampler = item(self._header, "samplers", texture.get("sampler")) or {}

@@ -28,9 +28,11 @@ def split(data: bytes) -> tuple[bytes, bytes | None]:
     """
     if len(data) < 20:
         raise ValueError(f"it is cut off after {len(data)} bytes")
-    version = struct.unpack("<I", data[4:8])[0]
+    version, total = struct.unpack("<II", data[4:12])
     if version != 2:
         raise ValueError(f"it has version {version} of the format, and only 2 can be read")
+    if total != len(data):
+        raise ValueError(f"it should have {total} bytes, but {len(data)} are there")
     kind, text, end = _chunk(data, 12)
     if kind != _JSON:
         raise ValueError("its first chunk is not JSON")

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.mesh.file.assets import AssetFolder, brief
-from dfd.mesh.file.gltf_header import (
+from dfd.mesh.file.assets import AssetFolder, shortened
+from dfd.mesh.file.gltf.header import (
     COMPONENT_TYPES,
     COMPONENTS,
     DRACO,
@@ -30,6 +30,9 @@ __all__ = ["GltfData", "data_uri"]
 
 _MOST_DECOMPRESSED = 64  # bytes for each byte of compressed data, all views together
 _SMALL = 2**26  # bytes that nobody misses
+_DATA_ENDINGS = (".bin", ".glbin", ".glbuf")
+_ALIGNMENT = 4  # bytes to whose multiples data may be filled up
+_UNSIGNED = (5121, 5123, 5125)  # component types
 
 
 class GltfData:
@@ -51,15 +54,26 @@ class GltfData:
             buffer = self._header["buffers"][index]
             uri, length = buffer.get("uri"), int(buffer["byteLength"])
             if uri is not None:
-                data = data_uri(uri) if uri.startswith("data:") else self._assets.read(uri)
+                data = data_uri(uri) if uri.startswith("data:") else self._file(index, uri, length)
             elif index == 0 and self._embedded is not None:
                 data = self._embedded
             else:
                 raise ValueError(f"buffer {index} has no data")
             if len(data) < length:
                 raise ValueError(f"buffer {index} should have {length} bytes, but {len(data)} are there")
-            self._buffers[index] = data
+            self._buffers[index] = data[:length]
         return self._buffers[index]
+
+    def _file(self, index: int, uri: str, length: int) -> bytes:
+        """Return the data of a buffer in a file of its own, which what is saved would carry on.
+
+        A file that is not named as one of data must have the length that the header says: a stranger's file could name
+        any other, such as one of passwords.
+        """
+        data = self._assets.read(uri)
+        if not uri.lower().endswith(_DATA_ENDINGS) and not 0 <= len(data) - length < _ALIGNMENT:
+            raise ValueError(f"buffer {index} should have {length} bytes, but {shortened(uri)} has {len(data)}")
+        return data
 
     def view(self, index: int) -> memoryview:
         """Return the bytes of a view, decompressed."""
@@ -86,11 +100,19 @@ class GltfData:
         """Return the items (count, components) of an accessor; normalized integers as the numbers they stand for."""
         accessor = item(self._header, "accessors", index)
         if accessor is None:
-            raise ValueError(f"accessor {brief(index)} is not there")
+            raise ValueError(f"accessor {shortened(index)} is not there")
         values = self._stored(accessor)
         if "sparse" in accessor:
             values = self._replaced(values.copy(), accessor["sparse"], f"accessor {index}")
         return _as_numbers(values, bool(accessor.get("normalized")))
+
+    def indices(self, index: object) -> NDArray[Any]:
+        """Return the items (count,) of an accessor of indices."""
+        accessor = item(self._header, "accessors", index) or {}
+        kinds = (accessor.get("componentType"), accessor.get("type"), accessor.get("normalized", False))
+        if kinds not in [(each, "SCALAR", False) for each in _UNSIGNED]:
+            raise ValueError(f"accessor {shortened(index)}, of indices, must hold unsigned whole numbers, got {kinds}")
+        return self.accessor(index).ravel()
 
     def draco(self, primitive: Header) -> dict[str, NDArray[Any]] | None:
         """Return the attributes of a primitive that is compressed with Draco by name, and its faces as `indices`.
@@ -111,11 +133,19 @@ class GltfData:
             accessor = item(self._header, "accessors", primitive["attributes"].get(name))
             if accessor is not None and isinstance(number, int) and number in by_id:
                 values = by_id[number].reshape(len(by_id[number]), -1)
+                self._require_count(primitive["attributes"][name], len(values))
                 found[name] = _as_numbers(values, bool(accessor.get("normalized")))
         if "POSITION" not in found:
             raise ValueError(f"its {DRACO} holds no positions")
         found["indices"] = np.asarray(decoded.faces).reshape(-1, 1)
+        if "indices" in primitive and primitive.get("mode", 4) == 4:
+            self._require_count(primitive["indices"], len(found["indices"]))
         return found
+
+    def _require_count(self, index: object, count: int) -> None:
+        stated = (item(self._header, "accessors", index) or {}).get("count")
+        if stated != count:
+            raise ValueError(f"accessor {shortened(index)} has {shortened(stated)} items, but {DRACO} holds {count}")
 
     def _draco_mesh(self, view: int) -> Any:
         if view not in self._draco:
@@ -181,10 +211,13 @@ class GltfData:
         if len(parts) < 2:
             raise ValueError(f"{what} is sparse, but does not say where")
         count = whole(sparse, "count", what)
-        shape = {"indices": (parts[0].get("componentType"), 1), "values": (values.dtype, values.shape[1])}
+        kind = parts[0].get("componentType")
+        if kind not in _UNSIGNED:
+            raise ValueError(f"{what} is sparse, but counts its items in the componentType {shortened(kind)}")
         found = []
-        for part, (kind, width) in zip(parts, shape.values(), strict=True):
-            dtype = np.dtype(COMPONENT_TYPES.get(kind, "u1") if isinstance(kind, int) else kind or "u1")
+        for part, dtype, width in zip(
+            parts, (np.dtype(COMPONENT_TYPES[kind]), values.dtype), (1, values.shape[1]), strict=True
+        ):
             view, start = whole(part, "bufferView", what), whole(part, "byteOffset", what, default=0)
             if view >= len(self._header.get("bufferViews", [])):
                 raise ValueError(f"{what} is sparse, but names bufferView {view}")
@@ -209,11 +242,11 @@ def data_uri(uri: str) -> bytes:
     """
     head, _, body = uri.partition(",")
     if not head.endswith(";base64"):
-        raise ValueError(f"{brief(uri)} is not in base 64")
+        raise ValueError(f"{shortened(uri)} is not in base 64")
     try:
         return base64.b64decode(body, validate=False)
     except binascii.Error as error:
-        raise ValueError(f"{brief(uri)} is not in base 64: {error}") from error
+        raise ValueError(f"{shortened(uri)} is not in base 64: {error}") from error
 
 
 def _said(error: Exception) -> str:

@@ -5,17 +5,17 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Sequence
-from typing import Any
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.mesh.appearance import GREY
-from dfd.mesh.file.materials import vertex_colors
+from dfd.mesh.appearance import GREY, Material
+from dfd.mesh.file.obj.library import Companions
 from dfd.mesh.file.scene_file import SceneFile
-from dfd.mesh.file.visuals import is_stand_in, simple
 
 __all__ = ["encode", "encode_scene"]
 
@@ -29,17 +29,17 @@ def encode(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> bytes:
 
 
 def encode_scene(
-    name: str,
+    target: Path,
     vertices: NDArray[np.float64],
     scene: SceneFile,
     normals: Sequence[NDArray[np.float64] | None],
 ) -> dict[str, bytes]:
-    """Return the files of a scene: the OBJ file `name`, and its materials and textures, all named after it.
+    """Return the files of a scene: the OBJ file `target`, and its materials and textures, all named after it.
 
     Parameters
     ----------
-    name
-        Name of the OBJ file.
+    target
+        Where the OBJ file goes.
     vertices
         (V, 3) where the mesh's vertices are.
     scene
@@ -47,81 +47,69 @@ def encode_scene(
     normals
         For each primitive None or (rows, 3), in its own coordinates.
     """
-    stem = name.rsplit(".", 1)[0]
-    materials = [getattr(each.geometry.visual, "material", None) for each in scene.primitives]
-    library = _MaterialLibrary(stem)
+    companions = Companions(target)
+    materials = [each.geometry.material for each in scene.primitives]
+    library = _MaterialLibrary(target.stem, companions)
     several = any(library.add(material) for material in materials)
     body: list[bytes] = []
     uv_count = normal_count = 0
     part = None
     for each, own_normals, material in zip(scene.primitives, normals, materials, strict=True):
-        visual = each.geometry.visual
-        local = each.geometry.faces.view(np.ndarray)
+        local = scene.local_faces(each)
         columns: list[NDArray[np.integer] | None] = [scene.vertex[each.rows][local], None, None]
         if each.part != part:  # primitives of one part differ in their materials alone
             part = each.part
             body.append(f"o {_one_line(part)}\n".encode())
-        uv = getattr(visual, "uv", None)
-        if uv is not None and np.shape(uv) == (len(each.geometry.vertices), 2):
-            body.append(_lines("vt", np.asarray(uv)))
+        uv = each.geometry.uv
+        if uv is not None:
+            body.append(_lines("vt", uv))
             columns[1] = local + uv_count
             uv_count += len(uv)
         if own_normals is not None:
-            placed = own_normals @ np.linalg.pinv(each.transform[:3, :3])
-            length = np.linalg.norm(placed, axis=1, keepdims=True)
-            body.append(_lines("vn", placed / np.where(length > 0, length, 1)))
+            body.append(_lines("vn", each.normals_to_scene(own_normals)))
             columns[2] = local + normal_count
             normal_count += len(own_normals)
         used = library.add(material)
         if used is None and several:  # a primitive without one would go on with that of the one before
-            used = library.plain(1.0 if vertex_colors(each, linear=False) is not None else GREY)
+            used = library.plain(1.0 if each.geometry.colors is not None else GREY)
         if used is not None:
             body.append(f"usemtl {used}\n".encode())
         body.append(_faces(columns))
-    files = library.files
-    head = f"mtllib {stem}.mtl\n".encode() if files else b""
+    head = f"mtllib {companions.add_library(library.text)}\n".encode() if library.text else b""
     colors = _vertex_colors(scene)
     positions = vertices if colors is None else np.hstack([vertices, colors])
-    return {name: head + _lines("v", positions) + b"".join(body), **files}
+    return {target.name: head + _lines("v", positions) + b"".join(body), **companions.files}
 
 
 class _MaterialLibrary:
     """The materials of a scene as an MTL file and its textures."""
 
-    def __init__(self, stem: str) -> None:
-        self._pictures: dict[str, bytes] = {}
-        self._stem = stem
+    def __init__(self, stem: str, companions: Companions) -> None:
+        self.text = ""
+        self._stem, self._companions = stem, companions
         self._names: dict[int, str] = {}
         self._taken: set[str] = set()
         self._counts: dict[str, int] = {}
-        self._text: list[bytes] = []
 
-    @property
-    def files(self) -> dict[str, bytes]:
-        """The MTL file and its textures by name; none where no material was added."""
-        return {**self._pictures, f"{self._stem}.mtl": b"".join(self._text)} if self._text else {}
-
-    def add(self, material: Any) -> str | None:
+    def add(self, material: Material | None) -> str | None:
         """Return the name of a material, written when it first comes; None for one that nothing is known of."""
-        if material is None or is_stand_in(material):
+        if material is None or material.is_default:
             return None
         if id(material) not in self._names:
-            name = self._unused(_one_line(str(material.name)).replace(" ", "_"))
+            name = self._unused(_one_line(material.name).replace(" ", "_"))
             self._names[id(material)] = name
-            # trimesh names the texture after the material; the stem keeps it from overwriting another file's
-            files, _ = simple(material).to_obj(name=name)
-            text = files.pop(f"{name}.mtl")
-            for image, data in files.items():
-                self._pictures[f"{self._stem}_{image}"] = data
-                text = text.replace(f"map_Kd {image}".encode(), f"map_Kd {self._stem}_{image}".encode())
-            self._text.append(text + b"\n\n")
+            lines = [f"newmtl {name}", "Kd " + " ".join(f"{each:.6g}" for each in material.color[:3])]
+            if material.texture is not None:  # the stem keeps it from overwriting another file's
+                picture = self._companions.add(f"{self._stem}_{name}.png", _png(material.texture))
+                lines.append(f"map_Kd {picture}")
+            self.text += "\n".join([*lines, "", ""])
         return self._names[id(material)]
 
     def plain(self, grey: float) -> str:
         """Return the name of a material of one grey, written when it first comes."""
         if (grey_id := -int(1000 * grey)) not in self._names:
             name = self._names[grey_id] = self._unused("plain")
-            self._text.append(f"newmtl {name}\nKd {grey} {grey} {grey}\n\n".encode())
+            self.text += f"newmtl {name}\nKd {grey} {grey} {grey}\n\n"
         return self._names[grey_id]
 
     def _unused(self, name: str) -> str:
@@ -143,6 +131,16 @@ def _vertex_colors(scene: SceneFile) -> NDArray[np.float64] | None:
     used = look.corners >= 0
     colors[look.corners[used]] = look.colors[used, :3]
     return colors[scene.representative]
+
+
+def _png(texels: NDArray[np.uint8]) -> bytes:
+    """Return RGBA texels as a PNG file, without alpha where all is opaque."""
+    from PIL import Image
+
+    stream = io.BytesIO()
+    opaque = bool((texels[..., 3] == 255).all())
+    Image.fromarray(np.ascontiguousarray(texels[..., :3]) if opaque else texels).save(stream, "PNG")
+    return stream.getvalue()
 
 
 def _lines(kind: str, values: NDArray[np.float64]) -> bytes:

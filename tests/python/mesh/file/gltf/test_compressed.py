@@ -14,7 +14,7 @@ from compressed_files import BASISU, DRACO, MESHOPT, draco_cube, ktx2_quad, mesh
 from mesh_files import CORNERS, CUBE, Gltf, checkered, header_and_data, same_shape, textured_quad, write
 from PIL import Image
 
-from dfd.mesh.file import glb
+from dfd.mesh.file.gltf import glb
 from dfd.mesh.mesh import Mesh, load
 
 needs_draco = pytest.mark.skipif(importlib.util.find_spec("DracoPy") is None, reason="needs DracoPy")

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mesh_files import CORNERS, CUBE, checkered, obj_cube, same_shape, write
 
-from dfd.mesh.file import obj_text
+from dfd.mesh.file.obj import text as obj_text
 from dfd.mesh.mesh import Mesh, load
 
 TWO = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 9 0 0\nv 8 0 0\nv 7 1 0\nf -3 -2 -1\n"

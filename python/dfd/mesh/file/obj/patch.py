@@ -12,10 +12,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.mesh.file.assets import AssetFolder
-from dfd.mesh.file.obj_read import ObjSource, libraries, picture_name
-from dfd.mesh.file.obj_text import ObjText, decoded, parse
-from dfd.mesh.file.pictures import Pictures
+from dfd.mesh.file.obj.library import Companions, copied_materials
+from dfd.mesh.file.obj.read import ObjSource
+from dfd.mesh.file.obj.text import ObjText, parse
 from dfd.mesh.weld import weld
 
 __all__ = ["encode"]
@@ -45,20 +44,29 @@ def encode(
     edits = _Edits(text.data)
     edits.replace(text.position_spans[changed], _triples(vertices[changed]))
     _edit_normals(edits, text, source, normals)
-    files: dict[str, bytes] = {}
+    companions = Companions(target)
     if target.parent.resolve() != source.folder.resolve():
-        names = _copied_libraries(target, text, source.folder, files)
-        for line, keyword, rest in text.statements:
-            if keyword == "mtllib" and rest in names and names[rest] != rest:
-                edits.replace_line(line, f"mtllib {names[rest]}")
-    return {target.name: edits.result(), **files}
+        _rename_libraries(edits, text, *copied_materials(text, source.folder, companions))
+    return {target.name: edits.result(), **companions.files}
+
+
+def _rename_libraries(edits: _Edits, text: ObjText, name: str | None, read: set[str]) -> None:
+    """Let the file name its new materials in place of the libraries that were read."""
+    for line, keyword, rest in text.statements:
+        named = [rest] if rest in read else rest.split()
+        if keyword == "mtllib" and read.intersection(named):
+            left = [each for each in named if each not in read]
+            edits.replace_line(line, "\n".join(f"mtllib {each}" for each in [name, *left] if each))
+            name = None
 
 
 class _Edits:
     """Replacements in a text, made all at once."""
 
     def __init__(self, data: bytes) -> None:
+        self._data = data
         self._text = data.decode("latin-1")  # a letter for each byte, whatever they mean
+        self._starts: NDArray[np.int64] | None = None  # of lines, from the second on
         self._spans: list[NDArray[np.int64]] = []
         self._new: list[str] = []
 
@@ -69,10 +77,11 @@ class _Edits:
 
     def replace_line(self, line: int, text: str) -> None:
         """Put `text` in place of a line."""
-        start = 0
-        for _ in range(line):
-            start = self._text.index("\n", start) + 1
-        end = start + len(self._text[start:].partition("\n")[0].rstrip("\r"))
+        if self._starts is None:
+            self._starts = np.flatnonzero(np.frombuffer(self._data, np.uint8) == ord("\n")) + 1
+        start = int(self._starts[line - 1]) if line else 0
+        stop = int(self._starts[line]) if line < len(self._starts) else len(self._text)
+        end = start + len(self._text[start:stop].rstrip("\r\n"))
         self.replace(np.array([[start, end]]), [text.encode().decode("latin-1")])
 
     def result(self) -> bytes:
@@ -134,39 +143,3 @@ def _edit_normals(
     spans = text.corner_spans[rewritten]
     spans[:, 0] = [text.data.rfind(b"/", start, end) + 1 for start, end in spans.tolist()]
     edits.replace(spans, list(map(str, (numbers[rewritten] + 1).tolist())))
-
-
-def _copied_libraries(target: Path, text: ObjText, folder: Path, files: dict[str, bytes]) -> dict[str, str]:
-    """Add the materials that the file names, with their pictures, to `files`; return the new name of each library.
-
-    They keep their names where nothing else stands there, and are named after `target` where something does.
-    """
-    assets = AssetFolder(folder / "materials")
-    pictures = Pictures()
-
-    def added(name: str, data: bytes) -> str:
-        place = target.with_name(Path(name.replace("\\", "/")).name)
-        if place.name == target.name or (place.exists() and not (place.is_file() and place.read_bytes() == data)):
-            place = target.with_name(f"{target.stem}_{place.name}")
-        files[place.name] = data
-        return place.name
-
-    names = {}
-    for library in libraries(text, assets):
-        try:
-            content = decoded(assets.read(library))
-        except (ValueError, OSError):  # it goes on being named
-            continue
-        lines = []
-        for line in content.splitlines(keepends=True):
-            name = picture_name(line)
-            try:
-                if name:
-                    data = assets.read(name)
-                    pictures.open(data)
-                    line = line.replace(name, added(name, data))
-            except (ValueError, OSError):
-                pass
-            lines.append(line)
-        names[library] = added(library, "".join(lines).encode())
-    return names
