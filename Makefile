@@ -91,15 +91,15 @@ $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/installed: $(SOURCES) | $(VENV)/bin/python
-	$(INSTALL) ".[app,offline]"
+	$(INSTALL) ".[app]"
 	touch $@
 
 $(VENV)/installed-test: $(SOURCES) | $(VENV)/bin/python
-	$(INSTALL) ".[offline,test]"
+	$(INSTALL) ".[test]"
 	touch $(VENV)/installed $@
 
 $(VENV)/installed-bench: $(SOURCES) | $(VENV)/bin/python
-	$(INSTALL) ".[app,offline,bench]"
+	$(INSTALL) ".[app,bench]"
 	touch $(VENV)/installed $@
 
 clean:

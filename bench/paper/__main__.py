@@ -12,7 +12,7 @@ from rich.console import Console
 from bench.paper.context import Context
 from bench.paper.methods import BALL
 from bench.paper.report import write
-from dfd.distillation.distill import DEFAULT_ENCODER
+from dfd.encoders.known import DEFAULT_ENCODER
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "paper"
 
