@@ -16,8 +16,8 @@ import dfd
 from bench.paper.handles import Case
 from bench.paper.methods import BALL
 from dfd.common.progress import Stages
-from dfd.distillation.distill import DEFAULT_ENCODER
 from dfd.encoders.encode import Encoder, load_encoder
+from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.geometry.refine import split_long_edges
 
 __all__ = ["PRESETS", "Context", "Preset", "Shape", "named"]
