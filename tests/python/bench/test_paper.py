@@ -259,6 +259,7 @@ def test_a_method_that_fails_stops_no_other(ball):
     assert rows["biharmonic"].metrics.area == pytest.approx(0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_table_and_a_page(tmp_path, ball, capsys):
     pytest.importorskip("igl")
     folder = write_apap(tmp_path / "set" / "ball", ball)
@@ -283,6 +284,7 @@ def test_the_command_writes_a_table_and_a_page(tmp_path, ball, capsys):
     assert "paper.md" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_fields_come_from_a_folder_or_are_distilled(tmp_path, ball, monkeypatch):
     case = np.zeros((1, 9))
     case[0, :3] = MOVE

@@ -183,6 +183,7 @@ print(encoder_offline.wheel_weights(*encoder_offline.find_wheel()).fingerprint)
 """
 
 
+@pytest.mark.processes
 def test_processes_that_start_together_agree(converted: Path) -> None:
     workers = [
         subprocess.Popen(
