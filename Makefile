@@ -19,8 +19,8 @@ app: $(VENV)/installed
 demo: $(VENV)/installed
 	$(BIN)/dfd demo
 
-# A process takes a file at a time, on one thread. What is marked below waits for test-all, but for one story of the page.
-PYTEST := $(BIN)/python -m pytest --numprocesses=$(JOBS) --dist=loadfile
+# A process takes a file at a time, on one thread, in the order of names: the long ones come first. What is marked below waits for test-all, but for one story of the page.
+PYTEST := $(BIN)/python -m pytest --numprocesses=$(JOBS) --dist=loadfile --no-loadscope-reorder
 SLOW := slow or processes or browser
 
 test: ctest client lint validator

@@ -53,12 +53,13 @@ def rippled(mesh: dfd.Mesh, seed: int) -> dfd.Field:
     return field_of(mesh, seed, octaves=seed % 4)
 
 
-@pytest.mark.parametrize("seed", range(COUNT))
+@pytest.mark.parametrize("seed", [*range(3), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, COUNT))])
 def test_damaged_meshes_go_through_every_control(seed: int) -> None:
     mesh, _ = damaged(shape(seed), seed)
     walk(mesh, rippled(mesh, seed), seed)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not FILES, reason="DFD_MESHES names no folder of meshes")
 @pytest.mark.parametrize("path", FILES if COUNT >= 50 else FILES[:3], ids=lambda path: path.stem)
 def test_meshes_of_the_world_go_through_every_control(path: Path) -> None:

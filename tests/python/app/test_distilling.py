@@ -103,6 +103,7 @@ def test_a_process_that_is_killed_is_said(shape: Shape, tmp_path: Path) -> None:
         process.run(lambda *_: None)
 
 
+@pytest.mark.processes
 def test_one_distillation_at_a_time(shape: Shape, tmp_path: Path) -> None:
     """The second waits until the first has ended, however it ends."""
     lock = tmp_path / "lock"

@@ -192,6 +192,7 @@ def test_what_is_learned_from_is_what_distillation_maps(
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(find_fingerprint("dinov2-small") is None, reason="the encoder's weights are not on this machine")
 def test_the_packages_metric_tells_the_parts_of_a_sample_better() -> None:
     encoder = load_encoder("dinov2-small", device="cpu")
