@@ -8,7 +8,9 @@ CLIENT := python/dfd/app/client
 
 # How many targets are made, and test files run, at the same time.
 JOBS ?= 2
+ifeq ($(MAKELEVEL),0)
 MAKEFLAGS += --jobs=$(JOBS)
+endif
 
 .PHONY: app client validator demo test test-all test-slow test-blender ctest lint bench blender quality gallery wheel fuzz \
   sanitize clean
@@ -19,7 +21,8 @@ app: $(VENV)/installed
 demo: $(VENV)/installed
 	$(BIN)/dfd demo
 
-# A process takes a file at a time, on one thread, in the order of names: the long ones come first. What is marked below waits for test-all, but for one story of the page.
+# A process takes a file at a time, on one thread, in the order of names: the long ones come first. What is marked below
+# waits for test-all, but for one story of the page.
 PYTEST := $(BIN)/python -m pytest --numprocesses=$(JOBS) --dist=loadfile --no-loadscope-reorder
 SLOW := slow or processes or browser
 
@@ -84,6 +87,7 @@ gallery: $(VENV)/installed
 # Blender as a Python package opens what is exported; it takes a Python of its own version, and 1 GB.
 BLENDER_PYTHON ?= python3.11
 BLENDER := build/blender
+test-blender: BUILT = $(TREE)
 test-blender: $(VENV)/installed-test $(BLENDER)/installed blender
 	DFD_BLENDER_PYTHON="$(abspath $(BLENDER))/bin/python" $(BIN)/python -m pytest tests/python/export/test_blender.py
 	DFD_EXTENSION="$(abspath dist/dfd_weights.zip)" DFD_COMMAND="$(abspath $(BIN)/dfd)" \
@@ -96,7 +100,7 @@ $(BLENDER)/installed:
 
 # The Blender extension, for the Blender that has this Python: 5.0 has 3.11.
 blender: | $(VENV)/bin/python
-	$(BIN)/python -m pip wheel --quiet --no-deps -c constraints.txt -w dist .
+	$(BIN)/python -m pip wheel --quiet --no-deps -c constraints.txt -w dist . $(BUILT)
 	$(BIN)/python python/blender/build.py dist
 
 # Builds and repairs the wheel, and tries it with every Python that is to be found.
@@ -128,14 +132,16 @@ $(VENV)/installed: $(SOURCES) | $(VENV)/bin/python
 
 # With the core's own tests, every warning an error and the page as `make` has built it, in a tree of its own that goes on
 # where it was: what builds the package is therefore installed here, and not each time in a place of its own.
+TREE := --no-build-isolation --check-build-dependencies --config-settings=build-dir=build/test \
+  --config-settings=cmake.define.DFD_TESTS=ON --config-settings=cmake.define.DFD_WARNINGS_AS_ERRORS=ON \
+  --config-settings=cmake.define.NPM=OFF
+
 $(VENV)/builders: constraints.txt | $(VENV)/bin/python
 	$(INSTALL) cmake nanobind nanobind-backend ninja scikit-build-core
 	touch $@
 
 $(VENV)/installed-test: $(SOURCES) $(wildcard tests/cpp/*) $(VENV)/builders | $(PAGE)
-	$(INSTALL) ".[offline,test]" --no-build-isolation --check-build-dependencies --config-settings=build-dir=build/test \
-	  --config-settings=cmake.define.DFD_TESTS=ON --config-settings=cmake.define.DFD_WARNINGS_AS_ERRORS=ON \
-	  --config-settings=cmake.define.NPM=OFF
+	$(INSTALL) ".[offline,test]" $(TREE)
 	touch $(VENV)/installed $@
 
 $(VENV)/installed-bench: $(SOURCES) | $(VENV)/bin/python
