@@ -127,7 +127,7 @@ $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/installed: $(SOURCES) | $(VENV)/bin/python
-	$(INSTALL) ".[app,offline]"
+	$(INSTALL) ".[app]"
 	touch $@
 
 # With the core's own tests, every warning an error and the page as `make` has built it, in a tree of its own that goes on
@@ -141,11 +141,11 @@ $(VENV)/builders: constraints.txt | $(VENV)/bin/python
 	touch $@
 
 $(VENV)/installed-test: $(SOURCES) $(wildcard tests/cpp/*) $(VENV)/builders | $(PAGE)
-	$(INSTALL) ".[offline,test]" $(TREE)
+	$(INSTALL) ".[test]" $(TREE)
 	touch $(VENV)/installed $@
 
 $(VENV)/installed-bench: $(SOURCES) | $(VENV)/bin/python
-	$(INSTALL) ".[app,offline,bench]"
+	$(INSTALL) ".[app,bench]"
 	touch $(VENV)/installed $@
 
 clean:

@@ -15,7 +15,7 @@ from bench.paper.handles import Case, Found, find
 from bench.paper.methods import BALL
 from bench.paper.page import pictures, to_csv, to_markdown
 from dfd.common.files import atomic_write
-from dfd.distillation.distill import DEFAULT_ENCODER
+from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.pictures.picture import contact_sheet, save_png
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "paper"

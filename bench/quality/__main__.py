@@ -188,7 +188,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--as-they-come", action="store_true", help="families without turned copies, which take eight times as long"
     )
-    parser.add_argument("--download", action="store_true", help="fetch the weights of all encoder presets from the hub")
+    parser.add_argument("--download", action="store_true", help="fetch the weights of all known encoders from the hub")
     return parser
 
 

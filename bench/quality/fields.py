@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -11,16 +10,14 @@ from numpy.typing import NDArray
 
 import dfd
 from dfd.common.progress import Stages
+from dfd.distillation.settings import LENGTHS, DistillSettings
 from dfd.encoders.encode import Encoder, TokenStore, load_encoder
+from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.runs.recipe import hash_arrays
 
-DEFAULTS: dict[str, Any] = {
-    name: parameter.default
-    for name, parameter in inspect.signature(dfd.distill).parameters.items()
-    if parameter.default is not inspect.Parameter.empty
-}
-# An encoder's block, whether it looks at the background as well, and whether a shape keeps its colours.
-SETTINGS = DEFAULTS.keys() | {"block", "background", "texture"}
+BESIDE: dict[str, Any] = {"encoder": DEFAULT_ENCODER, "device": None, "cache": True, "texture": True}
+# With whether a shape keeps its colors.
+SETTINGS = DistillSettings.model_fields.keys() | BESIDE.keys()
 TOKENS_KEPT = 3  # sets of pictures; the studies of one shape come one after the other
 
 
@@ -29,33 +26,38 @@ class Lab:
 
     def __init__(self, settings: Mapping[str, Any], say: Callable[[str], None]) -> None:
         """Settings, by their names in `dfd.distill`, of all distillations; `say` hears of each."""
-        self.settings = {**DEFAULTS, **settings}
+        self._given = dict(settings)
+        self.settings = self._all(settings)
         self._say = say
-        self._fields: dict[tuple[Any, ...], dfd.Field] = {}
+        self._fields: dict[str, dfd.Field] = {}
         self._encoders: dict[tuple[str, int | None, bool], Encoder] = {}
 
     def field(self, shape: str, mesh: dfd.Mesh, **changes: Any) -> dfd.Field:
         """The field of `mesh`, called `shape`: the lab's settings with some `changes`.
 
-        Besides those of `dfd.distill` there are "block", the encoder's, "background": True looks at the background as
-        well, and "texture": False takes pictures in grey.
+        Besides those of `dfd.distill` there is "texture": False takes pictures in gray.
 
         Raises
         ------
         ValueError, OSError
             See `dfd.distill` and `dfd.encoders.encode.load_encoder`.
         """
-        settings = {**self.settings, **changes, "progress": False}
-        key = (mesh.content_hash, *sorted((name, repr(value)) for name, value in settings.items()))
+        replaced = LENGTHS if any(name in changes for name in LENGTHS) else ()
+        settings = self._all({**{name: self._given[name] for name in self._given if name not in replaced}, **changes})
+        key = f"{mesh.content_hash} {sorted(settings.items())}"
         if key not in self._fields:
             self._say(f"distilling {shape}" + "".join(f", {name} {value}" for name, value in changes.items()))
-            encoder = self._encoder(
-                settings.pop("encoder"), settings.pop("block", None), background=settings.pop("background", False)
-            )
-            if not settings.pop("texture", True):
+            encoder = self._encoder(settings.pop("encoder"), settings["block"], background=settings["background"])
+            if not settings.pop("texture"):
                 mesh = dfd.Mesh(mesh.vertices, mesh.faces)
-            self._fields[key] = dfd.distill(mesh, encoder, **settings)
+            self._fields[key] = dfd.distill(mesh, encoder, progress=False, **settings)
         return self._fields[key]
+
+    @staticmethod
+    def _all(given: Mapping[str, Any]) -> dict[str, Any]:
+        """All settings, from those that are given."""
+        own = {name: value for name, value in given.items() if name not in BESIDE}
+        return {**BESIDE, **given, **DistillSettings(**own).as_dict()}
 
     def blocks(self, encoder: str) -> tuple[int, int]:
         """The block that `encoder` uses by itself, and how many it has."""

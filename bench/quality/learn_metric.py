@@ -36,6 +36,7 @@ from dfd.common.files import atomic_write
 from dfd.distillation.learned_file import encoder_identity
 from dfd.distillation.metric import FOLDER, Metric
 from dfd.encoders.encode import Encoder, load_encoder
+from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.geometry.topology import face_areas
 
 REPORT = Path(__file__).resolve().parents[1] / "results" / "quality" / "metric.md"
@@ -104,7 +105,7 @@ class Lesson:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Distill, learn, judge and write."""
     parser = argparse.ArgumentParser("python -m bench.quality.learn_metric", description=__doc__)
-    parser.add_argument("--encoder", default="dinov2-small")
+    parser.add_argument("--encoder", default=DEFAULT_ENCODER)
     parser.add_argument("--output", type=Path, help="the metric's file; by default where the package looks for it")
     parser.add_argument("--looks", type=Path, default=KEPT_LOOKS, help="where what is seen is kept (%(default)s)")
     parser.add_argument("--also", type=Path, help="a folder of further skinned .glb to learn from, +y up")

@@ -43,12 +43,12 @@ from dfd.distillation.up_probe import FOLDER, UpProbe
 from dfd.distillation.upright import CLEAR, SURE_AT_ONCE
 from dfd.distillation.views_around import CORNERS, SIDES, Around, Seen
 from dfd.encoders.encode import Encoder, load_encoder
+from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.mesh.normalization import normalization
-from dfd.runs.recipe import hash_recipe, origin
+from dfd.runs.recipe import FIELD_VERSION, hash_recipe
 
 REPORT = Path(__file__).resolve().parents[1] / "results" / "quality" / "up.md"
 KEPT_VIEWS = REPORT.parent / "views_around"
-LOOKING = ("common", "mesh", "views", "encoders")  # the rooms whose code decides what is seen
 LYING = {"plane_holes": "+z"}  # files of DFD_MESHES that do not stand with +y up
 DRAWS = 2  # of axes at random, of a shape in DFD_MESHES; of the others one
 KEPT = 0.99  # of upright files must have pictures that show them upright
@@ -63,7 +63,7 @@ _FAVOR = np.array([[0, 0, 1, 0, Z_SHARE, Z_SHARE], [0, 0, 0, 1, 0, 0]])
 def main(arguments: Sequence[str] | None = None) -> None:
     """Learn, judge and write."""
     parser = argparse.ArgumentParser("python -m bench.quality.learn_up", description=__doc__)
-    parser.add_argument("--encoder", default="dinov2-small")
+    parser.add_argument("--encoder", default=DEFAULT_ENCODER)
     parser.add_argument("--output", type=Path, help="the probe's file; by default where the package looks for it")
     parser.add_argument("--also", type=Path, help="a folder of families, folders of .glb and .obj to learn from, +y up")
     options = parser.parse_args(arguments)
@@ -125,7 +125,7 @@ def lesson(name: str, mesh: dfd.Mesh, encoder: Encoder) -> Lesson:
 def look_once(mesh: dfd.Mesh, encoder: Encoder, frames: NDArray[np.float64], eyes: NDArray[np.float64]) -> Seen:
     """`Around.seen`, kept in a file for the next time: the pictures take minutes, what follows them seconds."""
     made_of = {
-        **origin(LOOKING, "torch"),
+        "field_version": FIELD_VERSION,
         "around": hashlib.sha256(Path(views_around.__file__).read_bytes()).hexdigest(),
         "mesh": mesh.content_hash,
         "frames": frames.round(6).tolist(),

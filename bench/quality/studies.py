@@ -15,7 +15,7 @@ from bench.quality.evaluate import Draw, Method, handles, judge, mean
 from bench.quality.fields import Lab
 from bench.quality.measures import difference
 from bench.quality.shapes import Shape
-from dfd.encoders.presets import PRESETS
+from dfd.encoders.known import KNOWN_ENCODERS
 
 Settings = Mapping[str, Any]  # by their names in `dfd.distill`, and those of `bench.quality.fields`
 BARYCENTRIC, PLAIN, VERTEX = "barycentric", "plain barycentric", "plain vertex"
@@ -164,9 +164,8 @@ def blocks(lab: Lab) -> dict[str, Settings]:
 
 
 def encoders(lab: Lab) -> dict[str, Settings]:
-    """Every preset, at the resolution it is best given (the paper's Fig. 12)."""
+    """Every known encoder, at the resolution it is best given (the paper's Fig. 12)."""
     own = lab.settings["encoder"]
-    names = (own, *(name for name in PRESETS if name != own))
-    return {
-        name: {"encoder": name, **({} if name == own else {"resolution": PRESETS[name].resolution})} for name in names
-    }
+    names = (own, *(name for name in KNOWN_ENCODERS if name != own))
+    resolutions = {name: {} if name == own else {"resolution": KNOWN_ENCODERS[name].resolution} for name in names}
+    return {name: {"encoder": name, **resolution} for name, resolution in resolutions.items()}

@@ -7,9 +7,14 @@ import numpy as np
 import dfd
 
 from .machine import copying
-from .made_input import make_input
+from .made_input import MadeInput, make_input
 
 VERTICES = 500_000
+
+
+def setup_cache() -> MadeInput:
+    """Make the input once for all of them."""
+    return make_input(VERTICES)
 
 
 class Pose:
@@ -18,9 +23,8 @@ class Pose:
     params = ((1, 100), ("float32", "float64"))
     param_names = ("handles", "type")
 
-    def setup(self, handles: int, dtype: str) -> None:
+    def setup(self, made: MadeInput, handles: int, dtype: str) -> None:
         """Bind, and make a place for the vertices."""
-        made = make_input(VERTICES)
         self.weights = dfd.bind(made.compact, made.handles(handles)) / handles
         self.transforms = made.transforms[:handles]
         self.vertices = made.vertices.astype(dtype)
@@ -30,18 +34,18 @@ class Pose:
         self.drag = dfd.Drag(self.vertices, self.weights, self.transforms, [0])
         self.copy = copying(28 * VERTICES)
 
-    def time_pose(self, handles: int, dtype: str) -> None:
+    def time_pose(self, made: MadeInput, handles: int, dtype: str) -> None:
         """All handles move."""
         dfd.pose(self.vertices, self.weights, self.transforms, out=self.out)
 
-    def time_mirrored(self, handles: int, dtype: str) -> None:
+    def time_mirrored(self, made: MadeInput, handles: int, dtype: str) -> None:
         """All handles move, across a plane with a band."""
         dfd.pose(self.vertices, self.weights, self.transforms, symmetry=self.plane, handles=self.places, out=self.out)
 
-    def time_drag(self, handles: int, dtype: str) -> None:
+    def time_drag(self, made: MadeInput, handles: int, dtype: str) -> None:
         """One handle moves, the others rest."""
         self.drag.pose(self.transforms[:1], out=self.out)
 
-    def time_copy_ceiling(self, handles: int, dtype: str) -> None:
+    def time_copy_ceiling(self, made: MadeInput, handles: int, dtype: str) -> None:
         """Copying 28 bytes a vertex."""
         self.copy()

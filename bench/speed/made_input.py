@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import dfd
+from dfd.field.architecture import Architecture
 
-__all__ = ["MadeInput", "make_input", "torus"]
+__all__ = ["MadeInput", "make_input", "mirrored_field", "torus"]
 
 WIDTH = 384  # of the features of a small vision transformer
 
@@ -53,6 +54,17 @@ def make_input(vertex_count: int) -> MadeInput:
     vertices = random.standard_normal((vertex_count, 3), dtype=np.float32)
     transforms = np.eye(3, 4) + 0.05 * random.standard_normal((1000, 3, 4))
     return MadeInput(vertices, dfd.compact(field, vertices), transforms)
+
+
+def mirrored_field() -> dfd.Field:
+    """A field of the usual size with random weights, which sees nothing of x: it looks alike on both sides of x = 0."""
+    random = np.random.default_rng(0)
+    parameters = {
+        name: (random.standard_normal(shape) / np.sqrt(shape[-1])).astype(np.float32)
+        for name, shape in Architecture(WIDTH).shapes().items()
+    }
+    parameters["network.0.weight"][:, 0] = 0
+    return dfd.Field(parameters)
 
 
 def torus(face_count: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:

@@ -1,6 +1,7 @@
 #include "module.hpp"
 
 #include "arrays.hpp"
+#include "dfd/common/parallel.hpp"
 #include "dfd/kernels/dispatch.hpp"
 
 #include <nanobind/stl/string.h>
@@ -15,6 +16,8 @@ NB_MODULE(_core, m)
     dfd::kernels();  // fails here, at import, when DFD_ISA names no instruction set of this machine
     m.def("instruction_set", [] { return dfd::kernels().name; }, "The instruction set whose kernels run.");
     m.def("instruction_sets", &dfd::instruction_sets, "Those that this machine has kernels for, the slowest first.");
+    m.def("team_size", &dfd::team_size, "threads"_a, nb::call_guard<nb::gil_scoped_release>(),
+          "The size of the OpenMP team that runs a loop on `threads` threads; 0 where none does.");
     m.def("empty_float32", &make_matrix<float>, "rows"_a, "columns"_a,
           nb::sig("def empty_float32(rows: int, columns: int) -> numpy.typing.NDArray[numpy.float32]"),
           "A new array, its contents not yet set.");
@@ -22,11 +25,7 @@ NB_MODULE(_core, m)
           nb::sig("def empty_float64(rows: int, columns: int) -> numpy.typing.NDArray[numpy.float64]"),
           "A new array, its contents not yet set.");
     init_bind(m);
-    init_camera(m);
     init_field(m);
-    init_fit(m);
     init_geodesics(m);
     init_pose(m);
-    init_shading(m);
-    init_transformer(m);
 }

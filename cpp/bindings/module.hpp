@@ -3,10 +3,6 @@
 #include <nanobind/nanobind.h>
 
 void init_bind(nanobind::module_& m);
-void init_camera(nanobind::module_& m);
 void init_field(nanobind::module_& m);
-void init_fit(nanobind::module_& m);
 void init_geodesics(nanobind::module_& m);
 void init_pose(nanobind::module_& m);
-void init_shading(nanobind::module_& m);
-void init_transformer(nanobind::module_& m);

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "dfd/common/parallel.hpp"
+#include "dfd/common/poll.hpp"
 
 #include <nanobind/nanobind.h>
 

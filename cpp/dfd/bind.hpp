@@ -1,7 +1,7 @@
 #pragma once
 
 #include "dfd/common/matrix.hpp"
-#include "dfd/common/parallel.hpp"
+#include "dfd/common/poll.hpp"
 #include "dfd/kernels/kernels.hpp"
 
 #include <cstdint>

@@ -20,6 +20,7 @@ from dfd.weights.compact import CompactFeatures, compact
 if _typing.TYPE_CHECKING:
     from dfd import reference, samples
     from dfd.distillation.distill import distill
+    from dfd.distillation.settings import DistillSettings
     from dfd.editing.deformer import Deformer
     from dfd.editing.document import edit_schema
     from dfd.export.export_rig import export_rig
@@ -38,6 +39,7 @@ if _typing.TYPE_CHECKING:
 __all__ = [
     "CompactFeatures",
     "Deformer",
+    "DistillSettings",
     "Drag",
     "Field",
     "Geodesics",
@@ -68,6 +70,7 @@ __all__ = [
 # and `dfd --help` answer at once.
 _LATER = {
     "Deformer": "dfd.editing.deformer",
+    "DistillSettings": "dfd.distillation.settings",
     "Field": "dfd.field.field",
     "Geodesics": "dfd.geometry.geodesics",
     "KeyPose": "dfd.export.key_poses",

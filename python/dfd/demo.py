@@ -17,6 +17,7 @@ from dfd.common.progress import Stages
 from dfd.distillation.distill import distill
 from dfd.editing.deformer import Deformer
 from dfd.encoders.encode import Encoder, load_encoder
+from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.pictures.colors import feature_colors
 from dfd.pictures.contact_sheet import contact_sheet, heat_bar
 from dfd.pictures.picture import picture, save_png
@@ -34,7 +35,7 @@ Picture = tuple[NDArray[np.uint8], str]
 Row = tuple[str, Sequence[Picture]]
 
 
-def run(output: Path, *, encoder: str = "dinov2-small", faces: int = 20_000, console: Console | None = None) -> None:
+def run(output: Path, *, encoder: str = DEFAULT_ENCODER, faces: int = 20_000, console: Console | None = None) -> None:
     """Make a chair and a quadruped, distill them, deform them, and write meshes and pictures into `output`.
 
     `story.png` tells everything from the views to the moved shapes; `opening.png` is its shortest form.

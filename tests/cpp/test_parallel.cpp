@@ -23,7 +23,7 @@ CASE("every index is visited once, whatever the number of threads")
     }
 END
 
-CASE("every task is done once, by shares that each thread begins with and those that are left")
+CASE("every task is done once, also where one of them takes long")
     for (const std::size_t count : {0u, 1u, 2u, 7u, 34u}) {
         for (const int threads : {-1, 1, 2, 5, 100}) {
             std::vector<std::atomic<int>> visits(count);
@@ -60,10 +60,13 @@ CASE("a poll that says so stops the work")
     }
 END
 
-CASE("threads of our own take every number below the count once")
-    for (const std::size_t workers : {1u, 2u, 5u}) {
-        std::vector<std::atomic<int>> calls(workers);
-        dfd::run_own_threads(workers, [&](std::size_t worker) { ++calls[worker]; });
-        CHECK(std::all_of(calls.begin(), calls.end(), [](const auto& call) { return call == 1; }));
+CASE("the workers of a loop are an OpenMP team of as many threads as were asked for")
+    for (const int threads : {2, 3, 7}) {
+#ifdef DFD_OPENMP
+        CHECK(dfd::team_size(threads) == threads);
+#else
+        CHECK(dfd::team_size(threads) == 0);
+#endif
     }
+    CHECK(dfd::team_size(1) == 0);
 END

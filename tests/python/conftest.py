@@ -34,10 +34,12 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 @pytest.fixture(scope="module")
 def one_thread() -> Iterator[None]:
     """One thread for torch: networks as small as those of the tests only wait for one another's threads."""
-    threads = torch.get_num_threads()
+    threads, own = torch.get_num_threads(), dfd.get_num_threads()
     torch.set_num_threads(1)
+    dfd.set_num_threads(1)
     yield
     torch.set_num_threads(threads)
+    dfd.set_num_threads(own)
 
 
 @pytest.fixture(scope="session")

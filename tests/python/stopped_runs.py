@@ -8,12 +8,12 @@ from typing import Any
 import pytest
 
 import dfd
+import dfd.distillation.algorithm
 from dfd import Mesh
 from dfd.encoders.encode import Encoder
-from dfd.runs.fit_state import FitState
 
 FEW_NODES = 1500
-RECIPE = {"format": 0, "code": "of a test"}
+RECIPE = {"field_version": 0, "mesh": "of a test"}
 
 SMALL: dict[str, Any] = {
     "views": 6,
@@ -26,23 +26,19 @@ SMALL: dict[str, Any] = {
 }
 
 
-def stop_at(monkeypatch: pytest.MonkeyPatch, step: int, error: BaseException) -> None:
-    """Let the fit end with `error` after a step; by kernels it is kept after every tenth."""
-    for name in ("keep", "keep_arrays"):
-        keep = getattr(FitState, name)
+def stop_at_fit(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
+    """Let the fit end with `error`: all pictures are encoded then."""
 
-        def stopping(self: FitState, losses: list[Any], *rest: Any, keep: Any = keep) -> None:
-            keep(self, losses, *rest)
-            if len(losses) == step:
-                raise error
+    def stopping(*_: Any, **__: Any) -> None:
+        raise error
 
-        monkeypatch.setattr(FitState, name, stopping)
+    monkeypatch.setattr(dfd.distillation.algorithm, "fit", stopping)
 
 
 def interrupted(mesh: Mesh, encoder: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave a run in `folder` that has all tokens and ten steps of its fit."""
+    """Leave a run in `folder` that has all tokens."""
     with monkeypatch.context() as patch:
-        stop_at(patch, 10, KeyboardInterrupt())
+        stop_at_fit(patch, KeyboardInterrupt())
         with pytest.raises(KeyboardInterrupt):
             dfd.distill(mesh, encoder, checkpoint=folder, **SMALL)
 

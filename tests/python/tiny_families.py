@@ -269,8 +269,8 @@ def pictures(count: int, size: int, seed: int = 0) -> np.ndarray:
 
 def normalized(encoder: Encoder, images: np.ndarray) -> torch.Tensor:
     """What the network is to be given, computed in NumPy."""
-    mean = np.array(encoder._network.channels.mean)
-    std = np.array(encoder._network.channels.std)
+    mean = np.array(encoder._model.channels.mean)
+    std = np.array(encoder._model.channels.std)
     values = (images.astype(np.float64) / 255 - mean) / std
     return torch.from_numpy(values.transpose(0, 3, 1, 2).astype(np.float32))
 

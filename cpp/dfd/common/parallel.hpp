@@ -1,28 +1,54 @@
 #pragma once
 
-#include "dfd/common/runtime.hpp"
+#include "dfd/common/poll.hpp"
 
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
-#include <exception>
-#include <functional>
+
+#ifdef DFD_OPENMP
+#include <omp.h>
+#else
+#include <system_error>
+#include <thread>
 #include <vector>
+#endif
 
 namespace dfd {
 
-/// Asked now and then by the thread that called, while it works; true stops the work.
-using Poll = std::function<bool()>;
-
-/// What a call throws that its `Poll` has stopped: its result is unfinished.
-struct Stopped : std::exception {
-    const char* what() const noexcept override { return "stopped"; }
-};
+/// Calls `work(worker, task)` for each task of 0 … `count` on an OpenMP team of `workers` threads, this one being worker
+/// 0; the team may be smaller than was asked for. `work` must not throw. Built without OpenMP, threads are started for
+/// the call.
+template <class Work>
+void parallel_for(std::size_t count, std::size_t workers, const Work& work)
+{
+#ifdef DFD_OPENMP
+#pragma omp parallel num_threads(static_cast<int>(workers))
+    {
+        const auto worker = static_cast<std::size_t>(omp_get_thread_num());
+#pragma omp for schedule(dynamic) nowait
+        for (std::size_t task = 0; task < count; ++task) work(worker, task);
+    }
+#else
+    std::atomic<std::size_t> next = 0;
+    const auto take_tasks = [&](std::size_t worker) {
+        for (std::size_t task; (task = next.fetch_add(1, std::memory_order_relaxed)) < count;) work(worker, task);
+    };
+    std::vector<std::thread> others;
+    others.reserve(workers - 1);
+    try {
+        for (std::size_t worker = 1; worker < workers; ++worker) others.emplace_back(take_tasks, worker);
+    } catch (const std::system_error&) {  // those that have started, and this one, do the work
+    }
+    take_tasks(0);
+    for (std::thread& other : others) other.join();
+#endif
+}
 
 /// Calls `work(worker, begin, end)` until ranges have covered 0 … `count`, on workers numbered below `threads`. Ranges
 /// are multiples of `grain` but the last, and several for each worker, so that one that is held up delays little, nor
 /// is any so long that `poll` would not be asked for a while.
-/// `work` must not throw. One thread touches no runtime at all, so that it is safe in a forked child.
+/// `work` must not throw. One thread makes no use of OpenMP at all, so that it is safe in a forked child.
 /// @throws Stopped if `poll` said so
 template <class Work>
 void parallel_ranges(std::size_t count, std::size_t grain, int threads, const Work& work, const Poll& poll = {})
@@ -33,51 +59,44 @@ void parallel_ranges(std::size_t count, std::size_t grain, int threads, const Wo
     const std::size_t share =
         workers == 1 ? count : (count + workers * ranges_per_worker - 1) / (workers * ranges_per_worker);
     const std::size_t range = (std::min(share, longest * grain) + alignment - 1) / alignment * alignment;
-    std::atomic<std::size_t> next = 0;
+    const std::size_t ranges = count == 0 ? 0 : (count - 1) / range + 1;
     std::atomic<bool> stopped = false;
-    const auto take_ranges = [&](std::size_t worker) {
-        for (std::size_t begin; (begin = next.fetch_add(range, std::memory_order_relaxed)) < count;) {
-            work(worker, begin, std::min(begin + range, count));
-            if (worker == 0 && poll && poll()) {
-                stopped = true;
-                next = count;
-            }
-        }
+    const auto take_range = [&](std::size_t worker, std::size_t index) {
+        if (stopped.load(std::memory_order_relaxed)) return;
+        const std::size_t begin = index * range;
+        work(worker, begin, std::min(begin + range, count));
+        if (worker == 0 && poll && poll()) stopped.store(true, std::memory_order_relaxed);
     };
     if (workers == 1) {
-        take_ranges(0);
+        for (std::size_t index = 0; index < ranges; ++index) take_range(0, index);
     } else {
-        run_workers(workers, take_ranges);
+        parallel_for(ranges, workers, take_range);
     }
     if (stopped) throw Stopped();
 }
 
-/// Calls `work(task)` for each of 0 … `count`, on at most `threads` threads; it must not throw. Each begins with the same
-/// tasks whenever this is called again, for what they work on still lies in its core's cache, and then takes what is left
-/// of the others'.
+/// Calls `work(task)` for each of 0 … `count`, on at most `threads` threads; it must not throw.
 template <class Work>
 void parallel_tasks(std::size_t count, int threads, const Work& work)
 {
     const std::size_t workers = std::min(count, static_cast<std::size_t>(std::max(threads, 1)));
     if (workers <= 1) {
         for (std::size_t task = 0; task < count; ++task) work(task);
-        return;
+    } else {
+        parallel_for(count, workers, [&](std::size_t, std::size_t task) { work(task); });
     }
-    struct alignas(64) Share {
-        std::atomic<std::size_t> next;
-        std::size_t end;
-    };
-    std::vector<Share> shares(workers);
-    for (std::size_t i = 0; i < workers; ++i) {
-        shares[i].next = i * count / workers;
-        shares[i].end = (i + 1) * count / workers;
-    }
-    run_workers(workers, [&](std::size_t worker) {
-        for (std::size_t i = 0; i < workers; ++i) {
-            Share& share = shares[(worker + i) % workers];
-            for (std::size_t task; (task = share.next.fetch_add(1, std::memory_order_relaxed)) < share.end;) work(task);
-        }
+}
+
+/// The size of the OpenMP team that runs a loop on `threads` threads; 0 where none does, as on a single thread.
+inline int team_size(int threads)
+{
+    std::atomic<int> size = 0;
+    parallel_ranges(4096, 16, threads, [&](std::size_t, std::size_t, std::size_t) {
+#ifdef DFD_OPENMP
+        if (omp_in_parallel()) size = omp_get_num_threads();
+#endif
     });
+    return size;
 }
 
 }  // namespace dfd

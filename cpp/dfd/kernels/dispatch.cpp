@@ -8,14 +8,9 @@
 namespace dfd {
 namespace {
 
-#define DFD_TRANSFORMER(variant)                                                                           \
-    TransformerKernels{variant::transformer_columns, variant::transformer_pack, variant::transformer_scratch, \
-                       variant::transformer}
-
 #define DFD_KERNELS(variant)                                                                              \
     Kernels{#variant, variant::bind_rows, variant::bind_halves, variant::bind_bytes, variant::pose_float, \
-            variant::pose_double, variant::field, DFD_TRANSFORMER(variant), variant::fit_gradients,       \
-            variant::fit_steps}
+            variant::pose_double, variant::field}
 
 std::vector<Kernels> available()
 {

@@ -162,66 +162,6 @@ using FieldRange = void (*)(const FieldJob& job, std::size_t begin, std::size_t 
 
 constexpr std::size_t field_scratch(std::size_t widest) { return 2 * field_points * widest; }
 
-/// One block of a transformer; matrices are packed by `TransformerKernels::pack`.
-struct TransformerBlock {
-    const float* project = nullptr;  // (3 D, D) queries, scaled, keys and values
-    const float* mix = nullptr;      // (D, D) what the heads found, back into the stream
-    const float* widen = nullptr;    // (H, D)
-    const float* narrow = nullptr;   // (D, H)
-    const float *project_bias = nullptr, *mix_bias = nullptr, *widen_bias = nullptr, *narrow_bias = nullptr;
-    const float *gain_1 = nullptr, *shift_1 = nullptr;  // (D) of the LayerNorm before the attention
-    const float *gain_2 = nullptr, *shift_2 = nullptr;  // (D) of the one before the perceptron
-};
-
-struct TransformerJob {
-    const TransformerBlock* blocks = nullptr;
-    std::size_t block_count = 0, width = 0, hidden = 0, heads = 0;
-    const float *gain = nullptr, *shift = nullptr;  // (D) of the last LayerNorm
-    float epsilon = 0;
-};
-
-struct TransformerKernels {
-    std::size_t (*columns)();  // outputs of a packed matrix are filled up to a multiple of it
-    void (*pack)(const float* weight, std::size_t outputs, std::size_t inputs, float* panels);
-    std::size_t (*scratch)(const TransformerJob& job, std::size_t count);  // floats, aligned to 64 bytes
-    void (*run)(const TransformerJob& job, const float* tokens, std::size_t count, float* features, float* scratch);
-};
-
-/// Widths of a fitted network's layers, and of what enters the first one, are multiples of these.
-constexpr std::size_t fit_group = 64, fit_rows = 8;
-
-/// Outputs of a layer whose parameters take their steps together.
-constexpr std::size_t fit_columns = 32;
-
-/// Where a layer's parameters begin in `FitJob::values`: the matrix (outputs / 16, inputs, 16), then vectors (outputs).
-struct FitLayer {
-    std::size_t inputs = 0, outputs = 0;
-    std::size_t weight = 0, bias = 0, gain = 0, shift = 0;  // the last two of hidden layers
-};
-
-/// What a layer keeps of the 48 points of a unit.
-struct FitActivations {
-    float* in = nullptr;                               // (inputs, 48)
-    float* normal = nullptr;                           // (outputs, 48) mean 0, variance 1
-    float *factor = nullptr, *least = nullptr;         // (48) 1 / deviation, and what `normal` is where the ReLU gives 0
-    float *bias = nullptr, *gain = nullptr, *shift = nullptr;  // (outputs) gradients, summed over the unit
-};
-
-struct FitJob {
-    float *values = nullptr, *first = nullptr, *second = nullptr;  // parameters and their moments
-    const FitLayer* layers = nullptr;
-    std::size_t layer_count = 0;
-    const float* inputs = nullptr;         // (N, inputs of the first layer)
-    const float* targets = nullptr;        // (N, outputs of the last one)
-    const std::int32_t* chosen = nullptr;  // (batch) which of them this step is for
-    std::size_t batch = 0, units = 0;
-    const FitActivations* activations = nullptr;  // (units, layers)
-    float* const* gradients = nullptr;            // (units, 2) each (widest, 48)
-    float* const* turned = nullptr;               // (layers) gradients of a layer's outputs, by points
-    float* losses = nullptr;                      // (units) sums over their points
-    float rate = 0, momentum = 0, decay = 0, root = 0, epsilon = 0;  // Adam's; the root of 1 / (1 - decay^step)
-};
-
 /// The kernels of one instruction set.
 struct Kernels {
     const char* name;
@@ -231,9 +171,6 @@ struct Kernels {
     PoseRange<float> pose_float;
     PoseRange<double> pose_double;
     FieldRange field;
-    TransformerKernels transformer;
-    void (*fit_gradients)(const FitJob& job, std::size_t unit);
-    void (*fit_steps)(const FitJob& job, std::size_t layer, std::size_t first);  // of `fit_columns` outputs
 };
 
 }  // namespace dfd

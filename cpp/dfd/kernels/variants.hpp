@@ -10,12 +10,6 @@
     bool pose_float(const PoseJob<float>&, std::size_t, std::size_t, float*);                            \
     bool pose_double(const PoseJob<double>&, std::size_t, std::size_t, float*);                          \
     void field(const FieldJob&, std::size_t, std::size_t, float*);                                       \
-    std::size_t transformer_columns();                                                                   \
-    void transformer_pack(const float*, std::size_t, std::size_t, float*);                               \
-    std::size_t transformer_scratch(const TransformerJob&, std::size_t);                                 \
-    void transformer(const TransformerJob&, const float*, std::size_t, float*, float*);                  \
-    void fit_gradients(const FitJob&, std::size_t);                                                      \
-    void fit_steps(const FitJob&, std::size_t, std::size_t);                                             \
     }
 
 DFD_DECLARE_VARIANT(baseline)

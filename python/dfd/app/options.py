@@ -7,6 +7,8 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, JsonValue
 
+from dfd.encoders.known import DEFAULT_ENCODER
+
 __all__ = ["OpenedFile", "SessionOptions", "Source"]
 
 
@@ -47,7 +49,7 @@ class SessionOptions(BaseModel):
     mesh: Source | None = None
     field: OpenedFile | None = None
     edit: OpenedFile | None = None
-    encoder: str = "dinov2-small"
+    encoder: str = DEFAULT_ENCODER
     distill: dict[str, JsonValue] = {}
     memory_bytes: int | None = None
 

@@ -8,6 +8,8 @@ from typing import Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+from dfd.encoders.known import DEFAULT_ENCODER
+
 __all__ = ["EXPORTS", "MOVED", "RIGS", "WEIGHTS", "BatchSettings", "EditSource", "Step"]
 
 Step = Literal["inspect", "distill", "features", "symmetry", "pictures", "edits", "exports"]
@@ -43,7 +45,7 @@ class BatchSettings(BaseModel):
     format: Literal["dfd-batch"] = "dfd-batch"
     version: Literal[1] = 1
     steps: tuple[Step, ...]
-    encoder: str = "dinov2-small"
+    encoder: str = DEFAULT_ENCODER
     distill: dict[str, Any] = Field(default_factory=dict)
     device: str = "cpu"
     edits: tuple[EditSource, ...] = ()

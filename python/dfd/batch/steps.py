@@ -22,6 +22,7 @@ from dfd.batch.record import Figure, Job
 from dfd.batch.settings import BatchSettings, Step
 from dfd.common.files import atomic_write
 from dfd.common.progress import Stages
+from dfd.distillation.settings import DistillSettings
 from dfd.editing.deformer import Deformer
 from dfd.field.field import Field
 from dfd.geometry import topology
@@ -128,7 +129,8 @@ class Work:
         """The field, with the encoder that this worker has loaded; one that came with the shape stands for it."""
         if self.job.field is not None:
             return
-        encoder = loaded_encoder(self.settings.encoder, self.settings.device)
+        of_encoder = DistillSettings(**self.settings.distill).of_encoder()
+        encoder = loaded_encoder(self.settings.encoder, self.settings.device, **of_encoder)
         made = dfd.distill(self.mesh, encoder, progress=False, cache=False, **self.settings.distill)
         made.save(self.place / FIELD)
         self.figures["loss"] = float(made.settings["losses"][-1])
@@ -201,11 +203,11 @@ STEPS: dict[Step, Callable[[Work], None]] = {
 
 
 @lru_cache(maxsize=1)
-def loaded_encoder(name: str, device: str) -> Any:
+def loaded_encoder(name: str, device: str, **options: Any) -> Any:
     """The encoder, loaded once in a worker's life."""
     from dfd.encoders.encode import load_encoder
 
-    return load_encoder(name, device=device)
+    return load_encoder(name, device=device, **options)
 
 
 @lru_cache(maxsize=16)

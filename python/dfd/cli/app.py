@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from dfd.encoders.known import DEFAULT_ENCODER
+
 __all__ = ["app"]
 
 
@@ -23,8 +25,8 @@ def app(
         str | None, typer.Option(metavar="NAME", help="Open a made shape: quadruped, chair or robot.")
     ] = None,
     encoder: Annotated[
-        str, typer.Option(metavar="NAME", help="What makes fields: a preset's name, a folder, or a hub name.")
-    ] = "dinov2-small",
+        str, typer.Option(metavar="NAME", help="What makes fields: a known name, a folder, or a hub name.")
+    ] = DEFAULT_ENCODER,
     port: Annotated[
         int | None, typer.Option(min=0, max=65535, help="Where to listen; by default 8765, or any that is free.")
     ] = None,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dfd.common import check
+from dfd.encoders.known import DEFAULT_ENCODER
 
 if TYPE_CHECKING:
     from dfd.batch.pool import Slots
@@ -33,8 +34,8 @@ def batch(
         ),
     ] = ["inspect", "distill", "pictures"],  # noqa: B006  # Typer copies it
     encoder: Annotated[
-        str, typer.Option(metavar="NAME", help="A preset's name, a folder with weights, or a hub name.")
-    ] = "dinov2-small",
+        str, typer.Option(metavar="NAME", help="A known name, a folder with weights, or a hub name.")
+    ] = DEFAULT_ENCODER,
     distill: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=VALUE", help="A setting of `dfd distill`, such as views=12; repeatable."),
@@ -200,7 +201,6 @@ def _distill_settings(texts: list[str], wanted: bool) -> dict[str, Any]:
     ValueError
         If one is unknown, no such text, or out of its range.
     """
-    import dataclasses
     import json
 
     from dfd.distillation.settings import DistillSettings
@@ -209,7 +209,7 @@ def _distill_settings(texts: list[str], wanted: bool) -> dict[str, Any]:
         if texts:
             raise ValueError("batch: `distill` settings need the step distill")
         return {}
-    known = {each.name for each in dataclasses.fields(DistillSettings)}
+    known = DistillSettings.model_fields.keys()
     given: dict[str, Any] = {}
     for text in texts:
         name, equals, value = text.partition("=")

@@ -24,6 +24,7 @@ from dfd.cli.options import (
     WithinWidthOption,
     WithoutInstancesOption,
 )
+from dfd.encoders.known import DEFAULT_ENCODER
 
 __all__ = ["deform"]
 
@@ -120,7 +121,7 @@ def deform(
     ] = None,
     encoder: Annotated[
         str, typer.Option(metavar="NAME", help="What makes fields of several shapes that have none.")
-    ] = "dinov2-small",
+    ] = DEFAULT_ENCODER,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", metavar="MESH|FOLDER", help="The mesh to write; of several shapes the folder."),

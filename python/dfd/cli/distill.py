@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
+from collections.abc import Callable
+from inspect import Parameter, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin
 
 import typer
 
@@ -12,8 +13,9 @@ import dfd
 from dfd.cli.arguments import MeshArgument, check_output
 from dfd.common.importing import importing
 from dfd.common.progress import Stages
-from dfd.distillation.distill import DEFAULT_ENCODER, distilling, find_distilled
+from dfd.distillation.distill import distilling, find_distilled
 from dfd.distillation.settings import DistillSettings
+from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.field.given_features import check_order, read_features
 from dfd.runs.known_meshes import hash_file, note, recall
 
@@ -22,47 +24,48 @@ if TYPE_CHECKING:
 
 __all__ = ["distill"]
 
-DEFAULTS = DistillSettings()
 FEATURES = "`--features`"
 
 
+def _with_settings(command: Callable[..., None]) -> Callable[..., None]:
+    """Give `command` an option for each of the settings, whose values come to it by name where they are given."""
+    own = [
+        each for each in signature(command, eval_str=True).parameters.values() if each.kind is not Parameter.VAR_KEYWORD
+    ]
+    options = [
+        Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=_option(name))
+        for name in DistillSettings.model_fields
+    ]
+    parameters = [*own, *options]
+    command.__signature__ = signature(command).replace(parameters=parameters)  # type: ignore[attr-defined]
+    command.__annotations__ = {each.name: each.annotation for each in parameters}
+    return command
+
+
+def _option(name: str) -> Any:
+    """The option of a setting: its type as a word of the command line, its description and what it is by itself."""
+    field = DistillSettings.model_fields[name]
+    kinds = [kind for kind in get_args(field.annotation) or (field.annotation,) if kind is not type(None)]
+    kind = kinds[0] if kinds[0] in (bool, int, float) else str
+    default, paper = (_shown(getattr(DistillSettings(preset=preset), name)) for preset in ("default", "paper"))
+    by_itself = default if default == paper or name == "preset" else f"{default}; paper: {paper}"
+    choices = "|".join(get_args(field.annotation)) if get_origin(field.annotation) is Literal else None
+    return Annotated[kind | None, typer.Option(metavar=choices, help=field.description, show_default=by_itself)]
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, bool) or value is None:
+        return {None: "none", True: "yes", False: "no"}[value]
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+@_with_settings
 def distill(
-    context: typer.Context,
     mesh: MeshArgument,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FIELD", help="The .safetensors file to write.")],
     encoder: Annotated[
-        str, typer.Option(metavar="NAME", help="A preset's name, a folder with weights, or a hub name.")
+        str, typer.Option(metavar="NAME", help="A known name, a folder with weights, or a hub name.")
     ] = DEFAULT_ENCODER,
-    views: Annotated[int, typer.Option(help="Pictures taken from around the shape.")] = DEFAULTS.views,
-    resolution: Annotated[int, typer.Option(help="Pixels along a picture's side.")] = DEFAULTS.resolution,
-    framing: Annotated[
-        str, typer.Option(help="shape: it fills every picture; paper: cameras at a distance of 2.8.")
-    ] = DEFAULTS.framing,
-    simplify_to: Annotated[
-        int | None, typer.Option(metavar="FACES", help="Take the pictures of a copy of at most so many faces.")
-    ] = DEFAULTS.simplify_to,
-    up: Annotated[
-        str, typer.Option(metavar="DIRECTION", help="Which way is up: auto, file, +y, -z, …, or numbers such as 0,0,1.")
-    ] = DEFAULTS.up,  # type: ignore[assignment]
-    supervision: Annotated[
-        str, typer.Option(help="barycentric: fit every pixel; vertex: only those that hold a vertex.")
-    ] = DEFAULTS.supervision,
-    mirrored: Annotated[
-        bool, typer.Option("--mirrored/--not-mirrored", help="Take the pictures in fours that mirror each other.")
-    ] = DEFAULTS.mirrored,
-    smoothing: Annotated[
-        float, typer.Option(help="How far features spread along the surface before the fit; 0 is the paper's loss.")
-    ] = DEFAULTS.smoothing,
-    metric: Annotated[
-        str, typer.Option(help="learned: distances that tell parts apart, where there are some; none: the paper's.")
-    ] = DEFAULTS.metric,
-    octaves: Annotated[
-        int, typer.Option(help="Wavelengths of the sines that the field is given; 0 is the paper's network.")
-    ] = DEFAULTS.octaves,
-    steps: Annotated[int, typer.Option(help="Length of the fit.")] = DEFAULTS.steps,
-    batch: Annotated[int, typer.Option(help="Surface points in each step of the fit.")] = DEFAULTS.batch,
-    learning_rate: Annotated[float, typer.Option(help="Peak of the fit's one-cycle rate.")] = DEFAULTS.learning_rate,
-    seed: Annotated[int, typer.Option(help="Equal seeds give equal fields.")] = DEFAULTS.seed,
     device: Annotated[
         str | None, typer.Option(help="Where torch computes: cpu, cuda, …; by default CUDA when there is one.")
     ] = None,
@@ -74,16 +77,17 @@ def distill(
         bool, typer.Option("--cache/--no-cache", help="Take it from the cache when it was made before.")
     ] = True,
     loss_curve: Annotated[Path | None, typer.Option(metavar="PNG", help="Draw the loss of every step.")] = None,
+    **settings_given: Any,
 ) -> None:
     """Distill an image encoder's features into a field around MESH. Needed once per shape.
 
-    What is done is kept in a folder beside FIELD until FIELD is whole: the same command goes on from there.
+    What the encoder saw is kept in a folder beside FIELD until FIELD is whole: the same command, if it was stopped,
+    resumes at the next picture.
     """
     check_output("--output", output, (".safetensors",))
     check_output("--loss-curve", loss_curve, (".png",))
 
-    # The parameters above are what Typer makes options of; their values are also in its context.
-    settings = DistillSettings(**{each.name: context.params[each.name] for each in dataclasses.fields(DistillSettings)})
+    settings = DistillSettings(**{name: value for name, value in settings_given.items() if value is not None})
     rows = None if features is None else read_features(features, FEATURES)
     partial = output.with_name(f"{output.name}.partial")
     stages = Stages()
@@ -95,9 +99,10 @@ def distill(
         if known is not None and look_up:
             found = find_distilled(known, encoder, settings, device=device, checkpoint=partial)
         if found is None:
-            from dfd.encoders.ahead import load_ahead
+            from dfd.encoders.background import load_in_background
 
-            loading = load_ahead(encoder, device=device) if rows is None else None
+            options = settings.of_encoder()
+            loading = load_in_background(encoder, device=device, **options) if rows is None else None
             shape = dfd.load(mesh)
             if features is not None and rows is not None:
                 check_order(features, rows, shape, FEATURES)

@@ -101,10 +101,10 @@ def inspect(
 
 
 def _found_up(shape: Mesh) -> Up:
-    from dfd.distillation.distill import DEFAULT_ENCODER
     from dfd.distillation.up import file_up
     from dfd.distillation.upright import find_up
     from dfd.encoders.encode import load_encoder
+    from dfd.encoders.known import DEFAULT_ENCODER
 
     try:
         encoder = load_encoder(DEFAULT_ENCODER)

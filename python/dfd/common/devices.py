@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import sys
-from importlib import metadata
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 # torch takes seconds to import; where it was not, it has raised nothing.
 if TYPE_CHECKING:
     import torch
 
-__all__ = ["choose_device", "out_of_memory", "without_accelerator"]
-
-# What Linux has where the driver of an accelerator is loaded: NVIDIA's, Windows's own in its Linux, AMD's.
-_DRIVERS = ("/dev/nvidiactl", "/dev/nvidia0", "/dev/dxg", "/dev/kfd")
+__all__ = ["choose_device", "out_of_memory"]
 
 
 def choose_device(function: str, device: str | torch.device | None) -> torch.device:
@@ -36,18 +30,6 @@ def choose_device(function: str, device: str | torch.device | None) -> torch.dev
         reason = (str(error).splitlines() or [""])[0]
         raise ValueError(f"{function}: `device` must be one that torch can use, got {device!r}: {reason}") from None
     return target
-
-
-def without_accelerator(device: str | torch.device | None) -> bool:
-    """Whether it is sure, without asking torch, that `choose_device` gives the processor."""
-    if device is not None:
-        return str(device) == "cpu"
-    try:
-        if metadata.version("torch").endswith("+cpu"):
-            return True
-    except metadata.PackageNotFoundError:
-        return False
-    return sys.platform == "linux" and not any(Path(driver).exists() for driver in _DRIVERS)
 
 
 def out_of_memory(error: BaseException) -> bool:

@@ -1,7 +1,8 @@
 """How many threads the kernels use.
 
-The kernels run on the OpenMP runtime that torch loads as well, where there is one. Its pool of threads does not survive
-a fork, so a forked child computes on one thread; start workers with the method "spawn" to give them more.
+The kernels run on the OpenMP runtime that torch loads as well: this module, which `dfd` imports before its kernels,
+sees to that. Its pool of threads does not survive a fork, so a forked child computes on one thread; start workers with
+the method "spawn" to give them more.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from dfd.common import check
+from dfd.common import check, openmp
 
 __all__ = ["get_num_threads", "one_blas_thread", "set_num_threads"]
 
@@ -100,6 +101,7 @@ def _after_fork() -> None:
     _threads = 1
 
 
+openmp.load_runtime()
 _forked = False
 _threads = _default_threads()
 if hasattr(os, "register_at_fork"):

@@ -5,9 +5,10 @@ The cache, checkpoints and all else that a long run needs stand around it, in `d
 
 from __future__ import annotations
 
+import logging
 from contextlib import nullcontext
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dfd.common.progress import Stages
 from dfd.common.sharing import beside
@@ -19,6 +20,7 @@ from dfd.distillation.settings import DistillSettings
 from dfd.distillation.smoothing import lay_ground, spread
 from dfd.distillation.targets import PixelTargets, PointTargets, TokenGrid
 from dfd.distillation.thickness import thickness_bands
+from dfd.distillation.up_probe import find_probe
 from dfd.distillation.upright import said_or_found
 from dfd.encoders.encode import Encoder
 from dfd.field.field import Field
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
 
 __all__ = ["distill_pictures"]
 
+_log = logging.getLogger(__name__)
+
 
 @one_blas_thread()
 def distill_pictures(
@@ -38,18 +42,25 @@ def distill_pictures(
     """Return the field around `mesh` of what `encoder` sees in its pictures; `kept` is where a stopped run goes on."""
     metric = find_metric(encoder) if settings.metric == "learned" else None
     up = said_or_found(mesh, encoder, settings.up, stages=stages)
+    lacking = []
+    if settings.metric == "learned" and metric is None:
+        lacking.append("no metric was learned for it, and distances are those of its own features")
+    if settings.up == "auto" and find_probe(encoder) is None:
+        lacking.append("which way is up was not learned for it, and is taken to be the file's +y")
+    if lacking:
+        _log.warning("encoder %s, block %d: %s", encoder.name, encoder.block, "; ".join(lacking))
     views = render(mesh, **settings.of_pictures(), frame=up.frames, stages=stages)
     targets = _targets(views, encoder, settings, metric, stages=stages, kept=kept)
-    state = kept.fit_state(*targets.arrays) if kept else None
-    field = fit(
-        targets, settings, center=views.center, scale=views.scale, device=encoder.device, stages=stages, state=state
-    )
-    if isinstance(targets, PointTargets):
+    field = fit(targets, settings, center=views.center, scale=views.scale, device=encoder.device, stages=stages)
+    if settings.pieces and isinstance(targets, PointTargets):
         field = keep_pieces(field, targets)
     if targets.directions is not None:
         field = widen(field, targets.directions)
     of_metric = {"metric": "learned", "metric_hash": metric.content_hash} if metric else {"metric": "none"}
-    made_with = {**settings.as_dict(), **of_metric}
+    of_encoder: dict[str, Any] = {"block": encoder.block, "background": not encoder.foreground_only}
+    if lacking:
+        of_encoder["encoder_lacks"] = lacking
+    made_with = {**settings.as_dict(), **of_encoder, **of_metric}
     return field.with_settings({**encoder.settings(), **made_with, **up.settings, **field.settings})
 
 

@@ -1,12 +1,9 @@
-"""`dfd.distill`: what stands around a distillation, so that it is found again, goes on, and says what it lacks."""
+"""`dfd.distill`, with its cache and its checkpoint: fields are found again, and a stopped call resumes."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
-from functools import partial
-from inspect import Parameter, signature
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -14,9 +11,9 @@ from dfd.common.importing import importing
 from dfd.common.interrupts import heed_interrupts
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillOptions, DistillSettings
+from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.runs import field_cache
 from dfd.runs.checkpoint import Checkpoint
-from dfd.runs.lookup import find_field
 from dfd.runs.recipe import recipe
 
 # torch and transformers take seconds to import; they wait until something is distilled.
@@ -31,13 +28,11 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh, MeshLike
     from dfd.runs.recipe import Content
 
-__all__ = ["DEFAULT_ENCODER", "distill", "distilling", "find_distilled"]
-
-DEFAULT_ENCODER = "dinov2-small"
+__all__ = ["distill", "distilling", "find_distilled"]
 
 # What a stage needs memory for, and what lowers that.
 _PICTURES = "the pictures: lower `resolution` or `views`"
-_FIT = "the fit: lower `batch`, `resolution` or `views`"
+_FIT = "the fit: lower `batch`, `resolution` or `views`, or give features with fewer columns"
 _ADVICE = {
     "load": _PICTURES,
     "up": _PICTURES,
@@ -68,44 +63,11 @@ def distill(
         The shape, or whatever `dfd.load` makes one of; with or without textures, holes, loose parts and faces of no
         area.
     encoder
-        A preset's name, a folder with weights, a hub name, or an encoder that is loaded already.
+        A known encoder's name, a folder with weights, a hub name, or an encoder that is loaded already.
     features
         Features of another network, which are fitted instead of an encoder's: (V, D), a row a vertex, or the pair
-        points (N, 3) in mesh units and their rows (N, D). What concerns pictures has no meaning then.
-    views, resolution
-        How many pictures are taken from around the shape, and the pixels along a side of each.
-    framing
-        "shape": every view is filled by the shape; "paper": the cameras of the paper, at a distance of 2.8.
-    simplify_to
-        Take the pictures of a copy of at most so many faces, as the paper does above 50,000; None casts rays at the
-        mesh itself, as fast below half a million faces and faster above.
-    up
-        Which way is up: "+y", "-z" and the like, a direction, "file" for the +y that files have by convention, or
-        "auto", which looks (see `dfd.distillation.upright.find_up`). Cameras stand upright and mirror each other in a
-        frame with this up; mesh and field keep their own coordinates. What was found, and how sure, stands in
-        `field.settings` as "up_direction", "up_confidence" and "up_source": "file", "found", "averaged" where two
-        directions share the pictures because none is clear, or "said".
-    supervision
-        "barycentric" fits every covered pixel (Eq. 2); "vertex" only pixels that hold a vertex, the paper's ablation.
-    mirrored
-        Take the views in fours that are each other's mirror images at the upright middle planes, pictures included: the
-        encoder's own sense of left and right evens out.
-    smoothing
-        How far features spread along the surface before the field is fitted to them, as a part of half the longest
-        side of the box; 0 fits the pixels as they are, as the paper does, and then the length of the fit decides how
-        well its weights tell parts apart. What spreads, and why, stands in `dfd.distillation.smoothing`.
-    metric
-        "learned" fits features that went, with how thick the shape is around each point, through the metric that was
-        learned for this encoder, see `dfd.distillation.metric`: parts are told apart better, and a feature has fewer
-        numbers. "none" is the paper's distance, of what is seen alone, and what is taken without smoothing and where no
-        metric comes with the package for an encoder's weights and block; the field's `settings` say which it was.
-    octaves
-        Wavelengths of the sines that the field's network is given beside the coordinates; 0 is the paper's network.
-    steps, batch, learning_rate
-        Length of the fit, surface points per step, peak of its one-cycle rate.
-    seed
-        Equal seeds give equal fields on one machine. The precision of a named encoder is decided once on it, by
-        `dfd.encoders.encode.load_encoder`, and is `field.settings["encoder_precision"]`.
+        points (N, 3) in mesh units and their rows (N, D). What concerns pictures has no meaning then, and an epoch has
+        these points or vertices.
     device
         Where torch computes, such as "cpu" or "cuda"; None takes a CUDA device when there is one.
     progress
@@ -114,20 +76,27 @@ def distill(
         Take the field from the user's cache when the same mesh was distilled with the same settings before, and keep it
         there otherwise. Where that is, and its other uses: `dfd.common.cache`.
     checkpoint
-        A folder that keeps what is done, every few seconds, for as long as the call lasts. A call that was stopped,
-        by whatever, goes on from there when it is made again, to the same bits; one with another mesh or other settings
-        begins anew and says so, and so does what is damaged.
+        A folder that keeps what the encoder saw in each picture, for as long as the call lasts. A call that was stopped
+        resumes at the next picture when it is made again; one with another mesh or other settings begins anew and says
+        so, and so does what is damaged. The fit takes seconds and begins anew.
+    settings
+        `preset` ("default", or "paper" for the procedure of the paper) and every other field of `DistillSettings`,
+        which explains each. Equal seeds give equal fields on one machine with as many threads, and nearly equal ones
+        (to about 1e-3 of a feature) on any other. The precision of a named encoder is decided once on a machine, by
+        `dfd.encoders.encode.load_encoder`, and is `field.settings["encoder_precision"]`.
 
     Returns
     -------
-    Field, with all settings and the loss of every step in `field.settings`. Of a mesh in pieces that no edge connects
-    it also keeps what each looks like, so that a helmet is told from the head in it: see `dfd.field.pieces`.
+    Field, with all settings and the loss of every step in `field.settings`. There are also the block that was taken and
+    whether the background was seen, as the encoder has it, and of `up="auto"` what was found and how sure that is:
+    "up_direction", "up_confidence" and "up_source" ("file", "found", "averaged" where two directions share the pictures
+    because none is clear, or "said").
 
     Raises
     ------
     ValueError
-        If an argument is out of its range, the encoder is unknown, no camera sees the mesh, or `checkpoint` is a folder
-        of something else.
+        If an argument is out of its range, the encoder is unknown or was loaded for another `block` or `background`, no
+        camera sees the mesh, or `checkpoint` is a folder of something else.
     OSError
         If the encoder's weights cannot be found or read, or `checkpoint` cannot be made.
     MemoryError
@@ -145,9 +114,6 @@ def distill(
     from dfd.mesh.mesh import as_mesh
 
     stages = progress if isinstance(progress, Stages) else Stages(show=bool(progress))
-    unknown = settings.keys() - DistillOptions.__annotations__.keys()
-    if unknown:
-        raise TypeError(f"distill() got an unexpected keyword argument {min(unknown)!r}")
     with distilling(
         as_mesh(mesh),
         encoder,
@@ -159,15 +125,6 @@ def distill(
         checkpoint=checkpoint,
     ) as field:
         return field
-
-
-# What help() and editors show are the settings themselves.
-distill.__signature__ = signature(distill).replace(  # type: ignore[attr-defined]
-    parameters=[
-        *(each for each in signature(distill).parameters.values() if each.kind is not Parameter.VAR_KEYWORD),
-        *signature(DistillSettings).parameters.values(),
-    ]
-)
 
 
 @contextmanager
@@ -189,25 +146,33 @@ def distilling(
     """
     with stages.stage("load"), importing():
         known = find_recipe(mesh, encoder, settings, device) if features is None else None
-        found = find_field(known, checkpoint) if known and cache else None
+        found = _find(known, checkpoint) if cache else None
         if found is None:
             if features is None:
-                work = _of_pictures(mesh, encoder, settings, device, loading)
+                made_of, run = _of_pictures(mesh, encoder, settings, device, loading)
             else:
-                work = _of_features(mesh, features, settings, device)
-            if cache and work.recipe != known:
-                found = find_field(work.recipe, checkpoint)
+                made_of, run = _of_features(mesh, features, settings, device)
+            if cache and made_of != known:
+                found = _find(made_of, checkpoint)
     if found is not None:
         yield found
         return
-    kept = None if checkpoint is None else Checkpoint(checkpoint, work.recipe)
-    with _guarded(work, stages, kept):
-        field = work.run(stages=stages, kept=kept)
+    kept = None if checkpoint is None or features is not None else Checkpoint(checkpoint, made_of)
+    with _guarded(stages, kept):
+        field = run(stages, kept)
     if cache:
-        field_cache.store(work.recipe, field)
+        field_cache.store(made_of, field)
     yield field
     if kept is not None:
         kept.remove()
+
+
+def _find(made_of: Mapping[str, Any] | None, checkpoint: str | PathLike[str] | None) -> Field | None:
+    """The field that the user's cache has; what an earlier run left in `checkpoint` is of no use then, and goes."""
+    found = field_cache.find(made_of) if made_of else None
+    if found is not None and made_of and checkpoint is not None:
+        Checkpoint.discard(checkpoint, made_of)
+    return found
 
 
 def find_distilled(
@@ -222,8 +187,7 @@ def find_distilled(
 
     No torch is imported for it, which takes longer than all the rest.
     """
-    known = find_recipe(mesh, encoder, settings, device)
-    return find_field(known, checkpoint) if known else None
+    return _find(find_recipe(mesh, encoder, settings, device), checkpoint)
 
 
 def find_recipe(
@@ -244,13 +208,7 @@ def find_recipe(
     return recipe(mesh, **settings.as_dict(), **identity) if identity else None
 
 
-@dataclass(frozen=True)
-class _Work:
-    """A distillation that is ready to begin: by what its result is known, and what is to be done."""
-
-    recipe: Mapping[str, Any]
-    run: Callable[..., Field]  # stages and kept
-    advice: Mapping[str, str]  # when memory runs out in a stage
+_Work = tuple[dict[str, Any], Callable[[Stages, Checkpoint | None], "Field"]]  # a recipe, and what makes its field
 
 
 def _of_pictures(
@@ -267,10 +225,29 @@ def _of_pictures(
 
     if loading is not None:
         model = loading.result()
+    elif isinstance(encoder, Encoder):
+        model = encoder
+        _check_loaded(model, settings)
     else:
-        model = encoder if isinstance(encoder, Encoder) else load_encoder(encoder, device=device)
+        model = load_encoder(encoder, device=device, **settings.of_encoder())
     made_of = recipe(mesh, **settings.as_dict(), **loaded_identity(encoder, device, model))
-    return _Work(made_of, partial(distill_pictures, mesh, model, settings), _ADVICE)
+    return made_of, lambda stages, kept: distill_pictures(mesh, model, settings, stages=stages, kept=kept)
+
+
+def _check_loaded(encoder: Encoder, settings: DistillSettings) -> None:
+    """Refuse settings that an encoder, which somebody has loaded, does not have.
+
+    Raises
+    ------
+    ValueError
+        In the name of the setting.
+    """
+    if settings.block not in (None, encoder.block):
+        raise ValueError(f"distill: `block` must be that of the loaded encoder, {encoder.block}, got {settings.block}")
+    if settings.background and encoder.foreground_only:
+        raise ValueError(
+            "distill: `background` must be as the encoder was loaded: give its name, or load it with background=True"
+        )
 
 
 def _of_features(
@@ -283,12 +260,11 @@ def _of_features(
     target = choose_device("distill", device)
     given = GivenFeatures(mesh, features)
     made_of = recipe(mesh, **settings.of_fit(), features=given.kind, given=given.sha256(), device=str(target))
-    advice = {"fit": "the fit: lower `batch`, or give features with fewer columns"}
-    return _Work(made_of, partial(distill_features, given, settings, device=target), advice)
+    return made_of, lambda stages, kept: distill_features(given, settings, device=target, stages=stages)
 
 
 @contextmanager
-def _guarded(work: _Work, stages: Stages, kept: Checkpoint | None) -> Iterator[None]:
+def _guarded(stages: Stages, kept: Checkpoint | None) -> Iterator[None]:
     """Watch over the work itself.
 
     Raises
@@ -309,5 +285,4 @@ def _guarded(work: _Work, stages: Stages, kept: Checkpoint | None) -> Iterator[N
 
         if not out_of_memory(error) or str(error).startswith("encode: "):
             raise
-        advice = work.advice.get(stages.latest or "", next(iter(work.advice.values())))
-        raise MemoryError(f"distill: too little memory for {advice}") from error
+        raise MemoryError(f"distill: too little memory for {_ADVICE.get(stages.latest or '', _FIT)}") from error

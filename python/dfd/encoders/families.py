@@ -1,4 +1,4 @@
-"""The families of vision networks in transformers, and how each gives the tokens of one of its blocks.
+"""The families of vision networks that transformers runs, and how each gives the tokens of one of its blocks.
 
 The tokens of a block are what the network would give if that block were its last: the network's own final layer norm
 (SAM's neck) is applied to them, and the class token and registers are left out.
@@ -11,44 +11,20 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from operator import index
-from typing import Any, SupportsIndex
+from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 
-from dfd.encoders.foreground import leave_out_background, looking_at, with_background
-from dfd.encoders.presets import CLIP, IMAGENET, SYMMETRIC, ChannelStats
-from dfd.encoders.sources import Weights
+from dfd.encoders.known import CLIP, IMAGENET, SYMMETRIC, ChannelStats
+from dfd.encoders.vision_model import VisionModel, check_block
+from dfd.encoders.weight_files import EncoderWeights, unreadable
 
-__all__ = ["VisionModel", "build"]
-
-
-@dataclass(frozen=True)
-class VisionModel:
-    """A network cut off after `block` (counted from 1) of its `depth` blocks.
-
-    `tokens` maps normalized images (n, 3, H, W), H and W multiples of `step` pixels (exactly `fixed_size` where that
-    is set), to tokens (n, H / patch, W / patch, D). Its second argument are the patches to look at, (H / patch,
-    W / patch) bool, the same in all images, or None for all of them; it is heeded where `takes_patches`.
-    """
-
-    network: nn.Module
-    tokens: Callable[[Tensor, Tensor | None], Tensor]
-    dimension: int
-    patch: int
-    step: int
-    block: int
-    depth: int
-    channels: ChannelStats
-    fixed_size: int | None = None
-    pluggable_attention: bool = False
-    takes_patches: bool = False
+__all__ = ["build_family"]
 
 
-def build(weights: Weights, block: int | None = None, channels: ChannelStats | None = None) -> VisionModel:
-    """Put `weights` into a network and cut it off after `block`; None takes the family's own choice.
+def build_family(weights: EncoderWeights, block: int | None, channels: ChannelStats | None) -> VisionModel:
+    """Put `weights` in a folder into a network and cut it off after `block`; None takes the family's own choice.
 
     `channels` are used where the weights come without their own.
 
@@ -77,10 +53,7 @@ def build(weights: Weights, block: int | None = None, channels: ChannelStats | N
     blocks = network.get_submodule(family.blocks) if family.blocks else _largest_list(network, kind)
     assert isinstance(blocks, nn.ModuleList)
     depth = len(blocks)
-    chosen: object = family.block(config, depth) if block is None else block
-    if isinstance(chosen, bool) or not isinstance(chosen, SupportsIndex) or not 1 <= index(chosen) <= depth:
-        raise ValueError(f"load_encoder: `block` must lie in 1 … {depth}, got {chosen!r}")
-    chosen = index(chosen)
+    chosen = check_block(family.block(config, depth) if block is None else block, depth)
     del blocks[chosen:]  # blocks after the one used need not run, nor be held
     unset = sorted(missing & {name for name, _ in network.named_parameters()})
     if unset:
@@ -88,28 +61,17 @@ def build(weights: Weights, block: int | None = None, channels: ChannelStats | N
             f"load_encoder: `encoder`: the weights lack {len(unset)} tensors of a {kind} model, such as {unset[0]}"
         )
     network.eval().requires_grad_(False)
-    takes_patches = family.takes_patches(config)
-    if takes_patches:
-        leave_out_background(network.embeddings)
     patch = family.patch(config, chosen)
-    step = family.step(config)
-
-    def tokens(images: Tensor, patches: Tensor | None) -> Tensor:
-        with looking_at(patches if takes_patches else None):
-            return family.tokens(network, images)
-
     return VisionModel(
         network=network,
-        tokens=tokens,
+        tokens=lambda images, patches: family.tokens(network, images),
         dimension=family.dimension(config, chosen),
         patch=patch,
-        step=step or patch,
+        step=family.step(config) or patch,
         block=chosen,
         depth=depth,
         channels=weights.channels or channels or family.channels,
         fixed_size=family.fixed_size(config),
-        pluggable_attention=family.pluggable_attention,
-        takes_patches=takes_patches,
     )
 
 
@@ -151,11 +113,9 @@ class _Family:
     patch: Callable[[Any, int], int] = _patch
     step: Callable[[Any], int | None] = lambda config: None
     fixed_size: Callable[[Any], int | None] = lambda config: None
-    pluggable_attention: bool = False
-    takes_patches: Callable[[Any], bool] = lambda config: False  # with their module `embeddings`
 
 
-def _load(family: _Family, weights: Weights, config: Any) -> tuple[Any, set[str]]:
+def _load(family: _Family, weights: EncoderWeights, config: Any) -> tuple[Any, set[str]]:
     """The part of the model that makes tokens, and the names in it that no weights were found for."""
     import transformers
 
@@ -163,7 +123,6 @@ def _load(family: _Family, weights: Weights, config: Any) -> tuple[Any, set[str]
         model, report = getattr(transformers, family.model).from_pretrained(
             weights.folder,
             config=config,
-            state_dict=_as_torch(weights.tensors),
             dtype=torch.float32,
             local_files_only=True,
             output_loading_info=True,
@@ -171,9 +130,7 @@ def _load(family: _Family, weights: Weights, config: Any) -> tuple[Any, set[str]
             **family.arguments,
         )
     except Exception as error:  # safetensors, pickle, zip and transformers each have their own
-        where = weights.folder or weights.source
-        reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
-        raise OSError(f"load_encoder: `encoder`: the weights in {where} cannot be read: {reason}") from error
+        raise unreadable(weights, error) from error
     prefix = f"{family.inside}." if family.inside else ""
     wrong = sorted(entry for entry in report["mismatched_keys"] if entry[0].startswith(prefix))
     if wrong:
@@ -184,10 +141,6 @@ def _load(family: _Family, weights: Weights, config: Any) -> tuple[Any, set[str]
         )
     network = model.get_submodule(family.inside)
     return network, {name.removeprefix(prefix) for name in report["missing_keys"] if not _unused(name)}
-
-
-def _as_torch(tensors: dict[str, Any] | None) -> dict[str, Tensor] | None:
-    return None if tensors is None else {name: torch.from_numpy(np.array(values)) for name, values in tensors.items()}
 
 
 def _unused(name: str) -> bool:
@@ -227,7 +180,6 @@ def _quiet() -> Iterator[None]:
 def _grid(sequence: Tensor, images: Tensor, patch: int) -> Tensor:
     """Patch tokens of a sequence (n, prefix + h·w, D) in their places (n, h, w, D); the prefix is left out."""
     rows, columns = images.shape[2] // patch, images.shape[3] // patch
-    sequence = with_background(sequence)
     if sequence.ndim != 3 or sequence.shape[1] < rows * columns:
         raise ValueError(
             f"encode: `encoder` gives an output of shape {tuple(sequence.shape)}, "
@@ -322,19 +274,7 @@ def _hiera_step(config: Any) -> int:
     return math.lcm(pooled, stride * backbone.window_size_per_stage[0])
 
 
-# Large networks keep what they know of a whole picture in patches of its background, unless they have registers for it
-# (Darcet et al. 2024); without a background it would go to the shape's own.
-_DINOV2 = _Family(
-    "Dinov2Model",
-    _plain,
-    "encoder.layer",
-    pluggable_attention=True,
-    takes_patches=lambda config: bool(config.hidden_size <= 768),
-)
-_REGISTERS = _Family(
-    "Dinov2WithRegistersModel", _plain, "encoder.layer", pluggable_attention=True, takes_patches=lambda config: True
-)
-_DINOV3 = _Family("DINOv3ViTModel", _plain, "model.layer", pluggable_attention=True)
+_DINOV3 = _Family("DINOv3ViTModel", _plain, "model.layer")
 _CONVNEXT = _Family(
     "DINOv3ConvNextModel",
     _convnext,
@@ -343,9 +283,9 @@ _CONVNEXT = _Family(
     patch=lambda config, block: 4 * 2 ** (block - 1),
     step=lambda config: 4 * 2 ** (config.num_stages - 1),
 )
-_CLIP = _Family("CLIPVisionModel", _clip, "encoder.layers", channels=CLIP, pluggable_attention=True)
-_SIGLIP = _Family("SiglipVisionModel", _interpolated, "encoder.layers", channels=SYMMETRIC, pluggable_attention=True)
-_SIGLIP2 = _Family("Siglip2VisionModel", _siglip2, "encoder.layers", channels=SYMMETRIC, pluggable_attention=True)
+_CLIP = _Family("CLIPVisionModel", _clip, "encoder.layers", channels=CLIP)
+_SIGLIP = _Family("SiglipVisionModel", _interpolated, "encoder.layers", channels=SYMMETRIC)
+_SIGLIP2 = _Family("Siglip2VisionModel", _siglip2, "encoder.layers", channels=SYMMETRIC)
 _SAM = _Family(
     "SamVisionModel",
     _sam,
@@ -365,22 +305,19 @@ _SAM2 = _Family(
     patch=_hiera_patch,
     step=_hiera_step,
 )
-_MAE = _Family("ViTMAEModel", _mae, "layers", pluggable_attention=True)
+_MAE = _Family("ViTMAEModel", _mae, "layers")
 _VIT = _Family(
     "ViTModel",
     _interpolated,
     "layers",
     arguments={"add_pooling_layer": False},
     channels=SYMMETRIC,
-    pluggable_attention=True,
 )
 
 # Nothing is known but that its configuration says the size of pictures it was made for.
 _UNKNOWN = _Family("AutoModel", _plain, fixed_size=_image_size)
 
 _FAMILIES = {
-    "dinov2": _DINOV2,
-    "dinov2_with_registers": _REGISTERS,
     "dinov3_vit": _DINOV3,
     "dinov3_convnext": _CONVNEXT,
     "clip": _CLIP,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any
 
-from dfd.encoders.precision import noted_device, noted_precision
+from dfd.encoders.precision import saved_device, saved_precision
 from dfd.encoders.sources import find_fingerprint
 
 # torch takes seconds to import, and is not needed to look.
@@ -22,17 +22,15 @@ def find_identity(
 ) -> dict[str, Any] | None:
     """Return all that the tokens of `encoder` on `device` depend on, besides the pictures, without loading it.
 
-    None where its weights are not at hand, or were never loaded on this machine: then where it computes, and with
-    which precision, is not decided yet.
+    None where its weights are not cached, or no encoder was ever loaded on this machine: then where it computes, and
+    with which precision, is not decided yet.
     """
     if not isinstance(encoder, str | os.PathLike):
         return encoder.identity()
-    target = noted_device() if device is None else str(device)
-    weights = find_fingerprint(encoder) if target else None
-    if not target or not weights:
-        return None
-    precision = noted_precision(target, weights.partition(" ")[0])
-    if precision is None:
+    target = saved_device() if device is None else str(device)
+    precision = saved_precision(target) if target else None
+    weights = find_fingerprint(encoder) if precision else None
+    if weights is None:
         return None
     return {
         "encoder": os.fspath(encoder),
@@ -47,7 +45,7 @@ def loaded_identity(
 ) -> dict[str, Any]:
     """Return the same once `encoder` is loaded as `model`.
 
-    What was known before may not be what was loaded: the hub may have given other weights than those at hand.
+    What was known before may not be what was loaded: the hub may have given other weights than those in its cache.
     """
     identity = model.identity()
     known = find_identity(encoder, device)

@@ -1,42 +1,28 @@
-"""float32 or bfloat16: decided once per machine and noted in the user's cache, for a stopwatch has a say in it.
+"""float32 or bfloat16: decided once per machine and kept in the user's cache, for a stopwatch has a say in it.
 
-Where our own kernels compute and the processor has no tiles of bfloat16 (AMX), none is asked: with the vectors of
-bfloat16 that it may have, torch takes twice the time that the kernels take with float32.
-
-Tokens of the two differ, so fields would as well if every process measured anew. What was noted is read without torch:
-that a field was made before is then known before torch is loaded.
+Tokens of the two differ, so fields would as well if every process measured again. What was decided is read without
+torch: that a field was made before is then known before torch is imported.
 """
 
 from __future__ import annotations
 
 import hashlib
-import os
 import platform
-import secrets
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, cast, get_args
 
 from dfd.common.cache import cache_directory
+from dfd.common.files import atomic_write
 
 if TYPE_CHECKING:
     import torch
 
-__all__ = [
-    "Precision",
-    "choose_precision",
-    "cpu_has",
-    "kernels_are_fastest",
-    "note_device",
-    "note_kernels",
-    "noted_device",
-    "noted_precision",
-]
+__all__ = ["Precision", "choose_precision", "save_device", "saved_device", "saved_precision"]
 
 Precision = Literal["float32", "bfloat16"]
 
@@ -46,7 +32,7 @@ _CPU_KEYS = {
     *("vendor_id", "cpu family", "model", "model name", "stepping", "flags"),
     *("CPU implementer", "CPU architecture", "CPU variant", "CPU part", "CPU revision", "Features"),
 }
-_DEFAULT = "default"  # the note of the device that is taken when nobody names one
+_DEFAULT = "default"  # the device that is taken when nobody names one
 
 
 def choose_precision(device: torch.device) -> Precision:
@@ -57,60 +43,27 @@ def choose_precision(device: torch.device) -> Precision:
     """
     if device.type != "cpu":
         precision = _of_accelerator(device)
-        _note(str(device), precision)
-        return precision
-    noted = noted_precision("cpu")
-    if noted is not None:
-        return noted
-    precision = _of_processor()
-    _note_first("cpu", precision)
-    return noted_precision("cpu") or precision
+    else:
+        precision = saved_precision("cpu") or _of_processor()
+        precision = saved_precision("cpu") or precision  # another process may have been first
+    _save(str(device), precision)
+    return precision
 
 
-def noted_precision(device: str, weights: str | None = None) -> Precision | None:
-    """Return what was chosen on this machine for a device, by torch's name of it; None where nothing was.
-
-    `weights`: for those of this fingerprint, which our kernels may compute with, whatever torch computes with.
-    """
-    words = [_noted(_of_kernels(weights))] if weights and device == "cpu" else []
-    known = [word for word in [*words, _noted(device)] if word in get_args(Precision)]
-    return cast(Precision, known[0]) if known else None
+def saved_precision(device: str) -> Precision | None:
+    """Return what was chosen on this machine for a device, by torch's name of it; None where nothing was."""
+    word = _saved(device)
+    return cast(Precision, word) if word in get_args(Precision) else None
 
 
-def kernels_are_fastest() -> bool:
-    """Whether it is sure, without asking torch, that nothing on this processor is faster than our kernels.
-
-    Where they know a network, that is.
-    """
-    flags = next((line for line in _cpu_lines() if line.startswith("flags")), "")
-    return " avx2 " in f"{flags} " and " amx_bf16 " not in f"{flags} "
+def saved_device() -> str | None:
+    """Return where torch computes on this machine when nobody says where; None where that was not saved."""
+    return _saved(_DEFAULT)
 
 
-def note_kernels(weights: str) -> None:
-    """Note that our kernels, which take float32, compute on this machine with the weights of a fingerprint."""
-    _note(_of_kernels(weights), "float32")
-
-
-def _of_kernels(weights: str) -> str:
-    return f"kernels-{hashlib.sha256(weights.encode()).hexdigest()[:16]}"
-
-
-def noted_device() -> str | None:
-    """Return where torch computes on this machine when nobody says where; None where that was not noted."""
-    return _noted(_DEFAULT)
-
-
-def note_device(device: str) -> None:
-    """Note where torch computes on this machine when nobody says where."""
-    _note(_DEFAULT, device)
-
-
-def cpu_has(feature: str) -> bool:
-    """Whether torch says that this CPU has `feature`; False where this version of torch does not tell."""
-    import torch
-
-    ask = getattr(torch.cpu, f"_is_{feature}_supported", None)
-    return bool(ask and ask())
+def save_device(device: str) -> None:
+    """Keep where torch computes on this machine when nobody says where."""
+    _save(_DEFAULT, device)
 
 
 def _of_accelerator(device: torch.device) -> Precision:
@@ -121,8 +74,16 @@ def _of_accelerator(device: torch.device) -> Precision:
 
 
 def _of_processor() -> Precision:
-    has = cpu_has("avx512_bf16") or cpu_has("amx_tile")
+    has = _cpu_has("avx512_bf16") or _cpu_has("amx_tile")
     return "bfloat16" if has and _bfloat16_pays() else "float32"
+
+
+def _cpu_has(feature: str) -> bool:
+    """Whether torch says that this CPU has `feature`; False where this version of torch does not tell."""
+    import torch
+
+    ask = getattr(torch.cpu, f"_is_{feature}_supported", None)
+    return bool(ask and ask())
 
 
 @cache
@@ -149,45 +110,21 @@ def _bfloat16_pays() -> bool:
         return seconds(torch.bfloat16) < FASTER * seconds(torch.float32)
 
 
-def _noted(what: str) -> str | None:
+def _saved(what: str) -> str | None:
     try:
         return _path(what).read_text("utf-8").strip() or None
     except (OSError, ValueError):
         return None
 
 
-def _note(what: str, word: str) -> None:
-    """Write `word` down, instead of what was noted before."""
-    if _noted(what) != word:
-        with suppress(OSError), _written(what, word) as note:
-            note.replace(_path(what))
-
-
-def _note_first(what: str, word: str) -> None:
-    """Write `word` down unless another process was first, and its decision stands."""
+def _save(what: str, word: str) -> None:
+    if _saved(what) == word:
+        return
     path = _path(what)
-    with suppress(OSError), _written(what, word) as note:
-        if noted_precision(what) is None:
-            path.unlink(missing_ok=True)  # damaged
-        try:
-            os.link(note, path)  # which fails where there is one
-        except FileExistsError:
-            pass
-        except OSError:  # a file system without links
-            note.replace(path)
-
-
-@contextmanager
-def _written(what: str, word: str) -> Iterator[Path]:
-    """A file beside the note, with its content."""
-    path = _path(what)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
-    try:
-        temporary.write_text(word, "utf-8")
-        yield temporary
-    finally:
-        temporary.unlink(missing_ok=True)
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_write(path) as temporary:
+            temporary.write_text(word, "utf-8")
 
 
 def _path(what: str) -> Path:
@@ -197,8 +134,8 @@ def _path(what: str) -> Path:
 @cache
 def _machine() -> str:
     """What the speed of a precision depends on: the processor and the version of torch, hashed."""
-    told = "\n".join([sys.platform, platform.machine(), metadata.version("torch"), *_cpu_lines()])
-    return hashlib.sha256(told.encode()).hexdigest()[:16]
+    parts = "\n".join([sys.platform, platform.machine(), metadata.version("torch"), *_cpu_lines()])
+    return hashlib.sha256(parts.encode()).hexdigest()[:16]
 
 
 def _cpu_lines() -> list[str]:

@@ -1,4 +1,4 @@
-"""Weights that lie in a folder, in the form that transformers saves."""
+"""Weights of encoders, and how they lie in a folder that transformers has saved."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from dfd.encoders.presets import ChannelStats
+from dfd.encoders.known import ChannelStats
 
-__all__ = ["MANIFEST", "WEIGHT_FILES", "Weights", "folder_weights", "weight_files"]
+# torch takes seconds to import, and is not needed to look what there is.
+if TYPE_CHECKING:
+    import torch
 
-# Beside the weights, where dfd put them there: where they come from, their hash, and the block to use.
-MANIFEST = "dfd.json"
+__all__ = ["EncoderWeights", "folder_weights", "read_tensors", "unreadable", "weight_files"]
 
-WEIGHT_FILES = (
+_WEIGHT_FILES = (
     "model.safetensors",
     "model.safetensors.index.json",
     "pytorch_model.bin",
@@ -25,11 +26,10 @@ WEIGHT_FILES = (
 
 
 @dataclass(frozen=True)
-class Weights:
-    """Weights that were found, not yet put into a model: in `folder`, or at hand as `tensors`,
-    arrays by name.
+class EncoderWeights:
+    """Weights that were found, not yet put into a network: in `folder`, or read already as `tensors`, arrays by name.
 
-    `fingerprint` changes when the weights do; `block` is the block to use, counted from 1, where the source knows.
+    `fingerprint` changes when the weights do; `channels` are those that the weights come with.
     """
 
     config: dict[str, Any]
@@ -37,11 +37,10 @@ class Weights:
     fingerprint: str
     folder: Path | None = None
     tensors: dict[str, Any] | None = field(default=None, repr=False)
-    block: int | None = None
     channels: ChannelStats | None = None
 
 
-def folder_weights(folder: Path, *, source: str | None = None, fingerprint: str | None = None) -> Weights:
+def folder_weights(folder: Path, *, source: str = "folder", fingerprint: str | None = None) -> EncoderWeights:
     """Return the weights in `folder`, a model saved in the form that transformers uses."""
     config = _read_json(folder / "config.json")
     if config is None:
@@ -51,23 +50,20 @@ def folder_weights(folder: Path, *, source: str | None = None, fingerprint: str 
     files = list(weight_files(folder))
     missing = [file for file in files if not file.is_file()]
     if missing or not files:
-        wanted = missing[0].name if missing else WEIGHT_FILES[0]
+        wanted = missing[0].name if missing else _WEIGHT_FILES[0]
         raise FileNotFoundError(f"load_encoder: `encoder`: the folder {folder} has no {wanted}")
-    manifest = _read_json(folder / MANIFEST) or {}
-    block = manifest.get("block")
-    return Weights(
+    return EncoderWeights(
         config=config,
-        source=source or str(manifest.get("source") or "folder"),
+        source=source,
         fingerprint=fingerprint or f"sha256:{_sha256(files)}",
         folder=folder,
-        block=block if isinstance(block, int) else None,
         channels=_channels(_read_json(folder / "preprocessor_config.json") or {}),
     )
 
 
 def weight_files(folder: Path) -> Iterator[Path]:
     """The files that hold the tensors, in the order of preference that transformers has."""
-    for name in WEIGHT_FILES:
+    for name in _WEIGHT_FILES:
         if (folder / name).is_file():
             if name.endswith(".index.json"):
                 shards = (_read_json(folder / name) or {}).get("weight_map", {})
@@ -75,6 +71,39 @@ def weight_files(folder: Path) -> Iterator[Path]:
             else:
                 yield folder / name
             return
+
+
+def read_tensors(weights: EncoderWeights) -> dict[str, torch.Tensor]:
+    """Read the tensors by the names that they were saved with.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be read.
+    """
+    import torch
+
+    if weights.tensors is not None:
+        return {name: torch.from_numpy(values) for name, values in weights.tensors.items()}
+    assert weights.folder is not None
+    tensors: dict[str, torch.Tensor] = {}
+    try:
+        for file in weight_files(weights.folder):
+            if file.suffix == ".safetensors":
+                from safetensors.torch import load_file
+
+                tensors |= load_file(file)
+            else:
+                tensors |= torch.load(file, map_location="cpu", weights_only=True)
+    except Exception as error:  # safetensors, pickle and zip each have their own
+        raise unreadable(weights, error) from error
+    return tensors
+
+
+def unreadable(weights: EncoderWeights, error: Exception) -> OSError:
+    """What to raise when reading `weights` failed with `error`."""
+    reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
+    return OSError(f"load_encoder: `encoder`: the weights in {weights.folder} cannot be read: {reason}")
 
 
 def _read_json(path: Path) -> dict[str, Any] | None:

@@ -16,7 +16,10 @@ __all__ = ["Network"]
 
 
 class Network(nn.Module):
-    """Normalized points (N, 3) to unit features (N, D), with the parameters of `dfd.field.architecture`."""
+    """Normalized points (N, 3) to unit features (N, D), with the parameters of `dfd.field.architecture`.
+
+    The parameters have no values before `draw`; `of` gives a network with known ones.
+    """
 
     def __init__(self, architecture: Architecture) -> None:
         super().__init__()
@@ -24,21 +27,23 @@ class Network(nn.Module):
         hidden: list[nn.Module] = []
         for layer in range(architecture.layers):
             entering = architecture.width if layer else architecture.inputs
-            hidden += [nn.Linear(entering, architecture.width), nn.ReLU(), nn.LayerNorm(architecture.width)]
-        self.network = nn.Sequential(*hidden, nn.Linear(architecture.width, architecture.dimension))
+            hidden += [_linear(entering, architecture.width), nn.ReLU(), nn.LayerNorm(architecture.width)]
+        self.network = nn.Sequential(*hidden, _linear(architecture.width, architecture.dimension))
 
-    @classmethod
-    def seeded(cls, seed: int, architecture: Architecture) -> Network:
-        """Return a network with the initial weights of `seed`; the caller's own random numbers stay as they were."""
-        with torch.random.fork_rng(devices=()):
-            torch.manual_seed(seed)
-            return cls(architecture)
+    def draw(self, generator: torch.Generator) -> Network:
+        """Begin evenly within ± 1 / √inputs, as torch does, with numbers of `generator`, which is on the CPU."""
+        with torch.no_grad():
+            for layer in self.network:
+                if isinstance(layer, nn.Linear):
+                    bound = 1 / math.sqrt(layer.in_features)
+                    for part in (layer.weight, layer.bias):
+                        part.uniform_(-bound, bound, generator=generator)
+        return self
 
     @classmethod
     def of(cls, parameters: Mapping[str, NDArray[np.float32]], architecture: Architecture) -> Network:
         """Return the network with these parameters, which are not fitted any further."""
-        with torch.device("meta"):  # no initial weights are drawn
-            network = cls(architecture)
+        network = cls(architecture)
         state = {name: torch.tensor(values) for name, values in parameters.items()}
         network.load_state_dict(state, assign=True)
         return network.requires_grad_(False)
@@ -54,3 +59,8 @@ class Network(nn.Module):
     def arrays(self) -> dict[str, NDArray[np.float32]]:
         """The parameters, as a field takes them."""
         return {name: values.detach().cpu().numpy() for name, values in self.state_dict().items()}
+
+
+def _linear(entering: int, leaving: int) -> nn.Linear:
+    """A linear map without values: torch would draw them from its own generator, which is the caller's."""
+    return nn.utils.skip_init(nn.Linear, entering, leaving)

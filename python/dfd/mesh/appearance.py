@@ -8,8 +8,6 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd import _core
-
 __all__ = ["GREY", "Appearance", "Material", "Wrap", "blend", "linear", "srgb"]
 
 GREY = 0.8  # of a surface about which nothing is known, display-referred
@@ -116,13 +114,9 @@ def blend(
     weights: NDArray[np.float32],  # (N, 3)
 ) -> NDArray[np.float32]:
     """Return the values of three rows blended at each point, (N, K): those of a face's corners, B·T."""
-    blended = np.empty((len(rows), values.shape[1]), np.float32)
-    _core.blend(
-        np.ascontiguousarray(values, np.float32),
-        np.ascontiguousarray(rows, np.int32),
-        np.ascontiguousarray(weights, np.float32),
-        blended,
-    )
+    blended: NDArray[np.float32] = weights[:, :1] * values.take(rows[:, 0], axis=0)
+    blended += weights[:, 1:2] * values.take(rows[:, 1], axis=0)
+    blended += weights[:, 2:] * values.take(rows[:, 2], axis=0)
     return blended
 
 

@@ -12,23 +12,16 @@ from dfd.reference.deformation import (
     subtract_fixed,
     surface_distances,
 )
-from dfd.reference.networks import field, fit_gradients, kinds_of_parts, transformer
-from dfd.reference.shading import blend, facing, paint, ray_directions
+from dfd.reference.networks import field, kinds_of_parts
 
 __all__ = [
     "bind",
-    "blend",
-    "facing",
     "feature_weights",
     "field",
-    "fit_gradients",
     "geodesic_falloff",
     "kinds_of_parts",
-    "paint",
     "pose",
     "positive_share",
-    "ray_directions",
     "subtract_fixed",
     "surface_distances",
-    "transformer",
 ]

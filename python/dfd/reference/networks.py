@@ -1,10 +1,8 @@
-"""The slow twins of networks: the field, the steps of its fit, and a vision transformer."""
+"""The slow twins of networks: the field, and the kinds of parts of the metric."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 if TYPE_CHECKING:
     from dfd.field.field import Field
 
-__all__ = ["field", "fit_gradients", "kinds_of_parts", "transformer"]
+__all__ = ["field", "kinds_of_parts"]
 
 Array = NDArray[np.float64]
 
@@ -44,74 +42,3 @@ def kinds_of_parts(
         odds = np.exp(output.T @ units + output_bias)
         result[row] = np.sqrt(odds / odds.sum())
     return result
-
-
-def transformer(
-    tokens: Array,
-    blocks: Sequence[Mapping[str, Array]],
-    gain: Array,
-    shift: Array,
-    *,
-    heads: int,
-    epsilon: float = 1e-6,
-) -> Array:
-    """Tokens (N, D) of a picture after the blocks of a vision transformer and the LayerNorm behind them, (N, D).
-
-    A block has "project" (3 D, D), "mix" (D, D), "widen" (H, D), "narrow" (D, H), each with a bias of "…_bias", and the
-    LayerNorms "gain_1", "shift_1", "gain_2", "shift_2" (D); queries come scaled, and LayerScale is in the weights.
-    """
-
-    def normalized(rows: Array, gain: Any, shift: Any) -> Array:
-        centered = rows - rows.mean(axis=1, keepdims=True)
-        return np.asarray(centered / np.sqrt((centered**2).mean(axis=1, keepdims=True) + epsilon) * gain + shift)
-
-    stream = np.array(tokens, np.float64)
-    for block in blocks:
-        rows = normalized(stream, block["gain_1"], block["shift_1"])
-        parts = np.split(rows @ block["project"].T + block["project_bias"], 3, axis=1)
-        query, key, value = (part.reshape(len(rows), heads, -1) for part in parts)
-        scores = np.einsum("ihk,jhk->hij", query, key)
-        shares = np.exp(scores - scores.max(axis=2, keepdims=True))
-        shares /= shares.sum(axis=2, keepdims=True)
-        mixed = np.einsum("hij,jhk->ihk", shares, value).reshape(rows.shape)
-        stream += mixed @ block["mix"].T + block["mix_bias"]
-        rows = normalized(stream, block["gain_2"], block["shift_2"])
-        hidden = rows @ block["widen"].T + block["widen_bias"]
-        hidden *= (1 + np.vectorize(math.erf)(hidden / math.sqrt(2))) / 2
-        stream += hidden @ block["narrow"].T + block["narrow_bias"]
-    return normalized(stream, gain, shift)
-
-
-def fit_gradients(layers: Sequence[Sequence[Array]], inputs: Array, targets: Array) -> tuple[float, list[list[Array]]]:
-    """The mean of ‖Φ − Z‖² (paper, Eq. 3) over points, from `inputs` (B, I) and `targets` (B, D), and its gradients.
-
-    A layer is its matrix (inputs, outputs) and bias, and where it is hidden the gain and the shift of the LayerNorm
-    after its ReLU; gradients come in the same form.
-    """
-    rows, kept = inputs, list[tuple[Any, Any, Any, Any]]()
-    for matrix, bias, *norm in layers:
-        rows_in, rows = rows, rows @ matrix + bias
-        if not norm:
-            kept.append((rows_in, rows, rows, rows))
-            break
-        active = rows > 0
-        centered = rows * active - (rows * active).mean(axis=1, keepdims=True)
-        deviation = np.sqrt((centered**2).mean(axis=1, keepdims=True) + 1e-5)
-        kept.append((rows_in, active, centered / deviation, deviation))
-        rows = centered / deviation * norm[0] + norm[1]
-    length = np.linalg.norm(rows, axis=1, keepdims=True)
-    missed = rows / length - targets
-    loss = float((missed**2).sum(axis=1).mean())
-    along = (rows / length * missed).sum(axis=1, keepdims=True)
-    gradient = 2 / len(inputs) * (missed - rows / length * along) / length
-    gradients = []
-    for (matrix, _, *norm), (rows_in, active, normal, deviation) in zip(reversed(layers), reversed(kept), strict=True):
-        own = []
-        if norm:
-            own = [(gradient * normal).sum(axis=0), gradient.sum(axis=0)]
-            scaled = gradient * norm[0]
-            across = (scaled * normal).mean(axis=1, keepdims=True)
-            gradient = (scaled - scaled.mean(axis=1, keepdims=True) - normal * across) / deviation * active
-        gradients.append([rows_in.T @ gradient, gradient.sum(axis=0), *own])
-        gradient = gradient @ matrix.T
-    return loss, gradients[::-1]

@@ -1,7 +1,7 @@
-"""What a distillation has done so far, kept in a folder, so that one that was stopped can go on bit for bit.
+"""What a distillation has done so far, kept in a folder, so that one that was stopped resumes at the next picture.
 
-The folder holds the recipe, the tokens of each picture, and the state of the fit. A piece is named by what it was made
-from and carries a hash: one that does not belong here, or is damaged, is never taken up.
+The folder holds the recipe and the tokens of each picture; the fit takes seconds and begins anew. A piece is named by
+what it was made from and carries a hash: one that does not belong here, or is damaged, is never taken up.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from safetensors import SafetensorError
 
 from dfd.common.files import atomic_write
 from dfd.common.warn import warn
-from dfd.runs.fit_state import FitState
 from dfd.runs.pieces import PieceFolder
 from dfd.runs.recipe import difference, hash_arrays, hash_recipe
 
@@ -30,6 +29,7 @@ __all__ = ["Checkpoint"]
 _RECIPE = "recipe.json"
 # With what an abrupt end left unfinished. The recipe goes last: it is what makes the folder ours.
 _TOKENS = "tokens"  # the name of the array in a piece
+# A folder of an older version may hold the state of a fit as well.
 _PIECES = ("tokens-*", ".tokens-*", "fit-*", ".fit-*", ".recipe.*.json", _RECIPE)
 
 
@@ -113,10 +113,6 @@ class Checkpoint:
         self._pieces.write(self._tokens_name(image, covered), content)
         self._has_tokens = True
 
-    def fit_state(self, *made_from: NDArray[Any]) -> FitState:
-        """Return where the state of a fit to the arrays `made_from` is kept."""
-        return FitState(self._pieces, f"fit-{self._hash(*made_from)}")
-
     def remove(self) -> None:
         """Take the folder away; what else somebody put into it stays."""
         self._pieces.remove(*_PIECES)
@@ -142,4 +138,7 @@ def _read_recipe(folder: Path) -> dict[str, Any] | None:
         content = json.loads((folder / _RECIPE).read_text("utf-8"))
     except (OSError, ValueError, RecursionError):
         return None
-    return content if isinstance(content, dict) and content.keys() >= {"format", "code"} else None
+    if not isinstance(content, dict):
+        return None
+    older = content.keys() >= {"format", "code"}
+    return content if older or "field_version" in content else None

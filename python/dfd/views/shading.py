@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd import _core
-from dfd.mesh.appearance import GREY
+from dfd.mesh.appearance import GREY, blend
 from dfd.views.raycast import Hits, Scene
 
 if TYPE_CHECKING:
@@ -19,6 +18,7 @@ __all__ = ["Shading", "facing"]
 
 AMBIENT, DIFFUSE = 0.6, 0.4  # the public reference's light
 _LAYERS = 8  # clear surfaces one behind another that a ray passes at most
+_CANCELLED = 0.2  # a blend of unit normals shorter than this says nothing
 _STEP = 1e-4  # past a clear surface, in normalized coordinates
 
 
@@ -49,9 +49,9 @@ class Shading:
         rgba = self.colors(hits, directions)
         if (rgba[:, 3] < 1).any():
             hits, color = self._see_through(origin, directions, hits, rgba)
-            image[pixels] = (color * np.float32(255) + np.float32(0.5)).astype(np.uint8)
+            image[pixels] = _bytes(color)
         else:
-            _core.paint(rgba, pixels[hits.ray], image)
+            image[pixels[hits.ray]] = _bytes(rgba[:, :3])
         return image.reshape(resolution, resolution, 3), hits.of_rays(pixels)
 
     def colors(self, hits: Hits, directions: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -113,6 +113,21 @@ def facing(
 
     Where faces wound either way meet, their normals cancel out, and the face's own is taken.
     """
-    light = np.empty((len(hits.ray), 1), np.float32)
-    _core.facing(vertices, normals, faces.take(hits.face, axis=0), hits.barycentric, hits.ray, directions, light)
-    return light[:, 0]
+    corners = faces.take(hits.face, axis=0)
+    normal = blend(normals, corners, hits.barycentric)
+    length = np.sqrt(np.einsum("kc,kc->k", normal, normal))
+    lost = np.flatnonzero(length < _CANCELLED)
+    if len(lost):
+        first, second, third = (vertices[corners[lost, corner]].astype(np.float64) for corner in range(3))
+        crossed = np.cross(second - first, third - first)
+        crossed /= np.maximum(np.linalg.norm(crossed, axis=1), np.finfo(np.float32).tiny)[:, None]
+        normal[lost], length[lost] = crossed, 1
+    towards = np.abs(np.einsum("kc,kc->k", normal, directions.take(hits.ray, axis=0)))
+    light: NDArray[np.float32] = np.minimum(towards / length, np.float32(1))
+    return light
+
+
+def _bytes(color: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Colors (N, 3) in [0, 1] as pictures have them; what is outside, as its nearest end, and NaN as 0."""
+    inside = np.fmin(np.fmax(color, np.float32(0)), np.float32(1))
+    return (inside * np.float32(255) + np.float32(0.5)).astype(np.uint8)

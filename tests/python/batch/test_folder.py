@@ -85,7 +85,7 @@ def test_the_same_settings_go_on_and_others_are_refused(folder):
     assert BatchFolder.begin(folder.root, SETTINGS).root == folder.root
     assert read_settings(folder.root) == SETTINGS
     other = BatchSettings(steps=("pictures",), encoder="dinov2-base")
-    with pytest.raises(ValueError, match=r"was begun with other settings \(steps .*, encoder dinov2-small, now"):
+    with pytest.raises(ValueError, match=r"was begun with other settings \(steps .*, encoder dinov2-small-focus, now"):
         BatchFolder.begin(folder.root, other)
 
 

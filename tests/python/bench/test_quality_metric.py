@@ -24,7 +24,6 @@ from dfd.distillation.metric import Metric, find_metric
 from dfd.distillation.targets import PointTargets
 from dfd.distillation.thickness import BANDS, thickness_bands
 from dfd.encoders.encode import load_encoder
-from dfd.encoders.sources import find_fingerprint
 from dfd.views.render import Views
 
 
@@ -193,9 +192,8 @@ def test_what_is_learned_from_is_what_distillation_maps(
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(find_fingerprint("dinov2-small") is None, reason="the encoder's weights are not on this machine")
 def test_the_packages_metric_tells_the_parts_of_a_sample_better() -> None:
-    encoder = load_encoder("dinov2-small", device="cpu")
+    encoder = load_encoder(device="cpu")
     metric = find_metric(encoder)
     assert metric is not None
     assert metric.kinds is not None

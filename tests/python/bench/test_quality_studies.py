@@ -73,7 +73,7 @@ def test_every_preset_has_its_turn():
     found = studies.encoders(Fields())
     assert next(iter(found)) == "own"
     assert found["own"] == {"encoder": "own"}
-    assert set(found) == {"own", *studies.PRESETS}
+    assert set(found) == {"own", *studies.KNOWN_ENCODERS}
     assert found["sam-base"] == {"encoder": "sam-base", "resolution": 1024}
 
 

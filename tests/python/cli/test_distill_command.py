@@ -25,9 +25,9 @@ def test_distill_hands_everything_on(run, folder):
     field = Field.load(folder / "chair.field.safetensors")
     options = ("--encoder", "clip", "--views", 6, "--resolution", 224, "--framing", "paper", "--simplify-to", 500)
     more = ("--supervision", "vertex", "--steps", 7, "--seed", 11, "--device", "cpu", "--loss-curve", "loss.png")
-    more += ("--metric", "none", "--octaves", 3, "--batch", 99, "--learning-rate", 0.004)
+    more += ("--metric", "none", "--octaves", 3, "--batch", 99, "--learning-rate", 0.004, "--preset", "paper")
     np.save("rows.npy", np.eye(3))
-    more += ("--features", "rows.npy", "--no-cache", "--not-mirrored", "--smoothing", 0.1)
+    more += ("--features", "rows.npy", "--no-cache", "--no-mirrored", "--smoothing", 0.1)
     with mock.patch.object(DISTILL, "distilling", return_value=nullcontext(field)) as distill:
         result = run("distill", "MESH", "-o", "out.safetensors", *options, *more)
     assert worked(result)
@@ -39,6 +39,7 @@ def test_distill_hands_everything_on(run, folder):
     np.testing.assert_array_equal(given.pop("features"), np.eye(3))
     assert given == {"device": "cpu", "cache": False, "checkpoint": Path("out.safetensors.partial")}
     assert settings == DistillSettings(
+        preset="paper",
         views=6,
         resolution=224,
         framing="paper",

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +15,10 @@ import threadpoolctl
 import torch
 
 import dfd
-from dfd.common import threads
+from dfd import _core
+from dfd.common import openmp, threads
+
+linux_only = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="torch brings another runtime here")
 
 
 @pytest.fixture(autouse=True)
@@ -72,49 +77,94 @@ def test_default_is_at_most_what_the_process_may_use(setting, monkeypatch):
     assert 1 <= threads._default_threads() <= (os.cpu_count() or 1)
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads the memory map of Linux")
+def loaded_runtimes(code, **environment):
+    """The paths of OpenMP runtimes that a process has loaded after `code`."""
+    code += """
+import pathlib
+maps = pathlib.Path("/proc/self/maps").read_text().split()
+print(*sorted({path for path in maps if "libgomp" in path or "libomp" in path}))
+"""
+    done = python(code, **environment)
+    assert done.returncode == 0, done.stderr
+    return [Path(path) for path in done.stdout.split()]
+
+
+@linux_only
 @pytest.mark.parametrize("order", ["torch, dfd", "dfd, torch"])
 def test_one_openmp_runtime_beside_torch(order):
     code = f"""
 import {order}
-import numpy as np, pathlib
+import numpy as np
 torch.ones(300, 300) @ torch.ones(300, 300)
 dfd.bind(np.ones((5000, 8), np.float32), [0])
-maps = pathlib.Path("/proc/self/maps").read_text().split()
-print(*sorted({{pathlib.Path(path).name for path in maps if "libgomp" in path or "libomp" in path}}))
 """
-    done = python(code, OMP_NUM_THREADS="2")
-    assert done.returncode == 0, done.stderr
-    assert len(done.stdout.split()) == 1, done.stdout
+    assert loaded_runtimes(code, OMP_NUM_THREADS="2") == [openmp.find_torch_runtime()]
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads the memory map of Linux")
-def test_nothing_loads_openmp_before_it_is_needed():
-    code = """
-import numpy as np, pathlib, dfd
-def loaded():
-    return "libgomp" in pathlib.Path("/proc/self/maps").read_text()
-dfd.set_num_threads(1)
-dfd.bind(np.ones((5000, 8), np.float32), [0])
-print(loaded())
+@linux_only
+def test_a_runtime_that_is_loaded_already_is_kept():
+    code = f"""
+import ctypes
+try:
+    ctypes.CDLL("{openmp.NAME}")
+except OSError:
+    raise SystemExit("the system has none")
+import dfd, torch
+torch.ones(300, 300) @ torch.ones(300, 300)
+"""
+    if "the system has none" in python(code).stderr:
+        pytest.skip("this system has no OpenMP runtime of its own")
+    (kept,) = loaded_runtimes(code, OMP_NUM_THREADS="2")
+    assert kept != openmp.find_torch_runtime()
+
+
+@linux_only
+def test_torch_brings_the_runtime_where_the_system_has_none(tmp_path):
+    (tmp_path / openmp.NAME).write_bytes(b"no library at all" * 20)  # the loader of libraries ends here
+    code = f"import ctypes; ctypes.CDLL('{openmp.NAME}')"
+    hidden = {"LD_LIBRARY_PATH": str(tmp_path), "OMP_NUM_THREADS": "2"}
+    assert "OSError" in python(code, **hidden).stderr  # or the following says nothing
+    code = "import sys, dfd; assert dfd._core.team_size(2) == 2; assert 'torch' not in sys.modules"
+    assert loaded_runtimes(code, **hidden) == [openmp.find_torch_runtime()]
+
+
+def test_torch_runtime_is_found_in_either_folder_or_not_at_all(tmp_path, monkeypatch):
+    package = tmp_path / "torch"
+    package.mkdir()
+    (package / "__init__.py").write_text("raise AssertionError('imported')")
+    monkeypatch.setattr(sys, "path", [str(tmp_path)])
+    monkeypatch.delitem(sys.modules, "torch")
+    assert openmp.find_torch_runtime() is None
+    for folder in (tmp_path / "torch.libs", package / "lib"):
+        folder.mkdir()
+        (folder / openmp.NAME).touch()
+        assert openmp.find_torch_runtime() == folder / openmp.NAME
+    monkeypatch.setattr(sys, "path", [])
+    importlib.invalidate_caches()
+    assert openmp.find_torch_runtime() is None
+
+
+@linux_only
+def test_workers_are_an_openmp_team():
+    assert [_core.team_size(count) for count in (1, 2, 3)] == [0, 2, 3]
+
+
+@linux_only
+@pytest.mark.parametrize("first", ["torch", "dfd"])
+def test_one_pool_of_threads_serves_torch_and_the_kernels(first):
+    code = f"""
+import os, torch, dfd
+from dfd import _core
+torch.set_num_threads(4)
+work = {{"torch": lambda: torch.sin(torch.ones(4_000_000)), "dfd": lambda: _core.team_size(4)}}
+counts = [len(os.listdir("/proc/self/task"))]
+for name in ("{first}", "torch", "dfd"):
+    work[name]()
+    counts.append(len(os.listdir("/proc/self/task")))
+print(*(count - counts[0] for count in counts))
 """
     done = python(code)
-    assert done.stdout.split() == ["False"], done.stderr
-
-
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="hides the runtime from the loader of Linux")
-def test_kernels_run_where_there_is_no_openmp(tmp_path):
-    (tmp_path / "libgomp.so.1").write_bytes(b"no library at all" * 20)
-    code = """
-import sys, numpy as np, pathlib, dfd
-features = np.random.default_rng(0).standard_normal((4000, 16)).astype(np.float32) / 8
-dfd.set_num_threads(1)
-wanted = dfd.bind(features, [0, 1])
-dfd.set_num_threads(3)
-print((dfd.bind(features, [0, 1]) == wanted).all(), "libgomp" in pathlib.Path("/proc/self/maps").read_text())
-"""
-    done = python(code, LD_LIBRARY_PATH=str(tmp_path))
-    assert done.stdout.split() == ["True", "False"], done.stderr
+    assert done.stdout.split() == ["0", "3", "3", "3"], done.stderr
 
 
 def test_torch_and_dfd_take_turns_on_several_threads():

@@ -1,12 +1,16 @@
-"""The fit: it reaches its targets, draws by its seed alone, and widens a field without a change of lengths."""
+"""The fit: it reaches its targets, draws by its seed alone on every device, and leaves torch as it was."""
 
 from __future__ import annotations
+
+import math
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
 import torch
 from made_field import made_field, same
 
+import dfd
 from dfd import Field
 from dfd.common.progress import Stages
 from dfd.distillation.fit import fit, widen
@@ -14,15 +18,22 @@ from dfd.distillation.settings import DistillSettings
 from dfd.distillation.targets import PointTargets
 from dfd.field.architecture import Architecture
 
-CPU = torch.device("cpu")
+
+@pytest.fixture(autouse=True)
+def _alone() -> Iterator[None]:
+    """One thread: networks as small as these only wait for one another's threads."""
+    threads = dfd.get_num_threads()
+    dfd.set_num_threads(1)
+    yield
+    dfd.set_num_threads(threads)
 
 
-def fitted(settings: DistillSettings) -> tuple[Field, PointTargets, Stages]:
+def fitted(settings: DistillSettings, device: str = "cpu") -> tuple[Field, PointTargets, Stages]:
     points = np.random.default_rng(0).uniform(-1, 1, (400, 3)).astype(np.float32)
     rows = np.concatenate([points, np.ones((400, 1), np.float32)], axis=1)
     rows /= np.linalg.norm(rows, axis=1, keepdims=True)
     targets, stages = PointTargets(points, rows, np.eye(4, dtype=np.float32)), Stages(show=False)
-    return fit(targets, settings, center=np.ones(3), scale=0.5, device=CPU, stages=stages), targets, stages
+    return fit(targets, settings, center=np.ones(3), scale=0.5, device=device, stages=stages), targets, stages
 
 
 def test_the_field_gives_the_targets_at_the_points_in_its_own_units() -> None:
@@ -32,6 +43,77 @@ def test_the_field_gives_the_targets_at_the_points_in_its_own_units() -> None:
     assert len(field.settings["losses"]) == 150
     assert field.settings["losses"][-1] < 0.05 * field.settings["losses"][0]
     assert list(stages.seconds) == ["fit"]
+
+
+def test_the_same_field_on_the_cpu_and_on_cuda() -> None:
+    if not torch.cuda.is_available():
+        pytest.skip("no CUDA device")
+    before = torch.cuda.get_rng_state()
+    for settings in (DistillSettings(), DistillSettings(preset="paper", batch=100, epochs=60)):
+        (one, targets, _), (other, _, _) = fitted(settings), fitted(settings, "cuda")
+        points = targets.points / 0.5 + 1
+        np.testing.assert_allclose(one(points), other(points), atol=1e-3)
+    assert torch.equal(torch.cuda.get_rng_state(), before)
+
+
+def test_the_same_field_but_for_rounding_on_other_numbers_of_threads() -> None:
+    fields = []
+    for count in (1, 2):
+        dfd.set_num_threads(count)
+        field, targets, _ = fitted(DistillSettings(octaves=2, steps=20, width=64))
+        fields.append(field(targets.points / 0.5 + 1))
+    np.testing.assert_allclose(*fields, atol=1e-3)
+
+
+def test_an_epoch_has_every_point_once() -> None:
+    targets, seen = fitted(DistillSettings(steps=1))[1], list[torch.Tensor]()
+    at = targets.at
+    targets.at = lambda chosen: seen.append(chosen) or at(chosen)  # type: ignore[method-assign]
+    settings = DistillSettings(epochs=3, batch=150)
+    field = fit(targets, settings, center=np.zeros(3), scale=1.0, device="cpu", stages=Stages(show=False))
+    assert len(field.settings["losses"]) == len(seen) == 3 * math.ceil(400 / 150)
+    epochs = [torch.cat(seen[begin : begin + 3]) for begin in (0, 3, 6)]
+    assert all(torch.equal(epoch.sort().values, torch.arange(400)) for epoch in epochs)
+    assert not torch.equal(epochs[0], epochs[1])
+
+
+@pytest.mark.parametrize(("schedule", "rates"), [("constant", [0.01] * 10), ("one_cycle", [0.0004, 0.0052, 0.01])])
+def test_the_rate_of_every_step(schedule: str, rates: list[float], monkeypatch: pytest.MonkeyPatch) -> None:
+    taken, step = list[float](), torch.optim.Adam.step
+
+    def noted(self: torch.optim.Adam, *given: object) -> object:
+        taken.append(self.param_groups[0]["lr"])
+        return step(self, *given)
+
+    monkeypatch.setattr(torch.optim.Adam, "step", noted)
+    fitted(DistillSettings(steps=10, batch=8, learning_rate=0.01, schedule=schedule))
+    np.testing.assert_allclose(taken[: len(rates)], rates, rtol=1e-5)
+    assert len(taken) == 10
+    assert taken[-1] == (0.01 if schedule == "constant" else pytest.approx(0.01 / 25e4, rel=1e-3))
+
+
+@pytest.mark.parametrize(("octaves", "width", "layers"), [(0, 256, 4), (0, 40, 2), (3, 7, 1)])
+def test_the_network_is_as_it_was_asked_for(octaves: int, width: int, layers: int) -> None:
+    settings = DistillSettings(steps=2, batch=8, octaves=octaves, width=width, layers=layers)
+    field, targets, _ = fitted(settings)
+    assert field.architecture == Architecture(4, width, layers, octaves)
+    points = targets.points[:60] / 0.5 + 1
+    np.testing.assert_allclose(field(points), dfd.reference.field(field, points), atol=1e-5)
+    np.testing.assert_allclose(field(points), field(torch.from_numpy(points)).numpy(), atol=1e-5)
+
+
+def test_torch_computes_as_before_afterwards() -> None:
+    threads, precision = torch.get_num_threads(), torch.get_float32_matmul_precision()
+    try:
+        torch.set_num_threads(1)
+        torch.set_float32_matmul_precision("high")
+        fitted(DistillSettings(steps=2, batch=8))
+        with pytest.raises(ValueError, match="learning_rate"):
+            fitted(DistillSettings(steps=20, batch=8, learning_rate=1e30))
+        assert (torch.get_num_threads(), torch.get_float32_matmul_precision()) == (1, "high")
+    finally:
+        torch.set_num_threads(threads)
+        torch.set_float32_matmul_precision(precision)
 
 
 def test_the_seed_decides_and_the_callers_random_numbers_stay() -> None:

@@ -252,18 +252,25 @@ def test_the_packages_own_metrics_are_whole() -> None:
 
 
 def test_fields_are_of_the_metric_where_there_is_one(
-    metric: Metric, encoder: Encoder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    metric: Metric, encoder: Encoder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     mesh = dfd.samples.chair(4000).mesh
     monkeypatch.setattr(metrics, "FOLDER", tmp_path)
     assert find_metric(encoder) is None
     without = dfd.distill(mesh, encoder, **SMALL)
+    (said,) = (record for record in caplog.records if "no metric was learned for it" in record.message)
+    assert said.levelname == "WARNING"
+    assert any("no metric was learned" in each for each in without.settings["encoder_lacks"])
+    caplog.clear()
     metric.save(tmp_path / "tiny.safetensors")
     learned = dfd.distill(mesh, encoder, **SMALL)
     plain = dfd.distill(mesh, encoder, metric="none", **SMALL)
     assert (learned.dimension, learned.settings["metric"]) == (3, "learned")
     assert learned.settings["metric_hash"] == metric.content_hash
     assert "metric_hash" not in plain.settings
+    for field in (learned, plain):
+        assert not any("metric" in each for each in field.settings.get("encoder_lacks", ()))
+    assert not any("no metric" in record.message for record in caplog.records)
     assert (plain.dimension, plain.settings["metric"]) == (16, "none")
     assert without.settings["metric"] == "none"
     np.testing.assert_array_equal(without.features(mesh), plain.features(mesh))

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
+import typing
 from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
-from dfd.distillation.settings import DistillSettings
+from dfd.distillation.settings import DistillOptions, DistillSettings
 
 
 @pytest.mark.parametrize(
@@ -24,12 +25,23 @@ from dfd.distillation.settings import DistillSettings
         ({"simplify_to": 1e3}, "`simplify_to` must be a whole number, got 1000.0"),
         ({"supervision": "pixel"}, "`supervision` must be one of barycentric, vertex, got 'pixel'"),
         ({"mirrored": "no"}, "`mirrored` must be True or False, got 'no'"),
+        ({"background": 1}, "`background` must be True or False, got 1"),
+        ({"pieces": None}, "`pieces` must be True or False, got None"),
+        ({"block": 0}, "`block` must be a whole number of at least 1, got 0"),
         ({"smoothing": -0.1}, "`smoothing` must be at least 0, got -0.1"),
         ({"smoothing": float("nan")}, "`smoothing` must be finite, got nan"),
         ({"smoothing": 2.1}, "`smoothing` must be at most 2, got 2.1"),
         ({"metric": "mine"}, "`metric` must be one of learned, none, got 'mine'"),
         ({"octaves": 17}, "`octaves` must be a whole number from 0 to 16, got 17"),
+        ({"width": 0}, "`width` must be a whole number from 1 to 8192, got 0"),
+        ({"layers": 65}, "`layers` must be a whole number from 1 to 64, got 65"),
         ({"steps": 0}, "`steps` must be a whole number of at least 1, got 0"),
+        ({"epochs": 1.5}, "`epochs` must be a whole number, got 1.5"),
+        ({"steps": 5, "epochs": 2}, "exactly one of `steps` and `epochs` must be given, got 5 and 2"),
+        ({"steps": None}, "exactly one of `steps` and `epochs` must be given, got None and None"),
+        ({"preset": "paper", "epochs": None}, "exactly one of `steps` and `epochs` must be given, got None and None"),
+        ({"schedule": "cosine"}, "`schedule` must be one of one_cycle, constant, got 'cosine'"),
+        ({"preset": "papers"}, "`preset` must be one of default, paper, got 'papers'"),
         ({"batch": True}, "`batch` must be a whole number, got True"),
         ({"learning_rate": 0.0}, "`learning_rate` must be above 0, got 0"),
         ({"seed": -1}, "`seed` must be a whole number from 0 to 9223372036854775807, got -1"),
@@ -41,7 +53,7 @@ def test_each_one_is_named_when_it_is_out_of_range(setting: dict[str, Any], mess
 
 
 def test_they_do_not_change() -> None:
-    with pytest.raises(dataclasses.FrozenInstanceError):
+    with pytest.raises(ValidationError, match="frozen"):
         DistillSettings().views = 3  # type: ignore[misc]
 
 
@@ -52,15 +64,100 @@ def test_numbers_of_numpy_are_pythons_and_equal_settings_are_equal() -> None:
 
 
 def test_the_ablation_is_never_smoothed() -> None:
-    assert DistillSettings(supervision="vertex", smoothing=0.5).smoothing == 0
+    ablation = DistillSettings(supervision="vertex", smoothing=0.5)
+    assert (ablation.smoothing, ablation.metric, ablation.pieces) == (0, "none", False)
 
 
-def test_every_setting_belongs_to_up_the_pictures_the_spreading_or_the_fit() -> None:
+def test_the_paper_by_one_word() -> None:
+    assert DistillSettings(preset="paper").as_dict() == {
+        "preset": "paper",
+        "views": 24,
+        "resolution": 512,
+        "framing": "paper",
+        "simplify_to": 50_000,
+        "up": "file",
+        "supervision": "barycentric",
+        "mirrored": False,
+        "background": True,
+        "block": None,
+        "smoothing": 0.0,
+        "metric": "none",
+        "pieces": False,
+        "octaves": 0,
+        "width": 256,
+        "layers": 4,
+        "steps": None,
+        "epochs": 15,
+        "batch": 10_000,
+        "learning_rate": 1e-3,
+        "schedule": "constant",
+        "seed": 0,
+    }
+
+
+# Another value of every setting than either preset's.
+OTHERS: dict[str, Any] = {
+    "views": 3,
+    "resolution": 56,
+    "framing": "shape",
+    "simplify_to": None,
+    "up": "+z",
+    "supervision": "vertex",
+    "mirrored": True,
+    "background": False,
+    "block": 2,
+    "smoothing": 0.5,
+    "metric": "learned",
+    "pieces": True,
+    "octaves": 2,
+    "width": 8,
+    "layers": 1,
+    "steps": 9,
+    "epochs": 4,
+    "batch": 11,
+    "learning_rate": 0.5,
+    "schedule": "one_cycle",
+    "seed": 6,
+}
+
+
+@pytest.mark.parametrize("name", DistillSettings.model_fields.keys() - {"preset"})
+def test_every_part_of_a_preset_can_be_overridden(name: str) -> None:
+    changes = {name: OTHERS[name], **({"smoothing": 0.1} if name in ("metric", "pieces") else {})}
+    settings = DistillSettings(preset="paper", **changes)
+    assert getattr(settings, name) == OTHERS[name]
+    others = (
+        settings.as_dict().keys() - changes.keys() - ({"steps", "epochs"} if name in ("steps", "epochs") else set())
+    )
+    paper = DistillSettings(preset="paper")
+    assert all(getattr(settings, other) == getattr(paper, other) for other in others)
+
+
+@pytest.mark.parametrize("given", [{}, {"preset": "paper"}, {"epochs": 3}, {"preset": "paper", "steps": 3}])
+def test_what_was_written_down_gives_the_same_settings(given: dict[str, Any]) -> None:
+    settings = DistillSettings(**given)
+    assert DistillSettings(**json.loads(json.dumps(settings.as_dict()))) == settings
+    assert (settings.steps is None) != (settings.epochs is None)
+
+
+def test_every_setting_belongs_to_the_encoder_up_the_pictures_the_spreading_or_the_fit() -> None:
     settings = DistillSettings()
     assert {
+        **settings.of_encoder(),
         **settings.of_pictures(),
         "up": "auto",
         "smoothing": 0.3,
         "metric": "learned",
+        "pieces": True,
         **settings.of_fit(),
     } == settings.as_dict()
+
+
+def test_programs_that_check_calls_know_the_same_settings_of_the_same_types() -> None:
+    assert typing.get_type_hints(DistillOptions) == {
+        name: field.annotation for name, field in DistillSettings.model_fields.items()
+    }
+    assert all(
+        f"    {name}\n        {field.description}" in (DistillSettings.__doc__ or "")
+        for name, field in DistillSettings.model_fields.items()
+    )

@@ -111,7 +111,7 @@ def test_more_smoothing_leaves_neighbours_more_alike_and_all_as_far_apart() -> N
     views = views_of(two_sheets(0.5))
     noise = np.random.default_rng(0).random((len(views.points), 4))
     pixels = colored(views, noise)
-    wanted = pixels.at(np.random.default_rng(0).permutation(len(noise)))
+    wanted = pixels.rows(np.random.default_rng(0).permutation(len(noise)))
     wanted = np.linalg.norm(wanted[1:] - wanted[:-1], axis=1).mean()
     unlike = []
     for width in (0.05, 0.15, 0.5):

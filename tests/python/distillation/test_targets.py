@@ -37,7 +37,7 @@ def tokens() -> np.ndarray:
 
 
 def test_tokens_stand_at_patch_centres_and_blend_between(views: Views, tokens: np.ndarray) -> None:
-    targets = PixelTargets(views, tokens).at(np.arange(4))
+    targets = PixelTargets(views, tokens).rows(np.arange(4))
 
     def unit(row: np.ndarray) -> np.ndarray:
         return row / np.linalg.norm(row)
@@ -91,7 +91,7 @@ def test_draws_keep_points_and_targets_together(views: Views, tokens: np.ndarray
     points, targets = pixels.draw(64, torch.Generator().manual_seed(0))
     chosen = (points[:, 0] / 3).long()
     assert set(chosen.tolist()) == {0, 1, 2, 3}
-    np.testing.assert_array_equal(targets.numpy(), pixels.at(chosen.numpy()))
+    np.testing.assert_array_equal(targets.numpy(), pixels.rows(chosen.numpy()))
     rows = np.eye(4, dtype=np.float32)
     points, targets = PointTargets(views.points, rows, rows).draw(64, torch.Generator().manual_seed(0))
     torch.testing.assert_close(targets.argmax(dim=1), (points[:, 0] / 3).long())

@@ -147,6 +147,15 @@ def test_one_width_of_two_encoders_or_metrics_is_refused(mesh, moved, fields, ke
         transfer(session.edit, mesh, one, moved[0], two)
 
 
+def test_one_encoder_by_two_names_is_one(mesh, moved, fields):
+    """Weights tell encoders apart: "dinov2-small" is what earlier versions called the default."""
+    session = dfd.Deformer(mesh, fields[0], features=fields[0].features(mesh))
+    session.add(5)
+    names = ("dinov2-small", "dinov2-small-focus")
+    one, two = (made_field(16, seed=0).with_settings({"encoder": name, "encoder_weights": "same"}) for name in names)
+    assert len(transfer(session.edit, mesh, one, moved[0], two).edit.handles) == 1
+
+
 def test_a_field_that_is_the_same_everywhere_gives_no_confidence(mesh, moved, fields):
     class Flat(Known):
         def __call__(self, points):

@@ -11,17 +11,13 @@ import transformers
 from huggingface_hub import constants
 from tiny_families import CASES, SIZES, Saved
 
-from dfd.encoders import sources as encoder_weights
-
 
 @pytest.fixture(autouse=True)
 def _nothing_of_the_user(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """No network, and no caches but the test's own."""
-    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     monkeypatch.setenv("DFD_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path / "hub"))
-    monkeypatch.setattr(constants, "HF_HUB_OFFLINE", False)  # read once at import: the variable above decides
-    monkeypatch.setattr(encoder_weights, "_asked_in_vain", {})
+    monkeypatch.setattr(constants, "HF_HUB_OFFLINE", True)
     transformers.utils.logging.disable_progress_bar()
 
 

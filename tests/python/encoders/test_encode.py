@@ -16,8 +16,7 @@ from tiny_families import Saved, pictures
 import dfd
 import dfd.encoders.encode
 from dfd.common.progress import Stages
-from dfd.encoders.encode import Encoder, load_encoder
-from dfd.encoders.on_torch import fill_on_device
+from dfd.encoders.encode import Encoder, _fill_in_batches, load_encoder
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -120,7 +119,7 @@ def test_images_that_are_no_pictures_are_refused(dinov2: Saved, images: np.ndarr
 def test_tokens_that_are_not_finite_are_refused(dinov2: Saved) -> None:
     encoder = load_encoder(dinov2.folder, device="cpu")
     with torch.no_grad():
-        encoder._network.network.layernorm.bias[3] = torch.nan
+        encoder._model.network.layernorm.bias[3] = torch.nan
     with pytest.raises(ValueError, match="gave NaN or infinity"):
         encoder.encode(pictures(1, 32))
 
@@ -138,11 +137,11 @@ def test_a_device_with_too_little_memory_gets_smaller_batches(error: RuntimeErro
             raise error
         filled.append((begin, end))
 
-    fill_on_device(5, 4, fill)
+    _fill_in_batches(5, 4, fill)
     assert filled == [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5)]
     limit = 0
     with pytest.raises(type(error)):
-        fill_on_device(5, 4, fill)
+        _fill_in_batches(5, 4, fill)
 
 
 @pytest.mark.parametrize("error", OUT_OF_MEMORY)

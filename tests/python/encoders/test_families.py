@@ -12,7 +12,7 @@ import torch
 from tiny_families import CASES, Saved, normalized, pictures
 
 from dfd.encoders.encode import load_encoder
-from dfd.encoders.presets import PRESETS
+from dfd.encoders.known import DEFAULT_ENCODER, KNOWN_ENCODERS
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -49,12 +49,13 @@ def test_the_token_of_a_changed_corner_changes_most(name: str, saved: Callable[[
     assert column >= change.shape[1] / 2
 
 
-def test_every_preset_says_what_it_needs() -> None:
-    for name, preset in PRESETS.items():
-        assert preset.name == name
-        assert preset.resolution % 16 == 0 or preset.resolution % 14 == 0
-        assert preset.hub.count("/") == 1
-    assert PRESETS["dinov2-small"].block is None
+def test_every_known_encoder_says_what_it_needs() -> None:
+    for name, known in KNOWN_ENCODERS.items():
+        assert known.name == name
+        assert known.resolution % 16 == 0 or known.resolution % 14 == 0
+        assert (known.hub is None) is (name == DEFAULT_ENCODER)
+        assert known.hub is None or known.hub.count("/") == 1
+    assert KNOWN_ENCODERS["dinov2-small"].block is None
 
 
 def test_networks_of_one_size_get_it(saved: Callable[[str], Saved]) -> None:
@@ -90,7 +91,7 @@ def test_settings_tell_encoders_apart(dinov2: Saved, saved: Callable[[str], Save
 def test_blocks_after_the_one_used_are_gone(dinov2: Saved) -> None:
     encoder = load_encoder(dinov2.folder, block=np.int64(1), device="cpu")
     assert json.dumps(encoder.settings())
-    assert len(encoder._network.network.encoder.layer) == 1
+    assert len(encoder._model.network.encoder.layer) == 1
     assert (encoder.block, encoder.depth) == (1, 3)
 
 

@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import torch
-import transformers
 from tiny_families import Saved, normalized, pictures
 
-from dfd.encoders import families
+from dfd.encoders.dinov2 import Dinov2, _checked, build_dinov2
 from dfd.encoders.encode import load_encoder
+from dfd.encoders.weight_files import EncoderWeights
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -31,8 +31,8 @@ def test_the_background_takes_no_part(name: str, saved: Callable[[str], Saved]) 
     kept = np.zeros((8, 8), bool)
     kept[1:7, 0:3] = True  # with the patches beside it, and beside the one that a single row of pixels reaches
     assert (tokens[:, ~kept] == 0).all()
-    # The network's own modules, on the sequence without those patches.
-    network = encoder._network.network
+    # The modules of transformers, on the sequence without those patches.
+    network = saved(name).model
     with torch.no_grad():
         sequence = network.embeddings(normalized(encoder, images))
         prefix = sequence.shape[1] - 64
@@ -74,11 +74,15 @@ def test_networks_that_cannot_do_without_see_the_background(name: str, saved: Ca
     assert encoder.settings()["encoder_foreground_only"] is False
 
 
-def test_large_networks_without_registers_see_the_background() -> None:
-    takes = {name: families._FAMILIES[name].takes_patches for name in ("dinov2", "dinov2_with_registers")}
-    for width, alone in ((384, True), (768, True), (1024, False), (1536, False)):
-        assert takes["dinov2"](transformers.Dinov2Config(hidden_size=width)) is alone
-        assert takes["dinov2_with_registers"](transformers.Dinov2WithRegistersConfig(hidden_size=width)) is True
+@pytest.mark.parametrize("width", [768, 776])
+@pytest.mark.parametrize("registers", [False, True])
+def test_large_networks_without_registers_see_the_background(width: int, registers: bool) -> None:
+    sizes = {"hidden_size": width, "num_hidden_layers": 1, "num_attention_heads": 8, "image_size": 32, "patch_size": 8}
+    kind = "dinov2_with_registers" if registers else "dinov2"
+    config = {**sizes, "model_type": kind}
+    names = Dinov2(_checked(config), 1).state_dict()
+    weights = EncoderWeights(config, "made", "none", tensors={name: each.numpy() for name, each in names.items()})
+    assert build_dinov2(weights, None, None).takes_patches is (registers or width <= 768)
 
 
 @pytest.mark.parametrize(

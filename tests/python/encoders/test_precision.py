@@ -13,7 +13,7 @@ from tiny_families import Saved
 from dfd.encoders import precision
 from dfd.encoders.encode import load_encoder
 from dfd.encoders.identity import find_identity, loaded_identity
-from dfd.encoders.precision import choose_precision, note_device, noted_device, noted_precision
+from dfd.encoders.precision import choose_precision, save_device, saved_device, saved_precision
 
 CPU = torch.device("cpu")
 
@@ -29,7 +29,7 @@ def notes(tmp_path: Path) -> Path:
 def measure(monkeypatch: pytest.MonkeyPatch, *answers: bool) -> list[bool]:
     """Let the stopwatch give these answers, one after the other; what is left of them."""
     left = list(answers)
-    monkeypatch.setattr(precision, "cpu_has", lambda feature: True)
+    monkeypatch.setattr(precision, "_cpu_has", lambda feature: True)
     monkeypatch.setattr(precision, "_bfloat16_pays", lambda: left.pop(0))
     return left
 
@@ -41,7 +41,7 @@ def measure(monkeypatch: pytest.MonkeyPatch, *answers: bool) -> list[bool]:
 def test_it_is_chosen_by_the_processor(
     dinov2: Saved, monkeypatch: pytest.MonkeyPatch, has: bool, pays: bool, expected: str
 ) -> None:
-    monkeypatch.setattr(precision, "cpu_has", lambda feature: has)
+    monkeypatch.setattr(precision, "_cpu_has", lambda feature: has)
     monkeypatch.setattr(precision, "_bfloat16_pays", lambda: pays)
     encoder = load_encoder(dinov2.folder, device="cpu")
     assert encoder.precision == encoder.settings()["encoder_precision"] == expected
@@ -49,32 +49,22 @@ def test_it_is_chosen_by_the_processor(
 
 def test_the_first_decision_stands(monkeypatch: pytest.MonkeyPatch, notes: Path) -> None:
     left = measure(monkeypatch, True, False)
-    assert noted_precision("cpu") is None
+    assert saved_precision("cpu") is None
     assert [choose_precision(CPU) for _ in range(3)] == ["bfloat16"] * 3
     assert left == [False]
-    assert noted_precision("cpu") == "bfloat16"
+    assert saved_precision("cpu") == "bfloat16"
     assert len(list(notes.iterdir())) == 1
 
 
 def test_of_two_processes_the_first_one_decides(monkeypatch: pytest.MonkeyPatch, notes: Path) -> None:
     def late() -> bool:
-        precision._note_first("cpu", "float32")  # another process, meanwhile
+        precision._save("cpu", "float32")  # another process, meanwhile
         return True
 
-    monkeypatch.setattr(precision, "cpu_has", lambda feature: True)
+    monkeypatch.setattr(precision, "_cpu_has", lambda feature: True)
     monkeypatch.setattr(precision, "_bfloat16_pays", late)
     assert choose_precision(CPU) == "float32"
     assert [path.read_text() for path in notes.iterdir()] == ["float32"]
-
-
-def test_a_file_system_without_links_will_do(monkeypatch: pytest.MonkeyPatch, notes: Path) -> None:
-    def no_links(*_: object) -> None:
-        raise PermissionError("not here")
-
-    measure(monkeypatch, True)
-    monkeypatch.setattr("os.link", no_links)
-    assert choose_precision(CPU) == choose_precision(CPU) == "bfloat16"
-    assert len(list(notes.iterdir())) == 1
 
 
 @pytest.mark.parametrize("damage", [b"", b"float16", b"\xff\xfe"])
@@ -83,7 +73,7 @@ def test_a_damaged_note_is_written_anew(monkeypatch: pytest.MonkeyPatch, notes: 
     choose_precision(CPU)
     (note,) = notes.iterdir()
     note.write_bytes(damage)
-    assert noted_precision("cpu") is None
+    assert saved_precision("cpu") is None
     assert [choose_precision(CPU) for _ in range(2)] == ["float32"] * 2
     assert note.read_text() == "float32"
 
@@ -106,8 +96,8 @@ def test_a_cache_that_cannot_be_written_is_no_matter(monkeypatch: pytest.MonkeyP
     (tmp_path / "cache").write_text("a file where a folder should be")
     measure(monkeypatch, True, True)
     assert [choose_precision(CPU) for _ in range(2)] == ["bfloat16"] * 2
-    note_device(CPU)
-    assert noted_device() is None
+    save_device("cpu")
+    assert saved_device() is None
 
 
 def test_an_explicit_precision_is_neither_measured_nor_noted(
@@ -130,7 +120,7 @@ def test_what_an_encoder_will_be_is_known_once_one_was_loaded(dinov2: Saved, mon
     assert find_identity(dinov2.folder) is None  # where torch computes by itself was not asked yet
     monkeypatch.setattr("dfd.encoders.encode.choose_device", lambda function, device: CPU)
     load_encoder(dinov2.folder)
-    assert noted_device() == "cpu"
+    assert saved_device() == "cpu"
     assert find_identity(dinov2.folder) == known
     # An encoder with other numbers than were noted is told by itself.
     exact = load_encoder(dinov2.folder, device="cpu", precision="float32")
@@ -145,29 +135,3 @@ def test_looking_takes_no_torch(dinov2: Saved) -> None:
     )
     asked = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert asked.stdout.split() == ["True", "False"]
-
-
-def cpu(monkeypatch: pytest.MonkeyPatch, flags: str) -> None:
-    monkeypatch.setattr(precision, "_cpu_lines", lambda: ["vendor_id\t: made", f"flags\t\t: {flags}"])
-
-
-@pytest.mark.parametrize(
-    ("flags", "expected"),
-    [("fpu avx2 avx512_bf16", True), ("fpu avx2", True), ("avx2 amx_bf16 amx_tile", False), ("fpu sse2", False)],
-)
-def test_kernels_are_fastest_without_tiles_of_bfloat16(
-    monkeypatch: pytest.MonkeyPatch, flags: str, expected: bool
-) -> None:
-    cpu(monkeypatch, flags)
-    assert precision.kernels_are_fastest() is expected
-    monkeypatch.setattr(precision, "_cpu_lines", lambda: ["a processor by its name alone"])
-    assert not precision.kernels_are_fastest()
-
-
-def test_what_the_kernels_compute_with_is_noted_for_its_weights_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    precision.note_kernels("sha256:1")
-    assert noted_precision("cpu", "sha256:1") == "float32"
-    assert noted_precision("cpu") is noted_precision("cpu", "sha256:2") is noted_precision("cuda", "sha256:1") is None
-    measure(monkeypatch, True)
-    assert choose_precision(CPU) == noted_precision("cpu", "sha256:2") == "bfloat16"
-    assert noted_precision("cpu", "sha256:1") == "float32"

@@ -102,10 +102,10 @@ def test_sharded_weights_are_read_and_counted(folder: Path, tmp_path: Path) -> N
 
 def test_a_folder_says_how_its_pictures_are_normalized(folder: Path) -> None:
     plain = load_encoder(folder, device="cpu", precision="float32")
-    assert plain._network.channels.mean == (0.485, 0.456, 0.406)
+    assert plain._model.channels.mean == (0.485, 0.456, 0.406)
     (folder / "preprocessor_config.json").write_text('{"image_mean": [0.5, 0.5, 0.5], "image_std": [0.25, 0.25, 0.25]}')
     own = load_encoder(folder, device="cpu", precision="float32")
-    assert own._network.channels.std == (0.25, 0.25, 0.25)
+    assert own._model.channels.std == (0.25, 0.25, 0.25)
     assert not np.array_equal(tokens(plain), tokens(own))
 
 

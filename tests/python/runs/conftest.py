@@ -12,7 +12,6 @@ from tiny_encoder import save_tiny_encoder
 import dfd
 from dfd import Field, Mesh
 from dfd.distillation import smoothing
-from dfd.runs import fit_state
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -21,14 +20,6 @@ def _small_and_alone() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HF_HUB_OFFLINE", "1")
         patch.setattr(smoothing, "NODES", FEW_NODES)
-        yield
-
-
-@pytest.fixture(scope="module")
-def every_step_is_kept(one_thread: None) -> Iterator[None]:
-    """Every step of the fit is kept."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fit_state, "SECONDS", 0.0)
         yield
 
 

@@ -1,22 +1,19 @@
-"""Runs that are stopped: killed, interrupted or out of memory, they go on to the same bits, or say why not."""
+"""Runs that are stopped: killed, interrupted or out of memory, they resume at the next picture, or say why not."""
 
 from __future__ import annotations
 
 import errno
-import os
 import signal
 import subprocess
 import sys
 import time
-import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import torch
 from made_field import same
-from stopped_runs import FEW_NODES, RECIPE, SMALL, count_work, interrupted, stop_at
+from stopped_runs import FEW_NODES, SMALL, count_work, interrupted, stop_at_fit
 
 import dfd
 import dfd.distillation.algorithm
@@ -26,11 +23,9 @@ from dfd.common.progress import Stages
 from dfd.distillation.distill import distilling
 from dfd.distillation.settings import DistillSettings
 from dfd.encoders.encode import Encoder
-from dfd.runs import fit_state
 from dfd.runs.checkpoint import Checkpoint
-from dfd.runs.fit_state import FitState
 
-pytestmark = pytest.mark.usefixtures("every_step_is_kept")
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 def count_calls(monkeypatch: pytest.MonkeyPatch, name: str) -> list[int]:
@@ -41,22 +36,16 @@ def count_calls(monkeypatch: pytest.MonkeyPatch, name: str) -> list[int]:
     return calls
 
 
-@pytest.mark.parametrize("step", [10, 30, 40])
-def test_an_interrupted_fit_goes_on_to_the_same_bits(
-    encoder: Path, mesh: Mesh, whole: Field, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: int
+def test_a_run_that_was_interrupted_in_its_fit_encodes_nothing_again(
+    encoder: Path, mesh: Mesh, whole: Field, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = tmp_path / "run"
-    with monkeypatch.context() as patch:
-        stop_at(patch, step, KeyboardInterrupt())
-        with pytest.raises(KeyboardInterrupt):
-            dfd.distill(mesh, encoder, checkpoint=folder, **SMALL)
-    assert sorted(path.name.partition("-")[0] for path in folder.iterdir()) == ["fit", "recipe.json", *["tokens"] * 6]
+    interrupted(mesh, encoder, folder, monkeypatch)
+    assert sorted(path.name.partition("-")[0] for path in folder.iterdir()) == ["recipe.json", *["tokens"] * 6]
+    (folder / "fit-0123").write_bytes(b"what an older version has left")
     encoded = count_work(monkeypatch)
-    steps = []
-    monkeypatch.setattr(FitState, "keep_arrays", lambda self, losses, *rest: steps.append(len(losses)))
     assert same(dfd.distill(mesh, encoder, checkpoint=folder, **SMALL), whole)
     assert encoded == []
-    assert steps == list(range(step + 10, 41, 10))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -82,7 +71,7 @@ def test_pictures_that_were_encoded_are_not_encoded_again(
 
 def test_images_are_looked_at_only_where_tokens_were_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     image, tokens = np.zeros((8, 8, 3), np.uint8), np.ones((2, 2, 3), np.float32)
-    recipe = {"format": 1, "code": "some"}
+    recipe = {"field_version": 1, "mesh": "some"}
     looks = count_calls(monkeypatch, "dfd.runs.checkpoint.hash_arrays")
     fresh = Checkpoint(tmp_path / "run", recipe)
     assert fresh.read_tokens(image, None) is None
@@ -103,69 +92,65 @@ def test_a_run_with_a_checkpoint_gives_what_one_without_gives(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_given_features_go_on_too(mesh: Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_given_features_leave_no_folder(mesh: Mesh, tmp_path: Path) -> None:
     settings = {"features": np.random.default_rng(0).normal(size=(len(mesh.vertices), 4)), "steps": 20, "batch": 64}
     settings |= {"device": "cpu", "progress": False, "cache": False}
-    wanted = dfd.distill(mesh, **settings)
-    with monkeypatch.context() as patch:
-        stop_at(patch, 7, KeyboardInterrupt())
-        with pytest.raises(KeyboardInterrupt):
-            dfd.distill(mesh, checkpoint=tmp_path / "run", **settings)
-    assert same(dfd.distill(mesh, checkpoint=tmp_path / "run", **settings), wanted)
+    with pytest.raises(ValueError, match="`learning_rate`"):
+        dfd.distill(mesh, checkpoint=tmp_path / "run", **settings, learning_rate=1e30)
+    assert same(dfd.distill(mesh, checkpoint=tmp_path / "run", **settings), dfd.distill(mesh, **settings))
+    assert list(tmp_path.iterdir()) == []
 
 
 def start(mesh: Path, encoder: Path, output: Path) -> subprocess.Popen[str]:
-    """The command line with the settings of `SMALL` and 100 steps, every ten slowed down by 150 ms."""
+    """The command line with the settings of `SMALL`, slowed down by 150 ms a picture."""
     code = (
         "import signal, sys, time; signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # nohup ignores it
-        "import torch; torch.set_num_threads(1)\n"
+        "import dfd; dfd.set_num_threads(1)\n"
         f"from dfd.distillation import smoothing; smoothing.NODES = {FEW_NODES}\n"
-        "from dfd.runs import fit_state; fit_state.SECONDS = 0.05\n"
-        "keep = fit_state.FitState.keep_arrays\n"
-        "def slow(*given): time.sleep(0.15); keep(*given)\n"
-        "fit_state.FitState.keep_arrays = slow\n"
+        "from dfd.runs.checkpoint import Checkpoint\n"
+        "write = Checkpoint.write_tokens\n"
+        "def slow(*given): write(*given); time.sleep(0.15)\n"
+        "Checkpoint.write_tokens = slow\n"
         "from dfd.cli import main; main(sys.argv[1:])"
     )
-    options = ("--views", 6, "--resolution", 32, "--steps", 100, "--batch", 64, "--device", "cpu", "--no-cache")
+    options = ("--views", 6, "--resolution", 32, "--steps", 40, "--batch", 64, "--device", "cpu", "--no-cache")
     arguments = ("distill", mesh, "-o", output, "--encoder", encoder, *options)
     return subprocess.Popen([sys.executable, "-c", code, *map(str, arguments)], stderr=subprocess.PIPE, text=True)
 
 
-def wait_for_state(process: subprocess.Popen[str], partial: Path) -> None:
-    """Until the process has kept a state of the fit."""
-    begun, limit = time.time_ns(), time.monotonic() + 120
-    while not any(path.stat().st_mtime_ns > begun for path in partial.glob("fit-*")):
+def wait_for_tokens(process: subprocess.Popen[str], partial: Path, count: int) -> None:
+    """Until the process has kept the tokens of so many pictures."""
+    limit = time.monotonic() + 120
+    while len(list(partial.glob("tokens-*"))) < count:
         assert process.poll() is None, process.stderr and process.stderr.read()
         assert time.monotonic() < limit
         time.sleep(0.005)
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs SIGKILL")
-def test_a_killed_command_goes_on_to_the_same_bits(encoder: Path, mesh: Mesh, tmp_path: Path) -> None:
+def test_a_killed_command_resumes_at_the_next_picture(encoder: Path, mesh: Mesh, tmp_path: Path) -> None:
     shape, output = tmp_path / "chair.obj", tmp_path / "chair.safetensors"
     partial = tmp_path / "chair.safetensors.partial"
     mesh.save(shape)
-    settings = {**SMALL, "steps": 100}
-    wanted = dfd.distill(dfd.load(shape), str(encoder), **settings)
+    wanted = dfd.distill(dfd.load(shape), str(encoder), **SMALL)
 
-    moment = np.random.default_rng().uniform(0, 0.2)
     with start(shape, encoder, output) as process:
-        wait_for_state(process, partial)
-        time.sleep(moment)
+        wait_for_tokens(process, partial, 1)
         process.kill()
         process.communicate(timeout=60)
-    assert process.returncode == -signal.SIGKILL, f"killed {moment:.3f} s after the first state"
+    assert process.returncode == -signal.SIGKILL
+    kept = len(list(partial.glob("tokens-*")))
     with start(shape, encoder, output) as process:
-        wait_for_state(process, partial)
+        wait_for_tokens(process, partial, kept + 1)
         process.send_signal(signal.SIGINT)
         _, error = process.communicate(timeout=60)
     assert process.returncode == 130
     message = f"dfd: interrupted: the same command goes on from here; what is done is in {partial}"
     assert error.splitlines()[-1] == message
     assert sorted(tmp_path.iterdir()) == [shape, partial]
+    assert len(list(partial.glob("tokens-*"))) > kept
 
-    going_on = dfd.distill(dfd.load(shape), str(encoder), checkpoint=partial, **settings)
-    assert same(going_on, wanted), f"killed {moment:.3f} s after the first state"
+    assert same(dfd.distill(dfd.load(shape), str(encoder), checkpoint=partial, **SMALL), wanted)
     assert list(tmp_path.iterdir()) == [shape]
 
 
@@ -229,7 +214,7 @@ def test_out_of_memory_says_what_to_lower(
 
     with monkeypatch.context() as patch:
         if where == "fit":
-            stop_at(patch, 10, error)
+            stop_at_fit(patch, error)
         elif where == "encode":
             patch.setattr(Encoder, "_forward", fail)
         else:
@@ -246,22 +231,6 @@ def test_other_errors_stay_what_they_are(encoder: Path, mesh: Mesh, monkeypatch:
     monkeypatch.setattr(dfd.distillation.algorithm, "render", fail)
     with pytest.raises(RuntimeError, match="a bug"):
         dfd.distill(mesh, encoder, **SMALL)
-
-
-def test_states_are_kept_every_few_seconds_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fit_state, "SECONDS", 60.0)
-    kept = Checkpoint(tmp_path / "run", RECIPE)
-    state = kept.fit_state()
-    state.keep([torch.zeros(())], {}, torch.Generator())
-    assert list((tmp_path / "run").glob("fit-*")) == []
-    monkeypatch.setattr(time, "monotonic", lambda was=time.monotonic: was() + 61)
-    state.keep([torch.zeros(())], {}, torch.Generator())
-    assert len(list((tmp_path / "run").glob("fit-*"))) == 1
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert len(kept.fit_state().restore({}, torch.Generator(), 1)) == 1
-        assert kept.fit_state(np.zeros(3)).restore({}, torch.Generator(), 1) == []  # made from something else
-    assert os.listdir(tmp_path) == ["run"]  # noqa: PTH208
 
 
 def test_a_field_that_cannot_be_saved_in_the_end_leaves_the_checkpoint(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import threading
 import warnings
 from pathlib import Path
@@ -11,17 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 import safetensors.numpy
-import torch
 from made_field import same
 from stopped_runs import RECIPE, SMALL, count_work, interrupted
 
 import dfd
 from dfd import Field, Mesh
 from dfd.runs.checkpoint import Checkpoint
-from dfd.runs.fit_state import FitState
 from dfd.runs.pieces import PieceFolder
 
-pytestmark = pytest.mark.usefixtures("every_step_is_kept")
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 def flip(path: Path, byte: int) -> None:
@@ -44,15 +41,14 @@ def goes_on(mesh: Mesh, encoder: Path, folder: Path, *, anew: int) -> Field:
 
 
 @pytest.mark.parametrize("byte", [0, 32, -1])
-@pytest.mark.parametrize("piece", ["tokens", "fit"])
 def test_a_flipped_bit_begins_its_piece_anew(
-    encoder: Path, mesh: Mesh, whole: Field, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, piece: str, byte: int
+    encoder: Path, mesh: Mesh, whole: Field, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, byte: int
 ) -> None:
     interrupted(mesh, encoder, tmp_path / "run", monkeypatch)
-    flip(min((tmp_path / "run").glob(f"{piece}-*")), byte)
+    flip(min((tmp_path / "run").glob("tokens-*")), byte)
     encoded = count_work(monkeypatch)
     assert same(goes_on(mesh, encoder, tmp_path / "run", anew=1), whole)
-    assert sum(encoded) == (piece == "tokens")
+    assert sum(encoded) == 1
 
 
 def test_pieces_of_something_else_are_made_again(
@@ -67,51 +63,8 @@ def test_pieces_of_something_else_are_made_again(
     folder.write(third.name, len(huge).to_bytes(8, "little") + huge)
     folder.write(fourth.name, safetensors.numpy.save({"tokens": np.full((4, 4, 16), np.nan, np.float32)}))
     fifth.write_bytes(b"")
-    (tmp_path / "run" / ".fit-0.1234").write_bytes(b"half")  # what a kill amid a write leaves
+    (tmp_path / "run" / ".tokens-0.1234").write_bytes(b"half")  # what a kill amid a write leaves
     assert same(goes_on(mesh, encoder, tmp_path / "run", anew=5), whole)
-
-
-def state_of(**change: Any) -> bytes:
-    """A state of a fit as it is kept, with something else in it."""
-    state = {"losses": torch.zeros(2), "parts": {}, "generator": torch.Generator().get_state(), **change}
-    stream = io.BytesIO()
-    torch.save(state, stream)
-    return stream.getvalue()
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        b"",
-        b"no state",
-        state_of(),
-        state_of(losses=torch.zeros(41)),
-        state_of(losses=torch.zeros(())),
-        state_of(parts={"network": torch.nn.Linear(2, 2).state_dict()}),
-        state_of(generator=torch.zeros(3)),
-    ],
-)
-def test_a_state_of_other_content_counts_as_none(tmp_path: Path, content: bytes) -> None:
-    (tmp_path / "run").mkdir()
-    folder, network = PieceFolder(tmp_path / "run"), torch.nn.Linear(2, 3)
-    folder.write("fit", content)
-    with pytest.warns(UserWarning, match="fit is damaged or of something else: it is begun anew"):
-        assert FitState(folder, "fit").restore({"network": network}, torch.Generator(), 40) == []
-
-
-def test_a_state_that_fits_in_part_changes_nothing(tmp_path: Path) -> None:
-    network, other = torch.nn.Linear(2, 2), torch.nn.Linear(2, 3)
-    before = {name: value.clone() for name, value in network.state_dict().items()}
-    generator = torch.Generator().manual_seed(5)
-    drawn = generator.get_state()
-    parts = {"one": torch.nn.Linear(2, 2).state_dict(), "two": torch.nn.Linear(2, 2).state_dict()}
-    (tmp_path / "run").mkdir()
-    PieceFolder(tmp_path / "run").write("fit", state_of(parts=parts))
-    state = FitState(PieceFolder(tmp_path / "run"), "fit")
-    with pytest.warns(UserWarning, match="fit is damaged or of something else: it is begun anew"):
-        assert state.restore({"one": network, "two": other}, generator, 9) == []
-    assert all(torch.equal(value, before[name]) for name, value in network.state_dict().items())
-    assert torch.equal(generator.get_state(), drawn)
 
 
 @pytest.mark.parametrize("content", [b"\xff", b"[" * 100_000])

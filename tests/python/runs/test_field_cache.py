@@ -102,7 +102,7 @@ def test_its_file_is_found_without_torch(encoder: Path, mesh: Mesh, cache: Path,
 def test_another_precision_is_another_field(
     encoder: Path, mesh: Mesh, cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(precision, "cpu_has", lambda feature: True)
+    monkeypatch.setattr(precision, "_cpu_has", lambda feature: True)
     fields = {}
     for pays, name in ((True, "bfloat16"), (False, "float32")):
         monkeypatch.setattr(precision, "_bfloat16_pays", lambda pays=pays: pays)

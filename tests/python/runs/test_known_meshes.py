@@ -10,7 +10,7 @@ import pytest
 import dfd
 from dfd import Mesh
 from dfd.runs import known_meshes
-from dfd.runs.known_meshes import hash_file, note, recall
+from dfd.runs.known_meshes import MESH_VERSION, hash_file, note, recall
 
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n"
 
@@ -49,9 +49,12 @@ def test_the_same_bytes_in_another_format_are_another_mesh(file: Path) -> None:
     assert hash_file(off) != hash_file(file)
 
 
-def test_other_code_reads_anew(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_version_reads_anew(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = hash_file(file)
-    monkeypatch.setattr("dfd.runs.recipe._version", lambda package: f"another {package}")
+    with monkeypatch.context() as patch:
+        patch.setattr("dfd.runs.known_meshes.MESH_VERSION", MESH_VERSION + 1)
+        assert hash_file(file) != before
+    monkeypatch.setattr("dfd.runs.known_meshes.version", lambda package: f"another {package}")
     assert hash_file(file) != before
 
 

@@ -9,8 +9,8 @@ from dfd import Mesh
 from dfd.mesh.appearance import GREY, Appearance, Material, blend
 from dfd.mesh.normals import smooth_normals
 from dfd.views.cameras import Camera, camera_towards
-from dfd.views.raycast import Scene
-from dfd.views.shading import AMBIENT, DIFFUSE, Shading, facing
+from dfd.views.raycast import Hits, Scene
+from dfd.views.shading import AMBIENT, DIFFUSE, Shading, _bytes, facing
 
 SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
 TWO = np.array([[0, 1, 2], [0, 2, 3]])
@@ -97,6 +97,23 @@ def test_normals_of_neighbours_wound_the_other_way_are_lit_evenly() -> None:
     plain, _, _ = look(Mesh(SQUARE, TWO))
     assert len(hits.ray) > 100
     assert np.abs(image.astype(int) - plain).max() <= 1
+
+
+def test_where_normals_cancel_out_the_face_has_its_own_and_one_without_area_none() -> None:
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+    normals = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0]], np.float32)
+    faces = np.array([[0, 1, 2], [0, 1, 1]], np.int32)
+    barycentric = np.array([[0.5, 0.5, 0], [0.5, 0.5, 0], [0, 0, 1]], np.float32)
+    hits = Hits(np.arange(3), np.array([0, 1, 0], np.int32), barycentric, np.ones(3, np.float32))
+    directions = np.tile(np.array([[0, 0.8, 0.6]], np.float32), (3, 1))
+    light = facing(vertices, faces, normals, hits, directions)
+    assert light == pytest.approx([0.6, 0.0, 0.8])
+    assert light.dtype == np.float32
+
+
+def test_colors_that_are_none_stay_within_a_byte() -> None:
+    colors = np.array([[np.nan, np.inf, -np.inf], [-3, 7, 1.002]], np.float32)
+    assert _bytes(colors).tolist() == [[0, 255, 0], [0, 255, 255]]
 
 
 def test_holes_of_a_masked_texture_show_what_lies_behind() -> None:

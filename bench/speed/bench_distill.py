@@ -1,0 +1,34 @@
+"""Suite for asv: the stages of a distillation."""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("HF_HUB_OFFLINE", "1")  # the network that is installed is measured, not what a hub answers
+
+import dfd
+from dfd.common.progress import Stages
+
+ROUNDS = 3
+
+
+class Distill:
+    """The usual network; few and small pictures and a short fit, for each stage's time at any commit."""
+
+    params = ("up", "render", "encode", "spread", "fit")
+    param_names = ("stage",)
+    unit = "s"
+
+    def setup_cache(self) -> dict[str, float]:
+        """The shortest time of each stage, in seconds."""
+        mesh = dfd.samples.quadruped(10_000).mesh
+        best: dict[str, float] = {}
+        for _ in range(ROUNDS):
+            stages = Stages(show=False)
+            dfd.distill(mesh, progress=stages, cache=False, views=4, resolution=224, steps=50)
+            best = {stage: min(seconds, best.get(stage, seconds)) for stage, seconds in stages.seconds.items()}
+        return best
+
+    def track_seconds(self, best: dict[str, float], stage: str) -> float:
+        """What the stage took."""
+        return best[stage]

@@ -1,0 +1,128 @@
+"""DINOv2 in plain torch gives what transformers' own model gives, and needs no transformers."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import safetensors.torch
+import torch
+import transformers
+from tiny_families import SIZES
+
+from dfd.encoders.dinov2 import build_dinov2
+from dfd.encoders.sources import find_weights
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+KINDS = {
+    "plain": (transformers.Dinov2Model, transformers.Dinov2Config, {}),
+    "gated": (transformers.Dinov2Model, transformers.Dinov2Config, {"use_swiglu_ffn": True, "qkv_bias": False}),
+    "registers": (
+        transformers.Dinov2WithRegistersModel,
+        transformers.Dinov2WithRegistersConfig,
+        {"num_register_tokens": 3},
+    ),
+}
+
+
+@pytest.fixture(params=KINDS)
+def model(request: pytest.FixtureRequest) -> Any:
+    """A tiny model of transformers, with nothing in it at 0 or 1, where mistakes would not show."""
+    kind, config, options = KINDS[request.param]
+    torch.manual_seed(5)
+    model = kind(config(**SIZES, **options)).eval()
+    with torch.no_grad():
+        for parameter in model.parameters():
+            parameter.add_(torch.randn_like(parameter) * 0.2)
+    return model
+
+
+@pytest.mark.parametrize("size", [(32, 32), (48, 24), (16, 16)])  # the one of its positions, and others
+def test_its_tokens_are_those_of_transformers(model: Any, tmp_path: Path, size: tuple[int, int]) -> None:
+    model.save_pretrained(tmp_path)
+    images = torch.randn(2, 3, *size, generator=torch.Generator().manual_seed(1))
+    with torch.no_grad():
+        mine = build_dinov2(find_weights(tmp_path), None, None).tokens(images, None)
+        wanted = model(images).last_hidden_state[:, -mine.shape[1] * mine.shape[2] :].reshape(mine.shape)
+    torch.testing.assert_close(mine, wanted, atol=1e-5 * float(wanted.abs().max()), rtol=0)
+
+
+def test_pictures_of_other_lengths_do_not_mix(model: Any, tmp_path: Path) -> None:
+    model.save_pretrained(tmp_path)
+    tokens = build_dinov2(find_weights(tmp_path), 2, None).tokens
+    generator = torch.Generator().manual_seed(2)
+    images = torch.randn(3, 3, 32, 32, generator=generator)
+    patches = torch.rand(3, 4, 4, generator=generator) < 0.5
+    patches[1] = False
+    with torch.no_grad():
+        together = tokens(images, patches)
+        alone = torch.cat([tokens(image[None], shown[None]) for image, shown in zip(images, patches, strict=True)])
+    torch.testing.assert_close(together, alone, atol=1e-5, rtol=0)
+    assert (together[~patches] == 0).all()
+    assert (together[patches] != 0).all()
+
+
+def test_names_of_older_files_are_known(tmp_path: Path) -> None:
+    kind, config, options = KINDS["gated"]
+    torch.manual_seed(5)
+    kind(config(**{**SIZES, **options})).save_pretrained(tmp_path)
+    images = torch.randn(1, 3, 32, 32)
+    with torch.no_grad():
+        wanted = build_dinov2(find_weights(tmp_path), None, None).tokens(images, None)
+    file = tmp_path / "model.safetensors"
+    tensors = safetensors.torch.load_file(file)
+    of_today = {
+        "attention.q_proj": "attention.attention.query",
+        "attention.k_proj": "attention.attention.key",
+        "attention.v_proj": "attention.attention.value",
+        "attention.o_proj": "attention.output.dense",
+        "mlp.down_proj": "mlp.weights_out",
+    }
+    older: dict[str, torch.Tensor] = {}
+    for name, tensor in tensors.items():
+        for new, old in of_today.items():
+            name = name.replace(new, old)
+        if ".gate_proj." in name:
+            tensor = torch.cat([tensor, tensors[name.replace("gate_proj", "up_proj")]])
+            name = name.replace("gate_proj", "weights_in")
+        if ".up_proj." not in name:
+            older[f"dinov2.{name}"] = tensor
+    safetensors.torch.save_file(older, file)
+    assert not any("q_proj" in name or "gate_proj" in name for name in older)
+    with torch.no_grad():
+        assert torch.equal(build_dinov2(find_weights(tmp_path), None, None).tokens(images, None), wanted)
+
+
+def test_a_shape_is_distilled_without_transformers(folder: Path) -> None:
+    code = (
+        "import sys\nimport dfd\nfrom dfd.encoders.encode import load_encoder\n"
+        f"encoder = load_encoder({str(folder)!r}, device='cpu')\n"
+        "mesh = dfd.samples.chair(4000).mesh\n"
+        "field = dfd.distill(mesh, encoder, views=4, resolution=32, steps=5, progress=False, cache=False)\n"
+        "assert field(mesh.vertices).shape == (len(mesh.vertices), 16)\n"
+        "print(sorted({'transformers', 'onnx', 'huggingface_hub'} & sys.modules.keys()))"
+    )
+    asked = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert asked.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("odd", [{"hidden_act": "relu"}, {"num_attention_heads": 3}, {"patch_size": [8, 8]}])
+def test_other_networks_are_refused(folder: Path, odd: dict[str, Any]) -> None:
+    weights = find_weights(folder)
+    weights.config.update(odd)
+    with pytest.raises(ValueError, match=f"not a valid dinov2 model: `{next(iter(odd))}` is"):
+        build_dinov2(weights, None, None)
+
+
+def test_pictures_and_masks_are_not_changed(folder: Path) -> None:
+    images, patches = torch.randn(1, 3, 32, 32), torch.ones(1, 4, 4, dtype=torch.bool)
+    before = images.clone()
+    with torch.no_grad():
+        build_dinov2(find_weights(folder), 1, None).tokens(images, patches)
+    np.testing.assert_array_equal(images, before)
+    assert patches.all()

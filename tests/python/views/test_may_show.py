@@ -1,0 +1,100 @@
+"""Which pixels need a ray: no other one shows the surface."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from dfd import Mesh
+from dfd.views.cameras import Camera, camera_towards, place_cameras
+from dfd.views.raycast import Scene
+from dfd.views.shading import Shading
+
+TRIANGLE = np.array([[0, 1, 2]], np.int32)
+
+
+def made(seed: int, faces: int = 30, size: float = 0.3) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    """Triangles here and there within the box of normalized coordinates, thin ones and some without area."""
+    generator = np.random.default_rng(seed)
+    middles = generator.uniform(-1 + size, 1 - size, (faces, 1, 3))
+    corners = middles + generator.uniform(-size, size, (faces, 3, 3)) * generator.choice([1, 0.02, 0], (faces, 1, 3))
+    return corners.reshape(-1, 3).astype(np.float32), np.arange(3 * faces, dtype=np.int32).reshape(-1, 3)
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    seed=st.integers(0, 10_000),
+    resolution=st.sampled_from([7, 16, 61, 200]),
+    size=st.sampled_from([0.01, 0.3, 0.9]),
+    distance=st.sampled_from([1.2, 2.8, 50.0]),
+)
+def test_no_ray_that_is_left_out_meets_the_surface(seed: int, resolution: int, size: float, distance: float) -> None:
+    vertices, faces = made(seed, size=size)
+    before = vertices.copy(), faces.copy()
+    axis = np.random.default_rng(seed).normal(size=3)
+    near = camera_towards(axis, vertices)
+    camera = Camera(distance * np.sqrt(3) * near.back, near.right, near.up, near.back)
+    for each in (near, camera):
+        pixels = each.may_show(vertices, faces, resolution)
+        hits = Scene(vertices, faces).cast(each.position, each.ray_directions(resolution))
+        assert np.isin(hits.ray, pixels).all()
+        assert (np.diff(pixels) > 0).all()
+    np.testing.assert_array_equal(vertices, before[0])
+    np.testing.assert_array_equal(faces, before[1])
+
+
+def test_pictures_are_those_of_all_rays(monkeypatch: pytest.MonkeyPatch) -> None:
+    vertices, faces = made(1, faces=200)
+    mesh = Mesh(vertices, faces)
+    shading = Shading(Scene(vertices, faces), mesh, vertices)
+    cameras = place_cameras(6, vertices)
+    some = [shading.picture(camera, 120) for camera in cameras]
+    counts = [len(camera.may_show(vertices, faces, 120)) for camera in cameras]
+    assert max(counts) < 0.9 * 120**2  # or this says nothing
+    monkeypatch.setattr(Camera, "may_show", lambda self, vertices, faces, resolution: np.arange(resolution**2))
+    for (image, hits), camera in zip(some, cameras, strict=True):
+        whole, all_hits = shading.picture(camera, 120)
+        np.testing.assert_array_equal(image, whole)
+        for name in ("ray", "face", "barycentric", "distance"):
+            np.testing.assert_array_equal(getattr(hits, name), getattr(all_hits, name))
+
+
+# At distance 2 with a half width of 1 at distance 1, the picture is 4 wide: of 64 pixels, 16 a unit.
+CAMERA = Camera(np.array([0.0, 0, 2]), *np.eye(3), field_of_view=90.0)
+
+
+def shown(vertices: NDArray[np.float32], faces: NDArray[np.int32], resolution: int) -> NDArray[np.bool_]:
+    """Which pixels may show the faces, (resolution, resolution)."""
+    image = np.zeros(resolution * resolution, bool)
+    image[CAMERA.may_show(vertices, faces, resolution)] = True
+    return image.reshape(resolution, resolution)
+
+
+def test_squares_far_from_a_triangle_show_nothing() -> None:
+    vertices = np.array(
+        [[0.1, 0.1, 0], [0.3, 0.1, 0], [0.1, 0.3, 0]], np.float32
+    )  # columns 33.1 to 36.3, rows up to 29.9
+    wanted = np.zeros((64, 64), bool)
+    wanted[24:32, 24:40] = True  # its own square, and the one within a pixel and a half
+    np.testing.assert_array_equal(shown(vertices, TRIANGLE, 64), wanted)
+
+
+@pytest.mark.parametrize("z", [2.0, 5.0, np.nan])
+def test_of_what_is_not_before_the_eye_nothing_is_left_out(z: float) -> None:
+    assert shown(np.array([[0, 0, 0], [1, 0, 0], [0, 1, z]], np.float32), TRIANGLE, 20).all()
+
+
+def test_what_no_face_uses_counts_for_nothing_and_neither_does_what_is_beside_the_picture() -> None:
+    for unused in ([0, 0, 7], [0, 0, 2], [np.nan, 0, 0]):
+        vertices = np.array([[9, 0, 0], [9, 1, 0], [8, 0, 0], unused], np.float32)
+        assert not shown(vertices, TRIANGLE, 20).any()
+    assert not shown(vertices, np.zeros((0, 3), np.int32), 20).any()
+
+
+def test_more_faces_than_pixels_are_not_gone_through() -> None:
+    vertices, faces = made(0, faces=30)
+    camera = camera_towards((0, 0, 1), vertices)
+    np.testing.assert_array_equal(camera.may_show(vertices, faces, 5), np.arange(25))
