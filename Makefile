@@ -6,7 +6,14 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c c
 
 CLIENT := python/dfd/app/client
 
-.PHONY: app client validator demo test test-blender lint bench blender quality gallery wheel fuzz sanitize clean
+# How many targets are made, and test files run, at the same time.
+JOBS ?= 2
+ifeq ($(MAKELEVEL),0)
+MAKEFLAGS += --jobs=$(JOBS)
+endif
+
+.PHONY: app client validator demo test test-all test-slow test-blender ctest lint bench blender quality gallery wheel fuzz \
+  sanitize clean
 
 app: $(VENV)/installed
 	$(BIN)/dfd app --sample quadruped
@@ -14,29 +21,58 @@ app: $(VENV)/installed
 demo: $(VENV)/installed
 	$(BIN)/dfd demo
 
-test: client validator $(VENV)/installed-test lint
-	PATH="$(abspath $(BIN)):$$PATH" cmake --preset dev
-	PATH="$(abspath $(BIN)):$$PATH" cmake --build --preset dev
-	PATH="$(abspath $(BIN)):$$PATH" ctest --preset dev
-	$(BIN)/python -m pytest
+# A process takes a file at a time, on one thread, in the order of names: the long ones come first. What is marked below
+# waits for test-all, but for one story of the page.
+PYTEST := $(BIN)/python -m pytest --numprocesses=$(JOBS) --dist=loadfile --no-loadscope-reorder
+SLOW := slow or processes or browser
+
+test: ctest client lint validator
+	$(PYTEST) -m "not ($(SLOW))"
+
+test-all: test
+	$(MAKE) --no-print-directory test-slow
+	@if command -v $(BLENDER_PYTHON) > /dev/null; then $(MAKE) --no-print-directory test-blender; \
+	else echo "$(BLENDER_PYTHON) was not found: nothing is opened in Blender"; fi
+
+# Ray is large, and only tests of batches on several machines need it.
+test-slow: client validator $(VENV)/installed-test
+	$(BIN)/python -c "import ray" 2> /dev/null || $(INSTALL) ray
+	$(PYTEST) -m "$(SLOW)"
+
+# The core's own tests, built with the extension, in one tree and of the same objects.
+ctest: $(VENV)/installed-test
+	$(BIN)/ctest --test-dir build/test --output-on-failure --parallel $(JOBS)
 
 lint: $(VENV)/installed-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-# Checks, tests and builds the app's page; in a browser it is tested by pytest.
-client:
-	@if command -v npm > /dev/null; then \
-	  cd $(CLIENT) && npm ci --silent --no-audit --no-fund && npm run --silent check && npm run --silent build; \
-	else \
-	  echo "npm was not found: the app's page is neither checked nor built, and dfd app will say so"; \
-	fi
+# The app's page is built, checked and tested once after each change; in a browser it is tested by pytest.
+CLIENT_SOURCES := $(shell find $(CLIENT) -name node_modules -prune -o -type f -print)
+PAGE := python/dfd/app/static/index.html
+ifneq ($(shell command -v npm),)
+client: build/client-checked
+
+build/client-checked: $(CLIENT)/node_modules/.package-lock.json $(CLIENT_SOURCES)
+	cd $(CLIENT) && npm run --silent check
+	mkdir -p build && touch $@
+
+$(PAGE): $(CLIENT)/node_modules/.package-lock.json $(CLIENT_SOURCES)
+	cd $(CLIENT) && npm run --silent build
 
 # The Khronos validator, by which pytest judges the glTF files that are written.
+validator: tests/validator/node_modules/.package-lock.json
+
+%/node_modules/.package-lock.json: %/package-lock.json
+	cd $* && npm ci --silent --no-audit --no-fund
+	touch $@
+else
+client $(PAGE):
+	@echo "npm was not found: the app's page is neither checked nor built, and dfd app will say so"
 validator:
-	@if command -v npm > /dev/null; then cd tests/validator && npm ci --silent --no-audit --no-fund; \
-	else echo "npm was not found: no glTF file is validated"; fi
+	@echo "npm was not found: no glTF file is validated"
+endif
 
 bench: $(VENV)/installed-bench
 	$(BIN)/python -m bench.speed
@@ -51,6 +87,7 @@ gallery: $(VENV)/installed
 # Blender as a Python package opens what is exported; it takes a Python of its own version, and 1 GB.
 BLENDER_PYTHON ?= python3.11
 BLENDER := build/blender
+test-blender: BUILT = $(TREE)
 test-blender: $(VENV)/installed-test $(BLENDER)/installed blender
 	DFD_BLENDER_PYTHON="$(abspath $(BLENDER))/bin/python" $(BIN)/python -m pytest tests/python/export/test_blender.py
 	DFD_EXTENSION="$(abspath dist/dfd_weights.zip)" DFD_COMMAND="$(abspath $(BIN)/dfd)" \
@@ -63,7 +100,7 @@ $(BLENDER)/installed:
 
 # The Blender extension, for the Blender that has this Python: 5.0 has 3.11.
 blender: | $(VENV)/bin/python
-	$(BIN)/python -m pip wheel --quiet --no-deps -c constraints.txt -w dist .
+	$(BIN)/python -m pip wheel --quiet --no-deps -c constraints.txt -w dist . $(BUILT)
 	$(BIN)/python python/blender/build.py dist
 
 # Builds and repairs the wheel, and tries it with every Python that is to be found.
@@ -84,8 +121,7 @@ sanitize: $(VENV)/installed-test
 
 # Rebuilt whenever a source that ends up in the package changes.
 SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find cpp python \
-	-path $(CLIENT) -prune -o -name '*.[chp]*' -not -name '*.pyc' -print) $(shell find $(CLIENT) -name node_modules \
-	-prune -o -type f -print)
+	-path $(CLIENT) -prune -o -name '*.[chp]*' -not -name '*.pyc' -print) $(CLIENT_SOURCES)
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
@@ -94,8 +130,18 @@ $(VENV)/installed: $(SOURCES) | $(VENV)/bin/python
 	$(INSTALL) ".[app]"
 	touch $@
 
-$(VENV)/installed-test: $(SOURCES) | $(VENV)/bin/python
-	$(INSTALL) ".[test]"
+# With the core's own tests, every warning an error and the page as `make` has built it, in a tree of its own that goes on
+# where it was: what builds the package is therefore installed here, and not each time in a place of its own.
+TREE := --no-build-isolation --check-build-dependencies --config-settings=build-dir=build/test \
+  --config-settings=cmake.define.DFD_TESTS=ON --config-settings=cmake.define.DFD_WARNINGS_AS_ERRORS=ON \
+  --config-settings=cmake.define.NPM=OFF
+
+$(VENV)/builders: constraints.txt | $(VENV)/bin/python
+	$(INSTALL) cmake nanobind nanobind-backend ninja scikit-build-core
+	touch $@
+
+$(VENV)/installed-test: $(SOURCES) $(wildcard tests/cpp/*) $(VENV)/builders | $(PAGE)
+	$(INSTALL) ".[test]" $(TREE)
 	touch $(VENV)/installed $@
 
 $(VENV)/installed-bench: $(SOURCES) | $(VENV)/bin/python

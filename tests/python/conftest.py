@@ -1,13 +1,26 @@
-"""What several test files set up alike."""
+"""What several test files set up alike, each of it made once in a run, whichever process asks for it first."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+if "PYTEST_XDIST_WORKER" in os.environ:  # before torch is imported: several processes share the cores
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import pytest
 import torch
+from filelock import FileLock
+from hypothesis import HealthCheck, settings
 
 import dfd
+from dfd import Mesh
+from dfd.samples import Sample
+
+# A machine that does something else besides is no reason to fail.
+settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("any machine")
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -27,3 +40,53 @@ def one_thread() -> Iterator[None]:
     yield
     torch.set_num_threads(threads)
     dfd.set_num_threads(own)
+
+
+@pytest.fixture(scope="session")
+def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """A folder by its name, which `make` fills in one process of the run; no test writes into it."""
+    shared = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        shared = shared.parent
+
+    def folder_of(name: str, make: Callable[[Path], object]) -> Path:
+        folder = shared / name
+        with FileLock(shared / f"{name}.lock"):
+            if not folder.exists():
+                unfinished = shared / f"{name}.unfinished"
+                unfinished.mkdir(exist_ok=True)
+                make(unfinished)
+                unfinished.rename(folder)
+        return folder
+
+    return folder_of
+
+
+@pytest.fixture(scope="session")
+def tiny_encoder(made_once: Callable[..., Path]) -> Path:
+    """The folder of a vision network that encodes a picture in a millisecond."""
+    from tiny_encoder import save_tiny_encoder  # with transformers, which takes seconds
+
+    return made_once("tiny_encoder", save_tiny_encoder)
+
+
+@pytest.fixture(scope="session")
+def chair_sample() -> Sample:
+    return read_only(dfd.samples.chair(4000))
+
+
+@pytest.fixture(scope="session")
+def chair_mesh(chair_sample: Sample) -> Mesh:
+    return chair_sample.mesh
+
+
+@pytest.fixture(scope="session")
+def quadruped_sample() -> Sample:
+    return read_only(dfd.samples.quadruped(4000))
+
+
+def read_only(sample: Sample) -> Sample:
+    """Let no test change what the others see; a mesh takes care of itself."""
+    for labels in (sample.labels, sample.instances):
+        labels.flags.writeable = False
+    return sample

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from dfd import Field
+from dfd import Field, Mesh
 from dfd.field.architecture import Architecture
 
 
@@ -32,3 +32,9 @@ def made_field(
         drawn = generator.uniform(-1, 1, shape) / np.sqrt(fan_in)
         parameters[name] = (np.full(shape, float(name.endswith("weight"))) if norm else drawn).astype(np.float32)
     return Field(parameters, octaves=octaves, **how)
+
+
+def field_of(mesh: Mesh, seed: int = 0, **how: Any) -> Field:
+    """Return a field over `mesh` that has learnt nothing: enough to see what is done with one."""
+    how = {"center": mesh.bounds.mean(0), "scale": 2 / max(float(mesh.extents.max()), 1e-30)} | how
+    return made_field(16, seed=seed, width=32, layers=2, **how)

@@ -17,8 +17,7 @@ import numpy as np
 import pytest
 from damage import DAMAGES, damaged
 from every_control import walk
-from made_field import made_field
-from tiny_encoder import save_tiny_encoder
+from made_field import field_of
 
 import dfd
 from dfd.geometry.simplify import simplify
@@ -49,30 +48,29 @@ def shape(number: int) -> dfd.Mesh:
     return simplify(mesh, MOST_FACES)
 
 
-def field_of(mesh: dfd.Mesh, seed: int) -> dfd.Field:
+def rippled(mesh: dfd.Mesh, seed: int) -> dfd.Field:
     """A field that has learnt nothing, smooth or full of ripples."""
-    scale = 2 / max(float(mesh.extents.max()), 1e-30)
-    return made_field(16, seed=seed, width=32, layers=2, octaves=seed % 4, center=mesh.bounds.mean(0), scale=scale)
+    return field_of(mesh, seed, octaves=seed % 4)
 
 
-@pytest.mark.parametrize("seed", range(COUNT))
+@pytest.mark.parametrize("seed", [*range(3), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, COUNT))])
 def test_damaged_meshes_go_through_every_control(seed: int) -> None:
     mesh, _ = damaged(shape(seed), seed)
-    walk(mesh, field_of(mesh, seed), seed)
+    walk(mesh, rippled(mesh, seed), seed)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not FILES, reason="DFD_MESHES names no folder of meshes")
 @pytest.mark.parametrize("path", FILES if COUNT >= 50 else FILES[:3], ids=lambda path: path.stem)
 def test_meshes_of_the_world_go_through_every_control(path: Path) -> None:
     mesh = dfd.load(path)
-    walk(mesh, field_of(mesh, 3), 4)
+    walk(mesh, rippled(mesh, 3), 4)
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_damaged_mesh_is_distilled(seed: int, tmp_path: Path) -> None:
-    encoder = save_tiny_encoder(tmp_path)
+def test_a_damaged_mesh_is_distilled(seed: int, tiny_encoder: Path) -> None:
     mesh, _ = damaged(shape(seed), 100 + seed)
-    field = dfd.distill(mesh, encoder, views=8, resolution=32, steps=5, batch=64, progress=False, cache=False)
+    field = dfd.distill(mesh, tiny_encoder, views=8, resolution=32, steps=5, batch=64, progress=False, cache=False)
     features = field.features(mesh)
     assert np.isfinite(features).all()
     weights = dfd.bind(features, [0])

@@ -92,7 +92,7 @@ def _batches(
 
     def shuffled(epochs: int) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
         for _ in range(epochs):
-            for chosen in torch.randperm(len(targets.points), generator=generator).split(batch):
+            for chosen in torch.split(torch.randperm(len(targets.points), generator=generator), batch):
                 yield targets.at(chosen)
 
     assert settings.epochs is not None

@@ -71,7 +71,7 @@ class PointTargets(Targets):
     @property
     def features(self) -> NDArray[np.float32]:
         """(N, D) the targets as the encoder gives features."""
-        return self.targets if self.directions is None else self.targets @ self.directions
+        return self.targets if self.directions is None else np.matmul(self.targets, self.directions)
 
     def rows(self, chosen: NDArray[np.integer]) -> NDArray[np.float32]:
         """Unit targets of the chosen points, (B, d)."""

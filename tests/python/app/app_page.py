@@ -117,6 +117,7 @@ class Page:
             headers={"Origin": f"http://127.0.0.1:{self.app.port}"},
             cookies={self.app.rules.cookie: self.app.rules.token},
             trust_env=False,
+            timeout=PATIENCE,
         )
 
     def upload(self, files: dict[str, bytes]) -> httpx.Response:

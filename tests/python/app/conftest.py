@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 import torch
 from app_page import Page, Shape
-from tiny_encoder import save_tiny_encoder
 
 import dfd
 from dfd.app.coarse import MOST_FACES
@@ -18,40 +17,50 @@ from dfd.app.launch import RunningApp
 from dfd.app.options import OpenedFile, SessionOptions, Source
 from dfd.editing.deformer import Deformer
 from dfd.field.field import Field
+from dfd.samples import Sample
 
 SETTINGS = {"views": 4, "resolution": 64, "steps": 40, "batch": 64, "smoothing": 0.0}
 
 
-@pytest.fixture(scope="session")
-def shape(tmp_path_factory: pytest.TempPathFactory) -> Shape:
-    return _distilled(tmp_path_factory.mktemp("shape"), "chair", dfd.samples.chair(4000), SETTINGS)
+Distill = Callable[[str, Sample, dict[str, Any]], Shape]
 
 
 @pytest.fixture(scope="session")
-def animal(tmp_path_factory: pytest.TempPathFactory) -> Shape:
+def distilled(made_once: Callable[..., Path], tiny_encoder: Path) -> Distill:
+    """A shape of that name with its field."""
+
+    def distilled(name: str, sample: Sample, settings: dict[str, Any]) -> Shape:
+        def make(folder: Path) -> None:
+            threads = torch.get_num_threads()
+            torch.set_num_threads(1)
+            sample.mesh.save(folder / f"{name}.glb")
+            field = dfd.distill(folder / f"{name}.glb", tiny_encoder, **settings, progress=False, cache=False)
+            field.save(folder / f"{name}.field.safetensors")
+            torch.set_num_threads(threads)
+
+        folder = made_once(name, make)
+        return Shape(folder / f"{name}.glb", folder / f"{name}.field.safetensors", tiny_encoder, settings)
+
+    return distilled
+
+
+@pytest.fixture(scope="session")
+def shape(distilled: Distill, chair_sample: Sample) -> Shape:
+    return distilled("chair", chair_sample, SETTINGS)
+
+
+@pytest.fixture(scope="session")
+def animal(distilled: Distill, quadruped_sample: Sample) -> Shape:
     """One whose hooves look alike to its field."""
-    sample = dfd.samples.quadruped(4000)
-    made = _distilled(tmp_path_factory.mktemp("animal"), "quadruped", sample, {**SETTINGS, "steps": 300})
-    return replace(made, alike=tuple(sample.vertices_of("hoof").tolist()))
+    made = distilled("quadruped", quadruped_sample, {**SETTINGS, "steps": 300})
+    return replace(made, alike=tuple(quadruped_sample.vertices_of("hoof").tolist()))
 
 
 @pytest.fixture(scope="session")
-def large(animal: Shape, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def large(made_once: Callable[..., Path]) -> Path:
     """The same animal with so many faces that it has a coarse level."""
-    path = tmp_path_factory.mktemp("large") / "large.ply"
-    dfd.samples.quadruped(3 * MOST_FACES).mesh.save(path)
-    return path
-
-
-def _distilled(folder: Path, name: str, sample: dfd.samples.Sample, settings: dict[str, Any]) -> Shape:
-    encoder = save_tiny_encoder(folder / "encoder")
-    mesh, field = folder / f"{name}.glb", folder / f"{name}.field.safetensors"
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    sample.mesh.save(mesh)
-    dfd.distill(dfd.load(mesh), encoder, **settings, progress=False, cache=False).save(field)
-    torch.set_num_threads(threads)
-    return Shape(mesh, field, encoder, settings)
+    make = lambda folder: dfd.samples.quadruped(3 * MOST_FACES).mesh.save(folder / "large.ply")  # noqa: E731
+    return made_once("large", make) / "large.ply"
 
 
 @pytest.fixture(scope="session")

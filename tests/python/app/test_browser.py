@@ -55,7 +55,13 @@ def start_page(shape: Shape) -> Iterator[RunningApp]:
     running.stop()
 
 
-@pytest.mark.parametrize("story", sorted(path.name for path in (CLIENT / "tests" / "browser").glob("*.test.mjs")))
+STORIES = sorted(path.name for path in (CLIENT / "tests" / "browser").glob("*.test.mjs"))
+QUICK = "distill.test.mjs"  # from a mesh without a field to a handle on it: what `make test` plays
+
+
+@pytest.mark.parametrize(
+    "story", [pytest.param(story, marks=[pytest.mark.browser] * (story != QUICK)) for story in STORIES]
+)
 def test_story(story: str, browser: str, start_page: RunningApp, animal: Shape, large: Path, tmp_path: Path) -> None:
     environment = {
         **os.environ,

@@ -29,6 +29,7 @@ def bare(shape: Shape, static: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
     running.stop()
 
 
+@pytest.mark.processes
 def test_the_mesh_is_shown_at_once_and_comes_alive(bare: RunningApp) -> None:
     page = Page(bare)
     page.open()
@@ -52,6 +53,7 @@ def test_the_mesh_is_shown_at_once_and_comes_alive(bare: RunningApp) -> None:
     other.close()
 
 
+@pytest.mark.processes
 def test_a_distillation_can_be_stopped_and_begun_again(shape: Shape, static: Path) -> None:
     long = {**shape.settings, "steps": 200_000, "cache": False}
     options = SessionOptions(mesh=Source(name="c", path=shape.mesh), encoder=str(shape.encoder), distill=long)
@@ -73,6 +75,7 @@ def test_a_distillation_can_be_stopped_and_begun_again(shape: Shape, static: Pat
         running.stop()
 
 
+@pytest.mark.processes
 def test_an_encoder_that_is_not_there_is_said(shape: Shape, static: Path, tmp_path: Path) -> None:
     options = SessionOptions(mesh=Source(name="c", path=shape.mesh), encoder=str(tmp_path / "nothing"))
     running = RunningApp(options, static=static)
@@ -100,6 +103,7 @@ def test_a_process_that_is_killed_is_said(shape: Shape, tmp_path: Path) -> None:
         process.run(lambda *_: None)
 
 
+@pytest.mark.processes
 def test_one_distillation_at_a_time(shape: Shape, tmp_path: Path) -> None:
     """The second waits until the first has ended, however it ends."""
     lock = tmp_path / "lock"

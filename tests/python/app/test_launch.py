@@ -81,6 +81,7 @@ main(["app", sys.argv[2], "--field", sys.argv[3], "--no-browser", "--port", "0"]
 """
 
 
+@pytest.mark.processes
 def test_the_command_prints_an_address_serves_it_and_leaves_nothing(shape: Shape, static: Path, tmp_path: Path) -> None:
     arguments = [sys.executable, "-c", PROGRAM, str(static), str(shape.mesh), str(shape.field)]
     import os

@@ -18,6 +18,8 @@ from dfd.app.link import ProcessLink
 from dfd.app.options import SessionOptions
 from dfd.app.tabs import OPENED_ELSEWHERE
 
+pytestmark = pytest.mark.processes
+
 
 def process_of(page: Page) -> int:
     assert page.session is not None

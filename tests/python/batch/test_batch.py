@@ -18,7 +18,7 @@ import numpy as np
 import psutil
 import pytest
 from heeding import HEED
-from made_field import made_field
+from made_field import field_of
 from pyarrow import parquet
 
 import dfd
@@ -28,6 +28,8 @@ from dfd.batch.pool import ProcessSlots
 from dfd.batch.record import Limits, Record
 from dfd.batch.run import Summary, run_batch
 from dfd.batch.settings import BatchSettings
+
+pytestmark = pytest.mark.processes
 
 GOOD = ("chair", "large", "wide")
 WITHOUT_TIMES = ("name", "status", "cause", "sha256", "size", "vertices", "faces", "components", "leg_confidence")
@@ -49,18 +51,13 @@ class Quiet:
         pass
 
 
-def field_of(mesh: dfd.Mesh) -> dfd.Field:
-    return made_field(16, seed=1, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents))
-
-
 @pytest.fixture(scope="module")
-def shapes(tmp_path_factory):
+def shapes(tmp_path_factory, chair_mesh):
     """Three shapes with fields and a manifest, five bad ones, and an edit."""
     folder = tmp_path_factory.mktemp("shapes")
-    chair = dfd.samples.chair(4000).mesh
     rows = ["name,path,field"]
     for name, factor in zip(GOOD, (1.0, 3.0, (1.2, 1.0, 1.0)), strict=True):
-        mesh = dfd.Mesh(chair.vertices * factor, chair.faces)
+        mesh = dfd.Mesh(chair_mesh.vertices * factor, chair_mesh.faces)
         mesh.save(folder / f"{name}.ply")
         field_of(dfd.load(folder / f"{name}.ply")).save(folder / f"{name}.field.safetensors")
         rows.append(f"{name},{name}.ply,{name}.field.safetensors")
@@ -167,10 +164,9 @@ def run(shapes_of: list[Shape], root: Path, limits: Limits | None = None, **how:
         slots.close()
 
 
-def test_a_run_does_what_is_missing_changed_or_to_be_tried_again(shapes, tmp_path):
-    chair = dfd.samples.chair(4000).mesh
+def test_a_run_does_what_is_missing_changed_or_to_be_tried_again(chair_mesh, tmp_path):
     for name in ("a", "b"):
-        chair.save(tmp_path / f"{name}.ply")
+        chair_mesh.save(tmp_path / f"{name}.ply")
     (tmp_path / "c.ply").write_text("no mesh")
     root, found = tmp_path / "out", find_shapes([f"{tmp_path}/*.ply"])
     summary, quiet = run(found, root)
@@ -179,7 +175,7 @@ def test_a_run_does_what_is_missing_changed_or_to_be_tried_again(shapes, tmp_pat
     assert run(found, root)[1].ended_names == []
     os.utime(tmp_path / "b.ply", ns=(1, 1))
     assert run(found, root)[1].ended_names == ["b.ply"]
-    chair.save(tmp_path / "d.ply")
+    chair_mesh.save(tmp_path / "d.ply")
     summary, quiet = run(find_shapes([f"{tmp_path}/*.ply"]), root, retry=True)
     assert quiet.ended_names == ["c.ply", "d.ply"]
     assert (quiet.total, quiet.finished, len(table(root))) == (4, 2, 4)

@@ -10,9 +10,8 @@ from pathlib import Path
 import fsspec
 import numpy as np
 import pytest
-from made_field import made_field
+from made_field import field_of
 from threadpoolctl import threadpool_limits
-from tiny_encoder import save_tiny_encoder
 
 import dfd
 from dfd.batch import steps
@@ -35,9 +34,9 @@ def _threads(one_thread) -> Iterator[None]:
 
 
 @pytest.fixture(scope="module")
-def chair(tmp_path_factory):
+def chair(tmp_path_factory, chair_mesh):
     path = tmp_path_factory.mktemp("chair") / "chair.ply"
-    dfd.samples.chair(4000).mesh.save(path)
+    chair_mesh.save(path)
     return path
 
 
@@ -47,9 +46,8 @@ def job(root, path, name="chair", **how) -> Job:
     return Job(**(values | how), limits=limits)
 
 
-def test_the_encoder_is_loaded_once_and_makes_the_field_that_distill_makes(chair, tmp_path):
-    encoder = save_tiny_encoder(tmp_path / "encoder")
-    settings = BatchSettings(steps=("distill", "pictures"), encoder=str(encoder), distill=SMALL)
+def test_the_encoder_is_loaded_once_and_makes_the_field_that_distill_makes(chair, tiny_encoder, tmp_path):
+    settings = BatchSettings(steps=("distill", "pictures"), encoder=str(tiny_encoder), distill=SMALL)
     folder = BatchFolder.begin(tmp_path / "out", settings)
     steps.loaded_encoder.cache_clear()
     for name in ("one", "two"):
@@ -57,7 +55,7 @@ def test_the_encoder_is_loaded_once_and_makes_the_field_that_distill_makes(chair
         assert (record.status, record.message) == ("done", None)
     assert (steps.loaded_encoder.cache_info().misses, steps.loaded_encoder.cache_info().hits) == (1, 1)
     made = dfd.Field.load(folder.shape("two") / "field.safetensors")
-    alone = dfd.distill(chair, encoder, progress=False, cache=False, device="cpu", **SMALL)
+    alone = dfd.distill(chair, tiny_encoder, progress=False, cache=False, device="cpu", **SMALL)
     points = dfd.load(chair).vertices[:50]
     np.testing.assert_allclose(made(points), alone(points), atol=1e-4)
     assert record.files == ["features.png", "field.safetensors", "thumbnail.png"]
@@ -120,7 +118,7 @@ def test_a_full_disk_stops_the_batch_and_is_no_failure_of_the_shape(chair, tmp_p
 
 def test_edits_come_into_the_folder_with_what_they_were_made_on(chair, tmp_path):
     mesh = dfd.load(chair)
-    field = made_field(16, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents))
+    field = field_of(mesh)
     field.save(chair.with_name("chair.field.safetensors"))
     session = dfd.Deformer(mesh, field)
     session.add(40, translation=(0, 0.1, 0))
@@ -155,7 +153,7 @@ def test_edits_come_into_the_folder_with_what_they_were_made_on(chair, tmp_path)
 def test_an_edit_says_where_its_mesh_and_its_field_are(chair, tmp_path):
     chair = Path(shutil.copy(chair, tmp_path / "chair.ply"))  # of its own: other tests put a field beside that one
     mesh = dfd.load(chair)
-    field = made_field(16, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents))
+    field = field_of(mesh)
     (tmp_path / "fields").mkdir()
     kept = tmp_path / "fields" / "any.field.safetensors"
     field.save(kept)
@@ -181,7 +179,7 @@ def test_an_edit_says_where_its_mesh_and_its_field_are(chair, tmp_path):
 
 def test_an_edit_that_does_not_fit_is_told_and_is_no_failure(chair, tmp_path):
     mesh = dfd.load(chair)
-    field = made_field(16, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents))
+    field = field_of(mesh)
     field.save(chair.with_name("chair.field.safetensors"))
     session = dfd.Deformer(mesh, field)
     session.add(40, translation=(0, 0.1, 0))
@@ -197,8 +195,7 @@ def test_an_edit_that_does_not_fit_is_told_and_is_no_failure(chair, tmp_path):
     place_edits(folder, files, settings.edits)
     squeezed = dfd.Mesh(mesh.vertices * (1, 0.3, 1), mesh.faces)
     squeezed.save(tmp_path / "squeezed.ply")
-    far = made_field(16, width=32, layers=2, seed=5, center=squeezed.bounds.mean(0), scale=2 / max(squeezed.extents))
-    far.save(tmp_path / "squeezed.field.safetensors")
+    field_of(squeezed, seed=5).save(tmp_path / "squeezed.field.safetensors")
     found = work(job(folder.root, tmp_path / "squeezed.ply", field=str(tmp_path / "squeezed.field.safetensors")))
     assert (found.status, found.files) == ("done", [])
     assert found.figures["leg_refused"].startswith("nothing looks enough like what handle 1 held")

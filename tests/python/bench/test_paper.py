@@ -270,6 +270,7 @@ def test_a_method_that_fails_stops_no_other(ball, monkeypatch):
     assert rows["biharmonic"].metrics.area == pytest.approx(0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_table_and_a_page(tmp_path, ball, context, capsys, monkeypatch):
     pytest.importorskip("igl")
     monkeypatch.setattr(methods, "COMPARED", ("ARAP", "NeuralMLS"))

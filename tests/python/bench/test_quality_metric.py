@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from skinned_figure import skinned_figure
-from tiny_encoder import save_tiny_encoder
 
 import dfd
 from bench.quality import learn_metric
@@ -93,6 +92,7 @@ def figure(name: str, seed: int) -> Lesson:
     return Lesson(Shape(name, sample.mesh, sample.labels, sample.parts), looking(unit(rows.astype(np.float32))))
 
 
+@pytest.mark.slow
 def test_kinds_are_known_again_on_a_shape_that_was_not_seen() -> None:
     kinds = learn_kinds([figure("man", 0), figure("knight", 1), figure("golem", 2)])
     assert kinds is not None
@@ -103,6 +103,7 @@ def test_kinds_are_known_again_on_a_shape_that_was_not_seen() -> None:
     np.testing.assert_allclose(likely.sum(axis=1), 1, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_equal_lessons_give_equal_kinds() -> None:
     one, again = (learn_kinds([figure("man", 0), figure("knight", 1)]) for _ in range(2))
     assert one is not None
@@ -147,9 +148,10 @@ def test_further_rigs_have_the_names_of_their_joints_for_parts(tmp_path: Path, m
     assert list(further_rigs(None, told.append)) == []
 
 
-def test_looks_are_unit_and_taken_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    encoder = load_encoder(save_tiny_encoder(tmp_path / "encoder"), device="cpu", precision="float32")
-    mesh = dfd.samples.chair(4000).mesh
+def test_looks_are_unit_and_taken_once(
+    tmp_path: Path, tiny_encoder: Path, chair_mesh: dfd.Mesh, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    encoder, mesh = load_encoder(tiny_encoder, device="cpu", precision="float32"), chair_mesh
     seen = looks(mesh, encoder, views=4, resolution=64)
     assert seen.features.shape == (len(mesh.vertices), encoder.dimension)
     assert seen.thickness.shape == (len(mesh.vertices), BANDS)
@@ -164,8 +166,10 @@ def test_looks_are_unit_and_taken_once(tmp_path: Path, monkeypatch: pytest.Monke
     np.testing.assert_array_equal(again.thickness, kept.thickness)
 
 
-def test_what_is_learned_from_is_what_distillation_maps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    encoder = load_encoder(save_tiny_encoder(tmp_path / "encoder"), device="cpu", precision="float32")
+def test_what_is_learned_from_is_what_distillation_maps(
+    tmp_path: Path, tiny_encoder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    encoder = load_encoder(tiny_encoder, device="cpu", precision="float32")
     identity = encoder_identity(encoder)
     maps = np.eye(encoder.dimension, 3, dtype=np.float32), np.ones((BANDS, 3), np.float32)
     Metric(*maps, *identity).save(tmp_path / "tiny.safetensors")
@@ -187,6 +191,7 @@ def test_what_is_learned_from_is_what_distillation_maps(tmp_path: Path, monkeypa
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.slow
 def test_the_packages_metric_tells_the_parts_of_a_sample_better() -> None:
     encoder = load_encoder(device="cpu")
     metric = find_metric(encoder)

@@ -1,8 +1,7 @@
 """A chair, a field that has learnt nothing, and a folder to run commands in."""
 
 import pytest
-import torch
-from made_field import made_field
+from made_field import field_of
 from typer.testing import CliRunner
 
 import dfd
@@ -10,14 +9,11 @@ from dfd.cli import app
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(tmp_path_factory, chair_mesh):
     """A folder with chair.obj and chair.field.safetensors, a field that has learnt nothing."""
     path = tmp_path_factory.mktemp("cli")
-    mesh = dfd.samples.chair(4000).mesh
-    mesh.save(path / "chair.obj")
-    with torch.random.fork_rng():
-        torch.manual_seed(1)
-        field = made_field(16, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents))
+    chair_mesh.save(path / "chair.obj")
+    field = field_of(chair_mesh)
     field.settings = {"encoder": "none", "seed": 3, "losses": [1.0, 0.5, 0.4]}
     field.save(path / "chair.field.safetensors")
     return path

@@ -66,6 +66,7 @@ def test_what_cannot_be_is_said_before_anything_is_written(shapes, chair, argume
     assert sorted(Path().rglob("*")) == before
 
 
+@pytest.mark.processes
 @pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="Ray is not installed: pip install 'dfd[batch]'")
 @pytest.mark.parametrize(
     ("address", "message"),

@@ -8,16 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_runs import drawn, failed, worked
-from made_field import made_field
+from made_field import field_of
 
 import dfd
 
 
 def save(mesh: dfd.Mesh, name: str, seed: int = 1) -> None:
     mesh.save(f"{name}.ply")
-    scale = 2 / max(mesh.extents)
-    field = made_field(16, seed=seed, width=32, layers=2, center=mesh.bounds.mean(0), scale=scale)
-    field.save(f"{name}.field.safetensors")
+    field_of(mesh, seed).save(f"{name}.field.safetensors")
 
 
 @pytest.fixture

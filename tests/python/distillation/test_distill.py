@@ -90,6 +90,7 @@ def test_transforms_at_rest_give_the_mesh_back(shape: tuple[Sample, dfd.Mesh, df
     assert np.abs(session.vertices - mesh.vertices).max() <= 1e-6 * mesh.diagonal
 
 
+@pytest.mark.slow
 def test_equal_seeds_give_equal_fields(tmp_path: Path) -> None:
     mesh = dfd.samples.chair(4000).mesh
     quick = {**SMALL, "views": 4, "resolution": 112, "steps": 5}

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from safetensors.numpy import save_file
-from tiny_encoder import save_tiny_encoder
 
 import dfd
 from dfd import reference
@@ -19,16 +18,11 @@ from dfd.distillation.metric import FOLDER, Metric, find_metric
 from dfd.distillation.settings import DistillSettings
 from dfd.distillation.targets import PointTargets
 from dfd.distillation.thickness import BANDS
-from dfd.encoders.encode import Encoder, load_encoder
+from dfd.encoders.encode import Encoder
 
 NO_THICKNESS = np.zeros((BANDS, 3), np.float32)
 BANDS_OF_500 = np.zeros((500, BANDS), np.float32)
 SMALL = {"views": 4, "resolution": 64, "steps": 20, "cache": False, "progress": False, "device": "cpu"}
-
-
-@pytest.fixture(scope="module")
-def encoder(tmp_path_factory: pytest.TempPathFactory) -> Encoder:
-    return load_encoder(save_tiny_encoder(tmp_path_factory.mktemp("encoder")), device="cpu", precision="float32")
 
 
 @pytest.fixture

@@ -10,7 +10,6 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from tiny_encoder import save_tiny_encoder
 
 import dfd
 from dfd.common.threads import get_num_threads, set_num_threads
@@ -18,7 +17,7 @@ from dfd.distillation import algorithm, thickness
 from dfd.distillation.smoothing import _draw_points
 from dfd.distillation.targets import PointTargets
 from dfd.distillation.thickness import BANDS, RAYS, thickness_bands, thicknesses
-from dfd.encoders.encode import load_encoder
+from dfd.encoders.encode import Encoder
 from dfd.geometry.topology import face_components
 from dfd.views.raycast import Scene
 
@@ -152,10 +151,7 @@ def test_a_single_point_has_bands() -> None:
     assert np.isfinite(bands).all()
 
 
-def test_the_papers_distance_knows_no_thickness(
-    tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    encoder = load_encoder(save_tiny_encoder(tmp_path_factory.mktemp("encoder")), device="cpu", precision="float32")
+def test_the_papers_distance_knows_no_thickness(encoder: Encoder, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(algorithm, "thickness_bands", lambda *_: pytest.fail("thickness was measured"))
     small: dict[str, Any] = {"views": 4, "resolution": 64, "steps": 5, "cache": False, "progress": False}
     field = dfd.distill(dfd.samples.chair(4000).mesh, encoder, metric="none", **small)

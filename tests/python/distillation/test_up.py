@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_table import probe_of, table
 from scipy.spatial.transform import Rotation
-from tiny_encoder import save_tiny_encoder
 
 import dfd
 from dfd.distillation.settings import DistillSettings
@@ -27,13 +26,7 @@ from dfd.distillation.up_probe import (
 )
 from dfd.distillation.upright import ASKEW, CLEAR, SAME, candidates, decide, find_up, prior
 from dfd.distillation.views_around import SIDES, Around
-from dfd.encoders.encode import load_encoder
 from dfd.views.render import render
-
-
-@pytest.fixture(scope="module")
-def encoder(tmp_path_factory):
-    return load_encoder(save_tiny_encoder(tmp_path_factory.mktemp("encoder")), device="cpu", precision="float32")
 
 
 @pytest.mark.parametrize("up", UP_WORDS)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from made_table import probe_of, table
 from scipy.spatial.transform import Rotation
-from tiny_encoder import save_tiny_encoder
 
 import dfd
 from dfd.distillation.standing import EVIDENCE
@@ -20,12 +19,6 @@ from dfd.distillation.up_probe import (
     UpProbe,
 )
 from dfd.distillation.views_around import SIDES, Around, Seen
-from dfd.encoders.encode import load_encoder
-
-
-@pytest.fixture(scope="module")
-def encoder(tmp_path_factory):
-    return load_encoder(save_tiny_encoder(tmp_path_factory.mktemp("encoder")), device="cpu", precision="float32")
 
 
 def test_what_is_seen_around_a_candidate_does_not_depend_on_where_it_lies(encoder):

@@ -5,7 +5,7 @@ from unittest import mock
 
 import pytest
 from counting import Counting
-from made_field import made_field
+from made_field import field_of
 
 import dfd
 from dfd.editing import handle_weights, posed_shape
@@ -13,14 +13,14 @@ from dfd.editing.presets import PRESETS
 
 
 @pytest.fixture(scope="session")
-def mesh():
-    return dfd.samples.chair(4000).mesh
+def mesh(chair_mesh):
+    return chair_mesh
 
 
 @pytest.fixture(scope="session")
 def field(mesh):
     """A field that has learnt nothing: enough to see what the session does with one."""
-    return made_field(16, seed=1, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents))
+    return field_of(mesh, seed=1)
 
 
 @pytest.fixture(scope="session")

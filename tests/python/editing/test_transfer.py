@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from made_field import made_field
+from made_field import field_of, made_field
 
 import dfd
 from dfd.editing.regions import Ball, Box, HalfSpace, VertexSet
@@ -18,9 +18,7 @@ class Known:
 
     def __init__(self, scale=1.0, shift=(0.0, 0.0, 0.0), mesh=None, signature=None):
         self.factor, self.shift = scale, np.asarray(shift)
-        self.signature = signature or made_field(
-            16, seed=3, width=32, layers=2, center=mesh.bounds.mean(0), scale=2 / max(mesh.extents)
-        )
+        self.signature = signature or field_of(mesh, seed=3)
         bounds = scale * mesh.bounds + self.shift
         self.center = bounds.mean(axis=0)
         self.scale = 2 / np.ptp(bounds, axis=0).max()
@@ -85,7 +83,7 @@ def test_the_carried_edit_deforms_the_other_shape_as_the_first_one(mesh, moved, 
 
 def test_a_stranger_gets_little_confidence(mesh, moved, fields):
     stranger = Known(3.0, (5, 0, 0), mesh)
-    stranger.signature = made_field(16, seed=9, width=32, layers=2, center=mesh.bounds.mean(0), scale=2)
+    stranger.signature = field_of(mesh, seed=9, scale=2)
     session = dfd.Deformer(mesh, fields[0], features=fields[0].features(mesh))
     session.add(5)
     assert transfer(session.edit, mesh, fields[0], moved[0], stranger).confidence[1] < 0.5
