@@ -23,9 +23,9 @@ from websockets.typing import Origin
 
 import dfd
 from bench.app import page
-from dfd.app.launch import RunningApp
 from dfd.app.options import OpenedFile, SessionOptions, Source
 from dfd.app.protocol import VERSION
+from dfd.app.web.launch import RunningApp
 from dfd.field.architecture import Architecture
 from dfd.field.field import Field
 from dfd.mesh.mesh import Mesh

@@ -12,9 +12,9 @@ from typing import Any
 
 from rich.table import Table
 
-from dfd.app.launch import RunningApp
 from dfd.app.options import SessionOptions
-from dfd.app.server import STATIC
+from dfd.app.web.launch import RunningApp
+from dfd.app.web.server import STATIC
 
 CLIENT = Path(__file__).parents[2] / "python" / "dfd" / "app" / "client"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")

@@ -159,7 +159,7 @@ def _write(output: Path, rows: Sequence[Row], bench: Bench, quick: bool) -> None
     drawn = f"{bench.draw.each} handles in every part, drawn {len(bench.draw.seeds)} times"
     heading = f"{'A quick look. ' if quick else ''}Settings: {', '.join(told)}; {seeds}; {drawn}."
     if bench.lab.settings["metric"] == "learned":
-        heading += " The metric was learned from rigs and samples; `bench.quality.learn_metric` leaves each family out."
+        heading += " The metric was learned from rigs and samples; `bench.training.learn_metric` leaves families out."
     output.mkdir(parents=True, exist_ok=True)
     told_by_family = upright.by_family(rows) if any(row.study == upright.STUDY for row in rows) else ""
     for name, text in (("quality.csv", to_csv(rows)), ("quality.md", to_markdown(rows, heading) + told_by_family)):

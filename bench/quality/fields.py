@@ -13,7 +13,7 @@ from dfd.common.progress import Stages
 from dfd.distillation.settings import LENGTHS, DistillSettings
 from dfd.encoders.encode import Encoder, TokenStore, load_encoder
 from dfd.encoders.known import DEFAULT_ENCODER
-from dfd.runs.recipe import hash_arrays
+from dfd.field.cache_key import hash_arrays
 
 BESIDE: dict[str, Any] = {"encoder": DEFAULT_ENCODER, "device": None, "cache": True, "texture": True}
 # With whether a shape keeps its colors.

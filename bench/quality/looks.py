@@ -13,13 +13,12 @@ from scipy.spatial import cKDTree
 import dfd
 from dfd.common.files import atomic_write
 from dfd.common.progress import Stages
-from dfd.distillation.contrast import unit
 from dfd.distillation.settings import DistillSettings
 from dfd.distillation.smoothing import spread
-from dfd.distillation.targets import PixelTargets
+from dfd.distillation.targets import PixelTargets, unit
 from dfd.distillation.thickness import thickness_bands
-from dfd.distillation.upright import said_or_found
 from dfd.encoders.encode import Encoder
+from dfd.upright.find_up import said_or_found
 from dfd.views.render import render
 
 __all__ = ["Looks", "kept_looks", "looks"]

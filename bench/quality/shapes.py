@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import dfd
 from bench.quality.measures import mirror_image
 from bench.quality.parts import kind_of_part, label_vertices, merged, only, sides_as_one, without_few
-from bench.quality.skins import strongest_joints
+from bench.skins.skins import strongest_joints
 
 # A shape is its own mirror image when so many vertices have another one that near to their images, of the longest side:
 # the surface may be the same on both sides where the triangles are not.

@@ -20,10 +20,9 @@ from mesh_files import CORNERS, CUBE, obj_cube, scene_of_three, textured_quad
 
 import dfd
 from dfd import Field, Mesh
+from dfd.distillation.checkpoint import Checkpoint, PieceFolder
 from dfd.editing.edit_file import read_edit, write_edit
 from dfd.mesh.file.gltf import glb
-from dfd.runs.checkpoint import Checkpoint
-from dfd.runs.pieces import PieceFolder
 
 from .kernels import kernel_input, run_kernels
 from .mutation import damaged_bytes, damaged_json

@@ -14,7 +14,7 @@ import dfd
 from dfd import Deformer, Field, Geodesics, Mesh
 from dfd.editing.controls import Blend, Falloff, Instances, Overlap
 from dfd.editing.edit import Edit
-from dfd.editing.regions import Ball, Box, HalfSpace, VertexSet
+from dfd.editing.influence.regions import Ball, Box, HalfSpace, VertexSet
 from dfd.editing.suggestions import suggest_handles
 from dfd.geometry.findings import findings
 from dfd.geometry.metrics import area_ratios, surface_metrics

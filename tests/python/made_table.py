@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 import dfd
-from dfd.distillation.up_probe import (
+from dfd.upright.probe import (
     FORMS,
     TERMS,
     VECTORS,

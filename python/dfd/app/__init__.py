@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dfd.app.launch import Frame
+    from dfd.app.web.launch import Frame
     from dfd.editing.deformer import Deformer
 
 __all__ = ["show"]
 
 
 def show(deformer: Deformer, *, height: int = 640) -> Frame:
-    """Show an editing session in a cell of a notebook; see `dfd.app.launch.show`."""
-    from dfd.app import launch
+    """Show an editing session in a cell of a notebook; see `dfd.app.web.launch.show`."""
+    from dfd.app.web import launch
 
     return launch.show(deformer, height=height)

@@ -19,12 +19,10 @@ from dfd.cli.deform import deform
 from dfd.cli.demo import demo
 from dfd.cli.distill import distill
 from dfd.cli.errors import CommandGroup
-from dfd.cli.export import export
+from dfd.cli.export import export, rig
 from dfd.cli.handles import HandlesCommand
 from dfd.cli.inspect import inspect
-from dfd.cli.pick import pick
-from dfd.cli.rig import rig
-from dfd.cli.show import show
+from dfd.cli.show import pick, show
 
 __all__ = ["app", "main"]
 

@@ -50,11 +50,11 @@ def app(
     if mesh is None and sample is None and (field or edit):
         raise ValueError(f"MESH must be given: it is what `{'--field' if field else '--edit'}` is for")
     try:
-        from dfd.app.launch import serve
-        from dfd.app.memory import session_memory
         from dfd.app.options import OpenedFile, SessionOptions, Source
-        from dfd.app.safety import loopback
-        from dfd.app.shapes import sample_source
+        from dfd.app.session.shapes import sample_source
+        from dfd.app.web.launch import serve
+        from dfd.app.web.memory import session_memory
+        from dfd.app.web.safety import loopback
     except ImportError as error:
         raise ValueError(f"the app needs more packages ({error.name}): pip install 'dfd[app]'") from None
     source = None

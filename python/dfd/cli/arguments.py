@@ -14,7 +14,7 @@ from dfd.cli.handles import is_number
 from dfd.common import check
 
 if TYPE_CHECKING:
-    from dfd.editing.place import Place
+    from dfd.editing.points import Place
     from dfd.mesh.mesh import Mesh
 
 __all__ = [
@@ -50,14 +50,14 @@ class Places:
         self.notes: list[str] = []  # lines for people: what a text that is no vertex index meant
 
     def find(self, option: str, text: str) -> Place:
-        """What of the shape `text` names, as `dfd.editing.place.find` reads it.
+        """What of the shape `text` names, as `dfd.editing.points.find` reads it.
 
         Raises
         ------
         ValueError
             In the name of `option`, if it names nothing there.
         """
-        from dfd.editing.place import find
+        from dfd.editing.points import find
 
         try:
             found = find(self._mesh, text)

@@ -16,8 +16,8 @@ from dfd.common.progress import Stages
 from dfd.distillation.distill import distilling, find_distilled
 from dfd.distillation.settings import DistillSettings
 from dfd.encoders.known import DEFAULT_ENCODER
+from dfd.field.cache import hash_file, note, recall
 from dfd.field.given_features import read_features, rows_of_vertices
-from dfd.runs.known_meshes import hash_file, note, recall
 
 if TYPE_CHECKING:
     from dfd.field.field import Field
@@ -138,7 +138,7 @@ def distill(
         save_loss_curve(loss_curve, field.settings["losses"])
     times = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in stages.seconds.items())
     origin = ", from the cache" if found else ""
-    from dfd.distillation.up import up_sentence
+    from dfd.upright.candidates import up_sentence
 
     if up := up_sentence(field.settings):
         typer.echo(f"up: {up}", err=True)

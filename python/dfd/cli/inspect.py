@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from dfd.distillation.up import Up
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
+    from dfd.upright.candidates import Up
 
 __all__ = ["inspect"]
 
@@ -54,9 +54,9 @@ def inspect(
     check_output("--picture", picture, (".png",))
 
     from dfd import Field, load, symmetry_planes
-    from dfd.distillation.up import check_up, said_up
     from dfd.geometry import topology
     from dfd.geometry.findings import findings
+    from dfd.upright.candidates import check_up, said_up
     from dfd.views.visibility import unseen
 
     shape = load(mesh)
@@ -101,10 +101,10 @@ def inspect(
 
 
 def _found_up(shape: Mesh) -> Up:
-    from dfd.distillation.up import file_up
-    from dfd.distillation.upright import find_up
     from dfd.encoders.encode import load_encoder
     from dfd.encoders.known import DEFAULT_ENCODER
+    from dfd.upright.candidates import file_up
+    from dfd.upright.find_up import find_up
 
     try:
         encoder = load_encoder(DEFAULT_ENCODER)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import warnings
 from collections.abc import Sequence
 from typing import Any, get_args
 
@@ -10,7 +12,7 @@ from numpy.typing import NDArray
 
 from dfd.common import tensors
 
-__all__ = ["array", "choice", "number", "vertex_indices", "whole"]
+__all__ = ["array", "choice", "number", "vertex_indices", "warn", "whole"]
 
 
 def _describe(shape: Sequence[int | str | None]) -> str:
@@ -150,3 +152,14 @@ def vertex_indices(
 def _kind(value: Any) -> str:
     dtype = getattr(value, "dtype", None)
     return f"{type(value).__name__} of {dtype}" if dtype is not None else type(value).__name__
+
+
+_PASSED_OVER = ("dfd", "contextlib", "concurrent", "threading")
+
+
+def warn(message: str, category: type[Warning]) -> None:
+    """Give a warning in the name of whoever called the package."""
+    level, frame = 2, sys._getframe(1)
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in _PASSED_OVER:
+        level, frame = level + 1, frame.f_back
+    warnings.warn(message, category, stacklevel=level)

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 
 import torch
 
-from dfd.common import sharing
+from dfd.common import parallel
 
 __all__ = ["one_thread", "share"]
 
@@ -41,4 +41,4 @@ def share(count: int, size: int, work: Callable[[int, int], None]) -> None:
             work(begin, end)
 
     with one_thread():
-        sharing.share(count, size, alone)
+        parallel.share(count, size, alone)

@@ -10,8 +10,8 @@ from contextlib import nullcontext
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from dfd.common.parallel import beside
 from dfd.common.progress import Stages
-from dfd.common.sharing import beside
 from dfd.common.threads import one_blas_thread
 from dfd.distillation.fit import fit, widen
 from dfd.distillation.metric import Metric, find_metric
@@ -20,15 +20,15 @@ from dfd.distillation.settings import DistillSettings
 from dfd.distillation.smoothing import lay_ground, spread
 from dfd.distillation.targets import PixelTargets, PointTargets, TokenGrid
 from dfd.distillation.thickness import thickness_bands
-from dfd.distillation.up_probe import find_probe
-from dfd.distillation.upright import said_or_found
 from dfd.encoders.encode import Encoder
 from dfd.field.field import Field
+from dfd.upright.find_up import said_or_found
+from dfd.upright.probe import find_probe
 from dfd.views.render import Views, render
 
 if TYPE_CHECKING:
+    from dfd.distillation.checkpoint import Checkpoint
     from dfd.mesh.mesh import Mesh
-    from dfd.runs.checkpoint import Checkpoint
 
 __all__ = ["distill_pictures"]
 

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 from dfd.common.importing import importing
 from dfd.common.interrupts import heed_interrupts
 from dfd.common.progress import Stages
+from dfd.distillation.checkpoint import Checkpoint
 from dfd.distillation.settings import DistillOptions, DistillSettings
 from dfd.encoders.known import DEFAULT_ENCODER
-from dfd.runs import field_cache
-from dfd.runs.checkpoint import Checkpoint
-from dfd.runs.recipe import recipe
+from dfd.field import cache as field_cache
+from dfd.field.cache_key import recipe
 
 # torch and transformers take seconds to import; they wait until something is distilled.
 if TYPE_CHECKING:
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from dfd.encoders.encode import Encoder
+    from dfd.field.cache_key import Content
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh, MeshLike
-    from dfd.runs.recipe import Content
 
 __all__ = ["distill", "distilling", "find_distilled"]
 
@@ -74,7 +74,7 @@ def distill(
         True draws bars on standard error; a `Stages` also collects how long each stage took.
     cache
         Take the field from the user's cache when the same mesh was distilled with the same settings before, and keep it
-        there otherwise. Where that is, and its other uses: `dfd.common.cache`.
+        there otherwise. Where that is, and its other uses: `dfd.common.files`.
     checkpoint
         A folder that keeps what the encoder saw in each picture, for as long as the call lasts. A call that was stopped
         resumes at the next picture when it is made again; one with another mesh or other settings begins anew and says
@@ -255,7 +255,7 @@ def _of_features(
 ) -> _Work:
     with heed_interrupts(wait=True):
         from dfd.common.devices import choose_device
-        from dfd.distillation.vertex_features import GivenFeatures, distill_features
+        from dfd.distillation.given_features import GivenFeatures, distill_features
 
     target = choose_device("distill", device)
     given = GivenFeatures(mesh, features)

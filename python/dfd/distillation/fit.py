@@ -12,8 +12,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from dfd.common.parallel import share
 from dfd.common.progress import Stages
-from dfd.common.sharing import share
 from dfd.common.torch_threads import one_thread
 from dfd.field.architecture import Architecture
 from dfd.field.field import Field
@@ -99,6 +99,7 @@ def _set_gradients(network: Network, points: torch.Tensor, wanted: torch.Tensor)
             found[part] = (loss.detach(), *torch.autograd.grad(loss, parameters))
 
     share(len(parts), 1, differentiate)
+    loss: torch.Tensor
     loss, *gradients = (functools.reduce(torch.add, each) for each in zip(*found, strict=True))
     for parameter, gradient in zip(parameters, gradients, strict=True):
         parameter.grad = gradient
@@ -118,7 +119,8 @@ def _batches(
 
     def shuffled(epochs: int) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
         for _ in range(epochs):
-            for chosen in torch.split(torch.randperm(len(targets.points), generator=generator), batch):
+            order = torch.randperm(len(targets.points), generator=generator)
+            for chosen in order.split(batch):  # type: ignore[no-untyped-call]
                 yield targets.at(chosen)
 
     assert settings.epochs is not None

@@ -4,8 +4,8 @@ An encoder's features differ by more than parts: by where on the body a point is
 near. And some of what parts differ by is in no picture, such as how thick they are, see `dfd.distillation.thickness`.
 Labelled shapes say which differences count. Features and thickness go through one linear map that weighs each direction
 by how much it changes between parts for what it changes within them (Fisher's discriminant directions; `python -m
-bench.quality.learn_metric` learns it). Beside what comes out stands which kind of part a point looks like, see
-`dfd.distillation.kinds`. Rows are of unit length and about as far from each other, on average, as they were before: a
+bench.training.learn_metric` learns it). Beside what comes out stands which kind of part a point looks like, see
+`dfd.distillation.metric`. Rows are of unit length and about as far from each other, on average, as they were before: a
 weight 1 − d keeps its meaning.
 
 The map comes before the fit, so that a field's features have these distances by themselves, and are narrower.
@@ -14,6 +14,7 @@ The map comes before the fit, so that a field's features have these distances by
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,17 +22,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.distillation.contrast import PAIRS, mean_distance, restore_contrast, unit
-from dfd.distillation.kinds import ARRAYS, Kinds
-from dfd.distillation.learned_file import encoder_identity, read_learned, write_learned
-from dfd.distillation.targets import PointTargets
+from dfd.distillation.targets import PAIRS, PointTargets, mean_distance, restore_contrast, unit
 from dfd.distillation.thickness import BANDS
-from dfd.runs.recipe import hash_arrays
+from dfd.encoders.learned_file import encoder_identity, read_learned, write_learned
+from dfd.field.cache_key import hash_arrays
 
 if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
 
-__all__ = ["FOLDER", "Metric", "find_metric"]
+__all__ = ["FOLDER", "Kinds", "Metric", "find_metric"]
 
 KIND = "dfd metric 3"  # the number is that of the format
 LINEAR = {"directions", "thickness_directions"}  # what a file holds that knows no kinds of parts
@@ -161,3 +160,52 @@ def find_metric(encoder: Encoder) -> Metric | None:
     """
     metrics = (Metric.load(path) for path in sorted(FOLDER.glob("*.safetensors")))
     return next((metric for metric in metrics if metric.fits(encoder)), None)
+
+
+ARRAYS = ("kinds_hidden", "kinds_hidden_bias", "kinds_output", "kinds_output_bias")
+
+
+@dataclass(frozen=True, eq=False)
+class Kinds:
+    """A network of one hidden layer of n rectified units, from a feature of width D to K kinds of parts.
+
+    Attributes
+    ----------
+    hidden, hidden_bias
+        (D, n) and (n,), of the hidden units.
+    output, output_bias
+        (n, K) and (K,), of the logarithms of the odds.
+    """
+
+    hidden: NDArray[np.float32]
+    hidden_bias: NDArray[np.float32]
+    output: NDArray[np.float32]
+    output_bias: NDArray[np.float32]
+
+    def likely(self, features: NDArray[np.float32], mean: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return unit rows (N, K), the square roots of probabilities, for `features` (N, D) of a shape of that mean."""
+        units = np.maximum((features - mean) @ self.hidden + self.hidden_bias, 0)
+        odds = units @ self.output + self.output_bias
+        probable = np.exp(odds - odds.max(axis=1, keepdims=True))
+        result: NDArray[np.float32] = np.sqrt(probable / probable.sum(axis=1, keepdims=True))
+        return result
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """What a file keeps, by name."""
+        return dict(zip(ARRAYS, (self.hidden, self.hidden_bias, self.output, self.output_bias), strict=True))
+
+    @classmethod
+    def of(cls, arrays: Mapping[str, NDArray[Any]], width: int) -> Kinds:
+        """Return what `arrays` has made, for features of a width.
+
+        Raises
+        ------
+        ValueError
+            If an array is not finite, or not of the shape that goes with the others.
+        """
+        units = len(arrays[ARRAYS[1]].ravel())
+        kinds = len(arrays[ARRAYS[3]].ravel())
+        for name, shape in zip(ARRAYS, ((width, units), (units,), (units, kinds), (kinds,)), strict=True):
+            if arrays[name].shape != shape or 0 in shape or not np.isfinite(arrays[name]).all():
+                raise ValueError(f"`{name}` must be finite, {shape}, got {arrays[name].shape}")
+        return cls(*(arrays[name].astype(np.float32) for name in ARRAYS))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from dfd.distillation.targets import PointTargets
+from dfd.field.component_residuals import Pieces
 from dfd.field.field import Field
-from dfd.field.pieces import Pieces
 
 __all__ = ["keep_pieces"]
 

@@ -10,8 +10,8 @@ from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationErr
 
 from dfd.common import check
 from dfd.common.preset import Preset
-from dfd.distillation.up import check_up
 from dfd.field.architecture import MOST_OCTAVES
+from dfd.upright.candidates import check_up
 from dfd.views.cameras import Framing
 from dfd.views.render import LARGEST_RESOLUTION, LARGEST_VIEWS, Supervision
 

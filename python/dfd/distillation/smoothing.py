@@ -36,12 +36,11 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from dfd.common.pca import principal_directions
+from dfd.common.linear_algebra import principal_directions
 from dfd.common.progress import Stages
 from dfd.common.threads import get_num_threads, one_blas_thread
-from dfd.distillation.contrast import PAIRS, mean_distance, restore_contrast, unit
-from dfd.distillation.targets import PixelTargets, PointTargets, TokenGrid
-from dfd.field.pieces import boxes_of_components
+from dfd.distillation.targets import PAIRS, PixelTargets, PointTargets, TokenGrid, mean_distance, restore_contrast, unit
+from dfd.field.component_residuals import boxes_of_components
 from dfd.geometry.topology import face_areas, face_components
 from dfd.mesh.weld import weld
 from dfd.views.render import Views, used_vertices

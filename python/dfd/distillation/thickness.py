@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from dfd.common.vectors import unit
+from dfd.common.linear_algebra import unit
 from dfd.distillation.smoothing import apart
 from dfd.distillation.targets import PointTargets
 from dfd.views.raycast import Scene

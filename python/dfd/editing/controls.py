@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from dfd.common import check
 from dfd.common.preset import Preset
-from dfd.editing.place import Place, place_on
+from dfd.editing.influence.regions import Region
+from dfd.editing.points import Place, place_on
 from dfd.editing.presets import PRESETS, Instances
-from dfd.editing.regions import Region
 from dfd.posing.pose import Blend, Overlap
 from dfd.weights.bind import Falloff
 

@@ -18,11 +18,11 @@ from dfd.editing.controls import Falloff, Instances, controls_of, controls_on
 from dfd.editing.door import door
 from dfd.editing.edit import Edit, Handle, edit_on, empty_edit
 from dfd.editing.edit_file import read_edit, write_edit
-from dfd.editing.handle_weights import HandleWeights
-from dfd.editing.place import Place, place_on
-from dfd.editing.posed_shape import PosedShape
-from dfd.editing.regions import Region
+from dfd.editing.influence.handle_weights import HandleWeights
+from dfd.editing.influence.regions import Region
+from dfd.editing.points import Place, place_on
 from dfd.editing.report import Report, report
+from dfd.editing.shape import PosedShape
 from dfd.editing.whole_shape import WholeShape
 from dfd.mesh.mesh import MeshLike, as_mesh
 from dfd.posing.transforms import Along, Transform
@@ -116,7 +116,8 @@ class Deformer(WholeShape):
         ----------
         at
             A vertex index; any point (3,) in mesh units, on the surface or off it; an array of vertex indices or a
-            mask (V,), or a region of `dfd.editing.regions`, all of which is held; a text, see `dfd.editing.place.find`.
+            mask (V,), or a region of `dfd.editing.influence.regions`, all of which is held; a text, see
+            `dfd.editing.points.find`.
         translation
             (3,) in mesh units.
         rotation

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from dfd.common import check
 from dfd.common.preset import Preset
 from dfd.editing.controls import Blend, Controls, Overlap, controls_with_places
-from dfd.editing.place import Place, place_on
+from dfd.editing.influence.regions import Region, members
+from dfd.editing.points import Place, place_on
 from dfd.editing.presets import PRESETS, SymmetryCandidates
-from dfd.editing.regions import Region, members
 from dfd.posing.transforms import Transform, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane, plane_from_text
 from dfd.symmetry.search import symmetry_planes

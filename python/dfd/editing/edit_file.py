@@ -28,10 +28,10 @@ from dfd.editing.document import (
     parse,
 )
 from dfd.editing.edit import Edit, Fixed, Handle, band_on, box_center, symmetry_on
-from dfd.editing.place import Place, place_on
+from dfd.editing.influence.regions import SAME_POSITION, VertexSet, members
+from dfd.editing.points import Place, place_on
 from dfd.editing.presets import WHOLE_SHAPE
 from dfd.editing.region_document import region_from, region_to
-from dfd.editing.regions import SAME_POSITION, VertexSet, members
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
 

@@ -11,7 +11,7 @@ from dfd.editing.document import (
     RegionDocument,
     VertexSetDocument,
 )
-from dfd.editing.regions import Ball, Box, Group, HalfSpace, Part, Region, VertexSet
+from dfd.editing.influence.regions import Ball, Box, Group, HalfSpace, Part, Region, VertexSet
 from dfd.posing.transforms import Vector
 
 __all__ = ["region_from", "region_to"]

@@ -13,7 +13,7 @@ from dfd.posing.transforms import Vector, vector
 
 if TYPE_CHECKING:
     from dfd.editing.edit import Edit, Handle
-    from dfd.editing.handle_weights import HandleWeights
+    from dfd.editing.influence.handle_weights import HandleWeights
     from dfd.mesh.mesh import Mesh
 
 __all__ = ["HandleReport", "Report", "report"]

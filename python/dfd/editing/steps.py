@@ -11,8 +11,8 @@ from dfd.editing.edit import Edit, Fixed, Handle
 from dfd.editing.history import History
 
 if TYPE_CHECKING:
-    from dfd.editing.handle_weights import HandleWeights
-    from dfd.editing.instances import Instance
+    from dfd.editing.influence.handle_weights import HandleWeights
+    from dfd.editing.influence.instances import Instance
     from dfd.mesh.mesh import Mesh
 
 __all__ = ["Steps"]

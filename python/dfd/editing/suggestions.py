@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import check
-from dfd.editing.instances import LEAST_ALIKE, Instance, InstanceFinder
+from dfd.editing.influence.instances import LEAST_ALIKE, Instance, InstanceFinder
 from dfd.geometry.topology import face_areas
 from dfd.weights.bind import bind
 from dfd.weights.compact import CompactFeatures

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common.vectors import unit
+from dfd.common.linear_algebra import unit
 from dfd.editing.controls import Controls
 from dfd.editing.door import door
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.place import Place, place_on
-from dfd.editing.regions import Ball, Box, Group, HalfSpace, Part, Region, VertexSet, members
-from dfd.editing.vertex_rows import VertexRows
+from dfd.editing.influence.handle_features import VertexRows
+from dfd.editing.influence.regions import Ball, Box, Group, HalfSpace, Part, Region, VertexSet, members
+from dfd.editing.points import Place, place_on
 from dfd.geometry.topology import face_areas
 from dfd.posing.transforms import Transform, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane

@@ -11,7 +11,7 @@ from dfd.common.preset import Preset
 from dfd.editing.controls import Blend, Overlap
 from dfd.editing.door import door
 from dfd.editing.edit import Fixed, box_center, symmetry_on, with_preset
-from dfd.editing.place import place_on
+from dfd.editing.points import place_on
 from dfd.editing.presets import SymmetryCandidates
 from dfd.editing.steps import Steps
 from dfd.posing.transforms import Transform

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import dijkstra
 
-from dfd.editing.vertex_rows import VertexRows
+from dfd.editing.influence.handle_features import VertexRows
 from dfd.geometry.surface_graph import surface_graph
 from dfd.mesh.mesh import Mesh
 from dfd.weights.bind import bind

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.editing.edit import Edit, Handle, box_center
-from dfd.editing.posed_shape import PosedShape
+from dfd.editing.shape import PosedShape
 from dfd.export.joints import Joint
 from dfd.export.key_poses import KeyPose, posed_edit
 from dfd.mesh.file.primitives import UniqueNames
@@ -19,7 +19,7 @@ from dfd.posing.transforms import Transform
 
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
-    from dfd.editing.instance_columns import Column
+    from dfd.editing.influence.instance_weights import Column
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
 

@@ -19,9 +19,9 @@ import dfd._core as _core
 from dfd.common import check, tensors, threads
 from dfd.field import field_file
 from dfd.field.architecture import Architecture
+from dfd.field.component_residuals import Pieces
 from dfd.field.given_features import FEATURE_FILES
 from dfd.field.on_mesh import FieldOnMesh
-from dfd.field.pieces import Pieces
 
 # torch takes seconds to import; only those need it who ask with its tensors.
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ class Field:
     2020, section 5.1): borders between parts are then fitted in far fewer steps.
 
     Of a mesh in several pieces the features of the vertices may say more than those of their positions: see
-    `dfd.field.pieces`.
+    `dfd.field.component_residuals`.
 
     A field never changes. It is evaluated by a kernel: neither torch nor a GPU is needed. `source` is the file that it
     was read from, None where it was made.

@@ -16,7 +16,7 @@ from safetensors import SafetensorError
 
 from dfd.common.files import atomic_write
 from dfd.field.architecture import Architecture
-from dfd.field.pieces import NAMES
+from dfd.field.component_residuals import NAMES
 
 __all__ = ["Content", "read", "with_sorted_header", "write"]
 
@@ -34,7 +34,7 @@ class Content:
     center: NDArray[np.float64]  # (3,) mesh units
     scale: float  # per mesh unit
     settings: dict[str, Any]
-    pieces: Mapping[str, NDArray[Any]] | None = None  # see `dfd.field.pieces.NAMES`
+    pieces: Mapping[str, NDArray[Any]] | None = None  # see `dfd.field.component_residuals.NAMES`
 
 
 def write(path: str | os.PathLike[str], content: Content) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.field.pieces import Pieces, pieces_of_vertices
+from dfd.field.component_residuals import Pieces, pieces_of_vertices
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree

@@ -9,8 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 import dfd._core as _core
-from dfd.geometry.spread import points_on_faces
-from dfd.geometry.topology import face_sizes
+from dfd.geometry.topology import face_sizes, points_on_faces
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.weld import weld
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from dfd.geometry.spread import points_on_faces
-from dfd.geometry.topology import face_areas
+from dfd.geometry.topology import face_areas, points_on_faces
 from dfd.mesh.normalization import box_normalization
 
 if TYPE_CHECKING:

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from dfd.common import check
 from dfd.common.threads import get_num_threads
-from dfd.geometry.spread import spread_in_triangle
-from dfd.geometry.topology import face_areas, face_components, first_at_place
+from dfd.geometry.topology import face_areas, face_components, first_at_place, spread_in_triangle
 from dfd.mesh.appearance import blend
 from dfd.mesh.normalization import box_normalization
 from dfd.views.cameras import place_cameras

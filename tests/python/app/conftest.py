@@ -12,9 +12,9 @@ import torch
 from app_page import Page, Shape
 
 import dfd
-from dfd.app.coarse import MOST_FACES
-from dfd.app.launch import RunningApp
 from dfd.app.options import OpenedFile, SessionOptions, Source
+from dfd.app.session.coarse import MOST_FACES
+from dfd.app.web.launch import RunningApp
 from dfd.editing.deformer import Deformer
 from dfd.field.field import Field
 from dfd.samples import Sample

@@ -19,9 +19,9 @@ import trimesh
 from app_page import Shape
 
 import dfd
-from dfd.app.launch import RunningApp
 from dfd.app.options import SessionOptions
-from dfd.app.server import STATIC
+from dfd.app.web.launch import RunningApp
+from dfd.app.web.server import STATIC
 
 ROOT = Path(__file__).parents[3]
 CLIENT = ROOT / "python" / "dfd" / "app" / "client"

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dfd.app.columns import Columns, heat_message
-from dfd.app.framing import unpack
-from dfd.app.state import Looks, state_message
+from dfd.app.protocol.binaries import unpack
+from dfd.app.session.columns import Columns, heat_message
+from dfd.app.session.state import Looks, state_message
 from dfd.editing.deformer import Deformer
-from dfd.editing.place import place_on
+from dfd.editing.points import place_on
 
 
 class Client:

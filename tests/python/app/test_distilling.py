@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 from app_page import Page, Shape
 
-from dfd.app.distill_process import DistillProcess
-from dfd.app.launch import RunningApp
 from dfd.app.options import SessionOptions, Source
-from dfd.app.time_left import USUAL, TimeLeft
+from dfd.app.session.distill_process import DistillProcess
+from dfd.app.session.preparation import USUAL, TimeLeft
+from dfd.app.web.launch import RunningApp
 
 
 @pytest.fixture

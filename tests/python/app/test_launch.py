@@ -15,9 +15,10 @@ import numpy as np
 import pytest
 from app_page import Page, Shape
 
-from dfd.app import launch, show
-from dfd.app.launch import RunningApp, check_built, serve
+from dfd.app import show
 from dfd.app.options import SessionOptions
+from dfd.app.web import launch
+from dfd.app.web.launch import RunningApp, check_built, serve
 from dfd.cli import main
 from dfd.editing.deformer import Deformer
 
@@ -72,7 +73,7 @@ def test_a_port_that_is_taken_is_said(static: Path, monkeypatch: pytest.MonkeyPa
 PROGRAM = """
 import sys
 from pathlib import Path
-from dfd.app import launch
+from dfd.app.web import launch
 launch.check_built = lambda: None
 create = launch.create
 launch.create = lambda *args, **options: create(*args, **{**options, "static": Path(sys.argv[1])})

@@ -3,7 +3,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from dfd.app.loop import Loop
+from dfd.app.web.loop import Loop
 
 
 class Debtor:

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from app_page import Page, Shape
 
-from dfd.app.launch import RunningApp
 from dfd.app.options import SessionOptions
-from dfd.app.server import Limits
+from dfd.app.web.launch import RunningApp
+from dfd.app.web.server import Limits
 from dfd.editing.deformer import Deformer
 
 

@@ -11,7 +11,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from dfd.app.safety import NOT_ALLOWED, Guard, Rules, loopback
+from dfd.app.web.safety import NOT_ALLOWED, Guard, Rules, loopback
 
 HOST = "127.0.0.1:8765"
 ORIGIN = f"http://{HOST}"

@@ -14,9 +14,9 @@ from made_field import made_field
 from skinned_figure import skinned_figure
 
 import dfd
-from dfd.app.exports import export, file_stem
 from dfd.app.protocol.parts import KeyPose, PoseTransform
-from dfd.app.script import as_command, as_python
+from dfd.app.session.exports import export, file_stem
+from dfd.app.session.script import as_command, as_python
 from dfd.cli import main
 from dfd.editing.deformer import Deformer
 

@@ -9,9 +9,9 @@ from app_page import Page
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from dfd.app.launch import RunningApp
-from dfd.app.server import MESSAGE_BYTES
-from dfd.app.tabs import SESSION_ENDED
+from dfd.app.web.launch import RunningApp
+from dfd.app.web.server import MESSAGE_BYTES
+from dfd.app.web.tabs import SESSION_ENDED
 
 # --- the page's files
 

@@ -12,9 +12,9 @@ import trimesh
 from PIL import Image
 
 import dfd
-from dfd.app.coarse import MOST_FACES
-from dfd.app.framing import unpack
-from dfd.app.surface import center_of, mesh_messages
+from dfd.app.protocol.binaries import unpack
+from dfd.app.session.coarse import MOST_FACES
+from dfd.app.session.surface import center_of, mesh_messages
 from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.mesh import Mesh
 

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from app_page import Page
 
-from dfd.app.launch import RunningApp
-from dfd.app.link import ProcessLink
 from dfd.app.options import SessionOptions
-from dfd.app.tabs import OPENED_ELSEWHERE
+from dfd.app.web.launch import RunningApp
+from dfd.app.web.link import ProcessLink
+from dfd.app.web.tabs import OPENED_ELSEWHERE
 
 pytestmark = pytest.mark.processes
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import dfd
-from dfd.app.uploads import MOST_FILES, UploadedFile, receive
+from dfd.app.web.uploads import MOST_FILES, UploadedFile, receive
 
 OBJ = b"mtllib looks.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n"
 MTL = b"newmtl red\nKd 1 0 0\n"

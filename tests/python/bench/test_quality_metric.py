@@ -11,19 +11,18 @@ import pytest
 from skinned_figure import skinned_figure
 
 import dfd
-from bench.quality import learn_metric
 from bench.quality.evaluate import Draw
-from bench.quality.learn_kinds import KINDS, learn_kinds
-from bench.quality.learn_metric import Lesson, discriminants, further_rigs, judged, report
 from bench.quality.looks import Looks, kept_looks, looks
 from bench.quality.parts import without_few
 from bench.quality.shapes import Shape
-from dfd.distillation.contrast import unit
-from dfd.distillation.learned_file import encoder_identity
+from bench.training import learn_metric
+from bench.training.learn_kinds import KINDS, learn_kinds
+from bench.training.learn_metric import Lesson, discriminants, further_rigs, judged, report
 from dfd.distillation.metric import Metric, find_metric
-from dfd.distillation.targets import PointTargets
+from dfd.distillation.targets import PointTargets, unit
 from dfd.distillation.thickness import BANDS, thickness_bands
 from dfd.encoders.encode import load_encoder
+from dfd.encoders.learned_file import encoder_identity
 from dfd.views.render import Views
 
 

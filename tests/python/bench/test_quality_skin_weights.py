@@ -11,8 +11,8 @@ from mesh_files import Gltf, write
 
 import dfd
 from bench.quality.baselines import PeerError
-from bench.quality.skin_peers import bounded_biharmonic, geodesic_voxels
-from bench.quality.skin_weights import _off, compared, motions
+from bench.skins.skin_peers import bounded_biharmonic, geodesic_voxels
+from bench.skins.skin_weights import _off, compared, motions
 from dfd.export.bones import Bones, bones_of
 from dfd.mesh.file.primitives import Primitive
 
@@ -151,7 +151,7 @@ def test_bounded_biharmonic_weights_within_the_body(tube):
 def test_what_bounded_biharmonic_weights_lack_is_said(tube, monkeypatch):
     pytest.importorskip("igl")
     mesh, bones = tube
-    monkeypatch.setattr("bench.quality.skin_peers.in_child", lambda run, *given, **_: run(*given))
+    monkeypatch.setattr("bench.skins.skin_peers.in_child", lambda run, *given, **_: run(*given))
     monkeypatch.setitem(sys.modules, "wildmeshing", None)
     with pytest.raises(PeerError, match="needs wildmeshing, which is not installed"):
         bounded_biharmonic(mesh, bones, np.array([0, 1]))

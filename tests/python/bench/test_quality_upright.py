@@ -9,11 +9,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bench.quality.families import family_of
-from bench.quality.learn_up import LYING, decided, least_priors, raised, upright_shapes
 from bench.quality.parts import kind_of_part, without_few
 from bench.quality.shapes import Shape, rigs
 from bench.quality.studies import Row
-from bench.quality.up_lessons import (
+from bench.quality.upright import EUCLIDEAN, STUDY, TURNS, turned
+from bench.quality.upright import by_family as table
+from bench.training.learn_up import LYING, decided, least_priors, raised, upright_shapes
+from bench.training.up_lessons import (
     FRAMES,
     RIDGE,
     TRUE,
@@ -32,12 +34,10 @@ from bench.quality.up_lessons import (
     left_out_odds,
     rows_of,
 )
-from bench.quality.upright import EUCLIDEAN, STUDY, TURNS, turned
-from bench.quality.upright import by_family as table
-from dfd.distillation.standing import EVIDENCE, Standing
-from dfd.distillation.up_probe import FORMS, TERMS
-from dfd.distillation.views_around import Seen
 from dfd.samples import quadruped, robot
+from dfd.upright.probe import FORMS, TERMS
+from dfd.upright.probe_views import Seen
+from dfd.upright.stability import EVIDENCE, Standing
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,7 @@ def test_many_vertices_are_shown_and_deformed_from_compact_features(run, chair):
     move = ("--handle", 40, "--translate", 0, 0.2, 0, "-o")
     results = []
     for most_exact in (10_000, 100):
-        with mock.patch("dfd.editing.vertex_rows.MOST_EXACT", most_exact):
+        with mock.patch("dfd.editing.influence.handle_features.MOST_EXACT", most_exact):
             assert worked(run(*show, "features.png"))
             assert worked(run(*show, "heat.png", "--handle", 40))
             assert worked(run("deform", "MESH", "--field", "FIELD", *move, "out.ply"))

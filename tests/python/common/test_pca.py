@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dfd.common.pca import principal_directions
+from dfd.common.linear_algebra import principal_directions
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])

@@ -15,7 +15,7 @@ import dfd
 from dfd import samples
 from dfd.editing.controls import Controls
 from dfd.editing.edit import Handle
-from dfd.editing.place import Place
+from dfd.editing.points import Place
 from dfd.posing.transforms import Transform
 
 FEATURES = np.eye(4, dtype=np.float32)

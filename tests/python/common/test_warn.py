@@ -9,7 +9,7 @@ from types import ModuleType
 
 import pytest
 
-from dfd.common.warn import warn
+from dfd.common.check import warn
 
 
 def test_it_points_at_the_caller() -> None:

@@ -12,11 +12,9 @@ from safetensors.numpy import save_file
 import dfd
 from dfd import reference
 from dfd.distillation import metric as metrics
-from dfd.distillation.contrast import mean_distance, restore_contrast, unit
-from dfd.distillation.kinds import Kinds
-from dfd.distillation.metric import FOLDER, Metric, find_metric
+from dfd.distillation.metric import FOLDER, Kinds, Metric, find_metric
 from dfd.distillation.settings import DistillSettings
-from dfd.distillation.targets import PointTargets
+from dfd.distillation.targets import PointTargets, mean_distance, restore_contrast, unit
 from dfd.distillation.thickness import BANDS
 from dfd.encoders.encode import Encoder
 

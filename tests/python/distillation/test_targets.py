@@ -7,8 +7,7 @@ import pytest
 import torch
 
 import dfd
-from dfd.distillation.contrast import unit
-from dfd.distillation.targets import PixelTargets, PointTargets
+from dfd.distillation.targets import PixelTargets, PointTargets, unit
 from dfd.views.render import Views
 
 

@@ -8,7 +8,8 @@ from counting import Counting
 from made_field import field_of
 
 import dfd
-from dfd.editing import handle_weights, posed_shape
+from dfd.editing import shape
+from dfd.editing.influence import handle_weights
 from dfd.editing.presets import PRESETS
 
 
@@ -73,7 +74,7 @@ def folds():
         counts.append(len(moving))
         return dfd.Drag(*arguments, moving=moving, **options)
 
-    with mock.patch.object(posed_shape, "pose", whole), mock.patch.object(posed_shape, "Drag", drag):
+    with mock.patch.object(shape, "pose", whole), mock.patch.object(shape, "Drag", drag):
         yield counts
 
 

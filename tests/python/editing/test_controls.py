@@ -6,8 +6,8 @@ from counting import Counting
 
 import dfd
 from dfd.editing.controls import Controls, controls_of, radius_on
-from dfd.editing.place import place_on
-from dfd.editing.regions import Ball, HalfSpace
+from dfd.editing.influence.regions import Ball, HalfSpace
+from dfd.editing.points import place_on
 from dfd.posing.transforms import frame_of_normal
 from dfd.weights.reach import auto_reach
 

@@ -9,7 +9,7 @@ import pytest
 
 import dfd
 from dfd.editing.edit import Edit, Fixed
-from dfd.editing.place import Place
+from dfd.editing.points import Place
 from dfd.posing.transforms import affine
 from dfd.symmetry.plane import SymmetryPlane
 

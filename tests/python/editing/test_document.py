@@ -17,7 +17,7 @@ from dfd.editing.controls import Controls
 from dfd.editing.document import EditDocument, edit_schema
 from dfd.editing.edit import Edit, Fixed, Handle, symmetry_on
 from dfd.editing.edit_file import from_document, read_edit, to_document, write_edit
-from dfd.editing.place import Place, place_on
+from dfd.editing.points import Place, place_on
 from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane

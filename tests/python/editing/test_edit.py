@@ -6,7 +6,7 @@ import pytest
 from sheet import grid
 
 from dfd.editing.edit import Edit, Fixed, Handle, symmetry_on
-from dfd.editing.place import Place, place_on
+from dfd.editing.points import Place, place_on
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from made_field import made_field
 
 import dfd
-from dfd.editing import posed_shape, vertex_rows
+from dfd.editing import shape
 from dfd.editing.edit import Edit
+from dfd.editing.influence import handle_features
 from dfd.field.field import Field
 
 # --- what it costs
@@ -139,7 +140,7 @@ def test_a_drag_ends_with_whatever_else_changes(deformer, mesh, field, features,
         moved = deformer.vertices
         fresh = dfd.Deformer(mesh, field, features=features)
         fresh.apply(deformer.edit)
-        with mock.patch.object(posed_shape, "pose", dfd.pose):
+        with mock.patch.object(shape, "pose", dfd.pose):
             np.testing.assert_allclose(moved, fresh.vertices, rtol=0, atol=1e-12)
     assert folds == [-1, 1, 1, -1, 1, -1, 1, -1, 1, -1, -1]
 
@@ -308,7 +309,7 @@ def test_the_memory_of_many_handles_is_given_back(deformer):
 def compacted():
     """Every shape is one of many vertices."""
     with (
-        mock.patch.object(vertex_rows, "MOST_EXACT", 100),
+        mock.patch.object(handle_features, "MOST_EXACT", 100),
         mock.patch.object(Field, "features", side_effect=AssertionError),
     ):
         yield
@@ -358,7 +359,7 @@ def test_a_vertex_that_is_held_weighs_1_whatever_binds_it(compacted, mesh, field
 @pytest.mark.parametrize("most_exact", [100, 10_000])
 def test_preparing_tells_how_far_it_is(mesh, field, most_exact):
     done = []
-    with mock.patch.object(vertex_rows, "MOST_EXACT", most_exact):
+    with mock.patch.object(handle_features, "MOST_EXACT", most_exact):
         deformer = dfd.Deformer(mesh, field)
         deformer.prepare(done.append)
         deformer.prepare(done.append)

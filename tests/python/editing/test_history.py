@@ -4,7 +4,7 @@ import pytest
 
 from dfd.editing.edit import Edit, Fixed
 from dfd.editing.history import History
-from dfd.editing.place import Place
+from dfd.editing.points import Place
 
 
 def states(count):

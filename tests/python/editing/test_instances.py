@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from dfd import Mesh, SymmetryPlane
-from dfd.editing import instances, nodes
-from dfd.editing.instances import InstanceFinder
+from dfd.editing.influence import instances
+from dfd.editing.influence.instances import InstanceFinder
+from dfd.geometry import coarse
 from dfd.posing.transforms import affine
 
 SIDE = 41  # vertices along a side of the sheet
@@ -182,7 +183,7 @@ def test_a_fine_mesh_is_gathered_into_nodes_and_has_the_same_instances():
     weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, 0.5, -0.5, 0.9) + hill(mesh, 0.5, 0.5, 0.6)
     vertex = vertex_at(mesh, -0.5, -0.5)
     exact = find(mesh, weights, vertex)
-    with mock.patch.object(nodes, "MOST_NODES", 1000), mock.patch.object(nodes, "CELLS", 12):
+    with mock.patch.object(coarse, "MOST_NODES", 1000), mock.patch.object(coarse, "CELLS", 12):
         finder = InstanceFinder(mesh)
         gathered = finder.find(weights, vertex, mesh.vertices[vertex])
         assert finder._nodes.graph.shape[0] < 200

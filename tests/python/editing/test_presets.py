@@ -13,15 +13,15 @@ import pytest
 
 import dfd
 from dfd import reference
-from dfd.app.columns import Columns
-from dfd.app.state import Looks, empty_state, state_message
+from dfd.app.session.columns import Columns
+from dfd.app.session.state import Looks, empty_state, state_message
 from dfd.cli.options import FalloffOption, ReachOption
 from dfd.common.preset import Preset
 from dfd.editing.controls import Controls, controls_of
 from dfd.editing.document import edit_schema
 from dfd.editing.edit import Edit, Handle, empty_edit
 from dfd.editing.edit_file import from_document, to_document
-from dfd.editing.place import place_on
+from dfd.editing.points import place_on
 from dfd.editing.presets import PRESETS, WHOLE_SHAPE
 from dfd.editing.transfer import transfer
 from dfd.symmetry.plane import SymmetryPlane

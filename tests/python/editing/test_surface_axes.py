@@ -7,12 +7,11 @@ import pytest
 
 import dfd
 from dfd import Mesh
-from dfd.editing.distances import Distances
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.edit_file import from_document, to_document
-from dfd.editing.instances import Instance
-from dfd.editing.place import place_on
-from dfd.editing.surface_axes import SurfaceAxes
+from dfd.editing.influence.distances import Distances
+from dfd.editing.influence.instances import Instance, SurfaceAxes
+from dfd.editing.points import place_on
 from dfd.posing.transforms import Transform
 
 DIRECTIONS = np.array([[0, 1, 0], [0.6, 0.8, 0], [1, 0, 0], [0, -1, 0], [0.48, 0.64, 0.6]])

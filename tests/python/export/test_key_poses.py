@@ -11,9 +11,9 @@ from dfd.posing.transforms import Transform
 
 
 def test_the_page_s_own_file_is_read(tmp_path):
-    from dfd.app.autosave import Autosave
     from dfd.app.protocol.parts import KeyPose as PageKeyPose
     from dfd.app.protocol.parts import PoseTransform
+    from dfd.app.session.autosave import Autosave
 
     one = PoseTransform(handle=3, translation=(1, 2, 3), rotation=(0, 90, 0), scale=(1, 1, 2), pivot=(0, 0, 1))
     Autosave(tmp_path).keep_poses((PageKeyPose(name="up", seconds=1.5, transforms=(one,)),))

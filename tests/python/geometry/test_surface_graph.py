@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from mesh_files import CORNERS, CUBE
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from dfd.geometry.spread import points_on_faces
 from dfd.geometry.surface_graph import bridges, surface_graph
+from dfd.geometry.topology import points_on_faces
 from dfd.mesh.mesh import Mesh
 
 

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Literal
+import json
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from dfd.app.protocol.answers import Answer
 from dfd.app.protocol.parts import Frame, Model, Number, Vector
+
+__all__ = ["pack", "unpack"]
 
 
 class Buffer(Model):
@@ -142,3 +149,34 @@ class ColorsMessage(Binary):
     """Answer to `features`: `colors` uint8 (V, 4)."""
 
     type: Literal["colors"] = "colors"
+
+
+ALIGNMENT = 8  # bytes
+
+
+def pack(kind: type[Binary], arrays: Mapping[str, NDArray[Any]], **fields: Any) -> bytes:
+    """The message of that kind with `arrays` as its buffers and `fields` in its header."""
+    buffers: list[Buffer] = []
+    parts: list[bytes] = []
+    end = 0
+    for name, array in arrays.items():
+        data = array.astype(array.dtype.newbyteorder("<"), copy=False).tobytes()
+        dtype: Any = array.dtype.name
+        buffers.append(Buffer(name=name, dtype=dtype, shape=array.shape, offset=end))
+        parts += [data, bytes(-len(data) % ALIGNMENT)]
+        end += len(data) + len(parts[-1])
+    header = kind(buffers=tuple(buffers), **fields).model_dump_json().encode()
+    header += b" " * (-(4 + len(header)) % ALIGNMENT)
+    return b"".join([len(header).to_bytes(4, "little"), header, *parts])
+
+
+def unpack(message: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """The header and the arrays of a message, by their names."""
+    start = 4 + int.from_bytes(message[:4], "little")
+    header = json.loads(message[4:start])
+    arrays = {}
+    for each in header["buffers"]:
+        count = int(np.prod(each["shape"], dtype=np.int64))
+        flat = np.frombuffer(message, np.dtype(each["dtype"]).newbyteorder("<"), count, start + each["offset"])
+        arrays[each["name"]] = flat.reshape(each["shape"])
+    return header, arrays

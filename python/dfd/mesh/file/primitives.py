@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common.vectors import unit
+from dfd.common.linear_algebra import unit
 from dfd.mesh.appearance import Material
 from dfd.mesh.file.assets import shortened
 

@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common.vectors import unit
+from dfd.common.linear_algebra import unit
 from dfd.mesh.appearance import srgb
 from dfd.mesh.file.assets import AssetFolder, shortened
 from dfd.mesh.file.gltf.data import GltfData

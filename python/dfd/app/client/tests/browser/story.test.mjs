@@ -359,7 +359,7 @@ async function workers() {
     const status = await readFile(`/proc/${pid}/stat`, "utf8").catch(() => "");
     const line = await readFile(`/proc/${pid}/cmdline`, "utf8").catch(() => "");
     const parent = status.slice(status.lastIndexOf(")") + 2).split(" ")[1];
-    if (parent === process.env.DFD_SERVER && line.includes("dfd.app.worker")) found.push(Number(pid));
+    if (parent === process.env.DFD_SERVER && line.includes("dfd.app.web.worker")) found.push(Number(pid));
   }
   return found;
 }

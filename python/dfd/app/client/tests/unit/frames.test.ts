@@ -2,7 +2,7 @@ import { describe, expect, it } from "vitest";
 
 import { decode } from "../../src/protocol/frames";
 
-/** A binary message as `dfd.app.framing` writes it. */
+/** A binary message as `dfd.app.protocol.binaries` writes it. */
 function framed(header: object, body: Uint8Array): ArrayBuffer {
   let text = JSON.stringify(header);
   while ((4 + new TextEncoder().encode(text).length) % 8) text += " ";

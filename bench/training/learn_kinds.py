@@ -1,0 +1,100 @@
+"""How the kinds of parts are learned, which a metric tells beside its directions: on points of many labelled shapes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from dfd.distillation.metric import Kinds
+
+__all__ = ["KINDS", "Taught", "learn_kinds"]
+
+KINDS = ("ear", "horn", "trunk", "wing", "fin", "tail", "foot", "leg", "neck", "head", "torso", "hand", "arm")
+SAME = {"body": "torso", "hoof": "foot"}
+HIDDEN = 256
+POINTS = 80  # of a part
+STEPS, BATCH, LEARNING_RATE, DECAY = 400, 1024, 3e-3, 0.05
+DROPPED, DROPPED_UNITS = 0.2, 0.5  # of the numbers of a feature, and of the hidden units, at every step
+UNSURE = 0.05  # of the probability is every kind's, in what is learned: the network stays less sure of strangers
+FAMILY_POWER = 0.5  # a family counts as the square root of its shapes
+SCALE = 20.0  # about √384, so that numbers of a feature are near one
+
+
+class Taught(Protocol):
+    """A labelled shape to learn from."""
+
+    @property
+    def family(self) -> str:
+        """Shapes of one family count together."""
+
+    @property
+    def mean(self) -> NDArray[np.float32]:
+        """(D,) the mean feature of its surface."""
+
+    @property
+    def kinds(self) -> Sequence[tuple[str, NDArray[np.float32]]]:
+        """The name of each part, and the features (N, D) of its points."""
+
+
+def learn_kinds(taught: Sequence[Taught], seed: int = 0) -> Kinds | None:
+    """The kinds of parts of all shapes that have two of `KINDS` or more; None where no shape has.
+
+    Families count by the square root of how many shapes they have, shapes of a family alike, parts of a shape alike.
+    """
+    generator = np.random.default_rng(seed)
+    rows, kinds, shares = [], [], []
+    size = Counter(each.family for each in taught)
+    for each in taught:
+        known = [(SAME.get(name, name), points) for name, points in each.kinds if len(points)]
+        known = [(name, points) for name, points in known if name in KINDS]
+        for name, points in known if len(known) > 1 else ():
+            some = generator.choice(len(points), min(POINTS, len(points)), replace=False)
+            rows.append((points[some] - each.mean) * np.float32(SCALE))
+            kinds.append(np.full(len(some), KINDS.index(name)))
+            shares.append(np.full(len(some), 1 / (size[each.family] ** FAMILY_POWER * len(known) * len(some))))
+    if not rows:
+        return None
+    return _fitted(np.concatenate(rows), np.concatenate(kinds), np.concatenate(shares), generator)
+
+
+def _fitted(
+    rows: NDArray[np.float32],  # (N, D)
+    kinds: NDArray[np.int64],  # (N,)
+    shares: NDArray[np.float64],  # (N,)
+    generator: np.random.Generator,
+) -> Kinds:
+    """The network that tells `kinds`, points drawn by their `shares`; on one thread, whose sums are always the same."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        return _on_one_thread(rows, kinds, shares, generator)
+    finally:
+        torch.set_num_threads(threads)
+
+
+def _on_one_thread(
+    rows: NDArray[np.float32], kinds: NDArray[np.int64], shares: NDArray[np.float64], generator: np.random.Generator
+) -> Kinds:
+    x, y, until = torch.from_numpy(rows), torch.from_numpy(kinds), np.cumsum(shares / shares.sum())
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(int(generator.integers(2**31)))
+        first, second = torch.nn.Linear(rows.shape[1], HIDDEN), torch.nn.Linear(HIDDEN, len(KINDS))
+        network = torch.nn.Sequential(
+            torch.nn.Dropout(DROPPED), first, torch.nn.ReLU(), torch.nn.Dropout(DROPPED_UNITS), second
+        )
+        optimizer = torch.optim.AdamW(network.parameters(), lr=LEARNING_RATE, weight_decay=DECAY)
+        schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, STEPS)
+        for _ in range(STEPS):
+            drawn = torch.from_numpy(np.searchsorted(until, generator.random(BATCH)).clip(max=len(until) - 1))
+            loss = torch.nn.functional.cross_entropy(network(x[drawn]), y[drawn], label_smoothing=UNSURE)
+            optimizer.zero_grad()
+            loss.backward()  # type: ignore[no-untyped-call]
+            optimizer.step()
+            schedule.step()
+    told = [each.detach().numpy().T.copy() for each in (first.weight, first.bias, second.weight, second.bias)]
+    return Kinds(told[0] * np.float32(SCALE), *told[1:])

@@ -1,0 +1,259 @@
+"""`python -m bench.training.learn_up`: learn which way is up, and judge what was learned on families left out.
+
+From all shapes in the folder that DFD_MESHES names, which stand as they should, +y up, the samples of dfd, and every
+.glb and .obj in the folders of a folder given with `--also`, each of which is a family. Equal folders give equal files.
+
+The probe that comes with the package was learned with 381 more models, converted to .glb, of Debian's megaglest-data
+3.13 and 0ad-data 0.0.26 (both CC BY-SA 3.0), flightgear-data-models 2020.3 (GPL 2 or later) and sweethome3d-furniture
+1.8 (CC BY 3.0 and CC0): people, animals, plants, houses, ships, machines, cars, furniture, lamps, dishes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import os
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+import dfd
+from bench.training.up_lessons import (
+    ALSO,
+    FRAMES,
+    TRUE,
+    Lesson,
+    Odds,
+    Tilted,
+    by_family,
+    by_shape,
+    learned_odds,
+    learned_votes,
+    left_out_odds,
+)
+from dfd.common.files import atomic_write
+from dfd.encoders.encode import Encoder, load_encoder
+from dfd.encoders.known import DEFAULT_ENCODER
+from dfd.encoders.learned_file import encoder_identity
+from dfd.field.cache_key import FIELD_VERSION, hash_recipe
+from dfd.mesh.normalization import normalization
+from dfd.upright import probe_views
+from dfd.upright.candidates import AXES
+from dfd.upright.find_up import CLEAR, SURE_AT_ONCE
+from dfd.upright.probe import FOLDER, UpProbe
+from dfd.upright.probe_views import CORNERS, SIDES, Around, Seen
+from dfd.upright.stability import Standing
+
+REPORT = Path(__file__).resolve().parents[1] / "results" / "quality" / "up.md"
+KEPT_VIEWS = REPORT.parent / "views_around"
+LYING = {"plane_holes": "+z"}  # files of DFD_MESHES that do not stand with +y up
+DRAWS = 2  # of axes at random, of a shape in DFD_MESHES; of the others one
+KEPT = 0.99  # of upright files must have pictures that show them upright
+KEPT_OWN = 0.97  # of those in DFD_MESHES and the samples, of which many hardly have an up, by the likeliest axis
+KEPT_UP = 0.985  # of upright files must not be taken for upside down
+Z_SHARE = 0.35  # of the log-odds of the file's y that z has: files with z up are everyday
+PRIORS, LOSSES = np.arange(0, 12, 0.05), np.arange(0, 6, 0.1)
+# What a unit of the prior of +y, and of −y, adds to the six frames, see `decided`.
+_FAVOR = np.array([[0, 0, 1, 0, Z_SHARE, Z_SHARE], [0, 0, 0, 1, 0, 0]])
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Learn, judge and write."""
+    parser = argparse.ArgumentParser("python -m bench.training.learn_up", description=__doc__)
+    parser.add_argument("--encoder", default=DEFAULT_ENCODER)
+    parser.add_argument("--output", type=Path, help="the probe's file; by default where the package looks for it")
+    parser.add_argument("--also", type=Path, help="a folder of families, folders of .glb and .obj to learn from, +y up")
+    options = parser.parse_args(arguments)
+    if not os.environ.get("DFD_MESHES"):
+        parser.error("DFD_MESHES must name the folder of meshes to learn from")
+    encoder = load_encoder(options.encoder)
+    lessons = []
+    for name, mesh in upright_shapes(Path(os.environ["DFD_MESHES"]), options.also):
+        print(name, flush=True)
+        lessons.append(lesson(name, mesh, encoder))
+    probe = learn(lessons, encoder)
+    output = options.output or FOLDER / f"{options.encoder}.safetensors"
+    output.parent.mkdir(parents=True, exist_ok=True)
+    probe.save(output)
+    REPORT.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_write(REPORT) as temporary:
+        temporary.write_text(report(lessons), "utf-8")
+    print(f"{output}\n{REPORT}")
+
+
+def upright_shapes(folder: Path, also: Path | None = None) -> Iterator[tuple[str, dfd.Mesh]]:
+    """Every shape to learn from, by name, standing with +y up."""
+    patterns = [f"{sub}*.{ending}" for sub in ("", "rigs/", "upright/") for ending in ("glb", "obj")]
+    for path in sorted(path for pattern in patterns for path in folder.glob(pattern)):
+        yield f"{path.parent.name}/{path.stem}", raised(dfd.load(path), LYING.get(path.stem, "+y"))
+    for make in (dfd.samples.chair, dfd.samples.quadruped, dfd.samples.robot):
+        yield make.__name__, make().mesh
+    if also is not None:
+        for path in sorted([*also.glob("*/*.glb"), *also.glob("*/*.obj")]):
+            yield f"{ALSO}{path.parent.name}/{path.stem}", dfd.load(path)
+
+
+def raised(mesh: dfd.Mesh, up: str) -> dfd.Mesh:
+    """The same shape with `up`, an axis of the file, turned to +y."""
+    if up == "+y":
+        return mesh
+    rotation = FRAMES[int((FRAMES[:, 1] @ AXES[up]).argmax())]
+    return dfd.Mesh(mesh.vertices @ rotation.T, mesh.faces, appearance=mesh.appearance)
+
+
+def lesson(name: str, mesh: dfd.Mesh, encoder: Encoder) -> Lesson:
+    """What there is to learn from one shape."""
+    center, scale = normalization(mesh)
+    vertices = (mesh.vertices - center) * scale
+    own, standing = not name.startswith(ALSO), Standing(vertices, mesh.faces)
+    sides = look_once(mesh, encoder, FRAMES, SIDES)
+    tilted = []
+    for draw in range(DRAWS if own else 1):
+        rotation = Rotation.random(rng=np.random.default_rng([draw, *name.encode()])).as_matrix()
+        seen = look_once(mesh, encoder, FRAMES @ rotation, SIDES)
+        seen = Seen(seen.tokens, seen.axes @ rotation.T)
+        tilted.append(Tilted(seen, rotation, Standing(vertices @ rotation.T, mesh.faces)))
+    of_frames = map(Seen, np.split(sides.tokens, len(FRAMES)), np.split(sides.axes, len(FRAMES)))
+    corners = look_once(mesh, encoder, FRAMES, CORNERS)
+    evidence = np.stack([standing.evidence(frame) for frame in FRAMES])
+    return Lesson(name, tuple(of_frames), corners, tuple(tilted), evidence)
+
+
+def look_once(mesh: dfd.Mesh, encoder: Encoder, frames: NDArray[np.float64], eyes: NDArray[np.float64]) -> Seen:
+    """`Around.seen`, kept in a file for the next time: the pictures take minutes, what follows them seconds."""
+    made_of = {
+        "field_version": FIELD_VERSION,
+        "around": hashlib.sha256(Path(probe_views.__file__).read_bytes()).hexdigest(),
+        "mesh": mesh.content_hash,
+        "frames": frames.round(6).tolist(),
+        "eyes": eyes.round(6).tolist(),
+    }
+    kept = KEPT_VIEWS / f"{hash_recipe({**made_of, **encoder.settings()})}.npz"
+    if not kept.is_file():
+        KEPT_VIEWS.mkdir(parents=True, exist_ok=True)
+        seen = Around(mesh, encoder).seen(frames, eyes)
+        with atomic_write(kept) as temporary, temporary.open("wb") as stream:
+            np.savez(stream, tokens=seen.tokens, axes=seen.axes)
+    with np.load(kept) as arrays:
+        return Seen(arrays["tokens"], arrays["axes"])
+
+
+def learn(lessons: Sequence[Lesson], encoder: Encoder) -> UpProbe:
+    """The probe of all lessons: odds by votes that never saw a shape's family or itself, the prior by the last."""
+    votes = learned_votes(tuple(lessons)).without()
+    along = {name: odds.along for name, odds in left_out_odds(tuple(lessons), by_shape).items()}
+    up, down = least_priors(along, own_names(lessons))
+    odds, identity = learned_odds(tuple(lessons)), encoder_identity(encoder)
+    return UpProbe(votes.mean, votes.form, votes.vector, odds, up, down, Z_SHARE * up, *identity)
+
+
+def own_names(lessons: Sequence[Lesson]) -> set[str]:
+    """Those that are not from `--also`."""
+    return {each.name for each in lessons if not each.name.startswith(ALSO)}
+
+
+def decided(odds: Odds, up: int, priors: tuple[float, float]) -> tuple[int, int]:
+    """The axis and the frame that win where frame `up` lies along the file's +y, and its z along the axis after it.
+
+    One look around the file's +y is enough where it leaves no doubt, as in `dfd.upright.find_up`.
+    """
+    favored = (odds.at_once[up] if sure_at_once(odds, up) else odds.along).copy()
+    favored[up] += priors[0]
+    favored[up ^ 1] += priors[1]
+    z = (up // 2 + 1) % 3
+    favored[[2 * z, 2 * z + 1]] += Z_SHARE * priors[0]
+    axis = int(np.logaddexp(favored[::2], favored[1::2]).argmax())
+    return axis, 2 * axis + int(favored[2 * axis + 1] > favored[2 * axis])
+
+
+def sure_at_once(odds: Odds, up: int) -> bool:
+    """Whether one look around frame `up` leaves no doubt about the axis."""
+    axes = np.logaddexp(odds.at_once[up][::2], odds.at_once[up][1::2])
+    return bool(np.exp(axes.max() - np.logaddexp.reduce(axes)) >= SURE_AT_ONCE)
+
+
+def least_priors(odds: Mapping[str, NDArray[np.float64]], own: Collection[str] = ()) -> tuple[float, float]:
+    """Log-odds of the file's +y and −y: the least of +y with which enough shapes keep their upright axis and their up.
+
+    Of all, `KEPT` have their axis among those that share the pictures; of `own`, `KEPT_OWN` have it first; and
+    `KEPT_UP` of all keep their up, for which −y then loses as little as lets them.
+    """
+    rows = np.stack(list(odds.values()))
+    among = np.array([name in own for name in odds]) if own else np.ones(len(rows), bool)
+    least = KEPT_OWN if own else 0.0
+
+    def enough(up: float, down: float) -> bool:
+        favored = rows + up * _FAVOR[0] + down * _FAVOR[1]
+        axes = np.logaddexp(favored[:, ::2], favored[:, 1::2])
+        first, second = np.argsort(-axes, axis=1).T[:2]
+        doubtful = axes.max(axis=1) - np.logaddexp.reduce(axes, axis=1) < np.log(CLEAR)
+        shown = (first == TRUE // 2) | (doubtful & (second == TRUE // 2))
+        fallen = (first == TRUE // 2) & (favored[:, TRUE ^ 1] > favored[:, TRUE])
+        kept = shown.mean() >= KEPT and (first == TRUE // 2)[among].mean() >= least
+        return bool(kept and fallen.mean() <= 1 - KEPT_UP)
+
+    pairs = ((float(up), float(up - loss)) for up in PRIORS for loss in LOSSES)
+    return next((each for each in pairs if enough(*each)), (float(PRIORS[-1]), float(PRIORS[-1] - LOSSES[-1])))
+
+
+def report(lessons: Sequence[Lesson]) -> str:
+    """How often the right direction is found, each shape judged by what others taught."""
+    along = {name: odds.along for name, odds in left_out_odds(tuple(lessons), by_shape).items()}
+    priors = least_priors(along, own_names(lessons))
+    own = [each for each in lessons if not each.name.startswith(ALSO)]
+    lines = [
+        "# Which way is up",
+        "",
+        f"{len(lessons)} shapes, of which {len(own)} are from DFD_MESHES or samples; those are judged. Log-odds of the "
+        f"file's +y: {priors[0]:.2f}, of −y: {priors[1]:.2f}, of ±z: {Z_SHARE * priors[0]:.2f}. Each cell: how often "
+        "the upright axis is right, and in brackets the direction; then how many upright files one look decides, "
+        "and for how many tilted ones a first look finds the axis within 20 degrees: the likeliest, and in brackets "
+        "any that share the pictures.",
+        "",
+    ]
+    for left_out, group in (("its family", by_family), ("itself", by_shape)):
+        odds = left_out_odds(tuple(lessons), group)
+        lines += [
+            f"Each judged without {left_out}:",
+            "",
+            "| family | shapes | without a prior | kept upright | found z up | found, 24 turns | at once | tilted |",
+            "|---|---:|---:|---:|---:|---:|---:|---:|",
+        ]
+        for family in [*dict.fromkeys(each.family for each in own), "all"]:
+            some = [odds[each.name] for each in own if family in (each.family, "all")]
+            lines.append(f"| {family} | {len(some)} | {' | '.join(_shares(some, priors))} |")
+        lines.append(f"| with --also | {len(odds)} | {' | '.join(_shares(list(odds.values()), priors))} |")
+        wrong = [each.name for each in own if decided(odds[each.name], TRUE, (0.0, 0.0))[0] != TRUE // 2]
+        lines += ["", f"Wrong axis without a prior: {', '.join(wrong)}.", ""]
+    return "\n".join(lines)
+
+
+def _shares(odds: Sequence[Odds], priors: tuple[float, float]) -> list[str]:
+    """Of shapes, right without a prior, and with it: upright, with the file's z up, and turned all ways."""
+
+    def found(ups: Sequence[int], priors: tuple[float, float] = priors) -> str:
+        # The file's +y lies along `up`, so the shape's own up is the file's z where that is the axis after it.
+        all_found = [decided(each, up, priors) for each in odds for up in ups]
+        right = np.mean([[axis == TRUE // 2, frame == TRUE] for axis, frame in all_found], axis=0)
+        return f"{right[0]:.2f} ({right[1]:.2f})"
+
+    at_once = np.mean([sure_at_once(each, TRUE) for each in odds])
+    tilted = np.mean([_found_tilted(*pair) for each in odds for pair in each.tilted] or [(False, False)], axis=0)
+    columns = [found([TRUE], (0.0, 0.0)), found([TRUE]), found([0, 1]), found(range(6))]
+    return [*columns, f"{at_once:.2f}", f"{tilted[0]:.2f} ({tilted[1]:.2f})"]
+
+
+def _found_tilted(odds: NDArray[np.float64], right: NDArray[np.bool_]) -> tuple[bool, bool]:
+    """Whether the likeliest axis is right, and whether one is of those that share the pictures."""
+    axes = np.logaddexp(odds[::2], odds[1::2])
+    either = right[::2] | right[1::2]
+    best, second = np.argsort(-axes)[:2]
+    clear = np.exp(axes[best] - np.logaddexp.reduce(axes)) >= CLEAR
+    return bool(either[best]), bool(either[best] or (not clear and either[second]))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""What one tab does, from its first message to its export."""

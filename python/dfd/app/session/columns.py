@@ -1,0 +1,226 @@
+"""What the page makes weights of: a column of distances for each handle, sent once and again when it changes."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.app.protocol.binaries import (
+    ColumnEntry,
+    ColumnsMessage,
+    HeatMessage,
+    InstanceEntry,
+    InstancesEntry,
+    InstancesMessage,
+    pack,
+)
+from dfd.weights.bind import bind
+
+if TYPE_CHECKING:
+    from dfd.editing.deformer import Deformer
+    from dfd.editing.edit import Handle
+    from dfd.editing.influence.instances import Instance
+    from dfd.editing.points import Place
+
+__all__ = ["Columns", "column_kind", "heat_message", "nearest"]
+
+FARTHEST = 2.0  # unit rows are never farther apart
+STEPS = 65535  # that a column's numbers have
+
+Arrays = dict[str, NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class Key:
+    """What a column depends on besides mesh and field; equal keys are the same column."""
+
+    of: Literal["distance", "weight", "fixed"]
+    about: Hashable
+
+
+class Columns:
+    """The columns of one session, numbered, and which of them the page has, with or without their instances."""
+
+    def __init__(self, deformer: Deformer) -> None:
+        self._deformer = deformer
+        self._numbers: dict[Hashable, int] = {}
+        self._sent: set[int] = set()
+        self._whole: set[int] = set()  # of those sent, the ones whose instances were sent too
+
+    def of_handle(self, handle: Handle) -> int:
+        """The number of a handle's column."""
+        return self._number(self._key(handle))
+
+    def of_fixed(self) -> int:
+        """The number of the column of fixed places; 0 where nothing is fixed."""
+        fixed = self._deformer.fixed
+        return self._number(Key("fixed", fixed)) if fixed else 0
+
+    def forget(self) -> None:
+        """Know of a page that has none."""
+        self._sent.clear()
+        self._whole.clear()
+
+    @property
+    def owes(self) -> bool:
+        """Whether there are columns of the present edit whose instances the page has not got."""
+        return bool(self._owed())
+
+    def message(self) -> bytes | None:
+        """The columns of the present edit that the page has not got; None where it has them all.
+
+        They come without their instances, which take longer to find than a person waits for a heat map.
+        """
+        deformer = self._deformer
+        wanted: dict[int, int | None] = {self.of_handle(handle): i for i, handle in enumerate(deformer.handles)}
+        if deformer.fixed:
+            wanted[self.of_fixed()] = None
+        self._sent &= set(wanted)
+        missing = {number: handle for number, handle in wanted.items() if number not in self._sent}
+        if not missing:
+            return None
+        arrays: Arrays = {}
+        entries = []
+        for number, handle in missing.items():
+            if handle is None:
+                arrays[f"values{number}"] = _packed(deformer.bound.held(deformer.edit), 1.0)
+                entries.append(_entry(number, "weight"))
+            else:
+                entries.append(self._handle_entry(number, handle, arrays))
+        message = pack(ColumnsMessage, arrays, columns=tuple(entries))
+        self._sent |= set(missing)
+        self._whole &= self._sent - set(missing)
+        return message
+
+    def instances_message(self) -> bytes | None:
+        """The instances of one of the columns that were sent without; None where there are none such."""
+        owed = self._owed()
+        if not owed:
+            return None
+        number, index = next(iter(owed.items()))
+        self._whole.add(number)  # also where it fails: once is enough
+        arrays: Arrays = {}
+        found = tuple(
+            self._instance(number, order, instance, gain, arrays)
+            for order, (instance, gain) in enumerate(self._acting(self._deformer.handles[index], index))
+        )
+        return pack(InstancesMessage, arrays, columns=(InstancesEntry(column=number, instances=found),))
+
+    def _acting(self, handle: Handle, index: int) -> list[tuple[Instance, float]]:
+        """The instances through which the handle at `index` acts, and the gain of each."""
+        bound, edit = self._deformer.bound, self._deformer.edit
+        if handle.controls.instances == "own" and not handle.controls.level:
+            # Without the weights of all handles, which a person need not wait for.
+            return [(instance, 1.0) for instance, on in bound.instances(edit, handle) if on]
+        columns = bound.columns(edit)[1]
+        return [
+            (column.instance, column.gain)
+            for column in columns
+            if column.handle == index and column.instance is not None
+        ]
+
+    def _owed(self) -> dict[int, int]:
+        """The handles whose instances are still to be sent, by the numbers of their columns."""
+        numbers = {self.of_handle(handle): i for i, handle in enumerate(self._deformer.handles) if _instanced(handle)}
+        return {number: i for number, i in numbers.items() if number in self._sent and number not in self._whole}
+
+    def _handle_entry(self, number: int, index: int, arrays: Arrays) -> ColumnEntry:
+        """The column of the handle at `index`; its buffers go into `arrays`."""
+        deformer = self._deformer
+        handle = deformer.handles[index]
+        kind = column_kind(handle)
+        geodesic = None
+        if kind == "weight":
+            whole = deformer.weights[:, index]
+            if not _instanced(handle):  # what its instances make of it together
+                weights, columns = deformer.bound.columns(deformer.edit)
+                whole = weights[:, [column.handle for column in columns].index(index)]
+            arrays[f"values{number}"] = _packed(whole, 1.0)
+        else:
+            arrays[f"values{number}"] = _packed(nearest(deformer, handle.place), FARTHEST)
+            _, along, _ = deformer.bound.locality(deformer.edit, handle)
+            if along is not None:
+                geodesic = f"geodesic{number}"
+                arrays[geodesic] = _packed(along, 1.0)
+        return _entry(number, kind, geodesic)
+
+    def _instance(self, number: int, index: int, instance: Instance, gain: float, arrays: Arrays) -> InstanceEntry:
+        share = f"share{number}_{index}"
+        count = len(self._deformer.mesh.vertices)
+        found = instance.share
+        own = np.ones(count, np.float32) if found is None else found
+        arrays[share] = _packed(own, 1.0)
+        frame: Any = tuple(tuple(float(x) for x in row) for row in np.asarray(instance.frame))
+        return InstanceEntry(
+            instance=index,
+            on=True,
+            pivot=instance.position,
+            frame=frame,
+            position=instance.position,
+            gain=gain,
+            share=share,
+        )
+
+    def _key(self, handle: Handle) -> Key:
+        edit = self._deformer.edit
+        controls = handle.controls
+        sources, _, _ = self._deformer.bound.locality(edit, handle)
+        kind = column_kind(handle)
+        if kind == "distance" and not controls.level:
+            # Instances are found by looks alone, so that reach and falloff stay the page's own.
+            instances = None
+            if _instanced(handle):
+                axes = handle.transform.axes if handle.transform.along is not None else None
+                instances = (controls.instances, controls.without_instances, edit.symmetry, axes)
+            return Key(kind, (handle.place, sources, edit.bridges, controls.radius, instances))
+        # What weights are when they are sent as such, or are at the counterparts, depends on all that shapes them.
+        return Key(kind, (handle.place, sources, edit.bridges, controls, edit.fixed, edit.arrive, edit.symmetry))
+
+    def _number(self, key: Hashable) -> int:
+        return self._numbers.setdefault(key, len(self._numbers) + 1)
+
+
+def column_kind(handle: Handle) -> Literal["distance", "weight"]:
+    """What travels of a handle: weights where they are more than a curve over distances."""
+    controls = handle.controls
+    shared = controls.instances == "together" and (controls.level or bool(controls.without_instances))
+    return "weight" if handle.place.region is not None or controls.within is not None or shared else "distance"
+
+
+def _instanced(handle: Handle) -> bool:
+    return handle.controls.instances != "together"
+
+
+def heat_message(deformer: Deformer, place: Place, *, request: int) -> bytes:
+    """The answer to `probe`."""
+    values = _packed(nearest(deformer, place), FARTHEST)
+    return pack(HeatMessage, {"values": values}, id=request, vertex=place.vertex, scale=FARTHEST)
+
+
+def nearest(deformer: Deformer, place: Place) -> NDArray[np.float32]:
+    """(V,) in [0, 2], the distance of each vertex from `place` in feature space."""
+    distances: NDArray[np.float32] = bind(deformer.features, deformer.bound.asked(place), reach=FARTHEST)[:, 0]
+    np.subtract(1.0, distances, out=distances)
+    distances *= FARTHEST
+    return distances
+
+
+def _entry(number: int, kind: Literal["distance", "weight"], geodesic: str | None = None) -> ColumnEntry:
+    return ColumnEntry(
+        column=number,
+        kind=kind,
+        values=f"values{number}",
+        scale=FARTHEST if kind == "distance" else 1.0,
+        geodesic=geodesic,
+    )
+
+
+def _packed(values: NDArray[np.floating[Any]], scale: float) -> NDArray[np.uint16]:
+    """Numbers in [0, `scale`] as steps."""
+    scaled = values * np.float32(STEPS / scale)
+    np.rint(scaled, out=scaled)
+    return scaled.clip(0, STEPS, out=scaled).astype(np.uint16)

@@ -1,0 +1,213 @@
+"""The field of one shape: found, opened or made in the background, and asked for the features of all vertices."""
+
+from __future__ import annotations
+
+import threading
+import time
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from dfd.app.options import SessionOptions, Source
+from dfd.app.session.distill_process import DistillProcess
+
+if TYPE_CHECKING:
+    from dfd.common.preset import Preset
+    from dfd.editing.deformer import Deformer
+    from dfd.mesh.mesh import Mesh
+    from dfd.symmetry.plane import SymmetryPlane
+
+__all__ = ["Listener", "Preparation", "TimeLeft"]
+
+
+class Listener(Protocol):
+    """Who hears how it goes; always called on the session's own thread."""
+
+    def field_missing(self) -> None:
+        """Neither a file nor the cache has one."""
+
+    def field_progress(self, task: str, stage: str, done: int, total: int | None, seconds_left: float | None) -> None:
+        """How far it is."""
+
+    def field_ready(self, deformer: Deformer, path: Path, origin: str, told: list[str]) -> None:
+        """It is there, and so are the features; `told` are warnings."""
+
+    def field_planes(self, planes: dict[Preset, list[SymmetryPlane]]) -> None:
+        """The planes across which the shape looks alike, as each preset finds them."""
+
+    def field_failed(self, task: str, message: str) -> None:
+        """There will be none."""
+
+    def field_cancelled(self) -> None:
+        """The distillation was stopped."""
+
+
+class Preparation:
+    """The background work for one shape.
+
+    Parameters
+    ----------
+    mesh, source
+        The shape, and where another process can read it.
+    options
+        The encoder and the settings of a distillation.
+    folder
+        Of the session, for the field's file.
+    lock
+        A file that one distillation at a time holds.
+    listener, post
+        Who hears of it, and what carries a call to the listener's thread.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        source: Source,
+        options: SessionOptions,
+        folder: Path,
+        lock: Path | None,
+        listener: Listener,
+        post: Callable[[Callable[[], None]], None],
+    ) -> None:
+        self._mesh, self._source, self._options, self._folder, self._lock = mesh, source, options, folder, lock
+        self._listener, self._post = listener, post
+        self._dropped = False
+        self._process: DistillProcess | None = None
+
+    def look(self) -> None:
+        """Look into the cache for a field of the shape, and open it."""
+        self._start("prepare", self._find)
+
+    def open(self, path: Path, origin: str) -> None:
+        """Open the field in a file."""
+        self._start("prepare", lambda: self._prepare(path, origin))
+
+    def distill(self) -> None:
+        """Make the field."""
+        self._process = DistillProcess(self._source, self._options, self._folder, self._lock)
+        self._start("distill", self._distill)
+
+    def cancel(self) -> None:
+        """Stop a distillation."""
+        if self._process is not None:
+            self._process.cancel()
+
+    def drop(self) -> None:
+        """Stop what can be stopped, and be silent about the rest."""
+        self._dropped = True
+        self.cancel()
+
+    def _start(self, task: str, work: Callable[[], None]) -> None:
+        def run() -> None:
+            try:
+                work()
+            except MemoryError:
+                self._tell("field_failed", task, "Memory ran out: take a smaller mesh, or close other programs")
+            except Exception as error:
+                self._tell("field_failed", task, str(error) or type(error).__name__)
+
+        threading.Thread(target=run, name=f"dfd-{task}", daemon=True).start()
+
+    def _tell(self, name: str, *arguments: Any) -> None:
+        def call() -> None:
+            if not self._dropped:
+                getattr(self._listener, name)(*arguments)
+
+        self._post(call)
+
+    def _find(self) -> None:
+        from dfd.distillation.distill import find_distilled
+        from dfd.distillation.settings import DistillSettings
+
+        given = self._options.distill_arguments()
+        encoder = given.pop("encoder")
+        look, device = given.pop("cache", True), given.pop("device", None)
+        settings, place = DistillSettings(**given), None if device is None else str(device)
+        found = find_distilled(self._mesh, encoder, settings, device=place) if look else None
+        if found is None:
+            self._tell("field_missing")
+            return
+        path = self._folder / "cached.field.safetensors"
+        found.save(path)
+        self._prepare(path, "cache")
+
+    def _distill(self) -> None:
+        assert self._process is not None
+        left = TimeLeft()
+
+        def tell(stage: str, done: int, total: int | None) -> None:
+            seconds = left.after(stage, done, total, time.monotonic())
+            self._tell("field_progress", "distill", stage, done, total, seconds)
+
+        path = self._process.run(tell)
+        self._process = None
+        if path is None:
+            self._tell("field_cancelled")
+        else:
+            self._prepare(path, "distilled")
+
+    def _prepare(self, path: Path, origin: str) -> None:
+        self._tell("field_progress", "prepare", "load", 0, None, None)
+        from dfd.editing.deformer import Deformer
+        from dfd.editing.presets import PRESETS
+        from dfd.field.field import Field
+        from dfd.symmetry.search import symmetry_planes
+
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", UserWarning)
+            field = Field.load(path, mesh=self._mesh)
+            deformer = Deformer(self._mesh, field, preset=self._options.preset)
+        told = [str(each.message) for each in caught if issubclass(each.category, UserWarning)]
+        count, done, said = len(self._mesh.vertices), 0, 0.0
+
+        def advance(rows: int) -> None:
+            nonlocal done, said
+            done += rows
+            if time.monotonic() - said > 0.1:
+                said = time.monotonic()
+                self._tell("field_progress", "prepare", "features", done, count, None)
+
+        deformer.prepare(advance)
+        self._tell("field_ready", deformer, path, origin, told)
+        planes = {
+            preset: symmetry_planes(field, self._mesh, candidates=defaults.candidates, threshold=defaults.threshold)
+            for preset, defaults in PRESETS.items()
+        }
+        deformer.bound.prepare_instances(planes["default"])
+        self._tell("field_planes", planes)
+
+
+# Seconds of each stage of a distillation with the default settings on two cores, in their order. Only their proportions
+# matter: how fast this machine is shows in the stages that it has done.
+USUAL = {"read": 0.5, "load": 5.0, "simplify": 1.0, "render": 1.0, "encode": 8.0, "spread": 1.5, "fit": 4.0}
+
+
+class TimeLeft:
+    """Told of every step, says how many seconds there are to go."""
+
+    def __init__(self) -> None:
+        self._stage: str | None = None
+        self._start = 0.0
+        self._spent: dict[str, float] = {}
+
+    def after(self, stage: str, done: int, total: int | None, now: float) -> float | None:
+        """Seconds left when `done` of `total` items of `stage` are done at the time `now`; None when nothing tells."""
+        if stage != self._stage:
+            if self._stage is not None:
+                self._spent[self._stage] = self._spent.get(self._stage, 0.0) + now - self._start
+            self._stage, self._start = stage, now
+        if stage not in USUAL:
+            return None
+        names = list(USUAL)
+        later = sum(USUAL[name] for name in names[names.index(stage) + 1 :])
+        known = [name for name in self._spent if name in USUAL]
+        usual = sum(USUAL[name] for name in known)
+        pace = sum(self._spent[name] for name in known) / usual if usual > 0 else 1.0
+        here = max(USUAL[stage] * pace - (now - self._start), 0.0)
+        if total and done:
+            here = (now - self._start) * (total - done) / done
+            # What this stage shows of the machine's pace counts as far as it has come.
+            share = done / total
+            pace = (1 - share) * pace + share * (now - self._start) / (USUAL[stage] * share)
+        return here + later * pace

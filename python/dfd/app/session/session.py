@@ -1,0 +1,438 @@
+"""One tab's work: its shape, its field, its edit, and what the page is told of them. Knows nothing of networks."""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Callable, Hashable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from dfd.app.options import OpenedFile, SessionOptions, Source
+from dfd.app.protocol.answers import Answer, FailureMessage, FieldState, ProgressMessage, StartMessage
+from dfd.app.session.autosave import Autosave, Saved
+from dfd.app.session.columns import Columns
+from dfd.app.session.preparation import Preparation
+from dfd.app.session.shapes import read_shape
+from dfd.app.session.state import Looks, check_drawable, empty_state, report, state_message
+from dfd.app.session.surface import mesh_messages
+from dfd.editing.edit_file import read_edit
+
+if TYPE_CHECKING:
+    from dfd.common.preset import Preset
+    from dfd.editing.deformer import Deformer
+    from dfd.editing.edit import Edit
+    from dfd.mesh.mesh import Mesh
+    from dfd.symmetry.plane import SymmetryPlane
+
+__all__ = ["NO_MEMORY", "Session", "joined", "sentence", "without_places"]
+
+Result = TypeVar("Result")
+
+
+class Session:
+    """The work of one tab. All its methods are called on one thread.
+
+    Parameters
+    ----------
+    folder
+        Its own, for what it keeps and makes.
+    options
+        What it opens first, and how it makes fields.
+    send
+        Carries a message to the page, text or binary; what is sent while no page listens is lost.
+    post
+        Carries a call to the session's thread, from any other.
+    lock
+        A file that one distillation at a time holds.
+    deformer
+        An editing session that somebody else has begun, in this process.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        options: SessionOptions,
+        send: Callable[[str | bytes], None],
+        post: Callable[[Callable[[], None]], None],
+        *,
+        lock: Path | None = None,
+        deformer: Deformer | None = None,
+    ) -> None:
+        self.folder = folder
+        self.options = options
+        self._send, self._post, self._lock = send, post, lock
+        self._autosave = Autosave(folder)
+        self._preparation: Preparation | None = None
+        self._progress: ProgressMessage | None = None  # of what the page waits for
+        self._number, self._after, self._warnings = 0, 0, list[str]()
+        self._names: dict[str, str] = {}  # what people call the files that were opened
+        self._kept: Edit | None = None  # what is on disk
+        self._shown: Edit | None = None  # what the page was told last
+        self._gesture: tuple[Hashable, Edit] | None = None  # what the newest step is about, and what it made
+        self._ready, self._unreported = True, False  # to find instances; whether the page lacks a report
+        self._wanted: OpenedFile | None = None  # the edit to open as soon as the field is there
+        self.source: Source | None = None
+        self.mesh: Mesh | None = None
+        self.field_path: Path | None = None
+        self.looks = Looks()
+        self.deformer: Deformer | None = None
+        self.columns: Columns | None = None
+        if deformer is not None:
+            self._number, self.mesh = 1, deformer.mesh
+            self.source = Source(name=deformer.mesh.source.name if deformer.mesh.source else "mesh")
+            self.field_ready(deformer, None, "file", [])
+
+    @property
+    def name(self) -> str:
+        """What people call the shape."""
+        return "mesh" if self.source is None else self.source.name
+
+    # --- opening
+
+    def begin(self) -> None:
+        """Go on where a session in the same folder ended, or open what new ones open."""
+        if self.mesh is not None:
+            self.attach()
+            return
+        saved = self._autosave.saved()
+        if saved is None and self.options.mesh is not None:
+            self._open_or_start(self.options.mesh, self.options.field, self.options.edit)
+        elif saved is None or saved.source is None:
+            self.attach()
+        else:
+            edit = OpenedFile(name="the saved edit", path=self._autosave.edit)
+            self._open_or_start(saved.source, saved.field, edit if edit.path.exists() else None)
+            self.looks.poses = self._autosave.poses()
+            self.tell_state()
+
+    def _open_or_start(self, source: Source, field: OpenedFile | None, edit: OpenedFile | None) -> None:
+        try:
+            self.open_shape(source, field=field, edit=edit)
+        except BaseException:
+            self.attach()  # to the start page
+            raise
+
+    def open_shape(self, source: Source, *, field: OpenedFile | None = None, edit: OpenedFile | None = None) -> None:
+        """Show another shape; what was open is lost, unless this one cannot be read.
+
+        Raises
+        ------
+        ValueError, OSError
+            As `dfd.load` does.
+        """
+        if source.path is not None:
+            self._names[str(source.path)] = source.name
+        self._tell_progress("open", "read")
+        try:
+            mesh, told = read_shape(source)
+            messages = mesh_messages(mesh, number=self._number + 1, name=source.name, warnings=told)
+            first = next(messages)
+        finally:
+            self._tell_progress("open", "done")
+        self.close_shape()
+        self._number += 1
+        self.source, self.mesh, self._warnings, self._wanted = source, mesh, told, edit
+        self._autosave.keep_open(Saved(source=source, field=field))
+        self._send(first)
+        self._preparation = Preparation(mesh, source, self.options, self.folder, self._lock, self, self._post)
+        self._tell_field("preparing")
+        if field is None:
+            self._preparation.look()
+        else:
+            self._names[str(field.path)] = field.name
+            self._preparation.open(field.path, "file")
+        for message in messages:
+            self._send(message)
+
+    def close_shape(self) -> None:
+        """Let go of the shape and everything about it."""
+        if self._preparation is not None:
+            self._preparation.drop()
+        self._preparation = self._progress = self._kept = self._shown = self._wanted = None
+        self.source = self.mesh = self.field_path = self.deformer = self.columns = None
+        self.looks, self._unreported = Looks(), False
+
+    def show_start(self) -> None:
+        """Close the shape and go back to the start page."""
+        self.close_shape()
+        self._autosave.keep_open(Saved())
+        self.send(StartMessage())
+
+    def open_field(self, field: OpenedFile) -> None:
+        """Take the field in a file."""
+        if self._preparation is None:
+            raise ValueError("Open a mesh before its field")
+        self._names[str(field.path)] = field.name
+        self._preparation.cancel()
+        self._tell_field("preparing")
+        self._preparation.open(field.path, "file")
+
+    def open_edit(self, edit: OpenedFile) -> None:
+        """Take the edit in a file, as one step, once the field is there."""
+        if self.mesh is None:
+            raise ValueError("Open a mesh before its edit")
+        self._names[str(edit.path)] = edit.name
+        if self.deformer is None:
+            self._wanted = edit
+            return
+        read = read_edit(edit.path, self.mesh)
+        self.change(lambda deformer: deformer.apply(read))
+
+    def distill(self) -> None:
+        """Begin to make the field."""
+        if self._preparation is None:
+            raise ValueError("Open a mesh first")
+        if self.looks.field.status != "none":
+            raise ValueError("The shape has a field, or one is being made")
+        self._tell_field("distilling")
+        self._preparation.distill()
+
+    def cancel(self) -> None:
+        """Stop making the field."""
+        if self._preparation is not None:
+            self._preparation.cancel()
+
+    # --- what the background says
+
+    def field_missing(self) -> None:
+        """There is none yet: make it."""
+        self._tell_field("none")
+        self.distill()
+
+    def field_progress(self, task: str, stage: str, done: int, total: int | None, seconds_left: float | None) -> None:
+        """Pass it on."""
+        if task == "prepare" and self.looks.field.status == "distilling":
+            self._tell_field("preparing")
+        self._tell_progress(task, stage, done, total, seconds_left)
+
+    def field_ready(self, deformer: Deformer, path: Path | None, origin: str, told: list[str]) -> None:
+        """Come alive."""
+        self.deformer, self.columns, self.field_path = deformer, Columns(deformer), path
+        self._ready = path is None
+        if path is not None:
+            self._autosave.keep_open(Saved(source=self.source, field=OpenedFile(name="field", path=path)))
+        settings = {key: value for key, value in deformer.field.settings.items() if key != "losses"}
+        self.looks.field = FieldState(status="ready", origin=origin, settings=settings)
+        self._tell_progress("prepare", "done")
+        for warning in told:
+            self.fail(0, warning)
+        wanted, self._wanted = self._wanted, None
+        self.tell_state()
+        if wanted is not None:
+            self.guarded(0, lambda: self.open_edit(wanted))
+
+    def field_planes(self, planes: dict[Preset, list[SymmetryPlane]]) -> None:
+        """Offer them; by now instances can be found as well."""
+        self.looks.planes = planes
+        self._ready = True
+        self.tell_state()
+
+    def field_failed(self, task: str, message: str) -> None:
+        """Say so; the shape can still be looked at, and an earlier field stays."""
+        self._ready = True
+        self._tell_progress(task, "failed")
+        self.fail(0, message)
+        self._tell_field("none" if self.deformer is None else "ready")
+
+    def field_cancelled(self) -> None:
+        """Say so."""
+        self._tell_progress("distill", "cancelled")
+        self._tell_field("none" if self.deformer is None else "ready")
+
+    # --- what the page says
+
+    def attach(self) -> None:
+        """Tell a page that has just come everything there is."""
+        if self.mesh is None or self.source is None:
+            self.send(StartMessage())
+            return
+        for message in mesh_messages(self.mesh, number=self._number, name=self.name, warnings=self._warnings):
+            self._send(message)
+        if self.columns is not None:
+            self.columns.forget()
+        self._after = 0
+        self.tell_state()
+        if self._progress is not None:
+            self.send(self._progress)
+        self._report()
+
+    def answering(self, number: int, work: Callable[[], None]) -> None:
+        """Do `work` for request `number`; whatever goes wrong is said, and the session goes on."""
+        self._after = number
+        self.guarded(number, work)
+
+    def guarded(self, number: int, work: Callable[[], None]) -> None:
+        """Do `work`; what goes wrong becomes a `failure` that answers request `number`."""
+        try:
+            work()
+        except Exception as error:
+            self.fail(number, sentence(error))
+
+    def fail(self, number: int, why: str) -> None:
+        """Say that request `number` was not done, without the places of files on this machine."""
+        self.send(FailureMessage(id=number, message=without_places(why, self._names, self.folder)))
+
+    def living(self) -> Deformer:
+        """The editing session.
+
+        Raises
+        ------
+        ValueError
+            If there is none yet.
+        """
+        if self.deformer is None:
+            raise ValueError("Open a mesh first" if self.mesh is None else "The shape has no field yet: wait for it")
+        return self.deformer
+
+    def change(self, work: Callable[[Deformer], Result], topic: Hashable = None, *, merge: bool = False) -> Result:
+        """Change the edit and tell the page what came of it; where that fails, nothing was changed.
+
+        With `merge` it is one step with the newest one, where that was about the same `topic`.
+        """
+        deformer = self.living()
+        assert self.columns is not None
+        before = deformer.edit
+        joins = merge and topic is not None and self._gesture == (topic, before)
+        try:
+            result = joined(deformer, work) if joins else work(deformer)
+            check_drawable(deformer)
+            columns = self.columns.message()
+            did = None if self.columns.owes else report(deformer)
+        except BaseException:
+            if deformer.edit is not before:
+                deformer.undo()
+                if joins:
+                    deformer.apply(before)
+            raise
+        if deformer.edit is not before:
+            self._gesture = (topic, deformer.edit)
+        if columns is not None:
+            self._send(columns)
+        self.tell_state()
+        if did is not None:
+            self.send(did)
+        return result
+
+    def note_drag(self, handle: int) -> None:
+        """Know that the newest step is a drag of `handle`, which the page has drawn itself and needs no word of."""
+        self._shown = self.living().edit
+        self._gesture = (("move", handle), self.living().edit)
+
+    def walk(self, step: Callable[[Deformer], bool]) -> None:
+        """Undo or redo, and tell the page what came of it."""
+        if step(self.living()):
+            self._tell_all()
+
+    # --- telling
+
+    def send(self, message: Answer | bytes) -> None:
+        """Send a message, with arrays where it is packed already."""
+        self._send(message if isinstance(message, bytes) else message.model_dump_json())
+
+    def tell_state(self) -> None:
+        """Tell the page the present state, and first the columns that it lacks."""
+        if self.mesh is None:
+            return
+        if self.deformer is None or self.columns is None:
+            self.send(empty_state(self.looks, after=self._after))
+            return
+        columns = self.columns.message()
+        if columns is not None:
+            self._send(columns)
+        self._shown = self.deformer.edit
+        self.send(state_message(self.deformer, self.columns, self.looks, after=self._after))
+        self._unreported = self._unreported or self.columns.owes
+
+    @property
+    def owes(self) -> bool:
+        """Whether there are instances, which the page waits for less than for a heat map."""
+        return self._ready and self.columns is not None and self.columns.owes
+
+    def pay(self) -> None:
+        """Send those of one handle; not all, so that the next click does not wait for all."""
+        instances = None if self.columns is None else self.columns.instances_message()
+        if instances is not None:
+            self._send(instances)
+
+    def _tell_all(self) -> None:
+        self.tell_state()
+        self._report()
+
+    def _report(self) -> None:
+        """Tell the page what the edit does, unless instances must be found first."""
+        if self.deformer is not None and self.columns is not None and not self.columns.owes:
+            self._unreported = False
+            self.send(report(self.deformer))
+
+    def keep_poses(self) -> None:
+        """Save the key poses."""
+        self._autosave.keep_poses(self.looks.poses)
+
+    def rest(self) -> None:
+        """Nothing has come for a while: report, save, and look whether somebody else has changed the edit."""
+        if self.deformer is None or self.mesh is None:
+            return
+        edit = self.deformer.edit
+        if edit is not self._shown:
+            self._tell_all()
+        elif self._unreported:
+            self._report()
+        if edit is not self._kept:
+            self._autosave.keep_edit(edit, self.mesh)
+            self._kept = edit
+
+    def end(self) -> None:
+        """Save and stop what runs."""
+        self.rest()
+        if self._preparation is not None:
+            self._preparation.drop()
+
+    def _tell_field(self, status: str) -> None:
+        self.looks.field = self.looks.field.model_copy(update={"status": status})
+        self.tell_state()
+
+    def _tell_progress(
+        self, task: Any, stage: str, done: int = 0, total: int | None = None, seconds_left: float | None = None
+    ) -> None:
+        message = ProgressMessage(task=task, stage=stage, done=done, total=total, seconds_left=seconds_left)
+        self._progress = None if stage in ("done", "failed", "cancelled") else message
+        self.send(message)
+
+
+log = logging.getLogger("dfd.app")
+
+# What the package's own messages begin with, for those who call its functions.
+_FUNCTION = re.compile(r"^\w+(\.\w+)?: ")
+
+NO_MEMORY = "Memory ran out; nothing was changed. Take a smaller mesh, or close other programs"
+
+
+def sentence(error: Exception) -> str:
+    """Why a request was not done; what is no fault of the person's goes to the log as well."""
+    if isinstance(error, MemoryError) or "can't allocate memory" in str(error):  # as torch says it
+        return NO_MEMORY
+    if isinstance(error, (ValueError, OSError)):
+        return str(error)
+    log.error("a request failed", exc_info=error)
+    return f"That did not work, for a fault of this program: {type(error).__name__}: {error}"
+
+
+def without_places(why: str, names: Mapping[str, str], folder: Path) -> str:
+    """`why` without the session's `folder`, and with files by the `names` that people know them by."""
+    for path, name in names.items():
+        why = why.replace(f"`path` {path}", name).replace(path, name)
+    return _FUNCTION.sub("", why.replace(f"{folder}/", ""))
+
+
+def joined(deformer: Deformer, work: Callable[[Deformer], Result]) -> Result:
+    """Do `work` as one step with the newest one; where it fails, that one stays as it is."""
+    newest = deformer.edit
+    deformer.undo()
+    try:
+        with deformer.step():
+            deformer.apply(newest)
+            return work(deformer)
+    except BaseException:
+        deformer.redo()
+        raise

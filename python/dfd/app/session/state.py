@@ -1,0 +1,251 @@
+"""The present state of a session, as the page shows it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from dataclasses import field as dataclass_field
+from typing import TYPE_CHECKING, Any, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.app.protocol.answers import FieldState, FixedState, HandleState, NewHandle, ReportMessage, StateMessage
+from dfd.app.protocol.binaries import ColorsMessage, PositionsMessage, pack
+from dfd.app.protocol.parts import KeyPose, Plane, PoseTransform
+from dfd.app.session.columns import Columns, column_kind
+from dfd.app.session.surface import center_of, packed_normals
+from dfd.common.preset import Preset
+from dfd.editing.controls import Blend, Falloff, Instances, Overlap
+from dfd.editing.edit import band_on, box_center
+from dfd.editing.edit_file import to_document
+from dfd.editing.influence.regions import members
+from dfd.editing.presets import PRESETS
+from dfd.mesh.normals import smooth_normals
+from dfd.pictures.colors import feature_colors
+from dfd.symmetry.plane import axis_name
+from dfd.weights.compact import CompactFeatures
+
+if TYPE_CHECKING:
+    from dfd.editing.deformer import Deformer
+    from dfd.editing.edit import Handle
+    from dfd.editing.points import Place
+    from dfd.posing.transforms import Transform
+    from dfd.symmetry.plane import SymmetryPlane
+
+__all__ = [
+    "Looks",
+    "check_drawable",
+    "empty_state",
+    "feature_colors_message",
+    "positions_message",
+    "report",
+    "state_message",
+]
+
+CONTROLS = (
+    "name",
+    "reach",
+    "falloff",
+    "locality",
+    "radius",
+    "strength",
+    "instances",
+    "level",
+    "without_instances",
+    "within",
+    "within_width",
+)
+NO_FIELD = FieldState(status="none", origin=None, settings={})
+
+
+@dataclass
+class Looks:
+    """What a state says besides the edit."""
+
+    field: FieldState = NO_FIELD
+    planes: Mapping[Preset, Sequence[SymmetryPlane]] = dataclass_field(
+        default_factory=dict
+    )  # as each preset finds them
+    poses: tuple[KeyPose, ...] = ()
+
+
+def empty_state(looks: Looks, *, after: int) -> StateMessage:
+    """The state of a shape whose field is still missing: it can be looked at and nothing else."""
+    return _state(looks, after=after, edit={}, posing="shader", can_undo=False, can_redo=False)
+
+
+def state_message(deformer: Deformer, columns: Columns, looks: Looks, *, after: int) -> StateMessage:
+    """The state of an editing session."""
+    document = to_document(deformer.edit, deformer.mesh)
+    return _state(
+        looks,
+        after=after,
+        edit=document,
+        handles=tuple(
+            _handle(deformer, columns, handle, document["handles"][index])
+            for index, handle in enumerate(deformer.handles)
+        ),
+        fixed=tuple(
+            FixedState(
+                vertex=fixed.vertex,
+                position=fixed.position,
+                strength=fixed.strength,
+                region=_region_size(deformer, fixed.place),
+            )
+            for fixed in deformer.fixed
+        ),
+        fixed_column=columns.of_fixed(),
+        symmetry=None if deformer.symmetry is None else _plane(deformer.symmetry),
+        planes=tuple(
+            _plane(replace(plane, band=band_on(deformer.mesh, deformer.preset)))
+            for plane in looks.planes.get(deformer.preset, ())
+        ),
+        default=None if deformer.default is None else _default(deformer.default, box_center(deformer.mesh)),
+        preset=deformer.preset,
+        new_handle=_new_handle(deformer.preset),
+        overlap=deformer.overlap,
+        blend=deformer.blend,
+        posing="shader" if (deformer.overlap, deformer.blend) == ("add", "linear") else "server",
+        can_undo=deformer.can_undo,
+        can_redo=deformer.can_redo,
+    )
+
+
+def _new_handle(preset: Preset) -> NewHandle:
+    return NewHandle(reach=PRESETS[preset].reach, falloff=PRESETS[preset].falloff)
+
+
+def _state(looks: Looks, **fields: Any) -> StateMessage:
+    base: dict[str, Any] = {
+        "handles": (),
+        "fixed": (),
+        "fixed_column": 0,
+        "symmetry": None,
+        "planes": (),
+        "default": None,
+        "preset": "default",
+        "presets": get_args(Preset),
+        "new_handle": _new_handle("default"),
+        "overlap": PRESETS["default"].overlap,
+        "overlaps": get_args(Overlap),
+        "blend": PRESETS["default"].blend,
+        "blends": get_args(Blend),
+        "falloffs": get_args(Falloff),
+        "instances": get_args(Instances),
+        "controls": CONTROLS,
+        "field": looks.field,
+        "poses": looks.poses,
+    }
+    return StateMessage(**{**base, **fields})
+
+
+def _handle(deformer: Deformer, columns: Columns, handle: Handle, controls: dict[str, Any]) -> HandleState:
+    transform = handle.transform
+    bound, edit = deformer.bound, deformer.edit
+    return HandleState(
+        handle=handle.id,
+        name=handle.name,
+        vertex=handle.place.vertex,
+        position=handle.place.position,
+        translation=transform.translation,
+        rotation=transform.rotation,
+        scale=transform.scale,
+        pivot=handle.pivot,
+        own_pivot=transform.pivot is not None,
+        axes=transform.axes,
+        reach=bound.reach(handle),
+        falloff=handle.controls.falloff,
+        locality=handle.controls.locality,
+        radius=handle.controls.radius,
+        exponent=bound.locality(edit, handle)[2],
+        strength=handle.controls.strength,
+        instances=handle.controls.instances,
+        level=handle.controls.level,
+        without_instances=tuple(
+            place.vertex for place in handle.controls.without_instances if place.vertex is not None
+        ),
+        within=0 if handle.controls.within is None else len(members(deformer.mesh, handle.controls.within)),
+        within_width=handle.controls.within_width,
+        region=_region_size(deformer, handle.place),
+        kind=column_kind(handle),
+        gain=bound.gain(edit, handle),
+        column=columns.of_handle(handle),
+        moved=not transform.rests,
+        controls=controls,
+    )
+
+
+def _region_size(deformer: Deformer, place: Place) -> int:
+    return 0 if place.region is None else len(members(deformer.mesh, place.region))
+
+
+def _plane(plane: SymmetryPlane) -> Plane:
+    return Plane(
+        normal=plane.normal,
+        offset=plane.offset,
+        band=plane.band,
+        score=plane.score or None,
+        name=axis_name(plane.normal) or None,
+    )
+
+
+def _default(transform: Transform, center: tuple[float, float, float]) -> PoseTransform:
+    return PoseTransform(
+        handle=0,
+        translation=transform.translation,
+        rotation=transform.rotation,
+        scale=transform.scale,
+        pivot=center if transform.pivot is None else transform.pivot,
+    )
+
+
+def positions_message(deformer: Deformer, *, request: int) -> bytes:
+    """The answer to `compute`."""
+    posed = deformer.vertices
+    normals = smooth_normals(posed, deformer.mesh.faces)
+    arrays: dict[str, NDArray[Any]] = {
+        "positions": (posed - center_of(deformer.mesh)).astype(np.float32),
+        "normals": packed_normals(normals),
+    }
+    return pack(PositionsMessage, arrays, id=request)
+
+
+def feature_colors_message(deformer: Deformer, *, request: int) -> bytes:
+    """The answer to `features`: as pictures color them."""
+    features = deformer.features
+    colors = feature_colors(features.principal(3) if isinstance(features, CompactFeatures) else features)
+    packed = np.full((len(colors), 4), 255, np.uint8)
+    packed[:, :3] = np.rint(colors * 255)
+    return pack(ColorsMessage, {"colors": packed}, id=request)
+
+
+LARGEST = 1e30  # graphics have 32-bit numbers, and multiply them with coordinates
+
+
+def check_drawable(deformer: Deformer) -> None:
+    """Refuse, before anything is told of it, what no page could draw.
+
+    Raises
+    ------
+    ValueError
+        If a number of a handle's transform, mesh units, is beyond 1e30.
+    """
+    for handle in deformer.handles:
+        size = float(np.abs(handle.matrix).max())
+        if size > LARGEST:
+            raise ValueError(f"The transform of handle {handle.id} must stay below {LARGEST:g}, got {size:.3g}")
+
+
+def report(deformer: Deformer) -> ReportMessage:
+    """How much moved, how far, and whether the handles arrived where they were sent."""
+    if not deformer.handles and deformer.default is None:
+        return ReportMessage(moved=0.0, largest=0.0, missed=0.0, text="Nothing has moved")
+    found = deformer.report()
+    text = str(found)
+    return ReportMessage(
+        moved=found.moved,
+        largest=found.farthest,
+        missed=max((handle.missing for handle in found.handles), default=0.0),
+        text=text[:1].upper() + text[1:],
+    )

@@ -1,0 +1,248 @@
+"""The resting shape as the page draws it: rows, triangles, looks."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from dfd.app.protocol.binaries import DetailMessage, Group, MaterialEntry, MeshMessage, pack
+from dfd.app.session.coarse import CoarseLevel, coarse_level
+from dfd.mesh.appearance import Material
+from dfd.mesh.mesh import Mesh
+
+__all__ = ["center_of", "mesh_messages", "packed_normals"]
+
+LONGEST_TEXTURE = 4096  # texels along a side that every graphics card takes
+JPEG_QUALITY = 92
+MOST_PART_NAMES = 10_000
+
+Arrays = dict[str, NDArray[Any]]
+
+
+def center_of(mesh: Mesh) -> NDArray[np.float64]:
+    """(3,) the center of the box, mesh units: what positions are relative to, so that float32 keeps their digits."""
+    center: NDArray[np.float64] = mesh.bounds[0] / 2 + mesh.bounds[1] / 2
+    return center
+
+
+def mesh_messages(mesh: Mesh, *, number: int, name: str, warnings: Sequence[str]) -> Iterator[bytes]:
+    """The messages that show `mesh`, the `number`-th of its session.
+
+    Where there is a coarse level it comes first, and after it the whole, made when it is asked for.
+    """
+    rows, corner_faces = _rows(mesh)
+    level = coarse_level(mesh.vertices, mesh.faces)
+    arrays = _row_arrays(mesh, rows)
+    textures, materials = _materials(mesh)
+    names, groups = _groups(mesh)
+    low, high = (tuple(float(x) for x in corner) for corner in mesh.bounds)
+
+    def message(shown: Arrays, triangles: NDArray[np.int32], groups: tuple[Group, ...]) -> bytes:
+        return pack(
+            MeshMessage,
+            {**shown, "triangles": triangles.astype(np.uint32), **textures},
+            mesh=number,
+            name=name,
+            vertices=len(mesh.vertices),
+            faces=len(mesh.faces),
+            rows=len(shown["vertex"]),
+            coarse=level is not None,
+            center=tuple(float(x) for x in center_of(mesh)),
+            bounds=(low, high),
+            diagonal=mesh.diagonal,
+            parts=names,
+            groups=groups,
+            materials=materials,
+            warnings=tuple(warnings),
+        )
+
+    if level is None:
+        yield message(arrays, corner_faces, groups)
+        return
+    level = level.sorted_by(_materials_of(mesh))
+    corners = _corner_rows(level, rows, corner_faces, arrays)
+    chosen = np.zeros(len(rows), bool)
+    chosen[corners] = True
+    order = np.concatenate([np.flatnonzero(chosen), np.flatnonzero(~chosen)])
+    place = np.empty(len(rows), np.int32)
+    place[order] = np.arange(len(rows), dtype=np.int32)
+    first = order[: np.count_nonzero(chosen)]
+    yield message(_taken(arrays, first), place[corners], _runs(_materials_of(mesh)[level.stands_for]))
+    yield pack(
+        DetailMessage,
+        {**_taken(arrays, order), "triangles": place[corner_faces].astype(np.uint32)},
+        mesh=number,
+        rows=len(rows),
+        groups=groups,
+    )
+
+
+def _row_arrays(mesh: Mesh, rows: NDArray[np.int32]) -> Arrays:
+    """What the page knows of each row, by the names of its buffers."""
+    arrays: Arrays = {
+        "positions": (mesh.vertices[rows] - center_of(mesh)).astype(np.float32),
+        "vertex": rows.astype(np.uint32),
+        "normals": packed_normals(_row_normals(mesh, rows)),
+    }
+    looks = mesh.appearance
+    if looks is not None:
+        used = _used_rows(mesh)
+        if looks.uv is not None:
+            arrays["uv"] = looks.uv[used]
+        if looks.colors is not None:
+            arrays["colors"] = np.rint(looks.colors[used] * 255).astype(np.uint8)
+    return arrays
+
+
+def _taken(arrays: Arrays, rows: NDArray[np.int64]) -> Arrays:
+    return {name: values[rows] for name, values in arrays.items()}
+
+
+def _corner_rows(
+    level: CoarseLevel, rows: NDArray[np.int32], corner_faces: NDArray[np.int32], arrays: Arrays
+) -> NDArray[np.int32]:
+    """(K, 3) the rows of the coarse faces' corners: of those of a vertex, the most like the corner it stands for."""
+    vertices = level.faces.reshape(-1)
+    wanted = np.zeros(int(rows.max()) + 1, bool)
+    wanted[vertices] = True
+    some = np.flatnonzero(wanted[rows])
+    some = some[np.argsort(rows[some], kind="stable")]
+    starts = np.searchsorted(rows[some], vertices)
+    counts = np.searchsorted(rows[some], vertices, side="right") - starts
+    # Every corner beside every row of its vertex.
+    corner = np.repeat(np.arange(len(vertices)), counts)
+    begins = np.cumsum(counts) - counts
+    candidates = some[np.arange(len(corner)) - np.repeat(begins - starts, counts)]
+    origins = corner_faces[level.stands_for].reshape(-1)[corner]
+    unlike = _unlike(arrays["normals"] / np.float32(32767), candidates, origins)
+    if "uv" in arrays:
+        unlike += _unlike(arrays["uv"], candidates, origins)
+    best = np.lexsort((unlike, corner))[begins]
+    corners: NDArray[np.int32] = candidates[best].reshape(-1, 3).astype(np.int32)
+    return corners
+
+
+def _unlike(values: NDArray[Any], some: NDArray[np.int64], others: NDArray[np.int32]) -> NDArray[Any]:
+    offsets: NDArray[Any] = values[some] - values[others]
+    distances: NDArray[Any] = np.linalg.norm(offsets, axis=1)
+    return distances
+
+
+def _materials(mesh: Mesh) -> tuple[Arrays, tuple[MaterialEntry, ...]]:
+    """The textures' files as buffers, and what the faces look like."""
+    looks = mesh.appearance
+    arrays: Arrays = {}
+    materials: list[MaterialEntry] = []
+    for index, material in enumerate(looks.materials if looks is not None else (Material(),)):
+        texture = media_type = None
+        if material.texture is not None and looks is not None and looks.uv is not None:
+            texture = f"texture{index}"
+            data, media_type = _picture_file(material.texture)
+            arrays[texture] = np.frombuffer(data, np.uint8)
+        materials.append(
+            MaterialEntry(
+                color=material.color,
+                texture=texture,
+                media_type=media_type,
+                wrap=material.wrap,
+                alpha_mode=material.alpha_mode,
+                alpha_cutoff=material.alpha_cutoff,
+            )
+        )
+    return arrays, tuple(materials)
+
+
+def packed_normals(normals: NDArray[np.floating[Any]]) -> NDArray[np.int16]:
+    """(N, 3) unit normals as (N, 4) whole numbers of 1 / 32767, the fourth 0: aligned as graphics cards read."""
+    packed = np.zeros((len(normals), 4), np.int16)
+    packed[:, :3] = np.rint(normals * 32767)
+    return packed
+
+
+def _corners(mesh: Mesh) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """(R,) the vertex of each row, -1 for rows without a face, and (F, 3) the rows of each face's corners."""
+    if mesh.appearance is not None:
+        return mesh.appearance.corners, mesh.appearance.corner_faces
+    if mesh.scene is not None:
+        return mesh.scene.vertex, mesh.scene.corner_faces
+    return np.arange(len(mesh.vertices), dtype=np.int32), mesh.faces
+
+
+def _used_rows(mesh: Mesh) -> NDArray[np.bool_]:
+    vertex, _ = _corners(mesh)
+    used: NDArray[np.bool_] = vertex >= 0
+    return used
+
+
+def _rows(mesh: Mesh) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """As `_corners`, without the rows that have no face."""
+    vertex, corner_faces = _corners(mesh)
+    used = _used_rows(mesh)
+    if used.all():
+        return vertex, corner_faces
+    number = np.cumsum(used, dtype=np.int32) - np.int32(1)
+    return vertex[used], number[corner_faces]
+
+
+def _row_normals(mesh: Mesh, rows: NDArray[np.int32]) -> NDArray[np.float64]:
+    """(R, 3) unit normals: the file's own where it has them, so that its sharp edges stay sharp, else smooth ones."""
+    normals = mesh.normals[rows].astype(np.float64)
+    scene = mesh.scene
+    vertex, _ = _corners(mesh)
+    if scene is None or len(vertex) != len(scene.vertex):  # faces with colors of their own have rows of their own
+        return normals
+    every = np.zeros((len(vertex), 3))
+    for primitive in scene.primitives:
+        if primitive.normals is not None:
+            every[primitive.rows] = primitive.normals_to_scene(primitive.normals)
+    given = every[_used_rows(mesh)]
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        given = given / np.linalg.norm(given, axis=1, keepdims=True)
+    return np.where(np.isfinite(given).all(axis=1, keepdims=True), given, normals)
+
+
+def _materials_of(mesh: Mesh) -> NDArray[np.int32]:
+    """(F,) the material of each face."""
+    return mesh.appearance.face_material if mesh.appearance is not None else np.zeros(len(mesh.faces), np.int32)
+
+
+def _groups(mesh: Mesh) -> tuple[tuple[str, ...], tuple[Group, ...]]:
+    """The parts' names, and runs of triangles that share part and material."""
+    names: tuple[str, ...] = ("",)
+    part_of = np.zeros(len(mesh.faces), np.int64)
+    if mesh.part_count <= MOST_PART_NAMES:
+        names = tuple(part.name for part in mesh.parts)
+        for index, part in enumerate(mesh.parts):
+            part_of[part.faces] = index
+    return names, _runs(_materials_of(mesh), part_of)
+
+
+def _runs(material_of: NDArray[np.int32], part_of: NDArray[np.int64] | None = None) -> tuple[Group, ...]:
+    """Runs of triangles that share their material and part, the first one where no parts are told apart."""
+    count = len(material_of)
+    if part_of is None:
+        part_of = np.zeros(count, np.int64)
+    changes = np.flatnonzero((np.diff(part_of) != 0) | (np.diff(material_of) != 0)) + 1
+    starts = [0, *(int(start) for start in changes)]
+    return tuple(
+        Group(part=int(part_of[start]), material=int(material_of[start]), start=start, count=end - start)
+        for start, end in zip(starts, [*starts[1:], count], strict=True)
+    )
+
+
+def _picture_file(texture: NDArray[np.uint8]) -> tuple[bytes, str]:
+    """A texture (rows, columns, 4) as the bytes of a picture's file, and their media type."""
+    image = Image.fromarray(texture)
+    if max(image.size) > LONGEST_TEXTURE:
+        image.thumbnail((LONGEST_TEXTURE, LONGEST_TEXTURE))
+    stream = io.BytesIO()
+    if (texture[..., 3] == 255).all():
+        image.convert("RGB").save(stream, "JPEG", quality=JPEG_QUALITY, subsampling=0)
+        return stream.getvalue(), "image/jpeg"
+    image.save(stream, "PNG", compress_level=1)
+    return stream.getvalue(), "image/png"

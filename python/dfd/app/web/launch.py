@@ -1,0 +1,249 @@
+"""The server's life: a free port, the address with its token, and an orderly end."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import html
+import shutil
+import socket
+import tempfile
+import threading
+import webbrowser
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import uvicorn
+
+from dfd.app.options import SessionOptions
+from dfd.app.web.link import Link, ThreadLink
+from dfd.app.web.safety import Rules, loopback
+from dfd.app.web.server import MESSAGE_BYTES, STATIC, Limits, create
+from dfd.app.web.tabs import Tabs
+
+if TYPE_CHECKING:
+    from dfd.editing.deformer import Deformer
+
+__all__ = ["DEFAULT_PORT", "Frame", "RunningApp", "check_built", "serve", "show"]
+
+DEFAULT_PORT = 8765
+FRAMES = ("http://localhost:*", "http://127.0.0.1:*")  # where notebooks are
+
+
+class RunningApp:
+    """A server on a thread of this process, until `stop`.
+
+    Parameters
+    ----------
+    options
+        What a new tab opens.
+    host, port
+        Where it listens; port 0 is any free one.
+    make_link
+        How sessions are reached where they are no processes of their own.
+    frames
+        Origins whose pages may show this one in a frame.
+    limits
+        What it takes.
+    static
+        The built page.
+
+    Raises
+    ------
+    OSError
+        If the port is taken, or the host is none of this machine's.
+    """
+
+    def __init__(
+        self,
+        options: SessionOptions,
+        *,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        make_link: Callable[[], Link] | None = None,
+        frames: tuple[str, ...] = (),
+        limits: Limits = Limits(),  # noqa: B008  # it never changes
+        static: Path = STATIC,
+    ) -> None:
+        self._socket = _listen(host, port)
+        self.host, self.port = host, int(self._socket.getsockname()[1])
+        self.rules = Rules(host=host, cookie=f"dfd-{self.port}", frames=frames)
+        self._root = Path(tempfile.mkdtemp(prefix="dfd-app-"))
+        self.tabs = Tabs(self._root, options, make_link)
+        config = uvicorn.Config(
+            create(self.tabs, self.rules, limits=limits, static=static),
+            ws="websockets-sansio",
+            ws_max_size=MESSAGE_BYTES,
+            ws_per_message_deflate=False,  # meshes would be compressed on the event loop, for seconds
+            log_level="warning",
+            access_log=False,
+            server_header=False,
+            timeout_graceful_shutdown=5,
+        )
+        self.server = uvicorn.Server(config)
+        self._thread: threading.Thread | None = None
+        self.loop: asyncio.AbstractEventLoop | None = None  # on which the server runs
+
+    @property
+    def url(self) -> str:
+        """The address with its token."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        if self.host in ("0.0.0.0", "::"):
+            host = socket.gethostname()
+        return f"http://{host}:{self.port}/?token={self.rules.token}"
+
+    def run(self) -> None:
+        """Serve until the process is asked to end; then nothing of any session stays behind."""
+        try:
+            asyncio.run(self._serve())
+        finally:
+            self._socket.close()
+            shutil.rmtree(self._root, ignore_errors=True)
+
+    async def _serve(self) -> None:
+        self.loop = asyncio.get_running_loop()
+        await self.server.serve(sockets=[self._socket])
+
+    def start(self) -> None:
+        """Serve on a thread, and return when requests are answered."""
+        self._thread = threading.Thread(target=self.run, name="dfd-app", daemon=True)
+        self._thread.start()
+        while not self.server.started and self._thread.is_alive():
+            self._thread.join(0.01)
+
+    def stop(self) -> None:
+        """End all sessions and the server."""
+        self.server.should_exit = True
+        if self._thread is not None:
+            self._thread.join()
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listening = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind((host, port))
+        listening.listen(128)
+    except OSError as error:
+        listening.close()
+        raise OSError(error.errno, f"{host}:{port} cannot be listened at: {error.strerror}") from None
+    return listening
+
+
+def check_built(static: Path = STATIC) -> None:
+    """Say what to do where the page was not built.
+
+    Raises
+    ------
+    FileNotFoundError
+        In one sentence.
+    """
+    if not (static / "index.html").is_file():
+        raise FileNotFoundError(
+            f"the page is not built: run `npm ci && npm run build` in {static.with_name('client')} (Node 20 or newer), "
+            "or install a released wheel"
+        )
+
+
+def serve(options: SessionOptions, *, host: str, port: int | None, browser: bool, tell: Callable[[str], None]) -> None:
+    """Run the app until it is interrupted; `tell` gets its address, in one line.
+
+    A `port` that is given is the one; otherwise it is the default one or, where that is taken, any free one.
+
+    Raises
+    ------
+    OSError
+        If the page was not built, or the port is taken.
+    """
+    check_built()
+    try:
+        app = RunningApp(options, host=host, port=DEFAULT_PORT if port is None else port)
+    except OSError:
+        if port is not None:
+            raise
+        app = RunningApp(options, host=host)
+    tell(app.url)
+    if browser and loopback(host):
+        with _opened(app.url):
+            app.run()
+    else:
+        app.run()
+
+
+@contextlib.contextmanager
+def _opened(url: str) -> Iterator[None]:
+    """Open a browser as soon as the server answers; without one, the printed address serves."""
+    timer = threading.Timer(0.5, lambda: webbrowser.open(url))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
+class Frame:
+    """The page in a cell of a notebook.
+
+    Parameters
+    ----------
+    app
+        The server, which runs as long as this process.
+    height
+        Of the frame, pixels.
+    """
+
+    def __init__(self, app: RunningApp, height: int) -> None:
+        self.app = app
+        self._height = height
+
+    @property
+    def url(self) -> str:
+        """The page's address, for a tab of its own."""
+        return self.app.url
+
+    def __repr__(self) -> str:
+        """The address, where there are no frames."""
+        return f"Frame({self.url})"
+
+    def _repr_html_(self) -> str:
+        # Browsers take localhost and 127.0.0.1 for two sites, and give no cookie to a frame of another site than the
+        # page: so the frame goes by the name that the notebook goes by.
+        address = html.escape(self.url)
+        name = f"dfd-{self.app.port}"
+        return (
+            f'<iframe id="{name}" src="{address}" width="100%" height="{self._height}" style="border:0"></iframe>'
+            f'<script>{{const frame = document.getElementById("{name}"), host = location.hostname;'
+            'if (host === "localhost") frame.src = frame.src.replace("127.0.0.1", host);}</script>'
+            f'<a href="{address}" target="_blank">Open in a tab</a>'
+        )
+
+
+def show(deformer: Deformer, *, height: int = 640) -> Frame:
+    """Show an editing session in a cell of a notebook, or at the address that `Frame.url` has: what is done there is
+    done to `deformer`.
+
+    Parameters
+    ----------
+    deformer
+        The session, which the page and the notebook then share; change it in one of them at a time.
+    height
+        Of the frame, pixels.
+
+    Raises
+    ------
+    OSError
+        If the page was not built.
+    """
+    check_built()
+    running = _SHOWN.get(id(deformer))
+    if running is None:
+        running = RunningApp(SessionOptions(), make_link=lambda: ThreadLink(deformer), frames=FRAMES)
+        running.start()
+        _SHOWN[id(deformer)] = running
+    return Frame(running, height)
+
+
+_SHOWN: dict[int, RunningApp] = {}

@@ -1,0 +1,157 @@
+"""How the server reaches a session: in a process of its own, or on a thread of this one."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import sys
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from dfd.app.options import SessionOptions
+from dfd.app.web.worker import BINARY, HEADER_BYTES, TEXT, Order, Start, frame, frame_length, order_frame
+
+if TYPE_CHECKING:
+    from dfd.editing.deformer import Deformer
+
+__all__ = ["Link", "ProcessLink", "ThreadLink"]
+
+READ_AHEAD = 4 << 20  # bytes of a session's messages that wait for a slow page
+GRACE = 3.0  # seconds that a session has to save and end
+
+
+class Link(Protocol):
+    """Messages to one session and from it; all methods belong to the event loop."""
+
+    async def start(self, folder: Path, options: SessionOptions, lock: Path | None) -> None:
+        """Begin, or go on in a folder where a session has been."""
+
+    async def send(self, text: str) -> None:
+        """Hand on a message of the page."""
+
+    async def order(self, order: Order) -> None:
+        """Hand on an order."""
+
+    async def receive(self) -> str | bytes | None:
+        """The next message for the page; None when the session has ended."""
+
+    async def close(self) -> None:
+        """Let it save and end; what does not end by itself is ended."""
+
+
+class ProcessLink:
+    """A session in a process of its own, which may be begun before anybody needs it."""
+
+    def __init__(self) -> None:
+        self._process: asyncio.subprocess.Process | None = None
+
+    async def prepare(self) -> None:
+        """Begin the process; it imports what takes seconds, and waits."""
+        if self._process is None:
+            self._process = await asyncio.create_subprocess_exec(
+                sys.executable,
+                "-m",
+                "dfd.app.web.worker",
+                stdin=asyncio.subprocess.PIPE,
+                stdout=asyncio.subprocess.PIPE,
+                limit=READ_AHEAD,
+            )
+
+    @property
+    def pid(self) -> int | None:
+        """Of the process."""
+        return None if self._process is None else self._process.pid
+
+    async def start(self, folder: Path, options: SessionOptions, lock: Path | None) -> None:
+        """Begin the session."""
+        await self.prepare()
+        await self.order(Start(folder=folder, options=options, lock=lock))
+
+    async def send(self, text: str) -> None:
+        """Hand on a message of the page."""
+        await self._write(frame(TEXT, text.encode()))
+
+    async def order(self, order: Order) -> None:
+        """Hand on an order."""
+        await self._write(order_frame(order))
+
+    async def _write(self, data: bytes) -> None:
+        assert self._process is not None
+        assert self._process.stdin is not None
+        with contextlib.suppress(ConnectionError):  # it has ended, as `receive` tells
+            self._process.stdin.write(data)
+            await self._process.stdin.drain()
+
+    async def receive(self) -> str | bytes | None:
+        """The next message for the page."""
+        assert self._process is not None
+        assert self._process.stdout is not None
+        try:
+            header = await self._process.stdout.readexactly(HEADER_BYTES)
+            data = await self._process.stdout.readexactly(frame_length(header))
+        except (asyncio.IncompleteReadError, ConnectionError):
+            await self._process.wait()
+            return None
+        return data if header[:1] == BINARY else data.decode()
+
+    async def close(self) -> None:
+        """Let it save and end."""
+        if self._process is None:
+            return
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+        try:
+            await asyncio.wait_for(self._process.wait(), GRACE)
+        except asyncio.TimeoutError:
+            with contextlib.suppress(ProcessLookupError):
+                self._process.kill()
+            await self._process.wait()
+
+
+class ThreadLink:
+    """The editing session that a notebook holds, on a thread of its process."""
+
+    def __init__(self, deformer: Deformer) -> None:
+        self._deformer = deformer
+        self._messages: asyncio.Queue[str | bytes | None] = asyncio.Queue()
+
+    async def start(self, folder: Path, options: SessionOptions, lock: Path | None) -> None:
+        """Begin."""
+        from dfd.app.session.session import Session
+        from dfd.app.web.loop import Loop
+
+        self._loop = Loop()
+        events = asyncio.get_running_loop()
+
+        def send(message: str | bytes | None) -> None:
+            with contextlib.suppress(RuntimeError):  # the server has ended
+                events.call_soon_threadsafe(self._messages.put_nowait, message)
+
+        session = Session(folder, options, send, self._loop.post, lock=lock, deformer=self._deformer)
+
+        self._loop.order(lambda session: session.guarded(0, session.begin))
+
+        def run() -> None:
+            self._loop.run(session)
+            send(None)
+
+        threading.Thread(target=run, name="dfd-session", daemon=True).start()
+
+    async def send(self, text: str) -> None:
+        """Hand on a message of the page."""
+        self._loop.page(text)
+
+    async def order(self, order: Order) -> None:
+        """Hand on an order."""
+        from dfd.app.web.worker import obey
+
+        self._loop.order(lambda session: obey(session, order))
+
+    async def receive(self) -> str | bytes | None:
+        """The next message for the page."""
+        return await self._messages.get()
+
+    async def close(self) -> None:
+        """Let it end."""
+        self._loop.end()

@@ -1,0 +1,32 @@
+"""Vectors of length 1."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["principal_directions", "unit"]
+
+
+def unit(rows: NDArray[np.floating], *, least: float = 0.0) -> NDArray[np.float64]:
+    """The rows (N, D) at length 1; those no longer than `least`, whose direction says nothing, become 0."""
+    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
+    result: NDArray[np.float64] = np.divide(
+        rows, lengths, out=np.zeros(np.shape(rows)), where=lengths > least, casting="same_kind"
+    )
+    return result
+
+
+Real = TypeVar("Real", np.float32, np.float64)
+
+
+def principal_directions(rows: NDArray[Real], count: int | None = None) -> NDArray[Real]:
+    """Return the directions of the largest moments of `rows` (N, D) about the origin, the largest first.
+
+    They are orthonormal rows (min(`count`, D), D), all of them where `count` is None. Rows from which their mean was
+    taken give the principal components.
+    """
+    axes: NDArray[Real] = np.linalg.eigh(rows.T @ rows)[1].T[::-1]
+    return np.ascontiguousarray(axes[:count])

@@ -1,0 +1,128 @@
+"""Fields of features that another network has given to the vertices of a mesh, or to points around it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike, NDArray
+from torch import Tensor, nn
+
+from dfd.common import check
+from dfd.common.progress import Stages
+from dfd.distillation.fit import fit
+from dfd.distillation.settings import DistillSettings
+from dfd.distillation.targets import Targets
+from dfd.field.cache_key import hash_arrays
+from dfd.field.field import Field
+from dfd.geometry.topology import face_areas
+from dfd.mesh.normalization import normalization
+
+if TYPE_CHECKING:
+    from dfd.mesh.mesh import Mesh
+
+__all__ = ["GivenFeatures", "distill_features"]
+
+_ROWS_AT_ONCE = 1 << 16  # to bound memory
+
+
+def distill_features(
+    given: GivenFeatures,
+    settings: DistillSettings,
+    *,
+    device: torch.device,
+    stages: Stages,
+) -> Field:
+    """Return the field that has the features that are `given`."""
+    field = fit(given, settings, center=given.center, scale=given.scale, device=device, stages=stages)
+    return field.with_settings({**settings.of_fit(), "features": given.kind, **field.settings})
+
+
+class GivenFeatures(Targets):
+    """Targets of a fit from features that are given.
+
+    Features of the vertices are blended with the barycentric coordinates of surface points that are drawn evenly by
+    area, as Eq. 2 blends positions; features of points are taken where they are.
+
+    Parameters
+    ----------
+    features
+        (V, D), a row a vertex, or the pair points (N, 3) in mesh units and their rows (N, D). Rows need not be of unit
+        length; only their directions count.
+
+    Raises
+    ------
+    ValueError
+        If an array has another shape, is not finite, a row is zero, or (for vertices) no face has an area.
+    """
+
+    def __init__(self, mesh: Mesh, features: ArrayLike | tuple[ArrayLike, ArrayLike]) -> None:
+        self.center, self.scale = normalization(mesh)
+        self.at_points = isinstance(features, tuple | list) and len(features) == 2  # no mesh has two vertices
+        if isinstance(features, tuple | list) and len(features) == 2:
+            at, rows = features
+            positions = check.array("distill", "points", at, ("N", 3), dtype=np.float64)
+            self.features = check.array("distill", "features", rows, ("N", "D"))
+            if len(positions) == 0 or len(positions) != len(self.features):
+                raise ValueError(
+                    f"distill: `features` must have a row for each of the points, "
+                    f"got {len(self.features)} rows for {len(positions)} points"
+                )
+        else:
+            positions = mesh.vertices
+            self.features = check.array("distill", "features", features, ("V", "D"))
+            if len(self.features) != len(positions):
+                remedy = "features of other points are given as (points, features)"
+                if len(self.features) == len(mesh.faces):
+                    remedy = "these may be those of its faces, which have as many: ask for those of vertices"
+                raise ValueError(
+                    f"distill: `features` must have shape ({len(positions)}, D), a row for each vertex of the mesh, "
+                    f"got {self.features.shape}; {remedy}"
+                )
+        if self.features.shape[1] == 0:
+            raise ValueError(f"distill: `features` must have at least one column, got {self.features.shape}")
+        self.dimension = int(self.features.shape[1])
+        for start in range(0, len(self.features), _ROWS_AT_ONCE):
+            zero = ~self.features[start : start + _ROWS_AT_ONCE].any(axis=1)
+            if zero.any():
+                row = start + int(zero.argmax())
+                raise ValueError(f"distill: `features` must have rows with a direction, got only zeros in row {row}")
+        self.points = ((positions - self.center) * self.scale).astype(np.float32)
+        self._rows, self._positions = torch.from_numpy(self.features), torch.from_numpy(self.points)
+        if not self.at_points:
+            self._faces = torch.tensor(mesh.faces)
+            self._area = torch.from_numpy(np.cumsum(face_areas(self.points, mesh.faces)))
+            if not float(self._area[-1]) > 0:
+                raise ValueError("distill: `mesh` must have a face with an area: features are fitted on the surface")
+
+    @property
+    def kind(self) -> Literal["points", "vertices"]:
+        """What has the features."""
+        return "points" if self.at_points else "vertices"
+
+    def sha256(self) -> str:
+        """Hash of what is given, 64 hexadecimal digits."""
+        return hash_arrays(self.points, self.features)
+
+    def rows(self, chosen: NDArray[np.integer]) -> NDArray[np.float32]:
+        """Unit rows (B, D) of those whose features are given."""
+        return _unit(self._rows[torch.from_numpy(chosen)]).numpy()
+
+    def draw(self, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+        """Points and targets at random; between vertices, where features are those of vertices."""
+        if self.at_points:
+            return super().draw(count, generator)
+        drawn = torch.rand(count, 3, generator=generator, dtype=torch.float64)
+        # The first face whose end lies beyond: one without area is never it.
+        face = torch.searchsorted(self._area, drawn[:, 0] * self._area[-1], right=True).clamp_(max=len(self._area) - 1)
+        corners = self._faces[face].long()
+        sqrt = drawn[:, 1].sqrt()
+        shares = torch.stack([1 - sqrt, sqrt * (1 - drawn[:, 2]), sqrt * drawn[:, 2]], dim=1).float().unsqueeze(2)
+        return (shares * self._positions[corners]).sum(dim=1), _unit((shares * _unit(self._rows[corners])).sum(dim=1))
+
+
+def _unit(rows: Tensor) -> Tensor:
+    """Rows at unit length, whatever their length was; zero where they cancelled out."""
+    largest = rows.abs().amax(dim=-1, keepdim=True).clamp_min_(torch.finfo(torch.float32).tiny)
+    return nn.functional.normalize(rows / largest, dim=-1)

@@ -1,0 +1,1 @@
+"""How much every vertex follows each handle."""

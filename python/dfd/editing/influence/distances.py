@@ -1,0 +1,95 @@
+"""Distances over the surface from a session's handles, and the falloff that they make (Eq. 7)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.editing.controls import Controls
+from dfd.editing.points import Place
+from dfd.geometry.limbs import Limb, limb_at
+from dfd.posing.transforms import Vector
+
+if TYPE_CHECKING:
+    from dfd.geometry.geodesics import Geodesics
+    from dfd.mesh.mesh import Mesh
+    from dfd.symmetry.plane import SymmetryPlane
+
+__all__ = ["Distances"]
+
+Float32 = NDArray[np.float32]
+Indices = NDArray[np.int64]
+
+
+class Distances:
+    """Rows of distances on one mesh, kept as long as a handle starts there."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._mesh = mesh
+        self._geodesics: dict[bool, Geodesics] = {}  # with bridges and without, once they are asked for
+        self._rows: dict[tuple[bool, int], Float32] = {}  # (V,) each, by whether there are bridges and its source
+        self._limbs: dict[int, Limb | None] = {}  # by the vertex
+        self._found: dict[Vector, int] = {}  # nearest vertices: every frame of a drag asks for the same ones
+
+    def sources(self, own: Indices, place: Place, symmetry: SymmetryPlane | None) -> tuple[int, ...]:
+        """The vertices from which the distances of a handle at `place`, with `own` vertices there, start.
+
+        With a plane, `symmetry`, from the handle's mirror image as well: a symmetric edit acts there too, and locality
+        that is measured from the handle alone undoes the symmetry.
+        """
+        sources = dict.fromkeys(own.tolist())
+        if symmetry is not None:
+            points = [place.position] if place.region is None else self._mesh.vertices[own]
+            for x, y, z in symmetry.reflect(points).tolist():
+                sources[self._nearest((x, y, z))] = None
+        return tuple(sources)
+
+    def falloff(self, sources: tuple[int, ...], controls: Controls, bridges: bool) -> tuple[Float32 | None, float]:
+        """(1, V) distances in [0, 1] and the exponent λ that make the falloff (1 − G)^λ of `controls`; or neither.
+
+        With a radius r, G is (d / r)² up to 1 and λ is 2: (1 − (d / r)²)², which is flat at the handle and at r, and
+        0 beyond it.
+        """
+        if not sources:
+            return None, 0.0
+        if controls.radius is None:
+            return self._nearest_of(sources, bridges)[None], controls.locality
+        in_radii = np.float32(self.geodesics(bridges).extent / controls.radius)
+        reached = np.minimum(self._nearest_of(sources, bridges) * in_radii, np.float32(1.0))
+        return np.square(reached)[None], 2.0
+
+    def limb(self, vertex: int) -> Limb | None:
+        """The limb at a vertex, or None where there is none."""
+        if vertex not in self._limbs:
+            geodesics = self.geodesics(True)
+            self._limbs[vertex] = limb_at(self._mesh, geodesics.extent * geodesics.distances([vertex])[0])
+        return self._limbs[vertex]
+
+    def keep(self, sources: set[int]) -> None:
+        """Forget the distances of handles that are gone: they are not worth their memory."""
+        self._rows = {key: row for key, row in self._rows.items() if key[1] in sources}
+
+    def _nearest_of(self, sources: tuple[int, ...], bridges: bool) -> Float32:
+        """(V,) distances in [0, 1] from the nearest of `sources`."""
+        for source in sources:
+            if (bridges, source) not in self._rows:
+                self._rows[bridges, source] = self.geodesics(bridges).distances([source])[0]
+        nearest, *others = (self._rows[bridges, source] for source in sources)
+        for other in others:
+            nearest = np.minimum(nearest, other)
+        return nearest
+
+    def _nearest(self, point: Vector) -> int:
+        if point not in self._found:
+            self._found[point] = int(np.linalg.norm(self._mesh.vertices - np.asarray(point), axis=1).argmin())
+        return self._found[point]
+
+    def geodesics(self, bridges: bool) -> Geodesics:
+        """Distances over the surface, and with `bridges` over small gaps."""
+        if bridges not in self._geodesics:
+            from dfd.geometry.geodesics import Geodesics  # built for those who ask for locality, and for nobody else
+
+            self._geodesics[bridges] = Geodesics(self._mesh, bridges=bridges)
+        return self._geodesics[bridges]

@@ -1,0 +1,178 @@
+"""What `dfd.bind` is told about places: vertices, or rows of features where one of them is no vertex."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.common import check
+from dfd.editing.influence.regions import Region, distances_from, members
+from dfd.editing.points import Place
+from dfd.field.on_mesh import FieldOnMesh
+from dfd.weights.compact import CompactFeatures, compact
+
+if TYPE_CHECKING:
+    from dfd.field.field import Field
+    from dfd.mesh.mesh import Mesh
+
+__all__ = ["VertexRows"]
+
+# As many vertices as `compact` would judge by: up to there it takes longer than it saves.
+MOST_EXACT = 16_384
+# A region weighs by so many of its members, those whose features differ most, chosen among so many.
+MOST_REPRESENTATIVES, MOST_CANDIDATES = 32, 2048
+
+Float32 = NDArray[np.float32]
+Indices = NDArray[np.int64]
+
+
+class VertexRows:
+    """The features of one mesh's vertices, in full or compact, and of points and regions among them."""
+
+    def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
+        """Keep (V, D) `features`, or ask the field when they are first needed.
+
+        Raises
+        ------
+        ValueError
+            If `features` is not finite or not one row of the field's width per vertex.
+        """
+        self._mesh = mesh
+        self._field = field
+        self._on_mesh = FieldOnMesh(field, mesh)
+        self._features = None if features is None else _checked(features, (len(mesh.vertices), field.dimension))
+        self._members: dict[Region, Indices] = {}
+        self._representatives: dict[Region, Indices] = {}
+
+    @property
+    def features(self) -> Float32 | CompactFeatures:
+        """(V, D) features of the vertices: in full up to 16,384 vertices, compact beyond, or what was given."""
+        self.prepare()
+        assert self._features is not None
+        return self._features
+
+    def prepare(self, progress: Callable[[int], object] | None = None) -> None:
+        """Ask the field for the features, unless they are there; `progress` hears how many further rows are done."""
+        if self._features is not None:
+            return
+        if len(self._mesh.vertices) > MOST_EXACT:
+            self._features = compact(self._on_mesh, progress=progress)
+        else:
+            self._features = self._field.features(self._mesh)
+            if progress is not None:
+                progress(len(self._features))
+
+    def members_of(self, region: Region) -> Indices:
+        """(N,) the vertices of a region."""
+        if region not in self._members:
+            self._members[region] = members(self._mesh, region)
+        return self._members[region]
+
+    def inside(self, region: Region, width: float) -> Float32:
+        """(V,) 1 in a region and 0 beyond it, falling smoothly over `width`, mesh units."""
+        inside = np.zeros(len(self._mesh.vertices), np.float32)
+        if width == 0.0:
+            inside[self.members_of(region)] = 1.0
+            return inside
+        left = np.maximum(1.0 - distances_from(self._mesh, region) / width, 0.0)
+        return (left * left * (3.0 - 2.0 * left)).astype(np.float32)
+
+    def members(self, place: Place) -> Indices:
+        """(N,) the vertices of a place that is a region."""
+        assert place.region is not None
+        return self.members_of(place.region)
+
+    def representatives(self, place: Place) -> Indices:
+        """(N ≤ 32,) those members of a region whose features differ most from one another."""
+        assert place.region is not None
+        if place.region not in self._representatives:
+            chosen = self.members(place)
+            candidates = chosen[:: -(-len(chosen) // MOST_CANDIDATES)]
+            kept = _farthest_apart(self._vertex_rows(candidates), MOST_REPRESENTATIVES)
+            self._representatives[place.region] = candidates[kept]
+        return self._representatives[place.region]
+
+    def vertices(self, place: Place) -> Indices:
+        """(N,) the vertices that stand for a place: itself, the nearest one, or the representatives of a region."""
+        if place.region is not None:
+            return self.representatives(place)
+        if place.vertex is not None:
+            return np.array([place.vertex])
+        return np.array([np.linalg.norm(self._mesh.vertices - np.asarray(place.position), axis=1).argmin()])
+
+    def anchor(self, place: Place) -> int:
+        """The vertex at a place: itself, the nearest one, or the member of a region nearest to its center."""
+        if place.region is None:
+            return int(self.vertices(place)[0])
+        chosen = self.members(place)
+        return int(chosen[np.linalg.norm(self._mesh.vertices[chosen] - np.asarray(place.position), axis=1).argmin()])
+
+    def holds(self, place: Place, other: Place) -> bool:
+        """Whether `place` is a region to which all of `other` belongs."""
+        if place.region is None or (other.vertex is None and other.region is None):
+            return False
+        inner = np.array([other.vertex]) if other.region is None else self.members(other)
+        return bool(np.isin(inner, self.members(place)).all())
+
+    def points(self, places: Sequence[Place]) -> Any:
+        """What `bind` takes for places: (N,) vertices, (N, D) features where one is no vertex, or a list of regions."""
+        if any(place.region is not None for place in places):
+            return [self._point(place) for place in places]
+        vertices = np.array([-1 if place.vertex is None else place.vertex for place in places], np.int64)
+        return vertices if (vertices >= 0).all() else self.of(places)
+
+    def _point(self, place: Place) -> Indices | Float32:
+        """One item of a list of regions."""
+        if place.region is not None:
+            return self.representatives(place)
+        return self.of([place]) if place.vertex is None else np.array([place.vertex])
+
+    def of(self, places: Sequence[Place]) -> Float32:
+        """(N, D) features of places, several for a region."""
+        vertices = self._vertices(places)
+        known = vertices >= 0
+        rows = np.empty((len(vertices), self._field.dimension), np.float32)
+        if not known.all():
+            positions = [place.position for place in places if place.vertex is None and place.region is None]
+            rows[~known] = self._on_mesh.at(np.array(positions))
+        rows[known] = self._vertex_rows(vertices[known])
+        return rows
+
+    def _vertices(self, places: Sequence[Place]) -> Indices:
+        """(N,) vertices, −1 for a point of space."""
+        parts = [
+            np.array([-1 if place.vertex is None else place.vertex])
+            if place.region is None
+            else self.representatives(place)
+            for place in places
+        ]
+        return np.concatenate(parts) if parts else np.zeros(0, np.int64)
+
+    def _vertex_rows(self, vertices: Indices) -> Float32:
+        """(N, D) features of vertices; a few are asked of the field while those of all are not there."""
+        if self._features is None:
+            return self._on_mesh.rows(vertices)
+        if isinstance(self._features, CompactFeatures):
+            return self._features.rows(vertices)
+        return self._features[vertices]
+
+
+def _farthest_apart(rows: Float32, most: int) -> Indices:
+    """(N ≤ most,) indices of `rows`, each the farthest from those before it, until all that is left is the same."""
+    chosen = [0]
+    nearest = np.linalg.norm(rows - rows[0], axis=1)
+    while len(chosen) < most and nearest.max() > 0:
+        chosen.append(int(nearest.argmax()))
+        nearest = np.minimum(nearest, np.linalg.norm(rows - rows[chosen[-1]], axis=1))
+    return np.array(chosen)
+
+
+def _checked(features: Any, shape: tuple[int, int]) -> Float32 | CompactFeatures:
+    if not isinstance(features, CompactFeatures):
+        return check.array("Deformer", "features", features, shape)
+    if features.shape != shape:
+        raise ValueError(f"Deformer: `features` must have shape {shape}, got {features.shape}")
+    return features

@@ -1,0 +1,351 @@
+"""The weights of a session's handles: kept as long as what they depend on stays, bound when it does not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.editing.columns import Columns
+from dfd.editing.controls import Controls, Overlap
+from dfd.editing.edit import Edit, Fixed, Handle
+from dfd.editing.influence.distances import Distances
+from dfd.editing.influence.handle_features import VertexRows
+from dfd.editing.influence.instance_weights import Column, InstanceColumns, followed_by, interpolating_columns
+from dfd.editing.influence.instances import Instance, SurfaceAxes
+from dfd.editing.points import Place
+from dfd.posing.transforms import Along, Frame
+from dfd.weights.bind import bind
+from dfd.weights.compact import CompactFeatures
+from dfd.weights.reach import auto_reach
+
+if TYPE_CHECKING:
+    from dfd.editing.influence.instances import InstanceFinder
+    from dfd.field.field import Field
+    from dfd.mesh.mesh import Mesh
+    from dfd.symmetry.plane import SymmetryPlane
+
+__all__ = ["HandleWeights"]
+
+# Of a handle's weight that fixed points leave at the handle itself: with less, dividing by it makes noise of the rest.
+LEAST_LEFT = 0.01
+LEAST_COUNTED = 0.35  # of the most that the handle itself moves: what follows less is no like of it to people
+# Of the largest singular value of the weights among handles: below, they no longer say which handle moves what.
+SINGULAR = 1e-4
+
+Float32 = NDArray[np.float32]
+
+
+class Key(NamedTuple):
+    """What a column of weights depends on, besides the fixed points."""
+
+    place: Place
+    controls: Controls  # those that shape the column
+    sources: tuple[int, ...]  # the vertices where its distances start; none where it has no use for any
+    bridges: bool  # whether those cross small gaps
+
+
+class HandleWeights:
+    """Weights on one mesh, a contiguous column per handle.
+
+    A handle that only moves keeps its column; a new one is bound behind the others, which are not touched; when one
+    goes, those behind it move up; new fixed points cost all of them.
+
+    Parameters
+    ----------
+    mesh, field
+        The shape, and the field that is asked for features.
+    features
+        (V, D) features of the vertices, in full or compact; None asks the field when they are first needed.
+
+    Raises
+    ------
+    ValueError
+        If `features` is not finite or not one row of the field's width per vertex.
+    """
+
+    def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
+        self._mesh = mesh
+        self._rows = VertexRows(mesh, field, features)
+        self._distances = Distances(mesh)
+        self._axes = SurfaceAxes(mesh, self._distances)
+        self._instances = InstanceColumns(mesh, field, self._axes)
+        self._columns = Columns(len(mesh.vertices))
+        self._keys: list[Key] = []
+        self._fixed: tuple[Fixed, ...] = ()
+        self._arrive = True
+        self._given: Float32 | None = None  # what `of` gave out last, as long as it holds
+        self._held: Float32 | None = None  # (V,) what the fixed points take away, as long as they stay
+        self._mixed: tuple[Float32, Float32] | None = None  # columns, and what makes their handles land exactly
+        self._reaches: dict[Place, float] = {}
+
+    @property
+    def features(self) -> Float32 | CompactFeatures:
+        """(V, D) features of the vertices: in full up to 16,384 vertices, compact beyond, or what was given."""
+        return self._rows.features
+
+    def prepare(self, progress: Callable[[int], object] | None = None) -> None:
+        """Ask the field for the features, unless they are there; `progress` hears how many further rows are done."""
+        self._rows.prepare(progress)
+
+    def asked(self, place: Place) -> Any:
+        """What `dfd.bind` takes for a place: a vertex, a row of features, or a region."""
+        return self._rows.points([place])
+
+    @property
+    def finder(self) -> InstanceFinder:
+        """What finds instances on the mesh."""
+        return self._instances.finder
+
+    def prepare_instances(self, planes: Sequence[SymmetryPlane]) -> None:
+        """Compute what the first handle with instances would wait for, seconds for a million faces.
+
+        `planes` are those that `symmetry_planes` finds. It may run on another thread than the rest.
+        """
+        self._instances.prepare(planes)
+
+    def of(self, edit: Edit) -> Float32:
+        """(V, H) weights of the handles of `edit`, in their order; read-only, and nothing that follows changes it."""
+        self._follow(edit)
+        if self._given is None:
+            self._given = self._columns.given(len(self._keys))
+        return self._given
+
+    def columns(self, edit: Edit) -> tuple[Float32, tuple[Column, ...]]:
+        """(V, C) how much vertices follow, and which handle and instance each column is of: one or more per handle."""
+        self._follow(edit)
+        return self._instances.of(edit, self._columns.between(0, len(self._keys)), self._keys, self._rows)
+
+    def posing(self, edit: Edit) -> tuple[Float32, tuple[Column, ...], Overlap]:
+        """(V, C) weights to pose with, what each column is of, and the overlap that `dfd.pose` is to take them with.
+
+        Those of handles whose instances are told apart are interpolating already: instances of several handles may
+        stand at one vertex, and only the handles themselves have to arrive.
+        """
+        weights, columns = self.columns(edit)
+        if edit.overlap != "interpolate" or all(column.instance is None for column in columns):
+            return weights, columns, edit.overlap
+        if self._mixed is None or self._mixed[0] is not weights:
+            self._mixed = weights, interpolating_columns(weights, columns, self._anchors(edit))
+        return self._mixed[1], columns, "add"
+
+    def following(self, edit: Edit) -> Float32:
+        """(V, H) how much vertices follow each handle, over all of its instances."""
+        weights, columns = self.columns(edit)
+        return followed_by(weights, columns, len(edit.handles))
+
+    def instances(self, edit: Edit, handle: Handle) -> list[tuple[Instance, bool]]:
+        """The places that look like the one a handle holds, its own first, and whether each moves with it."""
+        found = self._instances.instances(handle, self._rows, edit.symmetry)
+        return list(zip(found, self._instances.switches(handle, found, self._rows), strict=True))
+
+    def instance_counts(self, edit: Edit) -> list[int]:
+        """(H,) how many instances pose each handle; those that hardly move with it do not count."""
+        weights, columns = self.columns(edit)
+        most = weights.max(axis=0, initial=0.0)
+        own = [
+            max((most[i] for i, column in enumerate(columns) if column.handle == h), default=0.0)
+            for h in range(len(edit.handles))
+        ]
+        follows = [
+            column.handle
+            for column, top in zip(columns, most, strict=True)
+            if top >= LEAST_COUNTED * own[column.handle]
+        ]
+        return [max(follows.count(h), 1) for h in range(len(edit.handles))]
+
+    def anchor(self, handle: Handle) -> int:
+        """The vertex by which a handle is judged: its own, the nearest one, or that in the middle of its region."""
+        return self._rows.anchor(handle.place)
+
+    def reach(self, handle: Handle) -> float:
+        """The number that the handle's `reach` is."""
+        return self._reach(handle.place, handle.controls)
+
+    def locality(self, edit: Edit, handle: Handle) -> tuple[tuple[int, ...], Float32 | None, float]:
+        """Where the distances over the surface of a handle start, (V,) those in [0, 1] or None, and λ of Eq. 7."""
+        key = self._key(handle, edit)
+        distances, power = self._distances.falloff(key.sources, key.controls, key.bridges)
+        return key.sources, None if distances is None else distances[0], power
+
+    def axes(self, place: Place, along: Along) -> Frame | None:
+        """Three axes whose third runs along the surface's normal or the limb at a place, as `SurfaceAxes.at`."""
+        return self._axes.at(self._rows.anchor(place), along)
+
+    def held(self, edit: Edit) -> Float32:
+        """(V,) max_p s_p W_p of Eq. 6: what the fixed points of `edit` take away."""
+        self._follow(edit)
+        return self._held_weights()
+
+    def gain(self, edit: Edit, handle: Handle) -> float:
+        """What a handle's weights are multiplied by so that it arrives in spite of fixed points (`Deformer.arrive`)."""
+        if not edit.fixed or not edit.arrive:
+            return 1.0
+        vertex = handle.place.vertex
+        left = self.left(edit, handle) if vertex is None else 1.0 - float(self.held(edit)[vertex])
+        return 1.0 / left if left >= LEAST_LEFT else 1.0
+
+    def left(self, edit: Edit, handle: Handle) -> float:
+        """What the fixed points of `edit` leave of the weight of `handle` at the handle itself, in [0, 1] (Eq. 6)."""
+        held = 0.0
+        own = self._rows.of([handle.place])
+        for fixed in edit.fixed:
+            if self._rows.holds(fixed.place, handle.place):
+                held = max(held, fixed.strength)
+            apart = np.linalg.norm(own[:, None] - self._rows.of([fixed.place])[None], axis=2)
+            held = max(held, fixed.strength * (1.0 - float(apart.min(axis=1).max())))
+        return 1.0 - held
+
+    def check_arrivals(self, edit: Edit) -> None:
+        """Refuse an edit whose handles cannot arrive.
+
+        Raises
+        ------
+        ValueError
+            If fixed points leave nothing of a handle at the handle itself.
+        """
+        if not edit.arrive or not edit.fixed:
+            return
+        for handle in edit.handles:
+            left = self.left(edit, handle)
+            if left < LEAST_LEFT:
+                raise ValueError(
+                    f"`fixed` must leave something of handle {handle.id} at {handle.place}, but leaves {left:.2g}: "
+                    "what is fixed looks just like it; lower its strength, or fix something else"
+                )
+
+    def among(self, edit: Edit, weights: Float32) -> NDArray[np.float64]:
+        """(H, H) of `weights` (V, H), row j at the vertex of handle j."""
+        return weights[self._anchors(edit)].astype(np.float64)
+
+    def check_interpolation(self, edit: Edit) -> None:
+        """Refuse an edit whose handles cannot all land where they are sent.
+
+        Raises
+        ------
+        ValueError
+            If `overlap` is "interpolate" and two handles have the same weights everywhere among handles.
+        """
+        if edit.overlap != "interpolate" or len(edit.handles) < 2:
+            return
+        among = self.among(edit, self.following(edit))
+        left, sizes, _ = np.linalg.svd(among)
+        if sizes[-1] <= SINGULAR * sizes[0]:
+            first, second = sorted(np.argsort(-np.abs(left[:, -1]), kind="stable")[:2].tolist())
+            one, other = edit.handles[first], edit.handles[second]
+            raise ValueError(
+                f"`overlap` cannot be 'interpolate': handle {one.id} at {one.place} and handle {other.id} at "
+                f"{other.place} look the same and cannot both arrive"
+            )
+
+    def _anchors(self, edit: Edit) -> NDArray[np.int64]:
+        return np.array([self.anchor(handle) for handle in edit.handles], np.int64)
+
+    def _follow(self, edit: Edit) -> None:
+        """Have a column for each handle of `edit`, in their order."""
+        if (edit.fixed, edit.arrive) != (self._fixed, self._arrive):
+            self._keys, self._held, self._fixed, self._arrive = [], None, edit.fixed, edit.arrive
+        keys = [self._key(handle, edit) for handle in edit.handles]
+        if keys == self._keys:
+            return
+        column_of = {key: column for column, key in enumerate(self._keys)}
+        self._keys, self._given = [], None  # were binding to fail now, all are bound anew
+        self._columns = self._columns.rearranged([column_of.get(key) for key in keys])
+        runs: list[list[int]] = []  # of neighbors that one call can bind
+        for column, key in enumerate(keys):
+            if key in column_of:
+                continue
+            if runs and runs[-1][-1] == column - 1 and _alike(keys[column - 1], key):
+                runs[-1].append(column)
+            else:
+                runs.append([column])
+        for run in runs:
+            self._bind([keys[column] for column in run], self._columns.between(run[0], run[-1] + 1))
+        self._keys = keys
+        self._distances.keep({source for key in keys for source in key.sources})
+
+    def _key(self, handle: Handle, edit: Edit) -> Key:
+        controls = handle.controls.of_column
+        near = controls.locality > 0 or controls.radius is not None
+        plane = edit.symmetry if edit.mirrored_locality else None
+        sources = self._distances.sources(self._rows.vertices(handle.place), handle.place, plane) if near else ()
+        return Key(handle.place, controls, sources, edit.bridges and near)
+
+    def _bind(self, keys: Sequence[Key], out: Float32) -> None:
+        """Weights (V, N) of `keys`, all `_alike`, to `out` (Eq. 4 to 7)."""
+        geodesic, locality = self._distances.falloff(keys[0].sources, keys[0].controls, keys[0].bridges)
+        reaches = [self._reach(key.place, key.controls) for key in keys]
+        bind(
+            self.features,
+            self._rows.points([key.place for key in keys]),
+            fixed=self._rows.points([fixed.place for fixed in self._fixed]) if self._fixed else None,
+            strength=[fixed.strength for fixed in self._fixed] if self._fixed else None,
+            geodesic=geodesic,
+            locality=locality,
+            reach=1.0 if reaches == [1.0] * len(keys) else reaches,
+            falloff=keys[0].controls.falloff,
+            out=out,
+        )
+        for key, column in zip(keys, out.T, strict=True):
+            self._finish(key, column)
+
+    def _finish(self, key: Key, column: Float32) -> None:
+        """What a column is beyond Eq. 4 to 7: regions whole, arrival, strength and limits.
+
+        A region weighs by members that stand for it; here all of them count as the nearest.
+        """
+        if key.place.region is not None:
+            own = self._rows.members(key.place)
+            free = 1.0 - self._held_weights()[own] if self._fixed else np.float32(1.0)
+            column[own] = np.maximum(column[own], free)
+        for fixed in self._fixed:
+            if fixed.place.region is not None:
+                held = self._rows.members(fixed.place)
+                column[held] = np.minimum(column[held], 1.0 - fixed.strength)
+        if self._fixed and self._arrive:
+            left = self._left_of(key, column)
+            if left >= LEAST_LEFT:
+                np.minimum(column / np.float32(left), 1.0, out=column)
+        if key.controls.strength < 1.0:
+            column *= np.float32(key.controls.strength)
+        if key.controls.within is not None:
+            column *= self._rows.inside(key.controls.within, key.controls.within_width)
+
+    def _left_of(self, key: Key, column: Float32) -> float:
+        """What is left at the handle of its own column."""
+        if key.place.vertex is not None:
+            return float(column[key.place.vertex])
+        if key.place.region is not None:
+            return float(column[self._rows.members(key.place)].max())
+        return self.left(Edit(fixed=self._fixed), Handle(1, key.place))
+
+    def _held_weights(self) -> Float32:
+        """(V,) max_p s_p W_p of Eq. 6: what the fixed points take away."""
+        if self._held is None:
+            self._held = np.zeros(len(self._mesh.vertices), np.float32)
+            one = np.empty((len(self._held), 1), np.float32, order="F")
+            for fixed in self._fixed:
+                bind(self.features, self._rows.points([fixed.place]), out=one)
+                np.maximum(self._held, np.float32(fixed.strength) * one[:, 0], out=self._held)
+                if fixed.place.region is not None:
+                    held = self._rows.members(fixed.place)
+                    self._held[held] = np.maximum(self._held[held], np.float32(fixed.strength))
+        return self._held
+
+    def _reach(self, place: Place, controls: Controls) -> float:
+        if not isinstance(controls.reach, str):
+            return controls.reach
+        if place not in self._reaches:
+            # With twice the paper's reach, no distance of unit features is cut off.
+            weights = bind(self.features, self._rows.points([place]), reach=2.0)
+            self._reaches[place] = auto_reach(2.0 * (1.0 - weights[:, 0]))
+        return self._reaches[place]
+
+
+def _alike(one: Key, other: Key) -> bool:
+    """Whether one call binds both: vertices and points are told to it in two ways, and distances only take memory."""
+    kinds = (one.place.vertex is None) == (other.place.vertex is None)
+    same_falloff = one.controls.falloff == other.controls.falloff
+    return kinds and same_falloff and not one.sources and not other.sources

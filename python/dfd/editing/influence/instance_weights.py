@@ -1,0 +1,225 @@
+"""Columns to pose with: one for each handle, or one for each instance of what it holds."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Hashable, Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.editing.edit import Edit, Handle
+from dfd.editing.influence.instances import LEAST_ALIKE, Instance, InstanceFinder, SurfaceAxes
+from dfd.geometry.coarse import Share
+from dfd.posing.overlap import interpolating
+from dfd.posing.transforms import Vector
+from dfd.symmetry.search import symmetry_planes
+from dfd.weights.bind import bind
+
+if TYPE_CHECKING:
+    from dfd.editing.influence.handle_features import VertexRows
+    from dfd.field.field import Field
+    from dfd.mesh.mesh import Mesh
+    from dfd.symmetry.plane import SymmetryPlane
+
+__all__ = ["Column", "InstanceColumns", "followed_by", "interpolating_columns"]
+
+LEAST_LEVELED = 0.01  # of the handle's own weight: an instance that follows less is not brought to it
+
+Float32 = NDArray[np.float32]
+Portion = tuple[Instance | None, float]  # what an instance, or all, has of a handle's weights, times a gain
+
+
+class Column(NamedTuple):
+    """What a column of weights belongs to."""
+
+    handle: int  # which of the edit's handles
+    instance: Instance | None  # None where the handle's transform acts as it is
+    gain: float = 1.0  # the column is the handle's, times the instance's share, times this
+
+    def matrix(self, handle: Handle) -> NDArray[np.float64]:
+        """The (3, 4) transform of the column, mesh units: the handle's own, carried into the instance's frame."""
+        if self.instance is None:
+            return handle.matrix
+        return self.instance.transform(handle.matrix, handle.place.position)
+
+    def vertex(self, anchor: int) -> int:
+        """The vertex where it is held; `anchor` is that of the handle."""
+        return anchor if self.instance is None else self.instance.vertex
+
+    def position(self, handle: Handle) -> Vector:
+        """(3,) where what it holds is, mesh units: it tells its side of a plane of symmetry."""
+        return handle.place.position if self.instance is None else self.instance.position
+
+
+class InstanceColumns:
+    """The columns of one mesh, kept as long as what they depend on stays."""
+
+    def __init__(self, mesh: Mesh, field: Field, axes: SurfaceAxes) -> None:
+        self._mesh = mesh
+        self._field = field
+        self._axes = axes
+        self._finder = InstanceFinder(mesh)
+        self._found: dict[Hashable, tuple[Instance, ...]] = {}
+        self._key: Hashable = None
+        self._made: tuple[Float32, tuple[Column, ...]] | None = None
+
+    @property
+    def finder(self) -> InstanceFinder:
+        """What finds instances on the mesh."""
+        return self._finder
+
+    def prepare(self, planes: Sequence[SymmetryPlane]) -> None:
+        """Have ready what the first handle would wait for; `planes` are those that `symmetry_planes` finds."""
+        self._planes = list(planes)
+        self._finder.prepare()
+
+    def of(
+        self, edit: Edit, weights: Float32, keys: Sequence[Hashable], rows: VertexRows
+    ) -> tuple[Float32, tuple[Column, ...]]:
+        """(V, C) how much vertices follow, and what each column is of.
+
+        `weights` (V, H) are those of the handles, `keys` (H) all that these depend on but for the fixed points.
+        """
+        if not any(_told_apart(handle) for handle in edit.handles):
+            return weights, tuple(Column(i, None) for i in range(len(edit.handles)))
+        about = (edit.fixed, edit.arrive, edit.symmetry)
+        wanted = [_wanted(handle) for handle in edit.handles]
+        key = (about, tuple(zip(keys, wanted, strict=True)))
+        if self._made is None or key != self._key:
+            self._made = None  # to make room
+            found: dict[Hashable, tuple[Instance, ...]] = {}
+            parts: list[list[Portion]] = []
+            columns: list[Column] = []
+            for i, handle in enumerate(edit.handles):
+                instances: tuple[Instance, ...] = ()
+                if _told_apart(handle):
+                    instances = self.instances(handle, rows, edit.symmetry)
+                    found[handle.place, edit.symmetry] = instances
+                    instances = self._axes.turned(handle, rows.anchor(handle.place), instances)
+                own = self._parts(handle, weights[:, i], instances, rows)
+                apart = bool(instances) and handle.controls.instances != "together"
+                parts += [[part] for part in own] if apart else [own]
+                columns += [Column(i, *part) for part in own] if apart else [Column(i, None)]
+            made = np.zeros((len(columns), len(weights)), np.float32)
+            for out, column, added in zip(made, columns, parts, strict=True):
+                for part in added:
+                    out += _weights_of(part, weights[:, column.handle])
+                if column.instance is None:
+                    np.minimum(out, np.float32(1.0), out=out)
+            self._found = found
+            self._made, self._key = (made.T, tuple(columns)), key
+        return self._made
+
+    def switches(self, handle: Handle, instances: Sequence[Instance], rows: VertexRows) -> list[bool]:
+        """Which of a handle's instances are on: off are those that have the most of a place in `without_instances`.
+
+        Its own always is.
+        """
+        on = [True] * len(instances)
+        for place in handle.controls.without_instances:
+            here = rows.anchor(place)
+            most = int(np.argmax([one.share_at(here) for one in instances]))
+            on[most] = most == 0
+        return on
+
+    def instances(self, handle: Handle, rows: VertexRows, symmetry: SymmetryPlane | None) -> tuple[Instance, ...]:
+        """The instances of what a handle holds, by looks alone, mirrored across planes that were chosen or found."""
+        key = (handle.place, symmetry)
+        if key in self._found:
+            return self._found[key]
+        looks: Float32 = bind(rows.features, rows.points([handle.place]))[:, 0]
+        planes = self._planes if symmetry is None else [symmetry]
+        held = None if handle.place.region is None else rows.members(handle.place)
+        return self._finder.find(looks, rows.anchor(handle.place), handle.place.position, held=held, planes=planes)
+
+    def _parts(
+        self, handle: Handle, weights: Float32, instances: Sequence[Instance], rows: VertexRows
+    ) -> list[Portion]:
+        """What of a handle's weights moves: all, or its instances that are on."""
+        controls = handle.controls
+        if not instances:
+            return [(None, 1.0)]
+        if controls.instances == "only":
+            return [(instances[0], 1.0)]
+        gains = [1.0] * len(instances)
+        if controls.level:
+            instances, gains = _leveled(weights, instances)
+        on = self.switches(handle, instances, rows)
+        return [(one, gain) for one, gain, is_on in zip(instances, gains, on, strict=True) if is_on]
+
+    @cached_property
+    def _planes(self) -> list[SymmetryPlane]:
+        return symmetry_planes(self._field, self._mesh)
+
+
+def interpolating_columns(weights: Float32, columns: tuple[Column, ...], anchors: NDArray[np.int64]) -> Float32:
+    """(V, C) columns under which each of H handles alone decides where its vertex of `anchors` (H,) lands.
+
+    What follows a handle in `weights` (V, C) is handed out to all of them, by the inverse of how much their vertices
+    follow each, and each one's part to its own instances by their shares.
+    """
+    followed = followed_by(weights, columns, len(anchors))
+    mixed = followed @ interpolating("Deformer", followed[anchors].astype(np.float64)).astype(np.float32)
+    counts = Counter(column.handle for column in columns)
+    result = np.empty((len(columns), len(weights)), np.float32)
+    for out, column in zip(result, columns, strict=True):
+        out[:] = mixed[:, column.handle]
+        share = None if counts[column.handle] == 1 or column.instance is None else column.instance.share
+        if share is not None:
+            out *= share
+    return result.T
+
+
+def followed_by(weights: Float32, columns: tuple[Column, ...], count: int) -> Float32:
+    """(V, H) how much vertices follow each of `count` handles, from the columns (V, C) of all."""
+    followed = np.zeros((len(weights), count), np.float32)
+    for index, column in enumerate(columns):
+        followed[:, column.handle] += weights[:, index]
+    return followed
+
+
+def _wanted(handle: Handle) -> Hashable:
+    """What of a handle its columns depend on, besides its weights."""
+    controls, transform = handle.controls, handle.transform
+    axes = transform.axes if transform.along is not None else None
+    return controls.instances, controls.level, controls.without_instances, transform.along, axes
+
+
+def _told_apart(handle: Handle) -> bool:
+    """Whether a handle has use for its instances."""
+    controls = handle.controls
+    return controls.instances != "together" or controls.level or controls.without_instances != ()
+
+
+def _weights_of(part: Portion, weights: Float32) -> Float32:
+    """What of the weights (V,) of a handle is a part's."""
+    instance, gain = part
+    share = None if instance is None else instance.share
+    own = weights if share is None else weights * share
+    return own if gain == 1.0 else own * np.float32(gain)
+
+
+def _leveled(weights: Float32, instances: Sequence[Instance]) -> tuple[list[Instance], list[float]]:
+    """Instances with gains by which each follows as much as the handle's own.
+
+    Where gains add up to more weight than there is anywhere, between two instances, their shares are less.
+    """
+    tops = [float(weights[one.vertex]) for one in instances]
+    alike = [one.weight >= LEAST_ALIKE and tops[i] >= LEAST_LEVELED * tops[0] > 0 for i, one in enumerate(instances)]
+    gains = [tops[0] / top if is_alike else 1.0 for top, is_alike in zip(tops, alike, strict=True)]
+    total = np.zeros(len(weights), np.float32)
+    for part in zip(instances, gains, strict=True):
+        total += _weights_of(part, weights)
+    most = weights.max(initial=0.0)
+    if (total <= most).all():
+        return list(instances), gains
+    less = np.divide(most, total, out=np.ones_like(total), where=total > most)
+
+    def lessened(share_of: Share | None) -> Share:
+        return lambda some: less[some] if share_of is None else share_of(some) * less[some]
+
+    return [replace(one, share_of=lessened(one.share_of)) for one in instances], gains

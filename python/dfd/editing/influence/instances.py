@@ -1,0 +1,421 @@
+"""Instances of a handle: the places of a shape that look like the one it holds, each with a pivot and a frame.
+
+The weight of a handle has a peak at the handle, one on every other leg, and low ones wherever something resembles it
+from afar. A peak counts by its persistence, how deep the weight falls before higher ground is reached along the surface
+(Edelsbrunner, Letscher and Zomorodian, "Topological persistence and simplification", 2002): ripples on one leg are no
+legs. Turned or scaled about the one pivot of the handle, what lies far from it would swing and fly; each instance moves
+about its own counterpart of the pivot instead, mirrored where a plane of symmetry relates it to the handle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from dfd.editing.edit import Handle
+from dfd.editing.influence.distances import Distances
+from dfd.geometry.coarse import Nodes, Share
+from dfd.posing.transforms import Along, Frame, frame_of_normal
+
+if TYPE_CHECKING:
+    from dfd.mesh.mesh import Mesh
+    from dfd.symmetry.plane import SymmetryPlane
+
+__all__ = ["LEAST_ALIKE", "Instance", "InstanceFinder", "SurfaceAxes"]
+
+LEAST_PERSISTENCE = 0.05  # of weight: below, the field's own ripples have peaks
+LEAST_WEIGHT = 0.075  # of a peak; lower ones go with the instance that is nearest, on whose lever they would swing
+LEAST_ALIKE = 0.15  # of weight: what looks less alike has a pivot of its own, but is no like of the handle to people
+MOST_INSTANCES = 64  # the highest peaks; every one costs a column of weights
+SHARPNESS = 2  # of the passage from one instance to the next: shares fall with this power of the distance
+CLEAR = 0.03  # a share below this part of the largest is none, so that an instance is moved by itself alone
+BESIDE = 0.1  # of a box's sides: what stands so near it is inside
+AS_ALIKE = 0.05  # of weight: by so much less alike, the mirror image of the handle is still preferred to a peak
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Instance:
+    """One place that moves with a handle.
+
+    Attributes
+    ----------
+    vertex
+        Its counterpart of the handle: the vertex that looks most like it.
+    position
+        (3,) where that is, mesh units; for the handle's own instance the handle's own position, and of a region in
+        several pieces the center of one.
+    frame
+        (3, 3) orthogonal: turns directions at the handle into those at the counterpart; a reflection where a plane of
+        symmetry lies between them.
+    weight
+        How much it follows the handle, the weight at its counterpart.
+    share_of
+        Called with what indexes vertices, it works out the part of their weight that is this instance's; None stands
+        for all of it, where the handle has one instance.
+    """
+
+    vertex: int
+    position: tuple[float, float, float]
+    frame: Float64
+    weight: float
+    share_of: Share | None
+
+    @property
+    def share(self) -> Float32 | None:
+        """(V,) the part of every vertex's weight that is this instance's, in [0, 1]; over all instances they sum to 1.
+
+        None stands for all of it. Worked out anew each time: those of many instances on a large mesh fill the memory.
+        """
+        return None if self.share_of is None else self.share_of(slice(None))
+
+    def share_at(self, vertex: int) -> float:
+        """The share at one vertex."""
+        return 1.0 if self.share_of is None else float(self.share_of(slice(vertex, vertex + 1))[0])
+
+    def transform(self, affine: Float64, position: Sequence[float]) -> Float64:
+        """The (3, 4) map that does here what `affine` does at a handle at `position` (3,)."""
+        if np.array_equal(affine, np.eye(3, 4)):  # to the bit: a handle at rest changes nothing anywhere
+            return np.eye(3, 4)
+        here, there = np.asarray(self.position), np.asarray(position, np.float64)
+        linear = self.frame @ affine[:, :3] @ self.frame.T
+        moved = affine[:, :3] @ there + affine[:, 3] - there  # what the handle itself is moved by
+        return np.column_stack([linear, here + self.frame @ moved - linear @ here])
+
+
+class InstanceFinder:
+    """Finds instances on one mesh; what does not depend on the handle is computed once, when it is first needed."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._mesh = mesh
+
+    def prepare(self) -> None:
+        """Compute what does not depend on the handle, seconds for a million faces, before a person waits for it."""
+        _ = self._nodes, self._tree
+
+    def find(
+        self,
+        weights: NDArray[np.floating],
+        vertex: int,
+        position: Sequence[float],
+        *,
+        held: NDArray[np.integer] | None = None,
+        planes: Sequence[SymmetryPlane] = (),
+    ) -> tuple[Instance, ...]:
+        """Find the instances of a handle.
+
+        Parameters
+        ----------
+        weights
+            (V,) of the handle by looks alone, without what holds it back.
+        vertex, position
+            Where it is: the vertex nearest to it, and (3,) mesh units.
+        held
+            (N,) all vertices of a handle that is a region: a connected piece of it is one instance, whatever peaks it
+            has, and of several pieces each moves about its own center.
+        planes
+            Planes of symmetry of the shape, for frames.
+
+        Returns
+        -------
+        The handle's own instance first, then the others, the most alike first.
+        """
+        x, y, z = (float(value) for value in position)
+        of_node = np.maximum.reduceat(weights[self._nodes.members], self._nodes.starts)
+        basin, saddle = _basins(np.asarray(of_node, np.float64), self._nodes.graph)
+        centers = {} if held is None else self._join_held(held, of_node, basin, saddle)
+        self._join_inside(of_node, basin, saddle)
+        own = int(basin[self._nodes.of_vertex[vertex]])
+        highest = {int(root): float(of_node[root]) for root in saddle}
+        others = sorted((root for root in highest if root != own), key=lambda root: (-highest[root], root))
+        roots = [own, *others[: MOST_INSTANCES - 1]]
+        if own < 0 or len(roots) == 1:
+            return (Instance(vertex, (x, y, z), np.eye(3), float(weights[vertex]), None),)
+        shares = self._shares(of_node, basin, saddle, roots)
+        x, y, z = centers.get(own, (x, y, z))
+        found = [Instance(vertex, (x, y, z), np.eye(3), float(weights[vertex]), shares[0])]
+        for root, share in zip(roots[1:], shares[1:], strict=True):
+            peak, frame = self._counterpart(root, weights, basin, found, planes)
+            here = centers.get(root, self._mesh.vertices[peak])
+            found.append(Instance(peak, (here[0], here[1], here[2]), frame, float(weights[peak]), share))
+        return tuple(found)
+
+    def _counterpart(
+        self,
+        root: int,
+        weights: NDArray[np.floating],
+        basin: NDArray[np.int64],
+        found: Sequence[Instance],
+        planes: Sequence[SymmetryPlane],
+    ) -> tuple[int, Float64]:
+        """The vertex of an instance that answers the handle, and the frame there.
+
+        The mirror image of an instance that was found already, where it looks as alike: a peak's top is often flat, and
+        wanders on it. Otherwise the top itself, turned round once for each plane that lies between it and the handle.
+        """
+        peak = self._peak(weights, root)
+        for plane in planes:
+            images = plane.reflect([other.position for other in found])
+            for other, nearest in zip(found, self._tree.query(images)[1].tolist(), strict=True):
+                on_it = basin[self._nodes.of_vertex[nearest]] == root
+                if on_it and weights[nearest] >= weights[peak] - AS_ALIKE:
+                    return nearest, plane.reflection[:3, :3] @ other.frame
+        frame = np.eye(3)
+        for plane in planes:
+            ours, theirs = plane.signed_distance([found[0].position, self._mesh.vertices[peak]])
+            if ours * theirs < 0:
+                frame = plane.reflection[:3, :3] @ frame
+        return peak, frame
+
+    def _join_held(
+        self, held: NDArray[np.integer], weights: Float64, basin: NDArray[np.int64], saddle: dict[int, float]
+    ) -> dict[int, Float64]:
+        """Make one of all peaks on each connected piece of the vertices `held` (N,): all of a region is held alike.
+
+        Returns
+        -------
+        By peak, the center (3,) of its piece, mesh units; of a region in one piece that is the handle itself.
+        """
+        nodes, of_held = np.unique(self._nodes.of_vertex[held], return_inverse=True)
+        count, piece = connected_components(self._nodes.graph[nodes][:, nodes], directed=False)
+        whole_of: dict[int, int] = {}
+        centers = {}
+        vertices_of = _grouped(held, piece[of_held], count)
+        for nodes_here, vertices_here in zip(_grouped(nodes, piece, count), vertices_of, strict=True):
+            roots = {_last(whole_of, root) for root in {*basin[nodes_here].tolist()} - {-1}}
+            if not roots:
+                continue
+            highest = max(roots, key=lambda root: (weights[root], -root))
+            whole_of |= dict.fromkeys(roots - {highest}, highest)
+            centers[highest] = self._mesh.vertices[vertices_here].mean(axis=0)
+        _join(basin, saddle, {root: _last(whole_of, root) for root in whole_of})
+        return centers if count > 1 else {}
+
+    def _join_inside(self, weights: Float64, basin: NDArray[np.int64], saddle: dict[int, float]) -> None:
+        """Give peaks that stand inside what a higher one is to it: the hub of a wheel, the arch around it.
+
+        Only those of another component of the surface: on one component the way along it tells what is another limb.
+        """
+        roots = np.array(sorted(saddle, key=lambda root: (-weights[root], root)), np.int64)
+        cores = self._cores(roots, weights, basin, saddle)
+        centers = np.array([self._nodes.center[core].mean(axis=0) for core in cores]).reshape(-1, 3)
+        component = self._nodes.component[roots]
+        alone = np.ones(len(roots), bool)
+        whole_of: dict[int, int] = {}
+        boxes = 0
+        for rank, root in enumerate(roots.tolist()):
+            if boxes == MOST_INSTANCES:  # what is lower is no instance, and nothing stands inside it
+                break
+            if root in whole_of:
+                continue
+            boxes += 1
+            alone[rank] = False
+            inside = alone & (component != component[rank]) & _Box(self._nodes.center[cores[rank]]).holds(centers)
+            whole_of |= dict.fromkeys(roots[inside].tolist(), root)
+            alone &= ~inside
+        _join(basin, saddle, whole_of)
+
+    @staticmethod
+    def _cores(
+        roots: NDArray[np.int64], weights: Float64, basin: NDArray[np.int64], saddle: dict[int, float]
+    ) -> list[NDArray[np.int64]]:
+        """The nodes of the upper half of each of the peaks `roots`."""
+        half = np.full(len(weights), np.inf)
+        half[roots] = [(weights[root] + saddle[root]) / 2 for root in roots.tolist()]
+        high = np.flatnonzero((basin >= 0) & (weights >= half[basin]))
+        rank = np.empty(len(weights), np.int64)
+        rank[roots] = np.arange(len(roots))
+        return _grouped(high, rank[basin[high]], len(roots))
+
+    def _peak(self, weights: NDArray[np.floating], node: int) -> int:
+        members = self._nodes.members[self._nodes.starts[node] : self._nodes.ends[node]]
+        return int(members[weights[members].argmax()])
+
+    def _shares(
+        self, weights: Float64, basin: NDArray[np.int64], saddle: dict[int, float], roots: Sequence[int]
+    ) -> list[Share]:
+        """The K shares of the instances: 1 on the upper half of a peak, passing smoothly into each other between."""
+        closeness = np.empty((len(roots), len(weights)))
+        for row, core in enumerate(self._cores(np.asarray(roots), weights, basin, saddle)):
+            distance = dijkstra(self._nodes.graph, indices=core, min_only=True)
+            if np.isinf(distance).any():  # no way along the surface: the straight one, and farther than any other
+                straight = cKDTree(self._nodes.center[core]).query(self._nodes.center)[0] + self._mesh.diagonal
+                distance = np.where(np.isinf(distance), straight, distance)
+            closeness[row] = (distance / self._mesh.diagonal + 1e-4) ** -SHARPNESS
+        closeness /= closeness.max(axis=0)  # of the nearest one 1, however many there are
+        return self._nodes.shares(np.maximum(closeness - CLEAR, 0) / (1 - CLEAR))
+
+    @cached_property
+    def _nodes(self) -> Nodes:
+        return Nodes(self._mesh)
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self._mesh.vertices)
+
+
+def _join(basin: NDArray[np.int64], saddle: dict[int, float], whole_of: dict[int, int]) -> None:
+    """Make what belongs to each peak of `whole_of` a part of what belongs to the peak that it names."""
+    name = np.arange(len(basin))
+    name[list(whole_of)] = list(whole_of.values())
+    belongs = basin >= 0
+    basin[belongs] = name[basin[belongs]]
+    for root in whole_of:
+        del saddle[root]
+
+
+def _last(whole_of: dict[int, int], root: int) -> int:
+    while root in whole_of:
+        root = whole_of[root]
+    return root
+
+
+def _grouped(items: NDArray[np.integer], group: NDArray[np.integer], count: int) -> list[NDArray[np.int64]]:
+    """The items of each of `count` groups, in their order."""
+    order = np.argsort(group, kind="stable")
+    ends = np.cumsum(np.bincount(group, minlength=count))[:-1]
+    return np.split(np.asarray(items, np.int64)[order], ends)[:count]
+
+
+class _Box:
+    """The box around points (N, 3) along their own principal axes, a little larger than they are."""
+
+    def __init__(self, points: Float64) -> None:
+        self._center = points.mean(axis=0)
+        self._axes = np.linalg.svd(points - self._center, full_matrices=False)[2] if len(points) > 2 else np.eye(3)
+        along = (points - self._center) @ self._axes.T
+        self._low, self._high = along.min(axis=0), along.max(axis=0)
+        margin = BESIDE * (self._high - self._low)
+        self._low -= margin
+        self._high += margin
+
+    def holds(self, points: Float64) -> NDArray[np.bool_]:
+        """Which of points (N, 3) lie in it, (N,)."""
+        along = (points - self._center) @ self._axes.T
+        held: NDArray[np.bool_] = ((along >= self._low) & (along <= self._high)).all(axis=1)
+        return held
+
+
+def _basins(weights: Float64, graph: csr_array) -> tuple[NDArray[np.int64], dict[int, float]]:
+    """The peaks of weights (N,) over a graph, and what belongs to them.
+
+    Returns
+    -------
+    basin
+        (N,) the node at whose peak each node ends up uphill, -1 where the weight is too low to belong anywhere.
+    saddle
+        By peak, the height of the highest pass from it to another; the least weight where there is none.
+    """
+    floor = LEAST_PERSISTENCE / 2
+    label = np.full(len(weights), -1)
+    parent: dict[int, int] = {}
+    saddle: dict[int, float] = {}
+
+    def top(node: int) -> int:
+        while parent[node] != node:
+            parent[node] = parent[parent[node]]
+            node = parent[node]
+        return node
+
+    basin_of: dict[int, int] = {}  # a peak that was too low for itself, and the one that took it in
+    order = np.argsort(-weights, kind="stable")
+    starts, neighbors = graph.indptr, graph.indices
+    for node in order[: int((weights > floor).sum())].tolist():
+        height = float(weights[node])
+        tops = {top(int(label[other])) for other in neighbors[starts[node] : starts[node + 1]] if label[other] >= 0}
+        if not tops:
+            label[node] = parent[node] = node
+            continue
+        highest = max(tops, key=lambda peak: (weights[peak], -peak))
+        label[node] = highest
+        for peak in tops - {highest}:
+            parent[peak] = highest
+            if weights[peak] >= LEAST_WEIGHT and weights[peak] - height >= LEAST_PERSISTENCE:
+                saddle[peak] = height
+                saddle[highest] = max(saddle.get(highest, floor), height)
+            else:
+                basin_of[peak] = highest
+    for peak in {top(peak) for peak in parent}:
+        if weights[peak] >= LEAST_WEIGHT:
+            saddle.setdefault(peak, floor)
+
+    def settled(peak: int) -> int:
+        while peak in basin_of:
+            peak = basin_of[peak]
+        return peak if peak in saddle else -1
+
+    settled_of = {peak: settled(peak) for peak in parent}
+    basin = np.array([settled_of[peak] if peak >= 0 else -1 for peak in label.tolist()], np.int64)
+    return basin, saddle
+
+
+class SurfaceAxes:
+    """Which way the normal and the limb run at the vertices of one mesh."""
+
+    def __init__(self, mesh: Mesh, distances: Distances) -> None:
+        self._mesh = mesh
+        self._distances = distances
+
+    def at(self, vertex: int, along: Along) -> Frame | None:
+        """Three axes, right-handed, whose third runs along the surface's normal or the limb at a vertex, if it can."""
+        direction, _ = self._direction(vertex, along)
+        return None if direction is None else frame_of_normal(direction)
+
+    def turned(self, handle: Handle, anchor: int, instances: Sequence[Instance]) -> tuple[Instance, ...]:
+        """`instances` of a handle, each but the first with its frame turned the shortest way to its own normal or limb.
+
+        `anchor` is the handle's vertex. Where an instance has none, or is hardly alike, its frame stays.
+        """
+        axes, along = handle.transform.axes, handle.transform.along
+        if axes is None or along is None:
+            return tuple(instances)
+        third = np.asarray(axes[2])
+        own, own_told = self._direction(anchor, along)
+        # Axes from a file may run the other way than they do here.
+        sign = 1.0 if own is None or own @ third >= 0 else -1.0
+        found = list(instances[:1])
+        for one in instances[1:]:
+            theirs, told = self._direction(one.vertex, along) if one.weight >= LEAST_ALIKE else (None, False)
+            if theirs is None:
+                found.append(one)
+                continue
+            carried = one.frame @ third
+            target = sign * theirs
+            if not (told and own_told) and carried @ target < 0:
+                target = -target
+            found.append(replace(one, frame=_shortest_turn(carried, target) @ one.frame))
+        return tuple(found)
+
+    def _direction(self, vertex: int, along: Along) -> tuple[Float64 | None, bool]:
+        """The direction (3,), of length 1, if there is one, and whether it is told from its opposite."""
+        if along == "normal":
+            normal = np.asarray(self._mesh.normals[vertex], np.float64)
+            return (normal, True) if normal.any() else (None, False)
+        limb = self._distances.limb(vertex)
+        return (None, False) if limb is None else (limb.direction, limb.at_end)
+
+
+def _shortest_turn(one: Float64, other: Float64) -> Float64:
+    """(3, 3) the rotation by the smallest angle of `one` (3,) onto `other` (3,), both of length 1."""
+    across = np.cross(one, other)
+    sine, cosine = float(np.linalg.norm(across)), float(one @ other)
+    if sine < 1e-9:
+        # Opposite: about the axis of y, or what of it lies across, so that what stands upright stays so.
+        across = np.asarray(frame_of_normal(one)[0]) if abs(one[1]) > 0.9 else np.array([0.0, 1.0, 0.0])
+        across = across - (across @ one) * one
+        sine, length = 0.0, float(np.linalg.norm(across))
+    else:
+        length = sine
+    turn: Float64 = Rotation.from_rotvec(across / length * np.arctan2(sine, cosine)).as_matrix()
+    return turn

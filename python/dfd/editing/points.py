@@ -1,0 +1,171 @@
+"""Where a handle or a fixed point is, and how a person says so."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from dfd.common import check
+from dfd.editing.influence.regions import Ball, Box, Group, HalfSpace, Part, Region, VertexSet, members
+from dfd.posing.transforms import Vector, vector
+
+if TYPE_CHECKING:
+    from dfd.mesh.mesh import Mesh
+
+__all__ = ["EXTREMES", "Found", "Place", "find", "nearest_vertex", "place_on"]
+
+# The side of the box that each word means: y is up, the front looks along +z, and left is what a viewer before it has
+# on the left.
+EXTREMES = {"top": (1, 1), "bottom": (1, -1), "right": (0, 1), "left": (0, -1), "front": (2, 1), "back": (2, -1)}
+SIDE = re.compile(r"([xyz])\s*([<>])\s*(.+)")
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a handle or a fixed point is on the resting shape: at a vertex, in a region, or at any point of space.
+
+    Attributes
+    ----------
+    position
+        (3,) in mesh units; of a region, the center of the box around it.
+    vertex
+        Index of the vertex that lies there, or None.
+    region
+        The set of vertices that is held, or None where it is a single point.
+    """
+
+    position: Vector
+    vertex: int | None = None
+    region: Region | None = None
+
+    def __str__(self) -> str:
+        """Name it for a message, and a point as the command line takes it."""
+        if self.region is not None:
+            return str(self.region)
+        return ",".join(f"{x:g}" for x in self.position) if self.vertex is None else str(self.vertex)
+
+
+class Found(NamedTuple):
+    """What a text meant on a mesh."""
+
+    place: Place
+    note: str  # one line for people: which vertex, and how far away, or how many vertices
+
+
+def place_on(mesh: Mesh, at: Any) -> Place:
+    """The place that a person means by `at`.
+
+    Parameters
+    ----------
+    at
+        A vertex index; three coordinates in mesh units, which stay where they are, on the surface or off it; an array
+        of vertex indices or a mask of (V,) truth values; a region; a text, see `find`; or a `Place`, whose vertex and
+        region are taken on this mesh.
+
+    Raises
+    ------
+    ValueError
+        If it is none of these, a point lies farther from the shape than the diagonal of its box, or a region is empty.
+    """
+    if isinstance(at, Place):
+        return at if at.vertex is None and at.region is None else place_on(mesh, _meant(at))
+    if isinstance(at, str):
+        return find(mesh, at).place
+    if isinstance(at, Region):
+        return _region_place(mesh, at)
+    if isinstance(at, np.ndarray) and at.ndim == 1 and at.dtype.kind in "iub":
+        return _region_place(mesh, VertexSet.of(mesh, at))
+    if np.ndim(at) == 0:
+        if isinstance(at, bool) or not isinstance(at, int | np.integer):
+            raise ValueError(f"`at` must be a vertex index, a point, a region or a text, got {at!r}")
+        vertex = int(check.vertex_indices("place", "at", [at], len(mesh.vertices))[0])
+        return Place(vector("at", mesh.vertices[vertex]), vertex)
+    point = vector("at", at)
+    nearest_vertex(mesh, point)
+    return Place(point)
+
+
+def find(mesh: Mesh, text: str) -> Found:
+    """What `text` names on `mesh`, and a line that says so.
+
+    `812` is a vertex. `0.1,0.2,0.3` is the vertex nearest to that point. `top`, `bottom`, `left`, `right`, `front` and
+    `back` are the outermost vertices (y is up, the front looks along +z). `part:NAME` is a part of the scene,
+    `group:NAME` what a `g`, `o` or `usemtl` line of an OBJ file names, `x>0.5` and `y<0` are sides of a plane,
+    `ball:x,y,z,radius` and `box:x,y,z,x,y,z` are what they say.
+
+    Raises
+    ------
+    ValueError
+        If it names nothing of the mesh; the message says what was expected.
+    """
+    said = text.strip()
+    if said in EXTREMES:
+        axis, sign = EXTREMES[said]
+        vertex = int((sign * mesh.vertices[:, axis]).argmax())
+        return Found(place_on(mesh, vertex), f"{said} is vertex {vertex}")
+    kind, _, rest = said.partition(":")
+    try:
+        if side := SIDE.fullmatch(said):
+            towards = 1.0 if side[2] == ">" else -1.0
+            x, y, z = (towards if axis == side[1] else 0.0 for axis in "xyz")
+            return _found(mesh, said, HalfSpace((x, y, z), towards * float(side[3])))
+        if kind == "part" and rest:
+            return _found(mesh, said, Part(rest))
+        if kind == "group" and rest:
+            return _found(mesh, said, Group(rest))
+        if kind == "ball" and rest:
+            x, y, z, radius = (float(number) for number in rest.split(","))
+            return _found(mesh, said, Ball((x, y, z), radius))
+        if kind == "box" and rest:
+            low, high = np.array(rest.split(","), float).reshape(2, 3)
+            return _found(mesh, said, Box(vector("low", low), vector("high", high)))
+        if "," in said:
+            point = vector("at", [float(number) for number in said.split(",")])
+            vertex, distance = nearest_vertex(mesh, point)
+            return Found(place_on(mesh, vertex), f"{said} is vertex {vertex}, {distance:.3g} away")
+        vertex = int(said)
+    except ValueError as error:
+        if "`" in str(error):
+            raise
+        raise ValueError(
+            f"`at` must be a vertex index, a point x,y,z, {', '.join(EXTREMES)}, part:NAME, group:NAME, x>NUMBER, "
+            f"ball:x,y,z,radius or box:x,y,z,x,y,z, got {text!r}"
+        ) from None
+    return Found(place_on(mesh, vertex), f"vertex {vertex}")
+
+
+def nearest_vertex(mesh: Mesh, point: Vector) -> tuple[int, float]:
+    """The vertex nearest to `point`, and how far it is, mesh units.
+
+    Raises
+    ------
+    ValueError
+        If it is farther away than the diagonal of the mesh's box: that is no point of this shape.
+    """
+    squares = np.square(mesh.vertices - np.asarray(point)).sum(axis=1)
+    vertex = int(squares.argmin())
+    distance = float(np.sqrt(squares[vertex]))
+    if distance > mesh.diagonal:
+        place = ",".join(f"{x:g}" for x in point)
+        raise ValueError(
+            f"`at` must lie near the shape, but {place} is {distance:.4g} away, "
+            f"more than the diagonal of its box, {mesh.diagonal:.4g}"
+        )
+    return vertex, distance
+
+
+def _meant(place: Place) -> Any:
+    return place.vertex if place.region is None else place.region
+
+
+def _region_place(mesh: Mesh, region: Region) -> Place:
+    held = mesh.vertices[members(mesh, region)]
+    return Place(vector("at", (held.min(axis=0) + held.max(axis=0)) / 2), region=region)
+
+
+def _found(mesh: Mesh, said: str, region: Region) -> Found:
+    count = len(members(mesh, region))
+    return Found(_region_place(mesh, region), f"{said} is {count} {'vertex' if count == 1 else 'vertices'}")

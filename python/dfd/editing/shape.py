@@ -1,0 +1,129 @@
+"""The shape that an edit makes of the resting one: posed whole, and from frame to frame of a drag only what moves."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.editing.controls import Overlap
+from dfd.editing.edit import Edit, Handle, box_center
+from dfd.editing.influence.instance_weights import Column
+from dfd.editing.presets import WHOLE_SHAPE
+from dfd.posing.pose import Drag, pose
+
+if TYPE_CHECKING:
+    from dfd.editing.influence.handle_weights import HandleWeights
+    from dfd.mesh.mesh import Mesh
+
+__all__ = ["PosedShape"]
+
+
+class PosedShape:
+    """The vertices of the newest edit that was asked for.
+
+    While edits differ in the transforms of a few handles alone, all others stay folded into one base (`dfd.Drag`): a
+    frame then costs what those few cost.
+    """
+
+    def __init__(self, mesh: Mesh, weights: HandleWeights) -> None:
+        self._mesh = mesh
+        self._weights = weights
+        self._edit = Edit()
+        self._vertices = mesh.vertices
+        self._drag: Drag | None = None
+        self._moving: dict[int, list[Column]] = {}  # the columns that `_drag` can move, by handle
+
+    def of(self, edit: Edit) -> NDArray[np.float64]:
+        """(V, 3) vertices in mesh units, read-only, moved by `edit` from where they rest."""
+        if edit is not self._edit:
+            vertices = self._posed(edit)
+            vertices.flags.writeable = False
+            self._vertices, self._edit = vertices, edit
+        return self._vertices
+
+    def _posed(self, edit: Edit) -> NDArray[np.float64]:
+        moved = _moved(self._edit, edit)
+        if moved == []:
+            return self._vertices
+        if moved is None or 2 * len(moved) > len(edit.handles):
+            self._drag = None
+            return self._vertices if _acting(self._edit) == _acting(edit) else self._whole(edit)
+        if self._drag is None or not self._moving.keys() >= set(moved):
+            weights, columns, overlap = self._weights.posing(edit)
+            moving = [i for i, column in enumerate(columns) if column.handle in moved]
+            how = self._arguments(edit, weights, columns, overlap)
+            self._drag = Drag(self._mesh.vertices, weights, moving=moving, **how)
+            self._moving = {handle: [column for column in columns if column.handle == handle] for handle in moved}
+        matrices = [self._matrix(edit, column) for columns in self._moving.values() for column in columns]
+        posed: NDArray[np.float64] = self._drag.pose(matrices)
+        return posed
+
+    def _whole(self, edit: Edit) -> NDArray[np.float64]:
+        if not edit.handles and edit.default is None:
+            return self._mesh.vertices
+        if _acting(edit) == _acting(Edit()):
+            return self._mesh.vertices  # no weight changes that
+        weights, columns, overlap = self._weights.posing(edit)
+        how = self._arguments(edit, weights, columns, overlap)
+        posed: NDArray[np.float64] = pose(self._mesh.vertices, weights, **how)
+        return posed
+
+    def _arguments(
+        self, edit: Edit, weights: NDArray[np.float32], columns: tuple[Column, ...], overlap: Overlap
+    ) -> dict[str, Any]:
+        """What `pose` and `Drag` take for `edit`, besides vertices and weights."""
+        positions = [column.position(edit.handles[column.handle]) for column in columns]
+        return {
+            "transforms": np.reshape([self._matrix(edit, column) for column in columns], (-1, 3, 4)),
+            "default": None if edit.default is None else edit.default.matrix(box_center(self._mesh)),
+            "symmetry": edit.symmetry,
+            "handles": np.reshape(positions, (-1, 3)),
+            "handle_weights": self._weights.among(edit, weights) if overlap == "interpolate" else None,
+            "overlap": overlap,
+            "blend": edit.blend,
+        }
+
+    def _matrix(self, edit: Edit, column: Column) -> NDArray[np.float64]:
+        handle = edit.handles[column.handle]
+        return handle.matrix if column.instance is None else column.matrix(handle)
+
+
+def _moved(before: Edit, after: Edit) -> list[int] | None:
+    """Which handles' transforms tell two edits apart; None where other things do."""
+    if len(before.handles) != len(after.handles) or _whole_shape(before) != _whole_shape(after):
+        return None
+    moved = []
+    for i, (old, new) in enumerate(zip(before.handles, after.handles, strict=True)):
+        if old is not new and (old.place, old.controls) != (new.place, new.controls):
+            return None
+        if _instance_axes(old) != _instance_axes(new):
+            return None
+        if old is not new and old.transform != new.transform:
+            moved.append(i)
+    return moved
+
+
+def _instance_axes(handle: Handle) -> tuple[Any, ...]:
+    """What of a transform turns the frames of a handle's instances."""
+    transform = handle.transform
+    return (transform.along, transform.axes) if transform.along is not None else ()
+
+
+def _whole_shape(edit: Edit) -> tuple[Any, ...]:
+    return edit.fixed, edit.symmetry, edit.default, *(getattr(edit, name) for name in WHOLE_SHAPE)
+
+
+def _acting(edit: Edit) -> tuple[Any, ...]:
+    """What of an edit tells in the shape.
+
+    Handles that rest do not where displacements add, unless they keep a D₀ from what they hold.
+    """
+    inert = edit.default is None and edit.overlap == "add" and edit.blend == "linear"
+    handles = [
+        (handle.place, handle.controls, handle.transform)
+        for handle in edit.handles
+        if not (inert and handle.transform.rests)
+    ]
+    return handles, _whole_shape(edit) if handles else edit.default

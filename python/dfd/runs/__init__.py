@@ -1,1 +1,0 @@
-"""What was computed and is found again: the cache, checkpoints and what they go by."""

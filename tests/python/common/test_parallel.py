@@ -1,0 +1,82 @@
+"""Work beside other work: at once where there are threads for it, later where there are none, never lost."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+import dfd
+from dfd.common.parallel import beside, share
+
+
+@pytest.fixture(autouse=True)
+def _restore_thread_count() -> Iterator[None]:
+    before = dfd.get_num_threads()
+    yield
+    dfd.set_num_threads(before)
+
+
+def test_what_is_beside_is_done_while_the_block_runs() -> None:
+    dfd.set_num_threads(2)
+    begun, go_on = threading.Event(), threading.Event()
+
+    def work() -> str:
+        begun.set()
+        assert go_on.wait(20)
+        return "done"
+
+    with beside(work) as result:
+        assert begun.wait(20)  # although nobody has asked for it
+        go_on.set()
+    assert result() == "done"
+
+
+def test_on_one_thread_it_waits_until_it_is_asked_for() -> None:
+    dfd.set_num_threads(1)
+    calls: list[int] = []
+    with beside(lambda: calls.append(threading.get_ident())) as result:
+        assert calls == []
+    result()
+    assert calls == [threading.get_ident()]
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_what_it_raises_is_raised_where_it_is_asked_for(threads: int) -> None:
+    dfd.set_num_threads(threads)
+
+    def work() -> None:
+        raise ValueError("no ground")
+
+    with beside(work) as result:
+        pass
+    with pytest.raises(ValueError, match="^no ground$"):
+        result()
+
+
+def test_what_the_block_raises_comes_after_what_was_begun() -> None:
+    dfd.set_num_threads(2)
+    begun = threading.Event()
+    done: list[bool] = []
+
+    def work() -> None:
+        begun.set()
+        done.append(True)
+
+    def fail() -> None:
+        with beside(work):
+            assert begun.wait(20)
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        fail()
+    assert done == [True]
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+def test_ranges_cover_everything_once(threads: int) -> None:
+    dfd.set_num_threads(threads)
+    seen: list[int] = []
+    share(23, 5, lambda begin, end: seen.extend(range(begin, end)))
+    assert sorted(seen) == list(range(23))

@@ -1,0 +1,303 @@
+"""The cache of fields: found only for the very same call, sound or redone, bounded, and never in the way."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from made_field import made_field, same
+from tiny_encoder import save_tiny_encoder
+
+import dfd
+import dfd.distillation.algorithm
+import dfd.encoders.encode
+from dfd import Field, Mesh
+from dfd.distillation.distill import find_distilled
+from dfd.distillation.settings import DistillSettings
+from dfd.encoders import precision
+from dfd.field import cache as field_cache
+from dfd.field.cache_key import hash_recipe
+
+SIZES: dict[str, Any] = {"views": 2, "resolution": 32, "steps": 3, "batch": 32}
+SMALL: dict[str, Any] = {**SIZES, "progress": False, "device": "cpu"}
+
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+
+@pytest.fixture(autouse=True)
+def cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """The folder of entries, the test's own."""
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    monkeypatch.setenv("DFD_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "fields"
+
+
+@pytest.fixture(scope="module")
+def encoder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return save_tiny_encoder(tmp_path_factory.mktemp("encoder") / "tiny")
+
+
+@pytest.fixture(scope="module")
+def mesh() -> Mesh:
+    return dfd.samples.chair(4000).mesh
+
+
+@pytest.fixture
+def work(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What loads an encoder or takes pictures leaves its name here."""
+    done: list[str] = []
+    for module, name in ((dfd.encoders.encode, "load_encoder"), (dfd.distillation.algorithm, "render")):
+        was = getattr(module, name)
+        monkeypatch.setattr(
+            module, name, lambda *given, _was=was, _name=name, **named: done.append(_name) or _was(*given, **named)
+        )
+    return done
+
+
+def test_the_second_call_does_no_work(encoder: Path, mesh: Mesh, work: list[str], cache: Path) -> None:
+    first = dfd.distill(mesh, encoder, **SMALL)
+    assert work == ["load_encoder", "render"]
+    start = time.perf_counter()
+    again = dfd.distill(Mesh(mesh.vertices, mesh.faces), encoder, **SMALL)  # another object of the same content
+    assert time.perf_counter() - start < 1
+    assert work == ["load_encoder", "render"]
+    assert same(first, again)
+    (entry,) = cache.iterdir()
+    assert same(Field.load(entry), first)
+
+
+def test_its_file_is_found_without_torch(encoder: Path, mesh: Mesh, cache: Path, tmp_path: Path) -> None:
+    settings = DistillSettings(**SIZES)
+    assert find_distilled(mesh, encoder, settings, device="cpu") is None
+    first = dfd.distill(mesh, encoder, **SMALL)
+    found = find_distilled(mesh, encoder, settings, device="cpu")
+    assert found is not None
+    assert (found.dimension, found.settings) == (first.dimension, first.settings)
+    found.save(tmp_path / "copy.safetensors")
+    assert same(Field.load(tmp_path / "copy.safetensors"), first)
+    assert find_distilled(mesh, encoder, DistillSettings(**{**SIZES, "steps": 4}), device="cpu") is None
+    assert find_distilled(mesh, tmp_path / "none", settings, device="cpu") is None
+
+    mesh.save(tmp_path / "chair.obj")
+    code = (
+        "import sys, dfd\nfrom dfd.distillation.distill import find_distilled\n"
+        "from dfd.distillation.settings import DistillSettings\n"
+        f"mesh = dfd.load({str(tmp_path / 'chair.obj')!r})\n"
+        f"found = find_distilled(mesh, {str(encoder)!r}, DistillSettings(**{SIZES!r}), device='cpu')\n"
+        "print(found is not None, sorted({'torch', 'transformers', 'huggingface_hub.hf_api'} & sys.modules.keys()))"
+    )
+    same_mesh = dfd.load(tmp_path / "chair.obj")
+    dfd.distill(same_mesh, encoder, **SMALL)
+    asked = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert asked.stdout.split(maxsplit=1) == ["True", "[]\n"]
+
+
+def test_another_precision_is_another_field(
+    encoder: Path, mesh: Mesh, cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(precision, "_cpu_has", lambda feature: True)
+    fields = {}
+    for pays, name in ((True, "bfloat16"), (False, "float32")):
+        monkeypatch.setattr(precision, "_bfloat16_pays", lambda pays=pays: pays)
+        fields[name] = dfd.distill(mesh, encoder, **SMALL)
+        assert fields[name].settings["encoder_precision"] == name
+        assert same(dfd.distill(mesh, encoder, **SMALL), fields[name])
+        assert same(dfd.distill(mesh, encoder, cache=False, **SMALL), fields[name])
+        for note in (tmp_path / "cache" / "precision").iterdir():
+            note.unlink()
+    assert len(list(cache.iterdir())) == 2
+    # A run that was stopped with the one precision is begun anew with the other.
+    with monkeypatch.context() as patch:
+        patch.setattr(dfd.encoders.encode.Encoder, "encode", stop)
+        with pytest.raises(KeyboardInterrupt):
+            dfd.distill(mesh, encoder, cache=False, checkpoint=tmp_path / "run", **SMALL)
+    for note in (tmp_path / "cache" / "precision").iterdir():
+        note.write_text("bfloat16")
+    with pytest.warns(UserWarning, match="encoder_precision float32, now bfloat16"):
+        again = dfd.distill(mesh, encoder, cache=False, checkpoint=tmp_path / "run", **SMALL)
+    assert same(again, fields["bfloat16"])
+
+
+def test_a_field_that_was_not_foreseen_is_found_once_the_encoder_is_loaded(
+    encoder: Path, mesh: Mesh, work: list[str], tmp_path: Path
+) -> None:
+    first = dfd.distill(mesh, encoder, **SMALL)
+    for note in (tmp_path / "cache" / "precision").iterdir():
+        note.unlink()
+    assert same(dfd.distill(mesh, encoder, **SMALL), first)
+    assert work == ["load_encoder", "render", "load_encoder"]
+
+
+def test_what_was_left_undone_goes_when_the_cache_has_it(encoder: Path, mesh: Mesh, tmp_path: Path) -> None:
+    left = tmp_path / "left"
+    dfd.distill(mesh, encoder, **SMALL)
+    for find in (
+        lambda: find_distilled(mesh, encoder, DistillSettings(**SIZES), device="cpu", checkpoint=left),
+        lambda: dfd.distill(mesh, encoder, **SMALL, checkpoint=left),
+    ):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(dfd.encoders.encode.Encoder, "encode", stop)
+            with pytest.raises(KeyboardInterrupt):
+                dfd.distill(mesh, encoder, **SMALL, cache=False, checkpoint=left)
+        assert left.exists()
+        assert find() is not None
+        assert not left.exists()
+
+
+def stop(*_: Any, **__: Any) -> None:
+    raise KeyboardInterrupt
+
+
+def test_an_encoder_that_is_none_is_refused(mesh: Mesh) -> None:
+    with pytest.raises(ValueError, match="`encoder` must be a name, a folder or a loaded Encoder, got 5"):
+        dfd.distill(mesh, 5, **SMALL)  # type: ignore[arg-type]
+
+
+def test_an_encoder_that_is_loaded_works_too(encoder: Path, mesh: Mesh, work: list[str]) -> None:
+    loaded = dfd.encoders.encode.load_encoder(encoder, device="cpu")
+    first = dfd.distill(mesh, loaded, **SMALL)
+    assert same(dfd.distill(mesh, dfd.encoders.encode.load_encoder(encoder, device="cpu"), **SMALL), first)
+    dfd.distill(mesh, dfd.encoders.encode.load_encoder(encoder, block=1, device="cpu"), **SMALL)
+    assert work.count("render") == 2
+
+
+def test_without_the_cache_everything_is_done(encoder: Path, mesh: Mesh, work: list[str], cache: Path) -> None:
+    for _ in range(2):
+        dfd.distill(mesh, encoder, cache=False, **SMALL)
+    assert work == ["load_encoder", "render"] * 2
+    assert not cache.exists()
+
+
+def test_any_other_ingredient_is_another_field(encoder: Path, mesh: Mesh, work: list[str], tmp_path: Path) -> None:
+    dfd.distill(mesh, encoder, **SMALL)
+    changes = (
+        {"views": 3},
+        {"resolution": 40},
+        {"framing": "paper"},
+        {"simplify_to": 500},
+        {"supervision": "vertex"},
+        {"steps": 4},
+        {"batch": 33},
+        {"learning_rate": 1e-3},
+        {"seed": 1},
+    )
+    for change in changes:
+        dfd.distill(mesh, encoder, **{**SMALL, **change})
+    moved = Mesh(mesh.vertices + 1e-3, mesh.faces)
+    dfd.distill(moved, encoder, **SMALL)
+    other = save_tiny_encoder(tmp_path / "other", seed=1)
+    dfd.distill(mesh, other, **SMALL)
+    save_tiny_encoder(other, seed=2)  # other weights in the same folder
+    dfd.distill(mesh, other, **SMALL)
+    config = (other / "config.json").read_text()
+    (other / "config.json").write_text(config.replace('"layer_norm_eps": 1e-06', '"layer_norm_eps": 0.1'))
+    dfd.distill(mesh, other, **SMALL)
+    assert work == ["load_encoder", "render"] * (len(changes) + 5)
+
+
+def test_a_damaged_entry_is_made_again(encoder: Path, mesh: Mesh, work: list[str], cache: Path) -> None:
+    first = dfd.distill(mesh, encoder, **SMALL)
+    (entry,) = cache.iterdir()
+    whole = entry.read_bytes()
+    for content in (whole[:-20], whole[:-20] + bytes(20), b""):
+        entry.write_bytes(content)
+        work.clear()
+        assert find_distilled(mesh, encoder, DistillSettings(**SIZES), device="cpu") is None
+        assert same(dfd.distill(mesh, encoder, **SMALL), first)
+        assert work == ["load_encoder", "render"]
+        (entry,) = cache.iterdir()
+        assert same(Field.load(entry), first)
+
+
+@pytest.mark.parametrize("content", [b"", b"no field", b"\x02" + bytes(7) + b"{}", b"\x05" + bytes(7) + b"[[1]]"])
+def test_an_entry_that_is_no_field_is_none(cache: Path, content: bytes) -> None:
+    cache.mkdir(parents=True)
+    (cache / f"{hash_recipe({})}-{hashlib.sha256(content).hexdigest()[:32]}.safetensors").write_bytes(content)
+    assert field_cache.find({}) is None
+
+
+def test_a_cache_that_cannot_be_written_is_one_warning(
+    encoder: Path, mesh: Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "full").write_text("a file where a folder should be")
+    monkeypatch.setenv("DFD_CACHE", str(tmp_path / "full"))
+    with pytest.warns(RuntimeWarning, match="cache folder .* cannot be written .* DFD_CACHE names another") as told:
+        field = dfd.distill(mesh, encoder, **SMALL)
+    assert len(told) == 1
+    assert told[0].filename == __file__
+    assert same(dfd.distill(mesh, encoder, cache=False, **SMALL), field)
+
+
+def test_a_full_disk_leaves_nothing_half(encoder: Path, mesh: Mesh, cache: Path) -> None:
+    resource = pytest.importorskip("resource")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
+    try:
+        with pytest.warns(RuntimeWarning, match="cannot be written"):
+            dfd.distill(mesh, encoder, **SMALL)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert list(cache.iterdir()) == []
+
+
+def store(name: str, cache: Path, age: float) -> Path:
+    before = set(cache.glob("*")) if cache.exists() else set()
+    field_cache.store({"name": name}, made_field(4, width=8, layers=1))
+    (entry,) = set(cache.glob("*")) - before
+    os.utime(entry, (time.time() - age,) * 2)
+    return entry
+
+
+def test_entries_longest_unused_go_first(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    old, older, oldest = (store(name, cache, age) for name, age in (("a", 100), ("b", 200), ("c", 300)))
+    assert field_cache.find({"name": "c"}) is not None  # used: now the newest
+    monkeypatch.setattr(field_cache, "LIMIT", 3 * old.stat().st_size + 10)
+    litter = cache / ".0123.safetensors"
+    litter.write_bytes(b"half")
+    os.utime(litter, (0, 0))
+    recent = cache / ".4567.safetensors"
+    recent.write_bytes(b"being written")
+    newest = store("d", cache, 0)
+    assert set(cache.iterdir()) == {old, oldest, newest, recent}
+    monkeypatch.setattr(field_cache, "LIMIT", 1)
+    assert store("e", cache, 0).exists()  # what was just made stays, however large
+    assert not newest.exists()
+    assert not older.exists()
+
+
+def test_equal_fields_are_one_entry(cache: Path) -> None:
+    def made() -> Field:
+        return made_field(4, seed=0, width=8, layers=1, settings={"b": 1, "a": [0.5]})
+
+    for _ in range(20):
+        field_cache.store({"name": "a"}, made())
+    assert len(list(cache.iterdir())) == 1
+
+
+def test_processes_may_do_the_same_at_once(cache: Path) -> None:
+    code = (
+        "from made_field import made_field\nfrom dfd.field import cache as field_cache\n"
+        "field = made_field(8, width=64, layers=2)\n"
+        "for index in range(12):\n"
+        "    field_cache.store({'name': index % 3}, field)\n"
+        "    found = field_cache.find({'name': (index + 1) % 3})\n"
+        "    assert index < 3 or found is not None"
+    )
+    beside = Path(made_field.__code__.co_filename).parent  # where the child finds it, too
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(beside), os.environ.get("PYTHONPATH", "")])}
+    processes = [
+        subprocess.Popen([sys.executable, "-W", "error", "-c", code], stderr=subprocess.PIPE, text=True, env=env)
+        for _ in range(2)
+    ]
+    for process in processes:
+        _, error = process.communicate(timeout=120)
+        assert process.returncode == 0, error
+    wanted = {hash_recipe({"name": name}) for name in range(3)}
+    assert {path.name.partition("-")[0] for path in cache.iterdir()} == wanted

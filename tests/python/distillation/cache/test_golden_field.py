@@ -1,0 +1,80 @@
+"""What today's code makes of a mesh, and reads from a file: where that changes, what was kept before must not be found.
+
+The numbers hold to 1e-3 on any machine.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tiny_encoder import save_tiny_encoder
+
+import dfd
+from dfd.distillation import smoothing
+from dfd.encoders.encode import load_encoder
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+# A box, pulled askew.
+VERTICES = [[0, 0, 0], [2, 0, 0.1], [0, 1, 0], [2.4, 1.2, 0], [0, 0, 1], [2, 0.2, 1.3], [0, 1, 0.8], [2, 1, 1]]
+FACES = [[0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4], [2, 6, 3], [3, 6, 7], [0, 4, 2], [2, 4, 6]]
+FACES += [[1, 3, 5], [3, 7, 5]]
+CHANGED = "fields come out otherwise than before: raise FIELD_VERSION in dfd/field/cache_key.py, and then these numbers"
+# The first four numbers of the features of four vertices.
+GOLDEN: dict[str, list[list[float]]] = {
+    "default": [
+        [0.0883, -0.4258, 0.2538, 0.0374],
+        [0.1783, -0.4137, 0.3501, -0.0857],
+        [0.0145, -0.4692, 0.3188, -0.0065],
+        [0.1258, -0.4387, 0.4242, -0.1765],
+    ],
+    "paper": [
+        [0.0562, -0.4202, 0.3670, -0.0422],
+        [0.0443, -0.4134, 0.3834, -0.1207],
+        [0.0870, -0.4008, 0.3245, -0.0337],
+        [0.0447, -0.4097, 0.3514, -0.1267],
+    ],
+}
+SETTINGS: dict[str, dict[str, Any]] = {"default": {"steps": 40, "batch": 128}, "paper": {"epochs": 2, "batch": 256}}
+
+
+@pytest.mark.parametrize("preset", ["default", "paper"])
+def test_the_golden_field(preset: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(smoothing, "NODES", 600)
+    encoder = load_encoder(
+        save_tiny_encoder(tmp_path / "tiny"), device="cpu", precision="float32", background=preset == "paper"
+    )
+    mesh = dfd.Mesh(VERTICES, FACES)
+    field = dfd.distill(
+        mesh, encoder, preset=preset, views=4, resolution=32, progress=False, cache=False, **SETTINGS[preset]
+    )
+    np.testing.assert_allclose(field.features(mesh)[::2, :4], GOLDEN[preset], atol=1e-3, err_msg=CHANGED)
+
+
+OBJ = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\nf -1/4 -2/3 -3/2\n"
+OFF = "OFF\n4 2 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 1 2\n3 0 3 1\n"
+PLY = (
+    "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    "property uchar red\nproperty uchar green\nproperty uchar blue\nelement face 1\n"
+    "property list uchar int vertex_indices\nend_header\n0 0 0 255 0 0\n1 0 0 0 255 0\n0 1 0 0 0 255\n3 0 1 2\n"
+)
+STL = (
+    "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n"
+)
+READ = {
+    "shape.obj": (OBJ, "f28d260ea329546f"),
+    "shape.off": (OFF, "b00e0fefe1580cbd"),
+    "shape.ply": (PLY, "8e184a2d0fe38908"),
+    "shape.stl": (STL, "95ea8938f51a306a"),
+}
+
+
+@pytest.mark.parametrize("name", READ)
+def test_golden_files(name: str, tmp_path: Path) -> None:
+    text, golden = READ[name]
+    (tmp_path / name).write_text(text)
+    found = dfd.load(tmp_path / name).content_hash[:16]
+    assert found == golden, "files are read otherwise than before: raise MESH_VERSION in dfd/field/cache.py"

@@ -1,0 +1,291 @@
+"""Handles that move several instances, each about its own pivot."""
+
+import numpy as np
+import pytest
+
+import dfd
+from dfd.editing.controls import Controls
+from dfd.editing.influence import instance_weights
+from dfd.editing.influence.instances import Instance
+from dfd.posing.transforms import affine, rotation_matrix
+
+
+@pytest.fixture(scope="module")
+def sample():
+    return dfd.samples.chair(4000)
+
+
+@pytest.fixture
+def asked(sample, mesh, monkeypatch):
+    """Instances that are the legs of a chair, by its labels: what was asked of whoever finds them."""
+    calls = []
+
+    class Labels:
+        def __init__(self, mesh):
+            pass
+
+        def find(self, weights, vertex, position, *, held=None, planes=()):
+            calls.append((vertex, planes))
+            found = []
+            for leg in sorted(range(4), key=lambda leg: leg != sample.instances[vertex]):
+                members = sample.vertices_of("leg", leg)
+                share = np.zeros(len(mesh.vertices), np.float32)
+                share[members] = 1
+                foot = int(members[mesh.vertices[members, 1].argmin()])
+                frame = np.diag([1.0 if leg % 2 == sample.instances[vertex] % 2 else -1.0, 1, 1])
+                found.append(Instance(foot, tuple(mesh.vertices[foot]), frame, float(weights[foot]), share.__getitem__))
+            return tuple(found)
+
+    monkeypatch.setattr(instance_weights, "InstanceFinder", Labels)
+    monkeypatch.setattr(instance_weights, "symmetry_planes", lambda *_: ["found"])
+    return calls
+
+
+@pytest.fixture
+def session(mesh, field, sample, asked):
+    features = np.zeros((len(mesh.vertices), 16), np.float32)
+    features[:, 0] = 1
+    legs = sample.vertices_of("leg")
+    features[legs] = np.eye(16)[1]
+    back = legs[sample.instances[legs] >= 2]
+    features[back, 1:3] = (np.cos(0.5), np.sin(0.5))
+    return dfd.Deformer(mesh, field, features=features)
+
+
+@pytest.fixture
+def foot(sample, mesh):
+    members = sample.vertices_of("leg", 0)
+    return int(members[mesh.vertices[members, 1].argmin()])
+
+
+def leg(sample, number):
+    return sample.vertices_of("leg", number)
+
+
+@pytest.mark.usefixtures("paper_handles")
+def test_each_instance_turns_about_its_own_pivot_in_its_own_frame(session, sample, mesh, asked, foot):
+    rotation = (0, 40, 0)
+    session.add(foot, rotation=rotation, translation=(0.1, 0, 0), instances="own")
+    for number in (0, 1):
+        members = leg(sample, number)
+        turn, sign = rotation_matrix(rotation), 1.0 if number == 0 else -1.0
+        frame = np.diag([sign, 1, 1])
+        center = mesh.vertices[members[mesh.vertices[members, 1].argmin()]]
+        wanted = (mesh.vertices[members] - center) @ (frame @ turn @ frame).T + center + (sign * 0.1, 0, 0)
+        np.testing.assert_allclose(session.vertices[members], wanted, atol=1e-6)
+    others = np.setdiff1d(np.arange(len(mesh.vertices)), sample.vertices_of("leg"))
+    np.testing.assert_allclose(session.vertices[others], mesh.vertices[others], atol=1e-12)
+    assert asked == [(foot, ["found"])]
+    assert session.weights.shape[1] == 1
+    assert session.report().handles[0].instances == 4
+    assert "each of 4 instances about its own pivot" in str(session.report())
+
+
+def test_a_pivot_that_is_given_lies_from_each_counterpart_as_from_the_handle(session, sample, mesh, asked, foot):
+    offset = np.array([0.05, 0.1, 0.0])
+    session.add(foot, scale=2, pivot=mesh.vertices[foot] + offset, instances="own")
+    members = leg(sample, 1)
+    pivot = mesh.vertices[members[mesh.vertices[members, 1].argmin()]] + offset * (-1, 1, 1)
+    np.testing.assert_allclose(session.vertices[members], pivot + 2 * (mesh.vertices[members] - pivot), atol=1e-6)
+
+
+def test_only_moves_the_handle_s_own(session, sample, mesh, asked, foot):
+    session.add(foot, translation=(0, -0.2, 0), instances="only")
+    own, others = leg(sample, 0), np.concatenate([leg(sample, i) for i in (1, 2, 3)])
+    np.testing.assert_allclose(session.vertices[own], mesh.vertices[own] - (0, 0.2, 0), atol=1e-6)
+    np.testing.assert_allclose(session.vertices[others], mesh.vertices[others], atol=1e-12)
+
+
+@pytest.mark.usefixtures("paper_handles")
+@pytest.mark.parametrize("instances", ["own", "together"])
+def test_level_brings_all_instances_to_full_weight(session, sample, mesh, asked, foot, instances):
+    handle = session.add(foot, translation=(0, -0.2, 0), instances=instances)
+    back = leg(sample, 2)
+    half = session.vertices[back] - mesh.vertices[back]
+    assert 0.05 < -half[:, 1].mean() < 0.15
+    session.change(handle, level=True)
+    np.testing.assert_allclose(session.vertices[back], mesh.vertices[back] - (0, 0.2, 0), atol=1e-6)
+    session.undo()
+    np.testing.assert_allclose(session.vertices[back] - mesh.vertices[back], half, atol=1e-12)
+
+
+@pytest.mark.parametrize("instances", ["own", "together"])
+def test_level_keeps_the_strength_of_a_handle(session, sample, mesh, asked, foot, instances):
+    session.add(foot, translation=(0, -0.2, 0), instances=instances, strength=0.5, level=True)
+    legs = sample.vertices_of("leg")
+    np.testing.assert_allclose(session.vertices[legs], mesh.vertices[legs] - (0, 0.1, 0), atol=1e-6)
+
+
+def test_level_leaves_what_is_hardly_alike_where_it_is(session, sample, mesh, asked, foot, monkeypatch):
+    monkeypatch.setattr(instance_weights, "LEAST_ALIKE", 0.8)  # the back legs follow by half
+    session.add(foot, translation=(0, -0.2, 0), level=True)
+    front, back = leg(sample, 1), leg(sample, 2)
+    np.testing.assert_allclose(session.vertices[front], mesh.vertices[front] - (0, 0.2, 0), atol=1e-6)
+    assert (session.vertices[back, 1] > mesh.vertices[back, 1] - 0.15).all()
+
+
+def test_instances_beyond_the_reach_are_not_told_of(session, asked, foot):
+    handle = session.add(foot, translation=(0, -0.2, 0), reach=1.0, falloff="linear")
+    assert session.report().handles[0].instances == 4
+    session.change(handle, reach=0.2)
+    assert session.report().handles[0].instances == 2
+    assert "each of 2 instances" in str(session.report())
+    assert len(session.instances(handle)) == 4
+
+
+def test_level_lets_no_vertex_follow_more_than_the_handle(mesh, field, asked, foot, session, monkeypatch):
+    """Between two instances both have a share, and both are brought to full weight."""
+
+    class Halves:
+        def __init__(self, mesh):
+            pass
+
+        def find(self, weights, vertex, position, *, held=None, planes=()):
+            half = np.full(len(mesh.vertices), 0.5, np.float32)
+            low = int(weights.argmin())
+            places = [tuple(mesh.vertices[one]) for one in (vertex, low)]
+            return tuple(
+                Instance(one, at, np.eye(3), 1.0, half.__getitem__)
+                for one, at in zip((vertex, low), places, strict=True)
+            )
+
+    monkeypatch.setattr(instance_weights, "InstanceFinder", Halves)
+    session = dfd.Deformer(mesh, field, features=field.features(mesh))
+    handle = session.add(foot, translation=(0, -0.2, 0), instances="own", level=True)
+    assert session.following.max() <= 1 + 1e-6
+    assert (session.vertices[:, 1] >= mesh.vertices[:, 1] - 0.2 - 1e-6).all()
+    for column in session.bound.columns(session.edit)[1]:
+        assert (column.instance.share >= 0).all()
+        assert (column.instance.share <= 1).all()
+    session.change(handle, level=False)
+    assert session.following.max() == pytest.approx(1)
+
+
+@pytest.mark.parametrize("instances", ["own", "together"])
+def test_single_instances_can_be_switched_off(session, sample, mesh, asked, foot, instances):
+    handle = session.add(foot, translation=(0, -0.2, 0), instances=instances)
+    places = [one.vertex for one, _ in session.instances(handle)]
+    assert places[0] == foot
+    before = session.vertices
+    on_leg = leg(sample, 1)
+    session.change(handle, without_instances=[places[1], tuple(mesh.vertices[places[3]])])
+    assert [on for _, on in session.instances(handle)] == [True, False, True, False]
+    for number, moves in enumerate([True, False, True, False]):
+        members = leg(sample, number)
+        wanted = before[members] if moves else mesh.vertices[members]
+        np.testing.assert_allclose(session.vertices[members], wanted, atol=1e-9)
+    # any vertex of an instance stands for it, and so does one of a text
+    session.change(handle, without_instances=[str(on_leg[5])])
+    assert [on for _, on in session.instances(handle)] == [True, False, True, True]
+    session.change(handle, name="foot")
+    assert [on for _, on in session.instances(handle)] == [True, False, True, True]
+    session.change(handle, without_instances=[])
+    np.testing.assert_allclose(session.vertices, before, atol=1e-12)
+    session.undo()
+    assert [on for _, on in session.instances(handle)] == [True, False, True, True]
+
+
+def test_the_handle_s_own_instance_stays_on(session, mesh, asked, foot):
+    handle = session.add(foot, translation=(0, -0.2, 0), without_instances=[foot])
+    assert [on for _, on in session.instances(handle)] == [True] * 4
+    assert session.report().handles[0].arrived
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (7, r"`without_instances` must be a list of vertices or points, got 7"),
+        ("top", r"`without_instances` must be a list of vertices or points, got 'top'"),
+        (["x>0"], r"`without_instances` must be a list of vertices or points, got a region"),
+        ([10**6], r"`at` must lie in 0"),
+    ],
+)
+def test_what_is_no_list_of_places_is_refused(session, foot, given, message):
+    with pytest.raises(ValueError, match=f"Deformer.add: {message}"):
+        session.add(foot, without_instances=given)
+
+
+@pytest.mark.parametrize("level", [False, True])
+@pytest.mark.parametrize("blend", ["linear", "polar"])
+def test_four_alike_handles_arrive_each_with_instances_of_its_own(session, sample, mesh, asked, level, blend):
+    """Instances of one stand where another handle does, and must not keep it from its target."""
+    session.overlap, session.blend = "interpolate", blend
+    feet = [int(members[mesh.vertices[members, 1].argmin()]) for members in (leg(sample, 0), leg(sample, 2))]
+    with session.step():
+        for foot, down in zip(feet, (-0.1, -0.3), strict=True):
+            session.add(
+                foot, translation=(0.02, down, 0), rotation=(0, 20, 0), instances="own", level=level and down < -0.2
+            )
+    assert all(handle.arrived for handle in session.report().handles)
+    session.move(1, translation=(0, 0.1, 0))
+    session.move(1, translation=(0, 0.2, 0), merge=True)
+    assert all(handle.arrived for handle in session.report().handles)
+    fresh = dfd.Deformer(mesh, session.field, features=session.features)
+    fresh.apply(session.edit)
+    np.testing.assert_allclose(session.vertices, fresh.vertices, atol=1e-9)
+
+
+def test_a_new_handle_has_instances_of_its_own(session, mesh, foot):
+    handle = session.add(foot, scale=1.5)
+    assert session.handle(handle).controls == Controls(reach=0.7, falloff="smooth", instances="own")
+    by_default = session.vertices
+    session.change(handle, instances="own")
+    np.testing.assert_array_equal(session.vertices, by_default)
+    session.change(handle, instances="together")
+    assert (session.vertices != by_default).any()
+
+
+def test_together_is_the_paper_and_asks_nobody(session, mesh, asked, foot):
+    session.add(foot, rotation=(0, 40, 0), instances="together")
+    wanted = dfd.pose(mesh.vertices, session.weights, [affine(rotation=(0, 40, 0), pivot=mesh.vertices[foot])])
+    np.testing.assert_allclose(session.vertices, wanted, atol=1e-12)
+    assert asked == []
+
+
+def test_instances_are_found_once_for_a_drag(session, mesh, field, asked, foot):
+    handle = session.add(foot, instances="own")
+    other = session.add(5, translation=(0, 0.01, 0), instances="together")
+    session.add(6, instances="together")
+    session.add(7, instances="together")
+    _ = session.vertices
+    for frame in range(5):
+        session.move(handle, rotation=(0, 10 * frame, 0), merge=frame > 0)
+        dragged = session.vertices
+    assert asked == [(foot, ["found"])]
+    fresh = dfd.Deformer(mesh, field, features=session.features)
+    fresh.apply(session.edit)
+    np.testing.assert_allclose(dragged, fresh.vertices, atol=1e-12)
+    session.move(other, translation=(0, 0.02, 0))
+    _ = session.vertices
+    session.symmetry = "x"
+    _ = session.vertices
+    assert [planes for _, planes in asked[-2:]] == [["found"], [session.symmetry]]
+
+
+def test_what_stands_alone_is_one_instance(mesh, field, sample):
+    """With the real finder: the seat of a chair has no likes, and moves as it does without instances."""
+    features = np.zeros((len(mesh.vertices), 16), np.float32)
+    features[np.arange(len(features)), sample.labels] = 1
+    session = dfd.Deformer(mesh, field, features=features)
+    handle = session.add(int(sample.vertices_of("seat")[0]), rotation=(0, 20, 0))
+    together = session.vertices
+    session.change(handle, instances="own")
+    np.testing.assert_allclose(session.vertices, together, atol=1e-9)
+    assert session.report().handles[0].instances == 1
+
+
+def test_the_four_legs_of_a_chair_are_found(mesh, field, sample, foot):
+    features = np.zeros((len(mesh.vertices), 16), np.float32)
+    features[np.arange(len(features)), sample.labels] = 1
+    features[:, 8] = 0.3 * mesh.vertices[:, 1]
+    features /= np.linalg.norm(features, axis=1, keepdims=True)
+    session = dfd.Deformer(mesh, field, features=features)
+    session.symmetry = "x"
+    session.add(foot, scale=1.5, instances="own")
+    assert session.report().handles[0].instances == 4
+    for number in range(4):
+        members = leg(sample, number)
+        lowest = members[mesh.vertices[members, 1].argmin()]
+        assert np.linalg.norm(session.vertices[lowest] - mesh.vertices[lowest]) < 0.02
+    session.change(1, instances="together")
+    assert np.abs(session.vertices - mesh.vertices).max() > 0.2

@@ -1,0 +1,178 @@
+"""Pieces of a surface that share a place: each keeps its own features on its own mesh, and nothing else changes."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+from made_field import made_field
+from numpy.typing import NDArray
+from safetensors.numpy import load_file, save_file
+
+import dfd
+from dfd.distillation.pieces import keep_pieces
+from dfd.distillation.targets import PointTargets
+from dfd.field.component_residuals import Pieces, pieces_of_vertices
+from dfd.mesh.mesh import Mesh
+
+WIDTH = 12
+
+
+def shells(detail: int = 12) -> Mesh:
+    """Two open tubes around one axis, one just inside the other: a sleeve and an arm."""
+    turn = np.linspace(0, 2 * np.pi, detail, endpoint=False)
+    height = np.linspace(-1, 1, detail)
+    vertices, faces = [], []
+    for tube, radius in enumerate((0.30, 0.29)):
+        ring = np.stack([radius * np.cos(turn), np.zeros(detail), radius * np.sin(turn)], axis=1)
+        vertices += [ring + [0, each * (1 - 0.03 * tube), 0] for each in height]
+        for row in range(detail - 1):
+            for at in range(detail):
+                corners = [(tube * detail + row + up) * detail + (at + on) % detail for up in (0, 1) for on in (0, 1)]
+                faces += [[corners[0], corners[2], corners[1]], [corners[1], corners[2], corners[3]]]
+    return dfd.Mesh(np.concatenate(vertices), np.array(faces))
+
+
+def kept(mesh: Mesh) -> tuple[dfd.Field, NDArray[np.float32]]:
+    """A field that was told what each tube looks like, and the features that were meant: a direction a tube."""
+    piece, boxes = pieces_of_vertices(mesh)
+    wanted = np.eye(WIDTH, dtype=np.float32)[piece]
+    field = made_field(dimension=WIDTH, width=16, layers=2, octaves=2, scale=1.0)
+    targets = PointTargets(mesh.vertices.astype(np.float32), wanted, None, piece, boxes)
+    return keep_pieces(field, targets), wanted
+
+
+def test_each_piece_has_its_own_features_where_they_share_a_place() -> None:
+    mesh = shells()
+    field, wanted = kept(mesh)
+    network = field(mesh.vertices)
+    features = field.features(mesh)
+    np.testing.assert_allclose(np.linalg.norm(features, axis=1), 1, atol=1e-5)
+    assert (features * wanted).sum(axis=1).min() > 0.95
+    assert (network * wanted).sum(axis=1).max() < 0.9  # a position alone cannot tell them apart
+    assert field.with_pieces(None).features(mesh).tobytes() == network.tobytes()
+
+
+def test_a_handle_moves_its_own_piece_alone_and_itself_by_exactly_1() -> None:
+    mesh = shells()
+    field, _ = kept(mesh)
+    half = len(mesh.vertices) // 2
+    session = dfd.Deformer(mesh, field)
+    session.add(5, translation=(0, 0.2, 0), reach=1.0, falloff="linear", instances="together")
+    assert session.weights[5, 0] == 1
+    assert session.weights[:half].min() > 0.6
+    assert session.weights[half:].max() < 0.2
+
+
+def test_another_resolution_knows_its_pieces_and_another_shape_has_none() -> None:
+    field, _ = kept(shells())
+    finer = shells(31)
+    piece, _ = pieces_of_vertices(finer)
+    assert (field.features(finer) * np.eye(WIDTH)[piece]).sum(axis=1).min() > 0.9
+    moved = dfd.Mesh(finer.vertices + [0.5, 0, 0], finer.faces)
+    assert field.features(moved).tobytes() == field(moved.vertices).tobytes()
+
+
+def test_some_vertices_are_as_all_and_points_take_after_the_nearest_vertex() -> None:
+    mesh = shells()
+    field, _ = kept(mesh)
+    features, on_mesh = field.features(mesh), field.on(mesh)
+    some = np.array([200, 3, 3, 150])
+    assert on_mesh.shape == features.shape
+    np.testing.assert_allclose(on_mesh.rows(some), features[some], atol=1e-6)
+    np.testing.assert_allclose(on_mesh.at(mesh.vertices[some] * [1, 1.0001, 1]), features[some], atol=1e-2)
+    np.testing.assert_allclose(dfd.compact(on_mesh).rows(some), features[some], atol=0.02)
+
+
+def test_features_change_nowhere_at_once() -> None:
+    random = np.random.default_rng(0)
+    points = random.uniform(-1, 1, (300, 3)).astype(np.float32)
+    differences = random.normal(size=(300, WIDTH)).astype(np.float16)
+    pieces = Pieces(np.array([[-1, -1, -1, 1, 1, 1]]), points, np.zeros(300, np.int32), differences)
+    steps = 20_000
+    line = np.linspace([-0.9, -0.8, -0.7], [0.9, 0.7, 0.8], steps)
+    rows = np.tile(np.eye(WIDTH, dtype=np.float32)[0] * 1, (steps, 1))
+    told = pieces.told_apart(rows, line, np.zeros(steps, np.int64))
+    assert np.linalg.norm(np.diff(told, axis=0), axis=1).max() < 0.02
+    np.testing.assert_array_equal(rows, np.tile(np.eye(WIDTH)[0], (steps, 1)))  # nothing changes its inputs
+    assert pieces.told_apart(rows, line, np.full(steps, -1)).tobytes() == rows.tobytes()
+
+
+def test_one_piece_needs_nothing_more() -> None:
+    box = dfd.Mesh(np.eye(4, 3), [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]])
+    field = made_field(dimension=WIDTH, width=16, layers=2, octaves=2)
+    targets = PointTargets(box.vertices.astype(np.float32), np.eye(4, WIDTH, dtype=np.float32), None)
+    assert keep_pieces(field, targets) is field
+
+
+def test_pieces_of_vertices_take_seams_together_and_leave_loose_vertices_out() -> None:
+    vertices = [
+        [0, 0, 0],
+        [1, 0, 0],
+        [0, 1, 0],
+        [1, 0, 0],
+        [0, 1, 0],
+        [1, 1, 0],
+        [5, 5, 5],
+        [6, 5, 5],
+        [5, 6, 5],
+        [9, 9, 9],
+    ]
+    piece, boxes = pieces_of_vertices(dfd.Mesh(vertices, [[0, 1, 2], [3, 5, 4], [6, 7, 8]]))
+    np.testing.assert_array_equal(piece, [0, 0, 0, 0, 0, 0, 1, 1, 1, -1])
+    np.testing.assert_array_equal(boxes, [[0, 0, 0, 1, 1, 0], [5, 5, 5, 6, 6, 5]])
+
+
+def test_a_file_keeps_pieces_and_equal_fields_are_equal_files(tmp_path: Path) -> None:
+    mesh = shells()
+    field, _ = kept(mesh)
+    field.save(tmp_path / "one.safetensors")
+    again = dfd.Field.load(tmp_path / "one.safetensors")
+    again.save(tmp_path / "two.safetensors")
+    assert (tmp_path / "one.safetensors").read_bytes() == (tmp_path / "two.safetensors").read_bytes()
+    assert again.features(mesh).tobytes() == field.features(mesh).tobytes()
+    assert pickle.loads(pickle.dumps(field)).features(mesh).tobytes() == field.features(mesh).tobytes()
+    field.with_pieces(None).save(tmp_path / "plain.safetensors")
+    assert dfd.Field.load(tmp_path / "plain.safetensors").pieces is None
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("pieces.points", lambda array: array[:-1], "must have"),
+        ("pieces.piece", lambda array: array + 1000, "piece"),
+        ("pieces.boxes", lambda array: array[:, :5], "boxes"),
+        ("pieces.differences", lambda array: array * np.float16(np.nan), "finite"),
+        ("pieces.differences", lambda array: array[:, :3].copy(), "12 wide"),
+        ("pieces.boxes", lambda array: None, "pieces.boxes"),
+    ],
+)
+def test_damaged_pieces_are_refused(tmp_path: Path, name: str, change: object, said: str) -> None:
+    from safetensors import safe_open
+
+    field, _ = kept(shells())
+    path = tmp_path / "field.safetensors"
+    field.save(path)
+    arrays = load_file(path)
+    with safe_open(path, "numpy") as opened:
+        metadata = opened.metadata()
+    changed = change(arrays.pop(name))  # type: ignore[operator]
+    save_file(arrays if changed is None else {**arrays, name: np.ascontiguousarray(changed)}, path, metadata)
+    with pytest.raises(ValueError, match=r"Field\.load: `path`") as raised:
+        dfd.Field.load(path)
+    assert said in str(raised.value)
+
+
+def test_pieces_of_another_width_are_refused() -> None:
+    field, _ = kept(shells())
+    narrow = Pieces(np.zeros((1, 6)), np.zeros((2, 3)), np.zeros(2, np.int32), np.zeros((2, 3)))
+    with pytest.raises(ValueError, match="`pieces` must be 12 wide, got 3"):
+        field.with_pieces(narrow)
+
+
+def test_widened_pieces_differ_in_the_wider_features() -> None:
+    directions = np.linalg.qr(np.random.default_rng(1).normal(size=(6, 4)))[0].T.astype(np.float32)
+    pieces = Pieces(np.zeros((1, 6)), np.zeros((2, 3)), np.zeros(2, np.int32), np.eye(2, 4))
+    np.testing.assert_allclose(pieces.widened(directions).differences, np.eye(2, 4) @ directions, atol=1e-3)

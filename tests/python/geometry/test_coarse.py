@@ -1,0 +1,92 @@
+"""Nodes: a fine mesh gathered into few, in little memory and with the same shares."""
+
+from __future__ import annotations
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from scipy.sparse.csgraph import connected_components
+from sheet import grid
+
+import dfd
+from dfd.editing.influence.instances import InstanceFinder
+from dfd.geometry import coarse
+from dfd.geometry.coarse import Nodes
+from dfd.geometry.surface_graph import surface_graph
+
+
+@pytest.fixture
+def small_runs(monkeypatch):
+    """Meshes of a few thousand vertices are gathered, and gone through in many runs."""
+    monkeypatch.setattr(coarse, "MOST_NODES", 500)
+    monkeypatch.setattr(coarse, "CELLS", 12)
+    monkeypatch.setattr(coarse, "RUN", 300)
+
+
+@pytest.mark.parametrize("sample", ["chair", "quadruped"])
+def test_nodes_are_what_the_whole_graph_has_within_each_cell(small_runs, sample):
+    mesh = getattr(dfd.samples, sample)(4000).mesh
+    gathered = Nodes(mesh)
+    graph = surface_graph(mesh).tocoo()
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    cell = np.floor((mesh.vertices - low) / ((high - low).max() / 12)).astype(int)
+    row, column = graph.coords
+    graph.data[(cell[row] != cell[column]).any(axis=1)] = 0
+    graph.eliminate_zeros()
+    wanted = connected_components(graph, directed=False)[1]
+    np.testing.assert_array_equal(gathered.of_vertex, wanted)
+    for node in (0, len(gathered.starts) // 2, len(gathered.starts) - 1):
+        members = gathered.members[gathered.starts[node] : gathered.ends[node]]
+        np.testing.assert_array_equal(members, np.flatnonzero(wanted == node))
+        np.testing.assert_allclose(gathered.center[node], mesh.vertices[members].mean(axis=0), atol=1e-12)
+
+
+def test_nodes_are_joined_where_the_surface_is(small_runs):
+    mesh = dfd.samples.quadruped(4000).mesh
+    gathered = Nodes(mesh)
+    row, column = surface_graph(mesh).tocoo().coords
+    one, other = gathered.of_vertex[row], gathered.of_vertex[column]
+    wanted = {(a, b) for a, b in zip(one.tolist(), other.tolist(), strict=True) if a != b}
+    found = gathered.graph.tocoo()
+    assert set(zip(*(ends.tolist() for ends in found.coords), strict=True)) == wanted
+    apart = np.linalg.norm(gathered.center[found.coords[0]] - gathered.center[found.coords[1]], axis=1)
+    np.testing.assert_allclose(found.data, apart, rtol=1e-12)
+
+
+def test_shares_are_blended_from_the_nodes_beside(small_runs):
+    mesh = dfd.samples.quadruped(4000).mesh
+    gathered = Nodes(mesh)
+    parts = np.random.default_rng(0).random((3, len(gathered.center))) ** 4
+    beside = gathered.graph.toarray() > 0
+    np.fill_diagonal(beside, True)
+    weights = np.zeros((len(mesh.vertices), len(gathered.center)))
+    for vertex, node in enumerate(gathered.of_vertex):
+        near = np.flatnonzero(beside[node])
+        squared = np.square(mesh.vertices[vertex] - gathered.center[near]).sum(axis=1)
+        weights[vertex, near] = np.square(1 - squared / (1.1 * squared.max() + 1e-300)) + 1e-6
+    blended = weights @ parts.T
+    wanted = (blended / blended.sum(axis=1, keepdims=True)).T
+    for share, row in zip(gathered.shares(parts), wanted, strict=True):
+        np.testing.assert_allclose(share(slice(None)), row, atol=1e-5)
+        np.testing.assert_allclose(share(slice(7, 9)), row[7:9], atol=1e-5)
+
+
+def test_many_instances_on_a_fine_mesh_take_no_column_each():
+    mesh = grid(300)
+    x, z = mesh.vertices[:, 0], mesh.vertices[:, 2]
+    weights = (np.abs(np.sin(8 * np.pi * x) * np.sin(8 * np.pi * z)) ** 2).astype(np.float32)
+    finder = InstanceFinder(mesh)
+    finder.prepare()
+    vertex = int(weights.argmax())
+    tracemalloc.start()
+    try:
+        found = finder.find(weights, vertex, mesh.vertices[vertex])
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert len(found) == 64
+    assert peak < 64 * len(mesh.vertices) * 4
+    assert found[0].share is not found[0].share  # worked out, and not kept
+    assert found[5].share_at(found[5].vertex) == pytest.approx(found[5].share[found[5].vertex])
+    np.testing.assert_allclose(sum(each.share for each in found), 1, atol=1e-5)

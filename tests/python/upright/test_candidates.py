@@ -1,0 +1,308 @@
+"""Which way is up: what may be said, how it is found, and that pictures follow it."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_table import probe_of, table
+from scipy.spatial.transform import Rotation
+
+import dfd
+from dfd.distillation.settings import DistillSettings
+from dfd.upright.candidates import UP_WORDS, Up, axis_frames, check_up, said_up
+from dfd.upright.find_up import ASKEW, CLEAR, SAME, candidates, decide, find_up, prior
+from dfd.upright.probe import (
+    FORM_TOKENS,
+    FORMS,
+    LOOKS,
+    TERMS,
+    VECTOR_TOKENS,
+    VECTORS,
+    find_probe,
+)
+from dfd.upright.probe_views import SIDES, Around
+from dfd.upright.stability import RESTS, Standing
+from dfd.views.render import render
+
+
+@pytest.mark.parametrize("up", UP_WORDS)
+def test_words_pass(up):
+    assert check_up(up) == up
+
+
+@pytest.mark.parametrize(
+    ("up", "direction"),
+    [("y", "+y"), ((0, 0, 2), (0, 0, 1)), ([0.0, -3.0, 0.0], (0, -1, 0)), ("0, 3, 4", (0, 0.6, 0.8))],
+)
+def test_directions_pass_at_unit_length(up, direction):
+    assert check_up(up) == pytest.approx(direction) if isinstance(direction, tuple) else check_up(up) == direction
+
+
+@pytest.mark.parametrize("up", ["up", "", "+w", "1,2", (0, 0, 0), (1, 2), (np.nan, 0, 1), None, 3, ["a", "b", "c"]])
+def test_what_is_no_direction_is_refused(up):
+    with pytest.raises(ValueError, match=re.escape("distill: `up` must be one of auto, file, +x, -x")) as raised:
+        DistillSettings(up=up)
+    assert repr(up) in str(raised.value)
+
+
+def test_a_mesh_without_extent_along_up_is_refused():
+    sheet = dfd.Mesh([[0, 0, 0], [1, 0, 0], [0, 0, 1]], [[0, 1, 2]])
+    with pytest.raises(ValueError, match=r"`up` must be a direction that `mesh` has some extent along, got '\+y'"):
+        said_up(sheet, "+y")
+    assert said_up(sheet, "file").direction.tolist() == [0, 1, 0]  # as before there was anything to say
+
+
+@given(st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda up: np.linalg.norm(up) > 1e-3))
+@settings(max_examples=50, deadline=None)
+def test_frames_are_rotations_with_that_up(up):
+    frame = said_up(table(), check_up(up)).frame
+    assert np.allclose(frame @ frame.T, np.eye(3))
+    assert np.linalg.det(frame) == pytest.approx(1)
+    assert np.allclose(frame[1], np.array(up) / np.linalg.norm(up))
+
+
+def test_the_files_own_up_is_no_turn_at_all():
+    assert np.array_equal(said_up(table(), "+y").frame, np.eye(3))
+    assert str(said_up(table(), "+y")) == "+y"
+    assert str(Up(said_up(table(), (0.0, 0.6, 0.8)).frame, 1.0, "said")) == "0.000, 0.600, 0.800"
+
+
+def test_six_frames_of_an_axis_each():
+    frames = np.stack(axis_frames(np.eye(3)))
+    assert sorted(frames[:, 1].tolist()) == sorted(np.concatenate([np.eye(3), -np.eye(3)]).tolist())
+    assert np.allclose(np.linalg.det(frames), 1)
+    assert np.array_equal(frames[2], np.eye(3))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_candidates_come_in_pairs_and_a_tilted_table_rests_on_its_legs_in_one(seed):
+    mesh = table()
+    rotation = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+    standing = Standing(mesh.vertices @ rotation.T, mesh.faces)
+    frame = standing.frame()
+    found = candidates(standing, frame, np.zeros((3, 3)))
+    assert 6 + 2 <= len(found) <= 2 * (3 + RESTS + 4)
+    assert np.allclose(found[:6:2, 1], [[0, 1, 0], [0, 0, 1], [1, 0, 0]])
+    assert np.allclose(found @ found.transpose(0, 2, 1), np.eye(3))
+    assert np.allclose(np.linalg.det(found), 1)
+    assert np.allclose(found[::2, 1], -found[1::2, 1])
+    assert np.abs(found[:, 1] @ rotation[:, 1]).max() > np.cos(np.radians(3))
+
+
+def test_the_axis_that_pictures_vote_for_is_a_candidate_and_leans_into_the_mirror_plane():
+    """What pictures tell is rough: with the mirror plane upright it is nearer to the truth."""
+    mesh = table()
+    rotation = Rotation.random(rng=np.random.default_rng(0)).as_matrix()
+    standing = Standing(mesh.vertices @ rotation.T, mesh.faces)
+    frame = standing.frame()
+    rough = frame[0] + 2 * frame[1] + 1.5 * frame[2]
+    rough /= np.linalg.norm(rough)
+    ups = candidates(standing, frame, np.outer(rough, rough) - np.eye(3) / 3)[:, 1]
+    leaned = rough - (rough @ frame[0]) * frame[0]
+    leaned /= np.linalg.norm(leaned)
+    # One of its candidates may stand for another that is nearly the same.
+    assert np.abs(ups @ rough).max() > SAME
+    assert np.abs(ups @ leaned).max() > SAME
+    twice = np.abs(ups[::2] @ ups[::2].T) - np.eye(len(ups) // 2)
+    assert twice.max() < SAME
+
+
+def voting_for(seen, up, encoder):
+    """A form and a vector of least length by which pictures vote for `up`, and for nothing else."""
+    at = np.einsum("nai,ki->nka", seen.axes, np.eye(3))
+    forms = np.einsum("nka,jab,nkb,njd->kjd", at, FORMS, at, seen.tokens[:, FORM_TOKENS], optimize=True)
+    vectors = np.einsum("nka,ja,njd->kjd", at, VECTORS, seen.tokens[:, VECTOR_TOKENS], optimize=True)
+    said = (np.square(up) - 1 / 3, up)
+    return tuple(
+        np.linalg.lstsq(each.reshape(3, -1) / len(seen.tokens), wanted)[0].reshape(each.shape[1:]).astype(np.float32)
+        for each, wanted in zip((forms, vectors), said, strict=True)
+    )
+
+
+def test_pictures_decide_when_the_surface_says_nothing(encoder):
+    mesh, frames = table(), np.stack(axis_frames(np.eye(3)))
+    form, vector = voting_for(Around(mesh, encoder).seen(frames, SIDES), np.array([0.0, 0, -1]), encoder)
+    odds = np.zeros((3, len(TERMS)))
+    odds[1, : len(LOOKS)] = 100.0
+    found = find_up(mesh, encoder, probe=probe_of(encoder, form=form, vector=vector, odds=odds))
+    assert str(found) == "-z"
+    assert found.source == "found"
+    assert found.sentence == f"-z, {found.confidence:.0%} sure"
+
+
+@pytest.mark.parametrize(
+    ("at_once", "then", "pictures"), [("sure", "sure", 4), ("doubtful", "sure", 24), ("doubtful", "doubtful", 48)]
+)
+def test_few_pictures_are_enough_where_they_leave_no_doubt(encoder, monkeypatch, at_once, then, pictures):
+    """Four around the file's up; four around each axis; eight, and all decide."""
+    looked, encode = [], encoder.encode
+    monkeypatch.setattr(
+        encoder, "encode", lambda images, **more: (looked.append(len(images)), encode(images, **more))[1]
+    )
+    odds = np.zeros((3, len(TERMS)))
+    for row, said in zip(odds, (at_once, then), strict=False):
+        row[TERMS.index("mirrors flat")] = 1000.0 if said == "sure" else 1.0
+    found = find_up(table(), encoder, probe=probe_of(encoder, odds=odds))
+    assert sum(looked) == pictures
+    assert (found.source == "averaged") == (then == "doubtful")
+
+
+def test_one_look_decides_only_what_it_leaves_no_doubt_about(encoder):
+    """What files have by convention makes nothing sure at once, but it counts where the look is sure of the axis."""
+    odds = np.zeros((3, len(TERMS)))
+    odds[1, TERMS.index("mirrors flat")] = 1000.0
+    z_up = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    lying = dfd.Mesh(table().vertices @ z_up.T, table().faces)
+    found = find_up(lying, encoder, probe=probe_of(encoder, odds=odds, file_up=9.0, file_down=9.0))
+    assert str(found) in ("+z", "-z")
+
+
+def test_the_axis_is_decided_before_its_end():
+    """Two likely ends of one axis outweigh a direction that is likelier than each."""
+    frames = np.stack(axis_frames(np.eye(3)))
+    found = decide(frames, np.log([0.45, 0.45, 0.01, 0.01, 0.07, 0.01]))
+    assert (str(found), found.source) == ("+x", "found")
+    assert found.confidence == pytest.approx(0.9)
+    assert str(decide(frames, np.log([0.44, 0.46, 0.01, 0.01, 0.07, 0.01]))) == "-x"
+    assert decide(frames, np.log([0.01, 0.01, 0.9, 0.06, 0.01, 0.01])).source == "file"
+
+
+def test_without_a_clear_axis_the_two_likeliest_share_the_pictures():
+    frames = np.stack(axis_frames(np.eye(3)))
+    found = decide(frames, np.log([0.05, 0.05, 0.3, 0.2, 0.1, 0.3]))
+    assert found.source == "averaged"
+    assert found.confidence == pytest.approx(0.5)
+    assert found.confidence < CLEAR
+    assert [frame[1].tolist() for frame in found.frames] == [[0, 1, 0], [0, 0, -1]]
+    assert np.array_equal(found.frame, found.frames[0])
+    assert found.sentence == "+y likeliest, 50% sure: +y and -z share the pictures"
+
+
+def test_frames_share_the_pictures_evenly():
+    mesh, frames = table(), np.stack(axis_frames(np.eye(3)))[[2, 4]]
+    alone = [render(mesh, views=16, resolution=32, mirrored=True, frame=frame) for frame in frames]
+    shared = render(mesh, views=16, resolution=32, mirrored=True, frame=frames)
+    assert len(shared.images) == 16
+    assert np.array_equal(shared.frame, frames[0])
+    for number, one in enumerate(alone):
+        own = [camera.position.round(6).tolist() for camera in one.cameras]
+        some = [camera.position.round(6).tolist() for camera in shared.cameras[8 * number : 8 * number + 8]]
+        assert all(position in own for position in some)
+        assert np.allclose([camera.up @ frames[number, 1] > 0 for camera in shared.cameras[8 * number :][:8]], True)
+    one = render(mesh, views=1, resolution=32, mirrored=True, frame=frames)
+    assert len(one.images) == 1
+
+
+@pytest.mark.parametrize("up", range(6))
+def test_a_table_is_found_whichever_way_it_lies(encoder, up):
+    rotation = axis_frames(np.eye(3))[up].T  # takes +y to that axis
+    mesh = table()
+    lying = dfd.Mesh(mesh.vertices @ rotation.T, mesh.faces)
+    before = lying.vertices.copy()
+    found = find_up(lying, encoder, probe=probe_of(encoder))
+    assert found.source in ("file", "found")
+    assert CLEAR < found.confidence <= 1
+    assert abs(found.direction @ rotation[:, 1]) == pytest.approx(1)
+    assert np.array_equal(lying.vertices, before)
+
+
+def test_the_prior_decides_where_nothing_else_does(encoder):
+    silent = probe_of(encoder, odds=np.zeros((3, len(TERMS))), file_up=4.0, file_down=2.0, file_z=1.0)
+    found = find_up(table(), encoder, probe=silent)
+    assert np.array_equal(found.frame, np.eye(3))
+    assert found.source == "file"
+    odds = np.exp([0, 0, 4, 2, 1, 1])
+    assert found.confidence == pytest.approx(odds[2:4].sum() / odds.sum())
+    assert found.sentence == f"+y as the file has it, {found.confidence:.0%} sure"
+    assert [prior(silent, frame) for frame in axis_frames(np.eye(3))] == [0, 0, 4, 2, 1, 1]
+
+
+def tilted_table(seed=0):
+    rotation = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+    return dfd.Mesh(table().vertices @ rotation.T, table().faces), rotation
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_tilted_table_is_found(encoder, seed):
+    tilted, rotation = tilted_table(seed)
+    found = find_up(tilted, encoder, probe=probe_of(encoder))
+    assert max(abs(frame[1] @ rotation[:, 1]) for frame in found.frames) > np.cos(np.radians(3))
+
+
+def test_a_tilted_shape_is_looked_at_along_all_axes_and_then_as_it_would_stand(encoder, monkeypatch):
+    looked, encode = [], encoder.encode
+    monkeypatch.setattr(
+        encoder, "encode", lambda images, **more: (looked.append(len(images)), encode(images, **more))[1]
+    )
+    silent = probe_of(encoder, odds=np.zeros((3, len(TERMS))))
+    assert find_up(tilted_table()[0], encoder, probe=silent).source == "averaged"
+    assert looked == [24, 8]
+
+
+def test_what_files_have_by_convention_counts_half_for_a_tilted_shape(encoder):
+    tilted, _ = tilted_table()
+    silent = probe_of(encoder, odds=np.zeros((3, len(TERMS))), file_up=9.0, file_down=8.0, file_z=1.0)
+    standing = Standing(tilted.vertices, tilted.faces)
+    count = len(candidates(standing, standing.frame(), np.zeros((3, 3))))
+    found = find_up(tilted, encoder, probe=silent)
+    odds = np.exp(ASKEW * np.array([9.0, 8, 1, 1, *[0] * (count - 4)]))
+    assert str(found) == "+y"
+    assert found.confidence == pytest.approx(odds[:2].sum() / odds.sum(), rel=0.05)  # one candidate more or less
+
+
+def test_another_encoders_probe_is_refused_and_without_one_the_files_up_stays(encoder):
+    with pytest.raises(ValueError, match="`probe` was learned from another encoder"):
+        find_up(table(), encoder, probe=probe_of(encoder, encoder_block=encoder.block + 1))
+    assert find_probe(encoder) is None
+    found = find_up(table(), encoder)
+    assert (found.source, found.confidence) == ("file", 0)
+    assert np.array_equal(found.frame, np.eye(3))
+    assert found.sentence == "+y by the file's convention: there was nothing to tell it by"
+
+
+@pytest.mark.parametrize("vertices", [[[0, 0, 0]] * 3, [[0, 0, 0], [1, 0, 0], [2, 0, 0]]])
+def test_meshes_without_area_keep_the_files_up(encoder, vertices):
+    assert find_up(dfd.Mesh(vertices, [[0, 1, 2]]), encoder, probe=probe_of(encoder)).source == "file"
+
+
+def test_a_flat_sheet_is_looked_at_like_anything_else(encoder):
+    sheet = dfd.Mesh([[0, 0, 0], [1, 0, 0], [0, 0, 1], [1, 0, 1]], [[0, 1, 2], [1, 3, 2]])
+    found = find_up(sheet, encoder, probe=probe_of(encoder))
+    assert np.isfinite(found.confidence)
+    assert np.allclose(found.frame @ found.frame.T, np.eye(3))
+
+
+def test_pictures_in_a_frame_are_those_of_the_turned_mesh():
+    """A mesh that lies on its side, in the frame in which it stands, looks like the same mesh standing."""
+    mesh = table()
+    z_up = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    lying = dfd.Mesh(mesh.vertices @ z_up.T, mesh.faces)
+    frame = said_up(lying, "+z").frame
+    assert np.allclose(frame, z_up.T)
+    standing = render(mesh, views=8, resolution=64, mirrored=True)
+    seen = render(lying, views=8, resolution=64, mirrored=True, frame=frame)
+    assert (seen.covered == standing.covered).mean() > 0.999
+    assert (render(lying, views=8, resolution=64, mirrored=True).covered == standing.covered).mean() < 0.95
+    both = (seen.covered & standing.covered)[..., None]
+    assert np.abs(np.where(both, seen.images.astype(int) - standing.images, 0)).mean() < 0.5
+    assert np.array_equal(seen.frame, frame)
+    back = seen.points @ z_up  # the points are in the mesh's own coordinates
+    assert np.allclose(
+        [back.min(axis=0), back.max(axis=0)], [standing.points.min(axis=0), standing.points.max(axis=0)], atol=0.05
+    )
+
+
+def test_a_field_says_which_way_was_up(encoder):
+    few = {"views": 4, "resolution": 56, "steps": 2, "batch": 8, "progress": False, "cache": False}
+    field = dfd.distill(table(), encoder, up="-z", **few)
+    assert field.settings["up"] == "-z"
+    assert field.settings["up_direction"] == [0, 0, -1]
+    assert field.settings["up_source"] == "said"
+    auto = dfd.distill(table(), encoder, **few)
+    plain = dfd.distill(table(), encoder, up="file", **few)
+    assert (auto.settings["up"], auto.settings["up_source"]) == ("auto", "file")
+    assert np.array_equal(auto(table().vertices), plain(table().vertices))

@@ -1,0 +1,145 @@
+"""What pictures around a shape show, how they vote for which way is up, and the file that says how."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from made_table import probe_of, table
+from scipy.spatial.transform import Rotation
+
+import dfd
+from dfd.upright.candidates import axis_frames
+from dfd.upright.probe import (
+    FOLDER,
+    FORM_TOKENS,
+    LOOKS,
+    TERMS,
+    VECTOR_TOKENS,
+    UpProbe,
+)
+from dfd.upright.probe_views import SIDES, Around, Seen
+from dfd.upright.stability import EVIDENCE
+
+
+def test_what_is_seen_around_a_candidate_does_not_depend_on_where_it_lies(encoder):
+    """All 24 ways to lay a table down show the same pictures, of the axis that was up before."""
+    mesh = table()
+    frames = np.stack(axis_frames(np.eye(3)))
+
+    def mean_tokens(mesh):
+        seen = Around(mesh, encoder).seen(frames, SIDES)
+        assert seen.tokens.shape == (24, 2, encoder.dimension)
+        assert np.allclose(seen.axes @ seen.axes.transpose(0, 2, 1), np.eye(3))
+        return seen.tokens[:, 0].reshape(6, 4, -1).mean(axis=1)
+
+    seen = mean_tokens(mesh)
+    scale = np.abs(seen - seen.mean(axis=0)).max()
+    for index in (0, 3, 4):
+        rotation = frames[index].T
+        lying = mean_tokens(dfd.Mesh(mesh.vertices @ rotation.T, mesh.faces))
+        for number, frame in enumerate(frames):
+            other = int((frames[:, 1] @ (rotation @ frame[1])).argmax())
+            assert np.abs(lying[other] - seen[number]).max() < 0.05 * scale
+
+
+def test_the_second_token_is_right_less_left(encoder, monkeypatch):
+    """Tokens that are their own column, of a shape as wide as the picture."""
+
+    def columns(images, *, covered):
+        side = images.shape[1] // encoder.patch
+        tokens = np.broadcast_to(np.arange(side, dtype=np.float32)[None, :, None], (side, side, encoder.dimension))
+        return np.broadcast_to(tokens, (len(images), *tokens.shape))
+
+    monkeypatch.setattr(encoder, "encode", columns)
+    around = Around(table(), encoder)
+    side = around._resolution // encoder.patch
+    mean, across = around.seen(np.eye(3)[None], np.array([[0.0, 0.2, 1.0]])).tokens[0, :, 0]
+    assert mean == pytest.approx((side - 1) / 2, abs=0.2)
+    assert side / 2 <= across < side  # the legs are at the ends
+
+
+def pictures(generator, count, width):
+    """What random pictures from random cameras show."""
+    axes = Rotation.random(count, rng=generator).as_matrix()
+    return Seen(generator.standard_normal((count, 2, width)).astype(np.float32), axes)
+
+
+def random_probe(encoder, generator, **changes):
+    """A probe whose votes are anything."""
+    width = encoder.dimension
+    form, vector = (generator.standard_normal((rows, width)).astype(np.float32) for rows in (5, 3))
+    return probe_of(encoder, form=form, vector=vector, **changes)
+
+
+def test_votes_turn_with_the_pictures_and_mirror_with_them(encoder):
+    generator = np.random.default_rng(0)
+    seen, probe = pictures(generator, 7, encoder.dimension), random_probe(encoder, generator)
+    form, vector = probe.votes(seen)
+    assert np.allclose(form, form.T)
+    assert np.trace(form) == pytest.approx(0, abs=1e-9)
+    rotation = Rotation.random(rng=generator).as_matrix()
+    turned = probe.votes(Seen(seen.tokens, seen.axes @ rotation.T))
+    assert np.allclose(turned[0], rotation @ form @ rotation.T)
+    assert np.allclose(turned[1], rotation @ vector)
+    # A mirror image is seen by the mirrored camera, whose right is turned round; its halves have changed places.
+    mirror = np.diag([-1.0, 1, 1])
+    mirrored = Seen(seen.tokens * np.float32([1, -1])[:, None], np.diag([-1.0, 1, 1]) @ seen.axes @ mirror)
+    assert np.allclose(probe.votes(mirrored)[0], mirror @ form @ mirror)
+    assert np.allclose(probe.votes(mirrored)[1], mirror @ vector)
+
+
+def test_votes_are_spherical_harmonics_of_the_tokens(encoder):
+    """What a candidate gets is linear in the tokens, times what its direction is in each picture."""
+    generator = np.random.default_rng(1)
+    probe = random_probe(encoder, generator, mean=generator.standard_normal(encoder.dimension).astype(np.float32))
+    seen, ups = pictures(generator, 3, encoder.dimension), np.array([[0.0, 1, 0], [0, 0.6, 0.8]])
+    evidence = generator.standard_normal((2, len(EVIDENCE)))
+    told = probe.terms(seen, ups, evidence)
+    assert told.shape == (2, len(TERMS))
+    assert np.array_equal(told[:, len(LOOKS) :], evidence)
+    for number, up in enumerate(ups):
+        form = vector = 0.0
+        for (mean, across), axes in zip(seen.tokens, seen.axes, strict=True):
+            x, y, z = axes @ up
+            tokens = (mean - probe.mean, across)
+            squares = (y * y - (x * x + z * z) / 2, (z * z - x * x) * 3**0.5 / 2, 3**0.5 * y * z)
+            for weight, at, token in zip(
+                probe.form, (*squares, 3**0.5 * x * y, 3**0.5 * x * z), FORM_TOKENS, strict=True
+            ):
+                form += float(weight @ tokens[token]) * at / len(seen.tokens)
+            for weight, at, token in zip(probe.vector, (y, z, x), VECTOR_TOKENS, strict=True):
+                vector += float(weight @ tokens[token]) * at / len(seen.tokens)
+        assert told[number, : len(LOOKS)] == pytest.approx((form, vector), rel=1e-4)
+
+
+def test_probes_come_back_from_their_files(encoder, tmp_path):
+    probe = probe_of(encoder, file_up=1.5)
+    probe.save(tmp_path / "probe.safetensors")
+    again = UpProbe.load(tmp_path / "probe.safetensors")
+    assert again.fits(encoder)
+    assert again.file_up == 1.5
+    assert np.array_equal(again.odds, probe.odds)
+    again.save(tmp_path / "again.safetensors")
+    assert (tmp_path / "again.safetensors").read_bytes() == (tmp_path / "probe.safetensors").read_bytes()
+
+
+def test_damaged_and_foreign_probes_are_refused(encoder, tmp_path):
+    whole, cut, other = (tmp_path / f"{name}.safetensors" for name in ("whole", "cut", "other"))
+    probe_of(encoder).save(whole)
+    cut.write_bytes(whole.read_bytes()[:-10])
+    with pytest.raises(ValueError, match=r"is no whole \.safetensors file"):
+        UpProbe.load(cut)
+    from safetensors.numpy import save_file
+
+    save_file({"looks": np.zeros(3, np.float32)}, other)
+    with pytest.raises(ValueError, match="holds no probe"):
+        UpProbe.load(other)
+    probe_of(encoder, odds=np.full((3, len(TERMS)), np.nan)).save(whole)
+    with pytest.raises(ValueError, match="`odds` in .* must be finite"):
+        UpProbe.load(whole)
+
+
+def test_the_packages_own_probes_are_whole():
+    found = [UpProbe.load(path) for path in sorted(FOLDER.glob("*.safetensors"))]
+    assert found
+    assert all(probe.file_up > max(probe.file_down, probe.file_z) >= 0 for probe in found)
