@@ -1,5 +1,6 @@
-"""The paper's comparisons on the sets of handles that it used, for whoever has them.
+"""The paper's figures and tables, each by one command, on the meshes at hand.
 
-`python -m bench.paper FOLDER` from the repository's root writes bench/results/paper; `--help` says the rest, and
-`bench.paper.handles` how the sets must lie on disk.
+`python -m bench.paper NAME` from the repository's root writes bench/results/paper/NAME.md; `--list` names the pages. A
+page is a module with a function `page(context)`, entered in the table of `__main__`; `context` has the meshes, fields
+and sessions, `report` what a page is made of, `drawing` the pictures that several draw alike.
 """

@@ -1,84 +1,84 @@
-"""`python -m bench.paper FOLDER`: ours, ARAP and biharmonic on a set of handles, one table and one page of pictures."""
+"""`python -m bench.paper NAME`: one figure or table of the paper, as a page of pictures and numbers."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 from rich.console import Console
 
-import dfd
-from bench.paper.compare import Row, compare
-from bench.paper.handles import Case, Found, find
+from bench.paper.context import Context
 from bench.paper.methods import BALL
-from bench.paper.page import pictures, to_csv, to_markdown
-from dfd.common.files import atomic_write
+from bench.paper.report import Page, write
 from dfd.encoders.known import DEFAULT_ENCODER
-from dfd.pictures.picture import contact_sheet, save_png
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "paper"
-RESOLUTION = 320
+
+# Every page: the module of `bench.paper` whose `page(context)` makes it, or MODULE:FUNCTION, and what it shows.
+PAGES: dict[str, tuple[str, str]] = {
+    "fig4": ("fig04_distillation", "pixels that teach a field, and the field of a shape reduced by 99 %"),
+    "fig5": ("fig05_symmetry", "planes of symmetry that are seen, and edits of one side"),
+    "fig6": ("fig06_constraints", "feature space constraints: what looks like a fixed point stays"),
+    "fig7": ("fig07_locality", "locality: one deformation, less and less of the shape"),
+    "fig8": ("fig08_translations", "one handle translated, beside methods that need fixed points"),
+    "fig9": ("fig09_dense", "layouts of DeepMetaHandles by every method (Fig. 16 too)"),
+    "fig10": ("fig10_timing", "seconds to preprocess, bind and pose over the number of faces"),
+    "fig11": ("fig11_encoders", "one deformation with the features of several image encoders"),
+    "fig12": ("fig12_encoder_weights", "weights of several image encoders"),
+    "fig13": ("fig13_ablation", "barycentric distillation against vertices alone, from coarse to fine"),
+    "fig14": ("fig14_translations", "one handle by every method, others with the neighbors of their constraints"),
+    "fig15": ("fig14_translations:page_without_neighbors", "the same without neighbors"),
+    "fig17": ("fig17_topology", "shapes with holes, loose components and non-manifold edges"),
+    "fig18": ("fig18_high_resolution", "large meshes: defects, holes, and seconds of each stage"),
+    "fig19": ("fig19_generalization", "one field on other tessellations and on another animal"),
+    "fig20": ("fig20_consistency", "the same parts on different shapes of one class"),
+    "fig21": ("fig09_dense:page_dense", "DFD with fifty handles"),
+    "fig22": ("fig22_metrics", "what every method does to the surface, in numbers"),
+    "table3": ("table3_rebinding", "seconds to bind 1, 10 and 100 new handles, beside OptCtrlPoints"),
+    "study1": ("studies:desirable", "sheets of the first user study: the best two of anonymous options"),
+    "study2": ("studies:realistic", "sheets of the second user study: the most realistic"),
+    "handles": ("handle_sets", "sets of handles as APAP-Bench 3D and DeepMetaHandles have them, by every method"),
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Compare all cases of the folder; 1 if one of them could not be read."""
+    """Make one page, or list them; 1 if some shape of the page could not be read."""
     parser = _parser()
     options = parser.parse_args(arguments)
+    if options.list:
+        for name, (_, shows) in PAGES.items():
+            print(f"{name:8} {shows}")
+        return 0
+    if options.name is None:
+        parser.error("NAME must be one of " + ", ".join(PAGES))
     console = Console(stderr=True, highlight=False)
+    folder = options.meshes or options.folder
+    if folder is not None and not folder.is_dir():
+        parser.error(f"{folder} is not a folder")
+    context = Context(
+        folder=folder,
+        quick=options.quick,
+        encoder=options.encoder,
+        ball=options.ball,
+        say=lambda line: console.print(line, markup=False, soft_wrap=True),
+    )
     try:
-        found = find(options.folder)
+        page = make(options.name, context)
     except (ValueError, OSError) as error:
         parser.error(str(error))
-    rows: list[Row] = []
-    page = []
-    unread = 0
-    for number, each in enumerate(found, 1):
-        console.print(f"{number} of {len(found)}: {each.name}", markup=False, soft_wrap=True)
-        try:
-            case = each.read()
-        except (ValueError, OSError) as error:
-            unread += 1
-            rows.append(Row(each.name, "", note=" ".join(str(error).split())))
-            console.print(f"  {error}", markup=False, soft_wrap=True)
-        else:
-            own = _compare(each, case, options)
-            rows += own
-            page.append((each.name, pictures(case, own, RESOLUTION)))
-        _write(options.output, rows, options)  # after every case: a long run that is cut short has told what it knew
-    if page:
-        title = "Source, ours, ARAP and biharmonic"
-        save_png(options.output / "paper.png", contact_sheet(page, title=title, cell=RESOLUTION))
-    Console().print(f"{options.output / 'paper.md'}", highlight=False, soft_wrap=True)
-    return 1 if unread else 0
+    settings = {"quick": context.quick, "presets": context.used}
+    path = write(page, options.name, options.output, context.notes(), settings)
+    Console().print(f"{path}", highlight=False, soft_wrap=True)
+    return 1 if page.failed else 0
 
 
-def field_path(found: Found, folder: Path | None) -> Path:
-    """Where the field of a case is looked for: beside its mesh, or in `folder` under the name of the shape's folder."""
-    if folder is None:
-        return found.mesh.with_name(f"{found.mesh.stem}.field.safetensors")
-    return folder / f"{found.mesh.parent.name}.field.safetensors"
-
-
-def _compare(found: Found, case: Case, options: argparse.Namespace) -> list[Row]:
-    @cache
-    def field() -> dfd.Field:
-        path = field_path(found, options.field_folder)
-        return dfd.Field.load(path) if path.exists() else dfd.distill(case.mesh, options.encoder)
-
-    return compare(found.name, case, field, options.ball)
-
-
-def _write(output: Path, rows: Sequence[Row], options: argparse.Namespace) -> None:
-    heading = (
-        f"Set: {options.folder.resolve().name}. Fields from files, or distilled from {options.encoder}; ARAP and "
-        f"biharmonic are given what lies within {options.ball:g} of the longest side from a handle or a fixed point."
-    )
-    output.mkdir(parents=True, exist_ok=True)
-    for name, text in (("paper.csv", to_csv(rows)), ("paper.md", to_markdown(rows, heading))):
-        with atomic_write(output / name) as temporary:
-            temporary.write_text(text, "utf-8")
+def make(name: str, context: Context) -> Page:
+    """The page called `name`; ValueError or OSError if it cannot be made."""
+    module, _, function = PAGES[name][0].partition(":")
+    made: Page = getattr(import_module(f"bench.paper.{module}"), function or "page")(context)
+    return made
 
 
 def _radius(text: str) -> float:
@@ -90,12 +90,13 @@ def _radius(text: str) -> float:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("python -m bench.paper", description=__doc__)
-    parser.add_argument("folder", type=Path, help="of one shape, or holding those of several: see bench.paper.handles")
+    parser.add_argument("name", metavar="NAME", nargs="?", choices=PAGES, help="of the page, see --list")
+    parser.add_argument("folder", metavar="FOLDER", nargs="?", type=Path, help="the same as --meshes FOLDER")
+    parser.add_argument("--list", action="store_true", help="list the pages and stop")
+    parser.add_argument("--meshes", type=Path, help="folder whose meshes are shown; else those that DFD_MESHES has")
+    parser.add_argument("--quick", action="store_true", help="fewer and smaller pictures, fewer shapes")
     parser.add_argument("-o", "--output", type=Path, default=OUTPUT, help="folder to write to (%(default)s)")
-    parser.add_argument(
-        "--field-folder", type=Path, help="where fields are, SHAPE.field.safetensors; by default beside the meshes"
-    )
-    parser.add_argument("--encoder", default=DEFAULT_ENCODER, help="of shapes without a field (%(default)s)")
+    parser.add_argument("--encoder", default=DEFAULT_ENCODER, help="of all fields (%(default)s)")
     parser.add_argument(
         "--ball",
         type=_radius,

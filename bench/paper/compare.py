@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-import dfd
 from bench.paper.handles import Case
-from bench.paper.methods import arap, biharmonic, ours
 from bench.quality.baselines import PeerError
 from dfd.geometry.metrics import SurfaceMetrics, surface_metrics
 
-__all__ = ["METHODS", "OURS_FIXED", "Row", "compare"]
+__all__ = ["COLUMNS", "Row", "compare"]
 
-OURS_FIXED = "ours, fixed points"
-METHODS = ("ours", "ARAP", "biharmonic")  # in the paper's order, without what is ours alone
+COLUMNS = ("handle off %", "area %", "angle °", "edge %", "volume %", "flipped faces")
 
 
 @dataclass(frozen=True)
@@ -32,18 +28,19 @@ class Row:
     metrics: SurfaceMetrics | None = None
     note: str = ""
 
+    @property
+    def values(self) -> list[float | None]:
+        """What the columns of the table hold."""
+        if self.missing is None or self.metrics is None:
+            return [None] * len(COLUMNS)
+        volume = None if self.metrics.volume is None else 100 * self.metrics.volume
+        relative = [100 * self.missing, 100 * self.metrics.area, self.metrics.angle, 100 * self.metrics.edge_length]
+        return [*relative, volume, self.metrics.flipped_faces]
 
-def compare(name: str, case: Case, field: Callable[[], dfd.Field], ball: float) -> list[Row]:
-    """Our rows, and those of the other methods; one that fails has a note and stops no other.
 
-    Ours stands there as in the paper, by the handles alone, and once more with the fixed points where there are any.
-    """
-    rows = [_row(name, "ours", case, lambda: ours(case, field(), fixed=False))]
-    if len(case.fixed):
-        rows.append(_row(name, OURS_FIXED, case, lambda: ours(case, field(), fixed=True)))
-    rows.append(_row(name, "ARAP", case, partial(arap, case, ball)))
-    rows.append(_row(name, "biharmonic", case, partial(biharmonic, case, ball)))
-    return rows
+def compare(name: str, case: Case, methods: Mapping[str, Callable[[], NDArray[np.float64]]]) -> list[Row]:
+    """A row a method, which returns the moved vertices (V, 3); one that fails has a note and stops no other."""
+    return [_row(name, method, case, deform) for method, deform in methods.items()]
 
 
 def _row(name: str, method: str, case: Case, deform: Callable[[], NDArray[np.float64]]) -> Row:

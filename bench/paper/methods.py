@@ -1,121 +1,62 @@
-"""The methods that are compared: each returns the moved vertices (V, 3) of a case, mesh units, or says why not."""
+"""Methods that DFD is compared with: each returns the moved vertices (V, 3) of a case, mesh units, or says why not."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-import dfd
 from bench.paper.handles import Case
-from bench.quality.baselines import PeerError, in_child
+from bench.paper.peers import PEERS
+from bench.paper.peers.peer import Done, Job, run
 
-__all__ = ["BALL", "arap", "biharmonic", "constraints", "ours"]
+__all__ = ["BALL", "COMPARED", "constraints", "deform", "others"]
 
 BALL = 0.01  # of the longest side: the radius in which the paper gives other methods the neighbors of a point as well
-ITERATIONS = 100
+COMPARED = (
+    "ARAP",
+    "biharmonic",
+    "BBW",
+    "NeuralMLS",
+)  # on pages of pictures; OptCtrlPoints has the second one's weights
 
 
-def ours(case: Case, field: dfd.Field, *, fixed: bool) -> NDArray[np.float64]:
-    """Handles moved to their targets in a session, and with `fixed` the fixed points held (Eq. 6).
-
-    Raises
-    ------
-    ValueError
-        If the field is of another shape, or fixed points leave nothing of a handle.
-    """
-    deformer = dfd.Deformer(case.mesh, field)
-    if fixed:
-        for vertex in case.fixed:
-            deformer.fix(int(vertex))
-    for vertex, target in zip(case.handles, case.targets, strict=True):
-        deformer.add(int(vertex), translation=target - case.mesh.vertices[vertex])
-    return deformer.vertices
-
-
-def arap(case: Case, ball: float = BALL) -> NDArray[np.float64]:
-    """As-rigid-as-possible by libigl, from the resting shape.
+def deform(name: str, case: Case, ball: float = BALL) -> Done:
+    """A case by the peer called `name`; biharmonic coordinates of the set's own are taken where it has them.
 
     Raises
     ------
     PeerError
-        If libigl is not installed, fails, crashes or takes too long, or a piece of the surface has no constraint.
+        As `bench.paper.peers.peer.run`.
     """
-    return _solved(case, ball, _arap)
+    if name == "biharmonic" and case.coordinates is not None:
+        return Done(case.mesh.vertices + case.coordinates @ (case.held_to - case.mesh.vertices[case.held]))
+    return run(PEERS[name], case.mesh, [constraints(case, ball)])[0]
 
 
-def biharmonic(case: Case, ball: float = BALL) -> NDArray[np.float64]:
-    """Biharmonic displacements: by the set's own coordinates where it has them, else by libigl over the surface.
-
-    The paper solves within tetrahedra; over the surface none are needed, and meshes with holes are solved as well.
-
-    Raises
-    ------
-    PeerError
-        As in `arap`.
-    """
-    if case.coordinates is not None:
-        return case.mesh.vertices + case.coordinates @ (case.held_to - case.mesh.vertices[case.held])
-    return _solved(case, ball, _biharmonic)
+def others(case: Case, ball: float) -> dict[str, Callable[[], NDArray[np.float64]]]:
+    """Every method of pages of pictures by its name, ready to be called on `case`."""
+    return {name: partial(_moved, name, case, ball) for name in COMPARED}
 
 
-def constraints(case: Case, ball: float = BALL) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Vertices (N,), distinct, and where they are to be (N, 3): those that are held, and their neighbors.
+def _moved(name: str, case: Case, ball: float) -> NDArray[np.float64]:
+    return deform(name, case, ball).vertices
 
-    Every corner of a face within `ball`, a part of the longest side, goes as the nearest held vertex does.
+
+def constraints(case: Case, ball: float = BALL) -> Job:
+    """Vertices, distinct, and where they are to be: those that are held, and their neighbors.
+
+    Every corner of a face within `ball`, a part of the longest side, goes as the nearest held vertex does. A handle and
+    its neighbors are one group, fixed points none.
     """
     offsets = case.held_to - case.mesh.vertices[case.held]
-    corners = np.unique(case.mesh.faces).astype(np.int64)
+    corners: NDArray[np.int64] = np.unique(case.mesh.faces).astype(np.int64)
     radius = 0.0 if case.dense else ball * float(case.mesh.extents.max())
     distance, nearest = KDTree(case.mesh.vertices[case.held]).query(case.mesh.vertices[corners])
     near = distance <= radius
-    return corners[near], case.mesh.vertices[corners[near]] + offsets[nearest[near]]
-
-
-def _solved(case: Case, ball: float, solve: Callable[..., NDArray[np.float64]]) -> NDArray[np.float64]:
-    held, held_to = constraints(case, ball)
-    used, faces = np.unique(case.mesh.faces, return_inverse=True)  # a vertex of no face makes the equations singular
-    faces = faces.reshape(-1, 3).astype(np.int64)
-    held = np.searchsorted(used, held)
-    edges = faces[:, [0, 1, 1, 2]].reshape(-1, 2)
-    graph = coo_array((np.ones(len(edges), bool), (edges[:, 0], edges[:, 1])), shape=(len(used), len(used)))
-    count, piece = connected_components(graph, directed=False)
-    if len(np.unique(piece[held])) < count:
-        raise PeerError(f"needs a handle or a fixed point on every one of the {count} pieces of the surface")
-    moved = case.mesh.vertices.copy()
-    moved[used] = in_child(solve, case.mesh.vertices[used], faces, held, held_to)
-    moved = moved[case.mesh.representative]
-    if not np.isfinite(moved).all():
-        raise PeerError("gives NaN")
-    return moved
-
-
-def _arap(
-    vertices: NDArray[np.float64], faces: NDArray[np.int64], held: NDArray[np.int64], held_to: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    try:
-        import igl
-    except ImportError:
-        raise PeerError("libigl is not installed") from None
-    data = igl.ARAPData()
-    data.max_iter = ITERATIONS
-    igl.arap_precomputation(vertices, faces, 3, held.astype(np.int32), data)
-    return np.asarray(igl.arap_solve(held_to, data, vertices))
-
-
-def _biharmonic(
-    vertices: NDArray[np.float64], faces: NDArray[np.int64], held: NDArray[np.int64], held_to: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    try:
-        import igl
-    except ImportError:
-        raise PeerError("libigl is not installed") from None
-    displacements = np.asarray(igl.harmonic(vertices, faces, held, held_to - vertices[held], 2))
-    if displacements.shape != vertices.shape:
-        raise PeerError("finds no solution")
-    moved: NDArray[np.float64] = vertices + displacements
-    return moved
+    held, group = corners[near], nearest[near]
+    group = np.where(np.isin(case.held[group], case.fixed), -1, group)
+    return Job(held, group, case.mesh.vertices[held] + offsets[nearest[near]])

@@ -139,7 +139,7 @@ def further_rigs(folder: Path | None, say: Callable[[str], None]) -> Iterator[Sh
     for path in sorted(folder.glob("*.glb")) if folder else ():
         try:
             places, joints = strongest_joints(path)
-            mesh = dfd.load(path)
+            mesh = dfd.load(path, pose="bind")
         except (ValueError, OSError, KeyError, IndexError, TypeError) as error:
             say(f"{path.name}: {error}")
             continue

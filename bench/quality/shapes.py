@@ -70,7 +70,7 @@ def characters(folder: Path, say: Callable[[str], None]) -> Iterator[Shape]:
             continue
         if not joints:
             continue
-        whole = dfd.load(path)
+        whole = dfd.load(path, pose="bind")
         skinned = label_vertices(whole, places, joints, lambda _: "skinned")[0] >= 0
         if skinned.mean() < 0.05:
             say(f"{path.name}: its skin does not lie on its surface")
@@ -108,7 +108,7 @@ def rig(path: Path) -> Shape:
         raise ValueError("rig: nothing is skinned")
     if not any(joints):
         raise ValueError("rig: no joint has a name")
-    mesh = dfd.load(path)
+    mesh = dfd.load(path, pose="bind")
     labels, parts = without_few(*label_vertices(mesh, places, joints, kind_of_part))
     if len(parts) < 2:
         raise ValueError(f"rig: fewer than two kinds of parts, got {', '.join(parts) or 'none'}")

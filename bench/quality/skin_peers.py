@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import trimesh
@@ -15,6 +12,8 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
 import dfd
+from bench.paper.peers.bounded import bounded_weights
+from bench.paper.peers.tetrahedra import boundary, fill
 from bench.quality.baselines import PeerError, in_child
 from dfd.export.bones import Bones
 
@@ -65,7 +64,7 @@ def bounded_biharmonic(mesh: dfd.Mesh, bones: Bones, joints: NDArray[np.integer]
     Raises
     ------
     PeerError
-        If libigl or `pip install wildmeshing` is missing, one of them fails or crashes, or both take too long.
+        If libigl or `wildmeshing` is not installed, one of them fails or crashes, or both take too long.
     """
     points, faces = _skin(mesh, bones)
     samples = [_on_bones(bones, joint) for joint in joints]
@@ -111,17 +110,7 @@ def _neighbors(cells: NDArray[np.integer], shape: tuple[int, ...]) -> csr_array:
 
 def _bounded(points: Float64, faces: NDArray[np.int64], samples: list[Float64], vertices: Float64) -> Float64:
     """(V, J) weights at `vertices`, of bones that are points (N, 3) each; in a process of its own."""
-    try:
-        import igl
-        import wildmeshing  # noqa: F401
-    except ImportError as error:
-        raise PeerError(f"needs {error.name}, which is not installed") from None
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # fTetWild tells every step, and leaves a file where it works
-    with tempfile.TemporaryDirectory() as folder:
-        before = Path.cwd()
-        os.chdir(folder)
-        nodes, tetrahedra = _tetrahedra(points, faces)
-        os.chdir(before)
+    nodes, tetrahedra = fill(points, faces, EDGE)
     tree = KDTree(nodes)
     nearest: dict[int, tuple[float, int]] = {}  # of each node that a bone comes near, the distance and the bone
     for bone, each in enumerate(samples):
@@ -130,26 +119,8 @@ def _bounded(points: Float64, faces: NDArray[np.int64], samples: list[Float64], 
     known = np.array(sorted(nearest), np.int64)
     ones = np.eye(len(samples))[[nearest[node][1] for node in known]]
     there = np.flatnonzero(ones.any(axis=0))  # a bone shorter than an edge may have no node of its own
-    solved = np.asarray(igl.bbw(nodes, tetrahedra, known, np.ascontiguousarray(ones[:, there])))
-    if solved.shape != (len(nodes), len(there)):
-        raise PeerError("finds no solution")
+    solved = bounded_weights(nodes, tetrahedra, known, ones[:, there])
     weights = np.zeros((len(vertices), len(samples)))
-    surface = np.ascontiguousarray(igl.boundary_facets(tetrahedra)[0])
-    _, face, closest = igl.point_mesh_squared_distance(np.ascontiguousarray(vertices), nodes, surface)
-    corners = surface[face]
-    shares = igl.barycentric_coordinates(closest, *(np.ascontiguousarray(nodes[corner]) for corner in corners.T))
+    corners, shares, _ = boundary(nodes, tetrahedra, vertices)
     weights[:, there] = np.einsum("vk,vkj->vj", shares, solved[corners]).clip(0.0, 1.0)
     return weights
-
-
-def _tetrahedra(points: Float64, faces: NDArray[np.int64]) -> tuple[Float64, NDArray[np.int64]]:
-    """Nodes (N, 3) and tetrahedra (T, 4) that fill what a surface nearly closes off."""
-    import wildmeshing
-
-    center = points.mean(axis=0)
-    tetrahedralizer = wildmeshing.Tetrahedralizer(stop_quality=30, max_its=30, edge_length_r=EDGE)
-    tetrahedralizer.set_mesh(points - center, faces.astype(np.int32))
-    tetrahedralizer.tetrahedralize()
-    nodes, tetrahedra = tetrahedralizer.get_tet_mesh()[:2]
-    used, corners = np.unique(tetrahedra, return_inverse=True)
-    return np.ascontiguousarray(nodes[used] + center), corners.reshape(-1, 4).astype(np.int64)

@@ -59,7 +59,7 @@ def main() -> None:
 
 def compared(path: Path, fields: Path | None) -> Float64:
     """For each method the share of weight elsewhere and far, and the mean distance in diagonals, NaN without motion."""
-    mesh = dfd.load(path)
+    mesh = dfd.load(path, pose="bind")
     stored = None if fields is None else fields / f"{path.stem}.field.safetensors"
     field = dfd.Field.load(stored) if stored is not None and stored.is_file() else dfd.distill(mesh, progress=False)
     bones = bones_of(mesh)

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import bpy
+
+from dfd.editing.presets import PRESETS
+from dfd.weights.bind import Falloff
 
 from .vertex_groups import refresh
 
 __all__ = ["CLASSES", "HandleSettings", "ObjectSettings", "Preferences"]
 
-FALLOFFS = [(name, name.capitalize(), "") for name in ("linear", "smooth", "sharp", "root", "sphere", "constant")]
+FALLOFFS = [(name, name.capitalize(), "") for name in get_args(Falloff)]
+DEFAULTS = PRESETS["default"]
 AXES = [
     ("AUTO", "Whichever fits", "As the object's or as glTF's, by the box of the field's shape"),
     ("SAME", "The object's own", "The field has the coordinates of the mesh as Blender shows them"),
@@ -37,12 +43,12 @@ class HandleSettings(bpy.types.PropertyGroup):
     reach: bpy.props.FloatProperty(
         name="Reach",
         description="Distance between features at which the weight is 0: less takes fewer look-alikes along",
-        default=1.0,
+        default=DEFAULTS.reach,
         min=0.01,
         soft_max=1.5,
         update=_again,
     )
-    falloff: bpy.props.EnumProperty(name="Falloff", items=FALLOFFS, default="linear", update=_again)
+    falloff: bpy.props.EnumProperty(name="Falloff", items=FALLOFFS, default=DEFAULTS.falloff, update=_again)
     locality: bpy.props.FloatProperty(
         name="Locality",
         description="How much faster the weight falls off along the surface; 0 for not at all",

@@ -54,7 +54,7 @@ class Shape:
         self.features = self.field.features(self.mesh) if few else dfd.compact(self.field, self.mesh.vertices)
         self.geodesics = dfd.Geodesics(self.mesh)
 
-    def weights(self, vertex: int, *, reach: float = 1.0, falloff: str = "linear", locality: float = 0.0) -> np.ndarray:
+    def weights(self, vertex: int, *, reach: float, falloff: str, locality: float) -> np.ndarray:
         """Weights (V,) float32 in [0, 1] of all vertices for a handle at `vertex`, as `dfd.bind` gives them.
 
         Raises

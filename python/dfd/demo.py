@@ -13,8 +13,10 @@ from rich.console import Console
 from rich.table import Table
 
 from dfd import samples
+from dfd.common.preset import Preset
 from dfd.common.progress import Stages
 from dfd.distillation.distill import distill
+from dfd.distillation.settings import DistillSettings
 from dfd.editing.deformer import Deformer
 from dfd.encoders.encode import Encoder, load_encoder
 from dfd.encoders.known import DEFAULT_ENCODER
@@ -35,7 +37,14 @@ Picture = tuple[NDArray[np.uint8], str]
 Row = tuple[str, Sequence[Picture]]
 
 
-def run(output: Path, *, encoder: str = DEFAULT_ENCODER, faces: int = 20_000, console: Console | None = None) -> None:
+def run(
+    output: Path,
+    *,
+    preset: Preset = "default",
+    encoder: str = DEFAULT_ENCODER,
+    faces: int = 20_000,
+    console: Console | None = None,
+) -> None:
     """Make a chair and a quadruped, distill them, deform them, and write meshes and pictures into `output`.
 
     `story.png` tells everything from the views to the moved shapes; `opening.png` is its shortest form.
@@ -44,8 +53,8 @@ def run(output: Path, *, encoder: str = DEFAULT_ENCODER, faces: int = 20_000, co
     ----------
     output
         Folder to write to; made if it is not there.
-    encoder
-        As in `dfd.distill`.
+    preset, encoder
+        As in `dfd.distill`, and the preset as in `dfd.Deformer`.
     faces
         About how many faces each shape has.
 
@@ -60,19 +69,19 @@ def run(output: Path, *, encoder: str = DEFAULT_ENCODER, faces: int = 20_000, co
     opening: list[Picture] = []
     table = Table("stage", title="Seconds")
     seconds: list[dict[str, float]] = []
-    model = load_encoder(encoder)
+    model = load_encoder(encoder, **DistillSettings(preset=preset).of_encoder())
     for name, sample, edits in (
         ("chair", samples.chair(faces), _edit_chair),
         ("quadruped", samples.quadruped(faces), _edit_quadruped),
     ):
         console.print(f"[bold]{name}[/bold]: {len(sample.mesh.faces):,} faces")
         stages = Stages()
-        field, features, first = _distill(sample, model, stages)
+        field, features, first = _distill(sample, model, preset, stages)
         field.save(output / f"{name}.field.safetensors")
         sample.mesh.save(output / f"{name}.glb")
         rows.append((f"The {name}: what the encoder sees, and its features by colour", first))
         with stages.stage("deform and draw"):
-            stories = edits(sample, partial(Deformer, sample.mesh, field, features=features), output)
+            stories = edits(sample, partial(Deformer, sample.mesh, field, preset=preset, features=features), output)
         rows += [story.row() for story in stories]
         opening += [picture for story in stories if story.opens for picture in story.opening()]
         table.add_column(name, justify="right")
@@ -86,9 +95,11 @@ def run(output: Path, *, encoder: str = DEFAULT_ENCODER, faces: int = 20_000, co
     console.print(f"Pictures: {output / 'story.png'}, {output / 'opening.png'}\nMeshes:   {output}")
 
 
-def _distill(sample: Sample, model: Encoder, stages: Stages) -> tuple[Field, NDArray[np.float32], list[Picture]]:
+def _distill(
+    sample: Sample, model: Encoder, preset: Preset, stages: Stages
+) -> tuple[Field, NDArray[np.float32], list[Picture]]:
     mesh = sample.mesh
-    field = distill(mesh, model, progress=stages, cache=False)
+    field = distill(mesh, model, progress=stages, cache=False, preset=preset)
     with stages.stage("symmetry"):
         planes = symmetry_planes(field, mesh)
     found = ", ".join(f"{axis_name(plane.normal)} ({plane.score:.2f})" for plane in planes) or "none"

@@ -70,9 +70,11 @@ def group_weights(of: bpy.types.Object, name: str) -> np.ndarray:
 
 def expected(of: bpy.types.Object, field_file: Path, vertex: int, **how) -> np.ndarray:
     import dfd
+    from dfd.editing.presets import PRESETS
 
     features = dfd.Field.load(field_file)(coordinates(of))
-    return dfd.bind(features, [vertex], **how)[:, 0]
+    new = PRESETS["default"]
+    return dfd.bind(features, [vertex], **{"reach": new.reach, "falloff": new.falloff, **how})[:, 0]
 
 
 def select(of: bpy.types.Object, *vertices: int) -> None:
@@ -100,8 +102,8 @@ def test_sliders_weigh_anew(ball, field_file):
     bpy.ops.dfd.weigh()
     (handle,) = ball.dfd.handles
     before = group_weights(ball, handle.name)
-    handle.reach, handle.falloff = 0.6, "smooth"
-    wanted = expected(ball, field_file, 7, reach=handle.reach, falloff="smooth")
+    handle.reach, handle.falloff = 0.4, "sharp"
+    wanted = expected(ball, field_file, 7, reach=handle.reach, falloff="sharp")
     np.testing.assert_allclose(group_weights(ball, handle.name), wanted, atol=1e-6)
     assert (wanted < before - 0.05).any()
     handle.locality = 3

@@ -23,19 +23,6 @@ CASE("every index is visited once, whatever the number of threads")
     }
 END
 
-CASE("every task is done once, also where one of them takes long")
-    for (const std::size_t count : {0u, 1u, 2u, 7u, 34u}) {
-        for (const int threads : {-1, 1, 2, 5, 100}) {
-            std::vector<std::atomic<int>> visits(count);
-            dfd::parallel_tasks(count, threads, [&](std::size_t task) {
-                if (task == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));  // others take over
-                ++visits[task];
-            });
-            CHECK(std::all_of(visits.begin(), visits.end(), [](const auto& visit) { return visit == 1; }));
-        }
-    }
-END
-
 CASE("a poll that says so stops the work")
     for (const int threads : {1, 3}) {
         std::atomic<std::size_t> visited = 0;

@@ -21,7 +21,7 @@ from mesh_files import CORNERS, CUBE, obj_cube, scene_of_three, textured_quad
 import dfd
 from dfd import Field, Mesh
 from dfd.editing.edit_file import read_edit, write_edit
-from dfd.mesh.file import glb
+from dfd.mesh.file.gltf import glb
 from dfd.runs.checkpoint import Checkpoint
 from dfd.runs.pieces import PieceFolder
 

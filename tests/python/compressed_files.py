@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from mesh_files import CORNERS, CUBE, Gltf, textured_quad
 
-from dfd.mesh.file import glb
+from dfd.mesh.file.gltf import glb
 
 __all__ = ["BASISU", "DRACO", "MESHOPT", "draco_cube", "ktx2_quad", "meshopt_cube", "packed_glb"]
 

@@ -62,7 +62,9 @@ def test_weights_are_those_of_bind_however_the_file_was_turned(shape, field_file
     wanted = dfd.bind(features, [5], reach=0.7, falloff="smooth", geodesic=geodesic, locality=2.0)[:, 0]
     weights = found.weights(5, reach=0.7, falloff="smooth", locality=2.0)
     np.testing.assert_allclose(weights, wanted, atol=1e-5)
-    np.testing.assert_allclose(found.weights(5), dfd.bind(features, [5])[:, 0], atol=1e-5)
+    np.testing.assert_allclose(
+        found.weights(5, reach=1.0, falloff="linear", locality=0.0), dfd.bind(features, [5])[:, 0], atol=1e-5
+    )
 
 
 def test_a_field_of_another_shape_is_refused(shape, field_file):

@@ -75,18 +75,6 @@ void parallel_ranges(std::size_t count, std::size_t grain, int threads, const Wo
     if (stopped) throw Stopped();
 }
 
-/// Calls `work(task)` for each of 0 … `count`, on at most `threads` threads; it must not throw.
-template <class Work>
-void parallel_tasks(std::size_t count, int threads, const Work& work)
-{
-    const std::size_t workers = std::min(count, static_cast<std::size_t>(std::max(threads, 1)));
-    if (workers <= 1) {
-        for (std::size_t task = 0; task < count; ++task) work(task);
-    } else {
-        parallel_for(count, workers, [&](std::size_t, std::size_t task) { work(task); });
-    }
-}
-
 /// The size of the OpenMP team that runs a loop on `threads` threads; 0 where none does, as on a single thread.
 inline int team_size(int threads)
 {

@@ -176,9 +176,9 @@ class Columns:
             if _instanced(handle):
                 axes = handle.transform.axes if handle.transform.along is not None else None
                 instances = (controls.instances, controls.without_instances, edit.symmetry, axes)
-            return Key(kind, (handle.place, sources, controls.radius, instances))
+            return Key(kind, (handle.place, sources, edit.bridges, controls.radius, instances))
         # What weights are when they are sent as such, or are at the counterparts, depends on all that shapes them.
-        return Key(kind, (handle.place, sources, controls, edit.fixed, edit.arrive, edit.symmetry))
+        return Key(kind, (handle.place, sources, edit.bridges, controls, edit.fixed, edit.arrive, edit.symmetry))
 
     def _number(self, key: Hashable) -> int:
         return self._numbers.setdefault(key, len(self._numbers) + 1)

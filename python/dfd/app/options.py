@@ -7,6 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, JsonValue
 
+from dfd.common.preset import Preset
 from dfd.encoders.known import DEFAULT_ENCODER
 
 __all__ = ["OpenedFile", "SessionOptions", "Source"]
@@ -38,6 +39,8 @@ class SessionOptions(BaseModel):
     ----------
     mesh, field, edit
         What a new tab shows; None is the start page, no field of its own, no edit.
+    preset
+        What new sessions start with, and by what fields are distilled.
     encoder, distill
         The encoder's name or folder, and further keywords of `dfd.distill`.
     memory_bytes
@@ -49,10 +52,12 @@ class SessionOptions(BaseModel):
     mesh: Source | None = None
     field: OpenedFile | None = None
     edit: OpenedFile | None = None
+    preset: Preset = "default"
     encoder: str = DEFAULT_ENCODER
     distill: dict[str, JsonValue] = {}
     memory_bytes: int | None = None
 
     def distill_arguments(self) -> dict[str, Any]:
         """The keywords for `dfd.distill` and `find_distilled`."""
-        return {"encoder": self.encoder, **self.distill}
+        preset = {} if self.preset == "default" else {"preset": self.preset}
+        return {"encoder": self.encoder, **preset, **self.distill}

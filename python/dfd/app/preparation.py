@@ -14,6 +14,7 @@ from dfd.app.options import SessionOptions, Source
 from dfd.app.time_left import TimeLeft
 
 if TYPE_CHECKING:
+    from dfd.common.preset import Preset
     from dfd.editing.deformer import Deformer
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
@@ -33,8 +34,8 @@ class Listener(Protocol):
     def field_ready(self, deformer: Deformer, path: Path, origin: str, told: list[str]) -> None:
         """It is there, and so are the features; `told` are warnings."""
 
-    def field_planes(self, planes: list[SymmetryPlane]) -> None:
-        """The planes across which the shape looks alike."""
+    def field_planes(self, planes: dict[Preset, list[SymmetryPlane]]) -> None:
+        """The planes across which the shape looks alike, as each preset finds them."""
 
     def field_failed(self, task: str, message: str) -> None:
         """There will be none."""
@@ -120,10 +121,11 @@ class Preparation:
         from dfd.distillation.distill import find_distilled
         from dfd.distillation.settings import DistillSettings
 
-        given = dict(self._options.distill)
+        given = self._options.distill_arguments()
+        encoder = given.pop("encoder")
         look, device = given.pop("cache", True), given.pop("device", None)
-        settings, place = DistillSettings(**given), None if device is None else str(device)  # type: ignore[arg-type]
-        found = find_distilled(self._mesh, self._options.encoder, settings, device=place) if look else None
+        settings, place = DistillSettings(**given), None if device is None else str(device)
+        found = find_distilled(self._mesh, encoder, settings, device=place) if look else None
         if found is None:
             self._tell("field_missing")
             return
@@ -149,13 +151,14 @@ class Preparation:
     def _prepare(self, path: Path, origin: str) -> None:
         self._tell("field_progress", "prepare", "load", 0, None, None)
         from dfd.editing.deformer import Deformer
+        from dfd.editing.presets import PRESETS
         from dfd.field.field import Field
         from dfd.symmetry.search import symmetry_planes
 
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", UserWarning)
             field = Field.load(path, mesh=self._mesh)
-            deformer = Deformer(self._mesh, field)
+            deformer = Deformer(self._mesh, field, preset=self._options.preset)
         told = [str(each.message) for each in caught if issubclass(each.category, UserWarning)]
         count, done, said = len(self._mesh.vertices), 0, 0.0
 
@@ -168,6 +171,9 @@ class Preparation:
 
         deformer.prepare(advance)
         self._tell("field_ready", deformer, path, origin, told)
-        planes = symmetry_planes(field, self._mesh)
-        deformer.bound.prepare_instances(planes)
+        planes = {
+            preset: symmetry_planes(field, self._mesh, candidates=defaults.candidates, threshold=defaults.threshold)
+            for preset, defaults in PRESETS.items()
+        }
+        deformer.bound.prepare_instances(planes["default"])
         self._tell("field_planes", planes)

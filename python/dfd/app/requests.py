@@ -28,7 +28,7 @@ from dfd.app.protocol.parts import Controls, Place, PointPlace, RegionPlace, Tra
 from dfd.app.script import as_command, as_python
 from dfd.app.shapes import sample_source
 from dfd.app.suggestions import suggestions
-from dfd.editing.edit import Edit, Fixed
+from dfd.editing.edit import Fixed, empty_edit
 from dfd.editing.edit_file import from_document
 from dfd.editing.place import place_on
 from dfd.symmetry.plane import SymmetryPlane
@@ -99,7 +99,9 @@ def _features(session: Session, message: requests.Features) -> bytes:
 
 
 def _suggest(session: Session, message: requests.Suggest) -> Answer:
-    return SuggestionsMessage(suggestions=suggestions(session.living(), message.count, session.looks.planes))
+    return SuggestionsMessage(
+        suggestions=suggestions(session.living(), message.count, session.looks.planes.get("default", ()))
+    )
 
 
 def _instances(session: Session, message: requests.Instances) -> Answer:
@@ -214,6 +216,10 @@ def _set_symmetry(session: Session, message: requests.SetSymmetry) -> None:
     session.change(lambda deformer: deformer.set_symmetry(plane, band=message.band), "symmetry", merge=message.merge)
 
 
+def _set_preset(session: Session, message: requests.SetPreset) -> None:
+    session.change(lambda deformer: setattr(deformer, "preset", message.preset))
+
+
 def _set_overlap(session: Session, message: requests.SetOverlap) -> None:
     session.change(lambda deformer: setattr(deformer, "overlap", message.mode))
 
@@ -236,7 +242,7 @@ def _redo(session: Session, message: requests.Redo) -> None:
 
 
 def _clear(session: Session, message: requests.Clear) -> None:
-    session.change(lambda deformer: deformer.apply(Edit()))
+    session.change(lambda deformer: deformer.apply(empty_edit(deformer.preset)))
 
 
 def _apply(session: Session, message: requests.Apply) -> None:
@@ -336,6 +342,7 @@ _DO: dict[type[requests.Request], Callable[[Session, Any], Answer | bytes | None
     requests.Release: _release,
     requests.ChangeFixed: _change_fixed,
     requests.SetSymmetry: _set_symmetry,
+    requests.SetPreset: _set_preset,
     requests.SetOverlap: _set_overlap,
     requests.SetBlend: _set_blend,
     requests.SetDefault: _set_default,

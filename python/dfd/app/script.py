@@ -6,8 +6,9 @@ import shlex
 from typing import TYPE_CHECKING, Any
 
 from dfd.app.exports import file_stem
-from dfd.editing.deformer import NEW_HANDLE
-from dfd.editing.edit_file import to_document
+from dfd.editing.controls import controls_of
+from dfd.editing.edit_file import CONTROL_KEYS, to_document
+from dfd.editing.presets import PRESETS
 
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
@@ -16,48 +17,38 @@ __all__ = ["as_command", "as_python"]
 
 # Keys of the edit document that `Deformer.add` takes under other names or not at all.
 NOT_CONTROLS = ("id", "vertex", "position", "along")
-AT_REST = {
-    "translation": [0.0] * 3,
-    "rotation": [0.0] * 3,
-    "scale": [1.0] * 3,
-    "locality": 0.0,
-    "reach": NEW_HANDLE.reach,
-    "falloff": NEW_HANDLE.falloff,
-    "strength": 1.0,
-    "instances": NEW_HANDLE.instances,
-    "level": False,
-    "without_instances": [],
-    "within_width": 0.0,
-}
-WHOLE = {"overlap": "add", "blend": "linear", "arrive": True}
+AT_REST = {"translation": [0.0] * 3, "rotation": [0.0] * 3, "scale": [1.0] * 3, "without_instances": []}
 
 
 def as_python(deformer: Deformer, name: str) -> str:
     """A script that makes the same shape, given the mesh's file `name` and its field beside it."""
     document = to_document(deformer.edit, deformer.mesh)
     stem = file_stem(name)
+    preset = "" if document["preset"] == "default" else f", preset={document['preset']!r}"
     lines = [
         "import dfd",
         "",
         f"mesh = dfd.load({_mesh_file(name)!r})",
         f'field = dfd.Field.load("{stem}.field.safetensors")',
-        "session = dfd.Deformer(mesh, field)",
+        f"session = dfd.Deformer(mesh, field{preset})",
     ]
-    if any(_said(entry).keys() & {"region", "within", "without_instances"} for entry in _held(document)):
+    rest = _at_rest(document)
+    if any(_said(entry, rest).keys() & {"region", "within", "without_instances"} for entry in _held(document)):
         # Sets of places are too long for a script.
         lines[-1] = f'session = dfd.Deformer.load("{stem}_edit.json", mesh, field)'
         lines.append(f'mesh.save("{stem}_edited.glb", session.vertices)')
         return "\n".join(lines) + "\n"
     for handle in document["handles"]:
-        lines.append(f"session.add({_arguments(_place(handle), _said(handle))})")
-    lines += [f"session.fix({_arguments(_place(fixed), _said(fixed))})" for fixed in document["fixed"]]
-    lines += [f"session.{key} = {document[key]!r}" for key, usual in WHOLE.items() if document[key] != usual]
+        lines.append(f"session.add({_arguments(_place(handle), _said(handle, rest))})")
+    lines += [f"session.fix({_arguments(_place(fixed), _said(fixed, rest))})" for fixed in document["fixed"]]
+    usual = PRESETS[document["preset"]].whole_shape
+    lines += [f"session.{key} = {document[key]!r}" for key in usual if document[key] != usual[key]]
     plane = document["symmetry"]
     if plane is not None:
         shown = f"dfd.SymmetryPlane({_tuple(plane['normal'])}, {plane['offset']!r}, band={plane['band']!r})"
         lines.append(f"session.set_symmetry({shown})")
     if document["default"] is not None:
-        lines.append(f"session.set_default({_arguments('', _said(document['default']))})")
+        lines.append(f"session.set_default({_arguments('', _said(document['default'], rest))})")
     lines.append(f'mesh.save("{stem}_edited.glb", session.vertices)')
     return "\n".join(lines) + "\n"
 
@@ -74,14 +65,16 @@ def as_command(deformer: Deformer, name: str) -> str:
 
 def _options(document: dict[str, Any]) -> list[str] | None:
     """The options of `dfd deform` that say the whole edit; None where they cannot."""
-    usual = all(document[key] == value for key, value in WHOLE.items())
+    usual = all(document[key] == value for key, value in PRESETS[document["preset"]].whole_shape.items())
     if len(document["handles"]) != 1 or not usual or document["symmetry"] or document["default"]:
         return None
     (handle,) = document["handles"]
-    said = _said(handle)
+    rest = _at_rest(document)
+    said = _said(handle, rest)
     said.pop("name", None)
     flags = {"translation": "--translate", "rotation": "--rotate", "pivot": "--pivot", "scale": "--scale"}
-    words = [f"--handle={_point(handle)}"]
+    words = [] if document["preset"] == "default" else ["--preset", document["preset"]]
+    words.append(f"--handle={_point(handle)}")
     for key, value in said.items():
         if key in flags:
             words += [flags[key], *(repr(number) for number in value)]
@@ -89,7 +82,7 @@ def _options(document: dict[str, Any]) -> list[str] | None:
             words += ["--locality", repr(value)]
         else:
             return None
-    if any(_said(fixed) for fixed in document["fixed"]):
+    if any(_said(fixed, rest) for fixed in document["fixed"]):
         return None
     if any(entry["vertex"] is None for entry in _held(document)):  # the command takes the nearest point of the surface
         return None
@@ -100,14 +93,20 @@ def _held(document: dict[str, Any]) -> list[dict[str, Any]]:
     return [*document["handles"], *document["fixed"]]
 
 
-def _said(entry: dict[str, Any]) -> dict[str, Any]:
-    """What of a handle is not as it is by itself."""
+def _at_rest(document: dict[str, Any]) -> dict[str, Any]:
+    """What a new handle of the document's preset has."""
+    controls = controls_of(document["preset"])
+    return {**AT_REST, **{key: getattr(controls, key) for key in CONTROL_KEYS}}
+
+
+def _said(entry: dict[str, Any], rest: dict[str, Any]) -> dict[str, Any]:
+    """What of a handle is not as a new one has it."""
     if entry.get("along") is not None:
         entry = {**entry, "axes": entry["along"]}
     return {
         key: value
         for key, value in entry.items()
-        if key not in NOT_CONTROLS and value is not None and AT_REST.get(key, ...) != value
+        if key not in NOT_CONTROLS and value is not None and rest.get(key, ...) != value
     }
 
 

@@ -20,6 +20,7 @@ from dfd.app.surface import mesh_messages
 from dfd.editing.edit_file import read_edit
 
 if TYPE_CHECKING:
+    from dfd.common.preset import Preset
     from dfd.editing.deformer import Deformer
     from dfd.editing.edit import Edit
     from dfd.mesh.mesh import Mesh
@@ -222,7 +223,7 @@ class Session:
         if wanted is not None:
             self.guarded(0, lambda: self.open_edit(wanted))
 
-    def field_planes(self, planes: list[SymmetryPlane]) -> None:
+    def field_planes(self, planes: dict[Preset, list[SymmetryPlane]]) -> None:
         """Offer them; by now instances can be found as well."""
         self.looks.planes = planes
         self._ready = True

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from dataclasses import field as dataclass_field
 from typing import TYPE_CHECKING, Any, get_args
 
 from dfd.app.columns import Columns, column_kind
-from dfd.app.protocol.answers import FieldState, FixedState, HandleState, StateMessage
+from dfd.app.protocol.answers import FieldState, FixedState, HandleState, NewHandle, StateMessage
 from dfd.app.protocol.parts import KeyPose, Plane, PoseTransform
+from dfd.common.preset import Preset
 from dfd.editing.controls import Blend, Falloff, Instances, Overlap
-from dfd.editing.edit import box_center
+from dfd.editing.edit import band_on, box_center
 from dfd.editing.edit_file import to_document
+from dfd.editing.presets import PRESETS
 from dfd.editing.regions import members
 from dfd.symmetry.plane import axis_name
 
@@ -46,7 +49,9 @@ class Looks:
     """What a state says besides the edit."""
 
     field: FieldState = NO_FIELD
-    planes: Sequence[SymmetryPlane] = ()
+    planes: Mapping[Preset, Sequence[SymmetryPlane]] = dataclass_field(
+        default_factory=dict
+    )  # as each preset finds them
     poses: tuple[KeyPose, ...] = ()
 
 
@@ -77,7 +82,13 @@ def state_message(deformer: Deformer, columns: Columns, looks: Looks, *, after: 
         ),
         fixed_column=columns.of_fixed(),
         symmetry=None if deformer.symmetry is None else _plane(deformer.symmetry),
+        planes=tuple(
+            _plane(replace(plane, band=band_on(deformer.mesh, deformer.preset)))
+            for plane in looks.planes.get(deformer.preset, ())
+        ),
         default=None if deformer.default is None else _default(deformer.default, box_center(deformer.mesh)),
+        preset=deformer.preset,
+        new_handle=_new_handle(deformer.preset),
         overlap=deformer.overlap,
         blend=deformer.blend,
         posing="shader" if (deformer.overlap, deformer.blend) == ("add", "linear") else "server",
@@ -86,17 +97,24 @@ def state_message(deformer: Deformer, columns: Columns, looks: Looks, *, after: 
     )
 
 
+def _new_handle(preset: Preset) -> NewHandle:
+    return NewHandle(reach=PRESETS[preset].reach, falloff=PRESETS[preset].falloff)
+
+
 def _state(looks: Looks, **fields: Any) -> StateMessage:
     base: dict[str, Any] = {
         "handles": (),
         "fixed": (),
         "fixed_column": 0,
         "symmetry": None,
-        "planes": tuple(_plane(plane) for plane in looks.planes),
+        "planes": (),
         "default": None,
-        "overlap": "add",
+        "preset": "default",
+        "presets": get_args(Preset),
+        "new_handle": _new_handle("default"),
+        "overlap": PRESETS["default"].overlap,
         "overlaps": get_args(Overlap),
-        "blend": "linear",
+        "blend": PRESETS["default"].blend,
         "blends": get_args(Blend),
         "falloffs": get_args(Falloff),
         "instances": get_args(Instances),

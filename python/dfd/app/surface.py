@@ -200,12 +200,7 @@ def _row_normals(mesh: Mesh, rows: NDArray[np.int32]) -> NDArray[np.float64]:
     every = np.zeros((len(vertex), 3))
     for primitive in scene.primitives:
         if primitive.normals is not None:
-            # Normals turn with the cofactors of the transform, whatever it scales.
-            linear = primitive.transform[:3, :3]
-            cofactors = np.stack(
-                [np.cross(linear[1], linear[2]), np.cross(linear[2], linear[0]), np.cross(*linear[:2])]
-            )
-            every[primitive.rows] = primitive.normals @ cofactors.T
+            every[primitive.rows] = primitive.normals_to_scene(primitive.normals)
     given = every[_used_rows(mesh)]
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         given = given / np.linalg.norm(given, axis=1, keepdims=True)

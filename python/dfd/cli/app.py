@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from dfd.cli.options import PresetOption, chosen_preset
 from dfd.encoders.known import DEFAULT_ENCODER
 
 __all__ = ["app"]
@@ -24,6 +25,7 @@ def app(
     sample: Annotated[
         str | None, typer.Option(metavar="NAME", help="Open a made shape: quadruped, chair or robot.")
     ] = None,
+    preset: PresetOption = None,
     encoder: Annotated[
         str, typer.Option(metavar="NAME", help="What makes fields: a known name, a folder, or a hub name.")
     ] = DEFAULT_ENCODER,
@@ -64,6 +66,7 @@ def app(
         mesh=source,
         field=None if field is None else OpenedFile(name=field.name, path=field.resolve()),
         edit=None if edit is None else OpenedFile(name=edit.name, path=edit.resolve()),
+        preset=chosen_preset(preset) or "default",
         encoder=encoder,
         memory_bytes=session_memory() if memory is None else int(memory * 1e9),
     )

@@ -37,7 +37,7 @@ FieldOption = Annotated[
     typer.Option(
         "--field",
         metavar="FIELD",
-        help="The shape's field, as `dfd distill` wrote it, or an .npy with another network's row for each vertex.",
+        help="The shape's field, as `dfd distill` wrote it, or an .npy or .pt with another network's rows of vertices.",
     ),
 ]
 

@@ -36,6 +36,10 @@ def batch(
     encoder: Annotated[
         str, typer.Option(metavar="NAME", help="A known name, a folder with weights, or a hub name.")
     ] = DEFAULT_ENCODER,
+    preset: Annotated[
+        str | None,
+        typer.Option(metavar="default|paper", help="How fields are distilled; edits have their own."),
+    ] = None,
     distill: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=VALUE", help="A setting of `dfd distill`, such as views=12; repeatable."),
@@ -117,11 +121,12 @@ def batch(
     files = [find_files(*each) for each in zip(edit or (), originals, strict=True)]
     steps = _listed(step)
     sources = describe_edits(files)
+    chosen = [*([] if preset is None else [f"preset={preset}"]), *(distill or [])]
     try:
         settings = BatchSettings(
             steps=tuple(steps),  # type: ignore[arg-type]  # checked there
             encoder=encoder,
-            distill=_distill_settings(distill or [], "distill" in steps),
+            distill=_distill_settings(chosen, "distill" in steps),
             device="cuda" if gpus else "cpu",
             edits=sources,
             threshold=threshold,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -12,17 +12,22 @@ from dfd.cli.deform_many import Asked, deform_many, is_many
 from dfd.cli.handles import handles
 from dfd.cli.options import (
     ArriveOption,
+    BridgesOption,
     FalloffOption,
     FixOption,
     InstancesOption,
     LevelOption,
     LocalityOption,
+    MirroredLocalityOption,
+    PresetOption,
     RadiusOption,
     ReachOption,
     StrengthOption,
     WithinOption,
     WithinWidthOption,
     WithoutInstancesOption,
+    chosen_preset,
+    number_or,
 )
 from dfd.encoders.known import DEFAULT_ENCODER
 
@@ -44,9 +49,9 @@ def deform(
         typer.Option(
             "--field",
             metavar="FIELD",
-            help="The shape's field, as `dfd distill` wrote it, or an .npy with another network's row for each vertex;"
-            " for several shapes a folder with NAME.field.safetensors"
-            " (by default their own), and what is not there is found or made.",
+            help="The shape's field, as `dfd distill` wrote it, or an .npy or .pt with another network's rows of"
+            " vertices; for several shapes a folder with NAME.field.safetensors"
+            " (by default their own). What is not there is found or made.",
         ),
     ] = None,
     handle: Annotated[
@@ -74,6 +79,7 @@ def deform(
             help="The third factor is along the surface's normal there, or along the limb, not z.",
         ),
     ] = None,
+    preset: PresetOption = None,
     reach: ReachOption = None,
     falloff: FalloffOption = None,
     locality: LocalityOption = None,
@@ -96,6 +102,15 @@ def deform(
         float | None,
         typer.Option(metavar="WIDTH", help="Half width of the blend at that plane, mesh units; 0 is a hard cut."),
     ] = None,
+    symmetry_candidates: Annotated[
+        str | None, typer.Option(metavar="any|axes", help="Which planes --symmetry auto looks at: axes is the paper's.")
+    ] = None,
+    symmetry_threshold: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ε|relative", help="How unlike the sides of --symmetry auto may be; by the spread unless given."
+        ),
+    ] = None,
     overlap: Annotated[
         str | None,
         typer.Option(metavar="RULE", help="Where weights meet: add, interpolate, normalize or paper."),
@@ -104,6 +119,8 @@ def deform(
         str | None, typer.Option(metavar="RULE", help="How transforms blend: linear, dual_quaternion or polar.")
     ] = None,
     arrive: ArriveOption = None,
+    mirrored_locality: MirroredLocalityOption = None,
+    bridges: BridgesOption = None,
     edit: Annotated[
         Path | None, typer.Option(metavar="JSON", help="Start from an edit with any number of handles.")
     ] = None,
@@ -120,7 +137,7 @@ def deform(
         ),
     ] = None,
     encoder: Annotated[
-        str, typer.Option(metavar="NAME", help="What makes fields of several shapes that have none.")
+        str, typer.Option(metavar="NAME", help="What makes the fields of shapes that have none.")
     ] = DEFAULT_ENCODER,
     output: Annotated[
         Path | None,
@@ -143,20 +160,20 @@ def deform(
     """
     held = handles(context.params, context.meta)
     if is_many(meshes, made_on):
-        others = given_besides(context, ("meshes", "field", "edit", "made_on", "threshold", "encoder", *KEPT))
+        others = given_besides(context, ("meshes", "field", "edit", "made_on", "threshold", "encoder", "preset", *KEPT))
         if others:
             raise ValueError(f"`{others[0]}` is for one MESH: several shapes are deformed by `--edit` alone")
         if edit is None or output is None:
             raise ValueError(f"`--{'edit' if edit is None else 'output'}` must be given for several shapes")
-        deform_many(meshes, Asked(edit, output, field, made_on, encoder, threshold, picture))
+        deform_many(meshes, Asked(edit, output, field, made_on, encoder, chosen_preset(preset), threshold, picture))
         return
     mesh = Path(meshes[0])
-    if field is None:
-        raise ValueError("`--field` must be given: it says what looks alike (dfd distill MESH makes it)")
     if not held and edit is None:
         raise ValueError("`--handle` or `--edit` must be given: without them nothing moves")
-    if band is not None and symmetry is None:
-        raise ValueError("`--symmetry` must be given: it is what `--band` is for")
+    about_plane = {"band": band, "symmetry-candidates": symmetry_candidates, "symmetry-threshold": symmetry_threshold}
+    for option, value in about_plane.items():
+        if value is not None and symmetry is None:
+            raise ValueError(f"`--symmetry` must be given: it is what `--{option}` is for")
     if output is None and picture is None and save_edit is None:
         raise ValueError("`--output`, `--picture` or `--save-edit` must be given: otherwise nothing is kept")
     check_output("--output", output, (".obj", ".ply", ".stl", ".off", ".glb", ".gltf"))
@@ -164,27 +181,37 @@ def deform(
     check_output("--save-edit", save_edit)
     check_camera(azimuth, elevation, zoom)
 
-    from dfd import Deformer, Field, load
+    auto: dict[str, Any] = {"candidates": symmetry_candidates}
+    if symmetry_threshold is not None:
+        auto["threshold"] = number_or("relative", "--symmetry-threshold", symmetry_threshold, "a number of at least 0")
+
+    from dfd import Deformer, Field, distill, load
     from dfd.common.progress import Stages
 
     stages = Stages()
     with stages.stage("read"):
         shape = load(mesh)
-        opened = Field.load(field, mesh=shape)
-        deformer = Deformer.load(edit, shape, opened) if edit else Deformer(shape, opened)
+        opened = None if field is None else Field.load(field, mesh=shape)
+    if opened is None:
+        chosen: dict[str, Any] = {} if preset is None else {"preset": preset}
+        opened = distill(shape, encoder, progress=stages, **chosen)
+    deformer = Deformer.load(edit, shape, opened) if edit else Deformer(shape, opened)
     places = Places(shape)
-    if arrive is not None:
-        deformer.arrive = arrive
+
+    def set_rules(**rules: Any) -> None:
+        for rule, value in rules.items():
+            if value is not None:
+                setattr(deformer, rule, value)
+
+    set_rules(preset=preset, arrive=arrive, mirrored_locality=mirrored_locality, bridges=bridges)
     for place, options in held:
         deformer.add(places.find("--handle", place), **options)
     for text in fix or ():
         at, held_by = places.fixed("--fix", text)
         deformer.fix(at, strength=held_by)
     if symmetry is not None:
-        deformer.set_symmetry(plane_text(symmetry), band=band)
-    for rule, value in (("overlap", overlap), ("blend", blend)):
-        if value is not None:
-            setattr(deformer, rule, value)
+        deformer.set_symmetry(plane_text(symmetry), band=band, **auto)
+    set_rules(overlap=overlap, blend=blend)
     with stages.stage("features", len(shape.vertices)) as advance:
         deformer.prepare(advance)
     with stages.stage("deform"):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ from dfd.batch.inputs import MESH_ENDINGS, has_magic, local_matches
 
 if TYPE_CHECKING:
     from dfd.batch.one_edit import Original
+    from dfd.common.preset import Preset
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
@@ -34,6 +35,7 @@ class Asked:
     fields: Path | None  # a folder
     made_on: Path | None
     encoder: str
+    preset: Preset | None  # in place of the edit's own, and by what missing fields are made
     threshold: float | None  # None goes by the field
     sheet: Path | None
 
@@ -74,9 +76,12 @@ def deform_many(meshes: Sequence[str], asked: Asked) -> None:
 
     import dfd
     from dfd.batch.one_edit import UnlikeError, before_and_after, carry
+    from dfd.editing.edit import with_preset
     from dfd.pictures.picture import picture
 
     original = _original(files, asked)
+    if asked.preset is not None:
+        original = replace(original, edit=with_preset(original.edit, asked.preset, original.mesh))
     asked.output.mkdir(exist_ok=True)
     sheet = _Sheet(asked.sheet or asked.output / "sheet.png", asked.edit.name)
     left_out = 0
@@ -183,7 +188,10 @@ def _field(file: Path, shape: Mesh, asked: Asked) -> Field:
     from dfd.batch.one_edit import field_path
 
     path = field_path(file, asked.fields)
-    return dfd.Field.load(path, mesh=shape) if path.is_file() else dfd.distill(shape, asked.encoder)
+    if path.is_file():
+        return dfd.Field.load(path, mesh=shape)
+    chosen: dict[str, Any] = {} if asked.preset is None else {"preset": asked.preset}
+    return dfd.distill(shape, asked.encoder, **chosen)
 
 
 def _listed(confidence: dict[str, float]) -> str:

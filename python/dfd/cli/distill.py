@@ -16,7 +16,7 @@ from dfd.common.progress import Stages
 from dfd.distillation.distill import distilling, find_distilled
 from dfd.distillation.settings import DistillSettings
 from dfd.encoders.known import DEFAULT_ENCODER
-from dfd.field.given_features import check_order, read_features
+from dfd.field.given_features import read_features, rows_of_vertices
 from dfd.runs.known_meshes import hash_file, note, recall
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def distill(
     ] = None,
     features: Annotated[
         Path | None,
-        typer.Option(metavar="NPY", help="Fit these instead: another network's features, a row for each vertex."),
+        typer.Option(metavar="NPY|PT", help="Fit these instead: another network's, a row for each vertex or face."),
     ] = None,
     cache: Annotated[
         bool, typer.Option("--cache/--no-cache", help="Take it from the cache when it was made before.")
@@ -105,7 +105,7 @@ def distill(
             loading = load_in_background(encoder, device=device, **options) if rows is None else None
             shape = dfd.load(mesh)
             if features is not None and rows is not None:
-                check_order(features, rows, shape, FEATURES)
+                rows = rows_of_vertices(features, rows, shape, FEATURES)
             if file == hash_file(mesh):  # the file that was read, and no later one
                 note(file, shape)
             if look_up:

@@ -7,21 +7,30 @@ from typing import Annotated, Any
 
 import typer
 
+from dfd.common import check
+from dfd.common.preset import Preset
+from dfd.editing.presets import PRESETS
+
 __all__ = [
     "CONTROLS",
     "ArriveOption",
+    "BridgesOption",
     "FalloffOption",
     "FixOption",
     "InstancesOption",
     "LevelOption",
     "LocalityOption",
+    "MirroredLocalityOption",
+    "PresetOption",
     "RadiusOption",
     "ReachOption",
     "StrengthOption",
     "WithinOption",
     "WithinWidthOption",
     "WithoutInstancesOption",
+    "chosen_preset",
     "controls",
+    "number_or",
 ]
 
 # The parameters that shape the weights of one handle, named as `Deformer.add` names them.
@@ -38,15 +47,28 @@ CONTROLS = (
     "within_width",
 )
 
+_NEW, _PAPER = PRESETS["default"], PRESETS["paper"]
+
+PresetOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="default|paper",
+        help="What nothing else says: dfd's own, or the paper's equations to the letter; by default as --edit has it.",
+    ),
+]
 ReachOption = Annotated[
     str | None,
-    typer.Option(metavar="R|auto", help="How unlike it what follows may be: 0.7 unless given, 1 is the paper's."),
+    typer.Option(
+        metavar="R|auto",
+        help=f"How unlike it what follows may be: {_NEW.reach:g} unless given, the paper's is {_PAPER.reach:g}.",
+    ),
 ]
 FalloffOption = Annotated[
     str | None,
     typer.Option(
         metavar="CURVE",
-        help="From it to that end: smooth unless given, linear (the paper's), sharp, root, sphere or constant.",
+        help=f"From it to that end: {_NEW.falloff} unless given, {_PAPER.falloff} (the paper's), sharp, root, sphere"
+        " or constant.",
     ),
 ]
 LocalityOption = Annotated[
@@ -90,6 +112,17 @@ ArriveOption = Annotated[
     bool | None,
     typer.Option("--arrive/--no-arrive", help="Whether handles reach their target although fixed points hold back."),
 ]
+BridgesOption = Annotated[
+    bool | None,
+    typer.Option("--bridges/--no-bridges", help="Whether --locality and --radius reach across small gaps."),
+]
+MirroredLocalityOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--mirrored-locality/--no-mirrored-locality",
+        help="Whether they are measured from the handle's mirror image as well, with --symmetry.",
+    ),
+]
 
 
 def controls(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -101,10 +134,33 @@ def controls(values: Mapping[str, Any]) -> dict[str, Any]:
         If `--reach` is neither auto nor a number.
     """
     given = {name: values[name] for name in CONTROLS if values[name] not in (None, [], ())}
-    reach = given.get("reach", "auto")
-    if reach != "auto":
-        try:
-            given["reach"] = float(reach)
-        except ValueError:
-            raise ValueError(f"`--reach` must be auto or a number above 0, got {reach!r}") from None
+    if "reach" in given:
+        given["reach"] = number_or("auto", "--reach", given["reach"], "a number above 0")
     return given
+
+
+def chosen_preset(preset: str | None) -> Preset | None:
+    """The preset of that name, or None where none was named.
+
+    Raises
+    ------
+    ValueError
+        If there is none of that name.
+    """
+    return None if preset is None else check.choice("dfd", "--preset", preset, Preset)
+
+
+def number_or(word: str, option: str, text: str, number: str) -> Any:
+    """The number that `text` is, or `word`; `number` describes what is wanted.
+
+    Raises
+    ------
+    ValueError
+        In the name of `option`, if it is neither.
+    """
+    if text == word:
+        return word
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"`{option}` must be {word} or {number}, got {text!r}") from None

@@ -10,11 +10,13 @@ import typer
 from dfd.cli.arguments import PLACE, MeshArgument, Places, check_camera, check_output
 from dfd.cli.options import (
     ArriveOption,
+    BridgesOption,
     FalloffOption,
     FixOption,
     InstancesOption,
     LevelOption,
     LocalityOption,
+    PresetOption,
     RadiusOption,
     ReachOption,
     StrengthOption,
@@ -46,6 +48,7 @@ def show(
             help="Show what would follow a handle here, as heat; without --field, mark it; repeatable.",
         ),
     ] = None,
+    preset: PresetOption = None,
     reach: ReachOption = None,
     falloff: FalloffOption = None,
     locality: LocalityOption = None,
@@ -58,6 +61,7 @@ def show(
     within_width: WithinWidthOption = None,
     fix: FixOption = None,
     arrive: ArriveOption = None,
+    bridges: BridgesOption = None,
     views: Annotated[int, typer.Option(min=1, max=36, help="From how many sides, all around.")] = 1,
     azimuth: Annotated[
         float | None,
@@ -96,7 +100,8 @@ def show(
         marked = [places.find("--handle", text).position for text in handle or ()]
         rows: list[tuple[str, dict[str, Any]]] = [("the mesh", {"handles": marked} if marked else {})]
     else:
-        rows = _rows(shape, field, handle or [], given, fix or [], arrive, places, stages)
+        whole = {"preset": preset, "arrive": arrive, "bridges": bridges}
+        rows = _rows(shape, field, handle or [], given, fix or [], whole, places, stages)
     if heat and not legend and len(rows) * views > 1:
         legend = True
     with stages.stage("draw", len(rows) * views) as advance:
@@ -125,7 +130,7 @@ def _rows(
     handles: list[str],
     given: dict[str, Any],
     fix: list[str],
-    arrive: bool | None,
+    whole: dict[str, Any],
     places: Places,
     stages: Any,
 ) -> list[tuple[str, dict[str, Any]]]:
@@ -134,8 +139,9 @@ def _rows(
     from dfd.pictures.colors import feature_colors
 
     deformer = Deformer(shape, Field.load(field, mesh=shape))
-    if arrive is not None:
-        deformer.arrive = arrive
+    for rule, value in whole.items():
+        if value is not None:
+            setattr(deformer, rule, value)
     for text in handles:
         deformer.add(places.find("--handle", text), **given)
     for text in fix:

@@ -9,15 +9,15 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError, ValidationInfo, model_validator
 
 from dfd.common import check
+from dfd.common.preset import Preset
 from dfd.distillation.up import check_up
 from dfd.field.architecture import MOST_OCTAVES
 from dfd.views.cameras import Framing
 from dfd.views.render import LARGEST_RESOLUTION, LARGEST_VIEWS, Supervision
 
-__all__ = ["LENGTHS", "PRESETS", "DistillOptions", "DistillSettings", "MetricChoice", "Preset", "Schedule"]
+__all__ = ["LENGTHS", "PRESETS", "DistillOptions", "DistillSettings", "MetricChoice", "Schedule"]
 
 MetricChoice = Literal["learned", "none"]
-Preset = Literal["default", "paper"]
 Schedule = Literal["one_cycle", "constant"]
 
 # What each preset takes where a call says nothing else.

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from dfd.common import check
+from dfd.common.preset import Preset
 from dfd.editing.place import Place, place_on
+from dfd.editing.presets import PRESETS, Instances
 from dfd.editing.regions import Region
 from dfd.posing.pose import Blend, Overlap
 from dfd.weights.bind import Falloff
@@ -23,19 +25,19 @@ __all__ = [
     "Falloff",
     "Instances",
     "Overlap",
+    "controls_of",
     "controls_on",
     "controls_with_places",
     "radius_on",
 ]
 
-Instances = Literal["own", "together", "only"]
-
+DEFAULTS = PRESETS["default"]
 LARGEST = 1e38  # what the kernels compute with are 32-bit floats
 
 
 @dataclass(frozen=True)
 class Controls:
-    """What a handle takes hold of besides where it is; as they are left out, the paper's weights (Eq. 4 to 7).
+    """What a handle takes hold of besides where it is; what is left out is as the preset "default" has it.
 
     Attributes
     ----------
@@ -63,12 +65,12 @@ class Controls:
         Distance beyond that region, mesh units, over which the weight falls smoothly to 0; 0 is a hard edge.
     """
 
-    reach: float | str = 1.0
-    falloff: Falloff = "linear"
+    reach: float | str = DEFAULTS.reach
+    falloff: Falloff = DEFAULTS.falloff
     locality: float = 0.0
     radius: float | None = None
     strength: float = 1.0
-    instances: Instances = "together"
+    instances: Instances = DEFAULTS.instances
     level: bool = False
     without_instances: tuple[Place, ...] = ()
     within: Region | None = None
@@ -125,6 +127,11 @@ class Controls:
 
 
 CONTROL_NAMES = tuple(each.name for each in fields(Controls))  # those of the arguments of `Deformer.add`, too
+
+
+def controls_of(preset: Preset) -> Controls:
+    """Those of a new handle."""
+    return Controls(**PRESETS[preset].handle)
 
 
 def controls_with_places(mesh: Mesh, controls: Controls) -> Controls:

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dfd.common import check
+from dfd.common.preset import Preset
 from dfd.editing.compatibility import check_compatible
-from dfd.editing.controls import Controls, Falloff, Instances, controls_on
+from dfd.editing.controls import Falloff, Instances, controls_of, controls_on
 from dfd.editing.door import door
-from dfd.editing.edit import Edit, Handle, edit_on
+from dfd.editing.edit import Edit, Handle, edit_on, empty_edit
 from dfd.editing.edit_file import read_edit, write_edit
 from dfd.editing.handle_weights import HandleWeights
 from dfd.editing.place import Place, place_on
@@ -32,9 +33,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Deformer"]
 
-# What a handle starts with, by what pictures say: with the paper's reach of 1 an ear widens the whole head, and with a
-# linear falloff what is pulled has a point. Wheels turn about their own axles, and legs grow where they stand.
-NEW_HANDLE = Controls(reach=0.7, falloff="smooth", instances="own")
 # What shows a session in a page: a later room, looked up by name when somebody asks for it.
 PAGE = "dfd.app"
 
@@ -52,6 +50,9 @@ class Deformer(WholeShape):
         The resting shape, or whatever `dfd.load` makes one of; it is never changed.
     field
         The shape's feature field, or that of another resolution of the same shape.
+    preset
+        What the session and its handles start with (`dfd.editing.presets.PRESETS`): "default", or "paper" for Eq. 1
+        and 4 to 8 to the letter. Whatever is said of a handle or set of the session goes before it.
     features
         (V, D) features of the vertices when they are at hand, in full or as `dfd.compact` makes them; the field is then
         asked for points in space alone. Otherwise it is asked once they are needed, above 16,384 vertices for compact
@@ -60,8 +61,8 @@ class Deformer(WholeShape):
     Raises
     ------
     ValueError
-        If `features` is not finite or not one row of the field's width per vertex; without `features`, if the field's
-        shape was of another size, below half or above twice the mesh's, or lay elsewhere.
+        If there is no such preset, or `features` is not finite or not one row of the field's width per vertex; without
+        `features`, if the field's shape was of another size, below half or above twice the mesh's, or lay elsewhere.
 
     Warns
     -----
@@ -69,8 +70,10 @@ class Deformer(WholeShape):
         If a part of the mesh lies far outside the box of the field's shape.
     """
 
-    def __init__(self, mesh: MeshLike, field: Field, *, features: Any = None) -> None:
+    def __init__(self, mesh: MeshLike, field: Field, *, preset: Preset = "default", features: Any = None) -> None:
         mesh = as_mesh(mesh)
+        with door("Deformer"):
+            start = empty_edit(preset)
         self.mesh = mesh
         self.field = field
         if features is None:
@@ -78,7 +81,7 @@ class Deformer(WholeShape):
                 check_compatible(field, mesh)
         self._weights = HandleWeights(mesh, field, features)
         self._posed = PosedShape(mesh, self._weights)
-        self._start(Edit())
+        self._start(start)
 
     def __repr__(self) -> str:
         """Say how much is being done to what."""
@@ -127,11 +130,10 @@ class Deformer(WholeShape):
             surface's normal at the handle, "limb" for one whose third vector runs along the limb there, so that
             (1.5, 1.5, 1) makes it thicker and not longer, each instance along its own; the mesh's own if left out.
         reach
-            Feature distance at which the weight is 0: 0.7 if left out, 1 is the paper's, less takes fewer look-alikes
-            along; "auto" stops at the largest gap of the distances.
+            Feature distance at which the weight is 0; less takes fewer look-alikes along, "auto" stops at the largest
+            gap of the distances. If left out the preset's, as those of `falloff` and `instances`.
         falloff
-            The curve from the handle to the end of its reach, by the names of `dfd.bind`; "smooth" if left out, the
-            paper's is "linear".
+            The curve from the handle to the end of its reach, by the names of `dfd.bind`.
         locality
             λ of Eq. 7: 0 reaches everything that looks alike, more stays nearer.
         radius
@@ -140,8 +142,8 @@ class Deformer(WholeShape):
         strength
             In [0, 1], a factor for all of its weights; 1 if left out.
         instances
-            "own" (if left out): each look-alike moves about its own counterpart of the pivot, mirrored where a plane of
-            symmetry lies between; "together": all move about the one pivot, as in the paper; "only": this one alone.
+            "own": each look-alike moves about its own counterpart of the pivot, mirrored where a plane of symmetry lies
+            between; "together": all move about the one pivot; "only": this one alone.
         level
             Whether all instances follow as fully as the handle's own.
         without_instances
@@ -168,7 +170,7 @@ class Deformer(WholeShape):
                 self._next_id,
                 place,
                 transform,
-                NEW_HANDLE.changed(**controls_on(self.mesh, locals())),
+                controls_of(self.preset).changed(**controls_on(self.mesh, locals())),
                 name,
             )
             self._commit(replace(self.edit, handles=(*self.handles, handle)))
@@ -267,6 +269,8 @@ class Deformer(WholeShape):
 
     def apply(self, edit: Edit) -> None:
         """Replace everything by `edit`, as one step; `Edit()` clears the session.
+
+        Its preset is the session's from then on.
 
         Raises
         ------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,15 +28,16 @@ class Distances:
 
     def __init__(self, mesh: Mesh) -> None:
         self._mesh = mesh
-        self._rows: dict[int, Float32] = {}  # (V,) each, by its source
+        self._geodesics: dict[bool, Geodesics] = {}  # with bridges and without, once they are asked for
+        self._rows: dict[tuple[bool, int], Float32] = {}  # (V,) each, by whether there are bridges and its source
         self._limbs: dict[int, Limb | None] = {}  # by the vertex
         self._found: dict[Vector, int] = {}  # nearest vertices: every frame of a drag asks for the same ones
 
     def sources(self, own: Indices, place: Place, symmetry: SymmetryPlane | None) -> tuple[int, ...]:
         """The vertices from which the distances of a handle at `place`, with `own` vertices there, start.
 
-        A symmetric edit acts at the handle's mirror image as well, and what is near that is as near: measured from the
-        handle alone, locality would undo the symmetry.
+        With a plane, `symmetry`, from the handle's mirror image as well: a symmetric edit acts there too, and locality
+        that is measured from the handle alone undoes the symmetry.
         """
         sources = dict.fromkeys(own.tolist())
         if symmetry is not None:
@@ -46,7 +46,7 @@ class Distances:
                 sources[self._nearest((x, y, z))] = None
         return tuple(sources)
 
-    def falloff(self, sources: tuple[int, ...], controls: Controls) -> tuple[Float32 | None, float]:
+    def falloff(self, sources: tuple[int, ...], controls: Controls, bridges: bool) -> tuple[Float32 | None, float]:
         """(1, V) distances in [0, 1] and the exponent λ that make the falloff (1 − G)^λ of `controls`; or neither.
 
         With a radius r, G is (d / r)² up to 1 and λ is 2: (1 − (d / r)²)², which is flat at the handle and at r, and
@@ -55,28 +55,28 @@ class Distances:
         if not sources:
             return None, 0.0
         if controls.radius is None:
-            return self._nearest_of(sources)[None], controls.locality
-        in_radii = np.float32(self._geodesics.extent / controls.radius)
-        reached = np.minimum(self._nearest_of(sources) * in_radii, np.float32(1.0))
+            return self._nearest_of(sources, bridges)[None], controls.locality
+        in_radii = np.float32(self.geodesics(bridges).extent / controls.radius)
+        reached = np.minimum(self._nearest_of(sources, bridges) * in_radii, np.float32(1.0))
         return np.square(reached)[None], 2.0
 
     def limb(self, vertex: int) -> Limb | None:
         """The limb at a vertex, or None where there is none."""
         if vertex not in self._limbs:
-            distances = self._geodesics.distances([vertex])[0]
-            self._limbs[vertex] = limb_at(self._mesh, self._geodesics.extent * distances)
+            geodesics = self.geodesics(True)
+            self._limbs[vertex] = limb_at(self._mesh, geodesics.extent * geodesics.distances([vertex])[0])
         return self._limbs[vertex]
 
     def keep(self, sources: set[int]) -> None:
         """Forget the distances of handles that are gone: they are not worth their memory."""
-        self._rows = {key: row for key, row in self._rows.items() if key in sources}
+        self._rows = {key: row for key, row in self._rows.items() if key[1] in sources}
 
-    def _nearest_of(self, sources: tuple[int, ...]) -> Float32:
+    def _nearest_of(self, sources: tuple[int, ...], bridges: bool) -> Float32:
         """(V,) distances in [0, 1] from the nearest of `sources`."""
         for source in sources:
-            if source not in self._rows:
-                self._rows[source] = self._geodesics.distances([source])[0]
-        nearest, *others = (self._rows[source] for source in sources)
+            if (bridges, source) not in self._rows:
+                self._rows[bridges, source] = self.geodesics(bridges).distances([source])[0]
+        nearest, *others = (self._rows[bridges, source] for source in sources)
         for other in others:
             nearest = np.minimum(nearest, other)
         return nearest
@@ -86,8 +86,10 @@ class Distances:
             self._found[point] = int(np.linalg.norm(self._mesh.vertices - np.asarray(point), axis=1).argmin())
         return self._found[point]
 
-    @cached_property
-    def _geodesics(self) -> Geodesics:
-        from dfd.geometry.geodesics import Geodesics  # built for those who ask for locality, and for nobody else
+    def geodesics(self, bridges: bool) -> Geodesics:
+        """Distances over the surface, and with `bridges` over small gaps."""
+        if bridges not in self._geodesics:
+            from dfd.geometry.geodesics import Geodesics  # built for those who ask for locality, and for nobody else
 
-        return Geodesics(self._mesh)
+            self._geodesics[bridges] = Geodesics(self._mesh, bridges=bridges)
+        return self._geodesics[bridges]

@@ -2,7 +2,8 @@
 
     {
       "format": "dfd-edit",
-      "version": 2,
+      "version": 3,
+      "preset": "default",
       "units": {"length": "mesh", "angle": "degree"},
       "mesh": {"vertices": 2930, "hash": null, "bounds": null},
       "made_on": {"mesh": "cow.glb", "field": "cow.field.safetensors", "field_sha256": null},
@@ -36,28 +37,33 @@
       "default": null,
       "overlap": "add",
       "blend": "linear",
-      "arrive": true
+      "arrive": true,
+      "mirrored_locality": true,
+      "bridges": true
     }
 
 Required: `format`, `version`, and for every handle and fixed point a `vertex`, a `position` or a `region`. All else may
-be left out. Unknown keys, keys that are given twice, and numbers that are not finite are refused: a misspelt key is an
-error, never a default.
+be left out, and is then as the document's `preset` has it (`dfd.editing.presets`). Unknown keys, keys that are given
+twice, and numbers that are not finite are refused: a misspelt key is an error, never a default.
 
-A version 1 document has none of `hash`, `bounds`, `region`, `axes`, `along`, `reach`, `falloff`, `radius`, `strength`,
-`instances`, `level`, `without_instances`, `within`, `within_width`, `overlap`, `blend` and `arrive`. It is read as
-one of version 2 that leaves them out, but for `arrive`, which is false there: fixed points shortened the move.
+A version 2 document has none of `preset`, `mirrored_locality` and `bridges`, and what it leaves out is what `VERSION_2`
+says. A version 1 document has none of `hash`, `bounds`, `region`, `axes`, `along`, `reach`, `falloff`, `radius`,
+`strength`, `instances`, `level`, `without_instances`, `within`, `within_width`, `overlap`, `blend` and `arrive` either.
+It is read as one of version 2, but for `arrive`, which is false there: fixed points shortened the move.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError
 
-from dfd.editing.controls import Blend, Falloff, Instances, Overlap
+from dfd.common.preset import Preset
+from dfd.editing.controls import Blend, Falloff, Overlap
+from dfd.editing.presets import PRESETS, Instances
 from dfd.posing.transforms import Along
 
 __all__ = [
@@ -84,7 +90,14 @@ __all__ = [
 ]
 
 FORMAT = "dfd-edit"
-VERSION = 2
+VERSION = 3
+NEW = PRESETS["default"]
+# What versions 1 and 2 meant by a handle, a plane and a shape of which they said nothing more.
+VERSION_2: dict[str, dict[str, Any]] = {
+    "handle": {"reach": 1.0, "falloff": "linear", "instances": "together"},
+    "plane": {"band": 0.0},
+    "shape": {"overlap": "add", "blend": "linear", "arrive": True, "mirrored_locality": True, "bridges": True},
+}
 
 Length = Annotated[float, Field(description="Mesh units.")]
 Three = Annotated[tuple[float, float, float], Field(strict=False)]
@@ -230,12 +243,12 @@ class HandleDocument(PlaceDocument, DefaultDocument):
     along: Along | None = Field(None, description="What the third of `axes` runs along; each instance has its own.")
     reach: Annotated[
         Annotated[float, Field(gt=0), Tag("number")] | Annotated[Literal["auto"], Tag("text")], _text_or("number")
-    ] = 1.0
-    falloff: Falloff = "linear"
+    ] = NEW.reach
+    falloff: Falloff = NEW.falloff
     locality: float = Field(0.0, ge=0, description="λ of Eq. 7.")
     radius: float | None = Field(None, gt=0, description="Mesh units; only where `locality` is 0.")
     strength: float = Field(1.0, ge=0, le=1)
-    instances: Instances = "together"
+    instances: Instances = NEW.instances
     level: bool = False
     without_instances: list[PointDocument] = Field([], description="A place on each instance that does not move along.")
     within: RegionDocument | None = None
@@ -247,14 +260,15 @@ class PlaneDocument(Document):
 
     normal: Three = Field(description="Of length 1.")
     offset: float
-    band: float = Field(0.0, ge=0)
+    band: float | None = Field(None, ge=0, description="Mesh units; null is the preset's part of the longest side.")
 
 
 class EditDocument(Document):
     """An edit of a shape."""
 
     format: Literal["dfd-edit"]
-    version: Literal[2]
+    version: Literal[3]
+    preset: Preset = Field("default", description="What is left out is as it has it.")
     units: UnitsDocument = UnitsDocument()
     mesh: MeshDocument | None = None
     made_on: MadeOnDocument | None = Field(None, description="Where whoever carries it to other shapes finds its own.")
@@ -267,9 +281,11 @@ class EditDocument(Document):
         | None
     ) = Field(None, description="A letter is the plane across that axis through the center of the box.")
     default: DefaultDocument | None = Field(None, description="D₀ of Eq. 1: what happens to what no handle holds.")
-    overlap: Overlap = "add"
-    blend: Blend = "linear"
-    arrive: bool = True
+    overlap: Overlap = NEW.overlap
+    blend: Blend = NEW.blend
+    arrive: bool = NEW.arrive
+    mirrored_locality: bool = NEW.mirrored_locality
+    bridges: bool = NEW.bridges
 
 
 def edit_schema() -> dict[str, Any]:
@@ -291,14 +307,33 @@ def parse(document: Any, name: str) -> EditDocument:
     if document.get("format") != FORMAT:
         raise ValueError(f'{name}: `format` must be "{FORMAT}", got {_shown(document.get("format"))}')
     version = document.get("version")
-    if isinstance(version, bool) or version not in (1, VERSION):
-        raise ValueError(f"{name}: `version` must be 1 or {VERSION}, got {_shown(version)}")
-    if version == 1:
-        document = {"arrive": False, **document, "version": VERSION}
+    if isinstance(version, bool) or version not in (1, 2, VERSION):
+        raise ValueError(f"{name}: `version` must be 1, 2 or {VERSION}, got {_shown(version)}")
+    if version == VERSION:
+        preset = document.get("preset", "default")
+        defaults = PRESETS[preset] if preset in get_args(Preset) else NEW
+        meant = {"handle": defaults.handle, "shape": defaults.whole_shape}
+    else:
+        meant = {**VERSION_2, "shape": {**VERSION_2["shape"], "arrive": version == 2}}
     try:
-        return EditDocument.model_validate(document)
+        return EditDocument.model_validate(_completed(document, meant))
     except ValidationError as error:
         raise ValueError(f"{name}: {_sentence(error)}") from None
+
+
+def _completed(document: dict[str, Any], meant: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
+    """A document of the present version, with what is `meant` in the place of keys that it leaves out."""
+
+    def with_keys(entry: Any, kind: str) -> Any:
+        return {**meant.get(kind, {}), **entry} if isinstance(entry, dict) else entry
+
+    handles = document.get("handles")
+    whole = {**with_keys(document, "shape"), "version": VERSION}
+    if isinstance(handles, list):
+        whole["handles"] = [with_keys(handle, "handle") for handle in handles]
+    if "symmetry" in document:
+        whole["symmetry"] = with_keys(document["symmetry"], "plane")
+    return whole
 
 
 # What pydantic puts into the path of a value to say which member of a union it tried.

@@ -7,14 +7,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import check
+from dfd.common.preset import Preset
 from dfd.editing.controls import Blend, Controls, Overlap, controls_with_places
 from dfd.editing.place import Place, place_on
+from dfd.editing.presets import PRESETS, SymmetryCandidates
 from dfd.editing.regions import Region, members
 from dfd.posing.transforms import Transform, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane, plane_from_text
@@ -24,10 +26,11 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Edit", "Fixed", "Handle", "box_center", "edit_on", "symmetry_on"]
+__all__ = ["Edit", "Fixed", "Handle", "band_on", "box_center", "edit_on", "empty_edit", "symmetry_on", "with_preset"]
 
 IDENTITY = Transform()
-PAPER = Controls()
+CONTROLS = Controls()
+DEFAULTS = PRESETS["default"]
 
 
 @dataclass(frozen=True)
@@ -56,7 +59,7 @@ class Handle:
     id: int
     place: Place
     transform: Transform = IDENTITY
-    controls: Controls = PAPER
+    controls: Controls = CONTROLS
     name: str | None = None
 
     def __post_init__(self) -> None:
@@ -126,6 +129,10 @@ class Edit:
         How weights that meet and transforms are put together, by the names of `dfd.pose`.
     arrive
         Whether handles get back what fixed points take from them (`Deformer.arrive`).
+    mirrored_locality, bridges
+        From where and over what distances along the surface are measured (`Deformer.mirrored_locality`, `.bridges`).
+    preset
+        What new handles start with, and where all this came from unless it was set apart.
 
     Raises
     ------
@@ -137,16 +144,21 @@ class Edit:
     fixed: tuple[Fixed, ...] = ()
     symmetry: SymmetryPlane | None = None
     default: Transform | None = None
-    overlap: Overlap = "add"
-    blend: Blend = "linear"
-    arrive: bool = True
+    overlap: Overlap = DEFAULTS.overlap
+    blend: Blend = DEFAULTS.blend
+    arrive: bool = DEFAULTS.arrive
+    mirrored_locality: bool = DEFAULTS.mirrored_locality
+    bridges: bool = DEFAULTS.bridges
+    preset: Preset = "default"
 
     def __post_init__(self) -> None:
         """Refuse two of what may be only once."""
         check.choice("Edit", "overlap", self.overlap, Overlap)
         check.choice("Edit", "blend", self.blend, Blend)
-        if not isinstance(self.arrive, bool):
-            raise ValueError(f"Edit: `arrive` must be True or False, got {self.arrive!r}")
+        check.choice("Edit", "preset", self.preset, Preset)
+        for name in ("arrive", "mirrored_locality", "bridges"):
+            if not isinstance(getattr(self, name), bool):
+                raise ValueError(f"Edit: `{name}` must be True or False, got {getattr(self, name)!r}")
         ids: set[int] = set()
         taken: dict[tuple[Vector, Region | None], str] = {}
         for handle in self.handles:
@@ -221,21 +233,69 @@ def edit_on(mesh: Mesh, edit: Edit) -> Edit:
     return replace(edit, handles=tuple(handles), fixed=tuple(fixed))
 
 
+def empty_edit(preset: Preset) -> Edit:
+    """The edit that a session of this preset starts with.
+
+    Raises
+    ------
+    ValueError
+        If there is no such preset.
+    """
+    return Edit(preset=preset, **PRESETS[check.choice("Edit", "preset", preset, Preset)].whole_shape)
+
+
+def with_preset(edit: Edit, preset: Preset, mesh: Mesh) -> Edit:
+    """`edit` with everything that a preset says, whatever it was before: of the shape, of its plane and of each handle.
+
+    Raises
+    ------
+    ValueError
+        If there is no such preset.
+    """
+    empty, shape = empty_edit(preset), PRESETS[preset].handle
+    handles = (replace(handle, controls=replace(handle.controls, **shape)) for handle in edit.handles)
+    plane = edit.symmetry and replace(edit.symmetry, band=band_on(mesh, preset))
+    return replace(empty, handles=tuple(handles), fixed=edit.fixed, default=edit.default, symmetry=plane)
+
+
+def band_on(mesh: Mesh, preset: Preset) -> float:
+    """The half width, mesh units, of the zone in which the sides of a mirror plane blend."""
+    return PRESETS[preset].band * float(np.max(mesh.extents))
+
+
 def symmetry_on(
-    mesh: Mesh, plane: SymmetryPlane | str, band: float | None = None, *, field: Field | None = None
+    mesh: Mesh,
+    plane: SymmetryPlane | str,
+    band: float | None = None,
+    *,
+    preset: Preset = "default",
+    field: Field | None = None,
+    candidates: SymmetryCandidates | None = None,
+    threshold: float | Literal["relative"] | None = None,
 ) -> SymmetryPlane:
     """The plane that a person means: a plane, or a text as `dfd.symmetry.plane.plane_from_text` reads it.
 
-    With a `field`, "auto" is the plane across which the shape looks most alike. `band`, in mesh units, replaces the
-    plane's own, which for a text is 3 % of the longest side.
+    With a `field`, "auto" is the plane across which the shape looks most alike, of `candidates` and by a `threshold` as
+    `symmetry_planes` takes them; the preset's if left out. `band`, in mesh units, replaces the plane's own, which for a
+    text is the preset's.
 
     Raises
     ------
     ValueError
         If `plane` is neither, "auto" finds none, it lies beside the shape, or `band` is negative or not finite.
     """
+    defaults = PRESETS[preset]
+    if plane != "auto" and not (candidates is None and threshold is None):
+        raise ValueError(f"`candidates` and `threshold` are for the plane auto, got {plane!r}")
+    if band is None and isinstance(plane, str):
+        band = band_on(mesh, preset)
     if isinstance(plane, str) and plane == "auto" and field is not None:
-        found = symmetry_planes(field, mesh)
+        found = symmetry_planes(
+            field,
+            mesh,
+            candidates=candidates or defaults.candidates,
+            threshold=defaults.threshold if threshold is None else threshold,
+        )
         if not found:
             raise ValueError("`plane` cannot be 'auto': the shape looks alike across no plane")
         plane = found[0]

@@ -27,8 +27,9 @@ from dfd.editing.document import (
     PointDocument,
     parse,
 )
-from dfd.editing.edit import Edit, Fixed, Handle, box_center, symmetry_on
+from dfd.editing.edit import Edit, Fixed, Handle, band_on, box_center, symmetry_on
 from dfd.editing.place import Place, place_on
+from dfd.editing.presets import WHOLE_SHAPE
 from dfd.editing.region_document import region_from, region_to
 from dfd.editing.regions import SAME_POSITION, VertexSet, members
 from dfd.posing.transforms import Transform
@@ -135,16 +136,15 @@ def to_document(edit: Edit, mesh: Mesh) -> dict[str, Any]:
     (low, high) = mesh.bounds.tolist()
     document = EditDocument(
         format="dfd-edit",
-        version=2,
+        version=3,
+        preset=edit.preset,
         mesh=MeshDocument(vertices=len(mesh.vertices), hash=mesh.content_hash, bounds=(tuple(low), tuple(high))),
         made_on=None,
         handles=[_handle_to(handle) for handle in edit.handles],
         fixed=[FixedDocument(**_place_to(fixed.place), strength=fixed.strength) for fixed in edit.fixed],
         symmetry=(None if plane is None else PlaneDocument(normal=plane.normal, offset=plane.offset, band=plane.band)),
         default=None if edit.default is None else DefaultDocument(**_transform_to(edit.default)),
-        overlap=edit.overlap,
-        blend=edit.blend,
-        arrive=edit.arrive,
+        **{key: getattr(edit, key) for key in WHOLE_SHAPE},
     )
     return document.model_dump(mode="json")
 
@@ -214,9 +214,9 @@ class _Reading:
         for i, handle in enumerate(handles):
             self._check_points(f"handles[{i}].without_instances", handle.controls.without_instances)
         symmetry = self._symmetry()
-        made = (handles, fixed, symmetry, default, document.overlap, document.blend, document.arrive)
+        whole = {key: getattr(document, key) for key in (*WHOLE_SHAPE, "preset")}
         try:
-            return Edit(*made)
+            return Edit(handles, fixed, symmetry, default, **whole)
         except ValueError as error:
             raise ValueError(f"{self.name}: {str(error).removeprefix('Edit: ')}") from None
 
@@ -323,9 +323,10 @@ class _Reading:
         if entry is None:
             return None
         if isinstance(entry, PlaneDocument):
-            plane: SymmetryPlane = self._named("symmetry", SymmetryPlane, entry.normal, entry.offset, band=entry.band)
+            band = band_on(self.mesh, self.document.preset) if entry.band is None else entry.band
+            plane: SymmetryPlane = self._named("symmetry", SymmetryPlane, entry.normal, entry.offset, band=band)
             return plane
-        return symmetry_on(self.mesh, entry)
+        return symmetry_on(self.mesh, entry, preset=self.document.preset)
 
     def _named(self, path: str, make: Any, *arguments: Any, **options: Any) -> Any:
         """What `make` makes, or its complaint in the name of the file and of the key."""

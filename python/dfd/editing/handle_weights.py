@@ -45,6 +45,7 @@ class Key(NamedTuple):
     place: Place
     controls: Controls  # those that shape the column
     sources: tuple[int, ...]  # the vertices where its distances start; none where it has no use for any
+    bridges: bool  # whether those cross small gaps
 
 
 class HandleWeights:
@@ -167,7 +168,7 @@ class HandleWeights:
     def locality(self, edit: Edit, handle: Handle) -> tuple[tuple[int, ...], Float32 | None, float]:
         """Where the distances over the surface of a handle start, (V,) those in [0, 1] or None, and λ of Eq. 7."""
         key = self._key(handle, edit)
-        distances, power = self._distances.falloff(key.sources, key.controls)
+        distances, power = self._distances.falloff(key.sources, key.controls, key.bridges)
         return key.sources, None if distances is None else distances[0], power
 
     def axes(self, place: Place, along: Along) -> Frame | None:
@@ -269,14 +270,13 @@ class HandleWeights:
     def _key(self, handle: Handle, edit: Edit) -> Key:
         controls = handle.controls.of_column
         near = controls.locality > 0 or controls.radius is not None
-        sources = (
-            self._distances.sources(self._rows.vertices(handle.place), handle.place, edit.symmetry) if near else ()
-        )
-        return Key(handle.place, controls, sources)
+        plane = edit.symmetry if edit.mirrored_locality else None
+        sources = self._distances.sources(self._rows.vertices(handle.place), handle.place, plane) if near else ()
+        return Key(handle.place, controls, sources, edit.bridges and near)
 
     def _bind(self, keys: Sequence[Key], out: Float32) -> None:
         """Weights (V, N) of `keys`, all `_alike`, to `out` (Eq. 4 to 7)."""
-        geodesic, locality = self._distances.falloff(keys[0].sources, keys[0].controls)
+        geodesic, locality = self._distances.falloff(keys[0].sources, keys[0].controls, keys[0].bridges)
         reaches = [self._reach(key.place, key.controls) for key in keys]
         bind(
             self.features,

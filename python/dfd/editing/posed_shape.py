@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from dfd.editing.controls import Overlap
 from dfd.editing.edit import Edit, Handle, box_center
 from dfd.editing.instance_columns import Column
+from dfd.editing.presets import WHOLE_SHAPE
 from dfd.posing.pose import Drag, pose
 
 if TYPE_CHECKING:
@@ -111,7 +112,7 @@ def _instance_axes(handle: Handle) -> tuple[Any, ...]:
 
 
 def _whole_shape(edit: Edit) -> tuple[Any, ...]:
-    return edit.fixed, edit.symmetry, edit.default, edit.overlap, edit.blend, edit.arrive
+    return edit.fixed, edit.symmetry, edit.default, *(getattr(edit, name) for name in WHOLE_SHAPE)
 
 
 def _acting(edit: Edit) -> tuple[Any, ...]:

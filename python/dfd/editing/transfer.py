@@ -116,14 +116,12 @@ class _Carrier:
             place, confidence[handle.id] = self.place(handle.place)
             handles.append(self.handle(handle, place))
         fixed = [(replace(one, place=place), sure) for one in edit.fixed for place, sure in [self.place(one.place)]]
-        carried = Edit(
-            tuple(handles),
-            tuple(one for one, _ in fixed),
-            None if edit.symmetry is None else self.plane(edit.symmetry),
-            None if edit.default is None else self.transform(edit.default, self.point),
-            edit.overlap,
-            edit.blend,
-            edit.arrive,
+        carried = replace(
+            edit,
+            handles=tuple(handles),
+            fixed=tuple(one for one, _ in fixed),
+            symmetry=None if edit.symmetry is None else self.plane(edit.symmetry),
+            default=None if edit.default is None else self.transform(edit.default, self.point),
         )
         return Transferred(carried, confidence, tuple(sure for _, sure in fixed))
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from numpy.typing import ArrayLike
 
+from dfd.common.preset import Preset
 from dfd.editing.controls import Blend, Overlap
 from dfd.editing.door import door
-from dfd.editing.edit import Fixed, box_center, symmetry_on
+from dfd.editing.edit import Fixed, box_center, symmetry_on, with_preset
 from dfd.editing.place import place_on
+from dfd.editing.presets import SymmetryCandidates
 from dfd.editing.steps import Steps
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
@@ -25,6 +27,21 @@ class WholeShape(Steps):
     """What is set once for all handles of a session; every setting is a step."""
 
     field: Field
+
+    @property
+    def preset(self) -> Preset:
+        """What new handles start with: "default", or "paper" for Eq. 1 and 4 to 8 to the letter.
+
+        Set, it puts everything that the preset says (`dfd.editing.presets.PRESETS`) in the place of what was there: how
+        handles are put together, the band of the plane, and reach, falloff and instances of every handle. It is one
+        step, and each of them can be set apart afterwards.
+        """
+        return self.edit.preset
+
+    @preset.setter
+    def preset(self, preset: Preset) -> None:
+        with door("Deformer.preset"):
+            self._commit(with_preset(self.edit, preset, self.mesh))
 
     def fix(self, at: Any, *, strength: float = 1.0) -> None:
         """Hold a point or a region in place, and with it all that looks like it (Eq. 6).
@@ -65,9 +82,16 @@ class WholeShape(Steps):
     @symmetry.setter
     def symmetry(self, plane: SymmetryPlane | str | None) -> None:
         with door("Deformer.symmetry"):
-            self._set_symmetry(plane, None)
+            self._set_symmetry(plane)
 
-    def set_symmetry(self, plane: SymmetryPlane | str | None, *, band: float | None = None) -> None:
+    def set_symmetry(
+        self,
+        plane: SymmetryPlane | str | None,
+        *,
+        band: float | None = None,
+        candidates: SymmetryCandidates | None = None,
+        threshold: float | Literal["relative"] | None = None,
+    ) -> None:
         """Let every handle act on both sides of a plane, mirrored on the other side (Eq. 8).
 
         Parameters
@@ -77,18 +101,22 @@ class WholeShape(Steps):
             elsewhere along it; "auto" for the plane across which the shape looks most alike; None for no symmetry.
         band
             Half width, in mesh units, of the zone in which the sides blend; 0 is Eq. 8 to the letter, which tears what
-            lies across the plane. If left out: the plane's own, or 3 % of the longest side for an axis or "auto".
+            lies across the plane. If left out: the plane's own, or for a text the preset's.
+        candidates, threshold
+            What "auto" chooses from, as `dfd.symmetry_planes` takes them; the preset's if left out.
 
         Raises
         ------
         ValueError
-            If it is no such plane, `band` is negative or not finite, or "auto" finds no plane.
+            If it is no such plane, `band` is negative or not finite, "auto" finds no plane, or `candidates` or
+            `threshold` is given for another one.
         """
         with door("Deformer.set_symmetry"):
-            self._set_symmetry(plane, band)
+            self._set_symmetry(plane, band=band, candidates=candidates, threshold=threshold)
 
-    def _set_symmetry(self, plane: SymmetryPlane | str | None, band: float | None) -> None:
-        chosen = None if plane is None else symmetry_on(self.mesh, plane, band, field=self.field)
+    def _set_symmetry(self, plane: SymmetryPlane | str | None, **how: Any) -> None:
+        how |= {"field": self.field, "preset": self.preset}
+        chosen = None if plane is None else symmetry_on(self.mesh, plane, **how)
         self._commit(replace(self.edit, symmetry=chosen))
 
     @property
@@ -128,6 +156,30 @@ class WholeShape(Steps):
     def arrive(self, arrive: bool) -> None:
         with door("Deformer.arrive"):
             self._commit(replace(self.edit, arrive=arrive))
+
+    @property
+    def mirrored_locality(self) -> bool:
+        """Whether locality and radius are measured from a handle's mirror image as well, where there is a plane.
+
+        If not, they are measured from the handle alone (Eq. 7), and what a handle moves on the other side of the plane
+        loses its weight with the way around to it.
+        """
+        return self.edit.mirrored_locality
+
+    @mirrored_locality.setter
+    def mirrored_locality(self, mirrored_locality: bool) -> None:
+        with door("Deformer.mirrored_locality"):
+            self._commit(replace(self.edit, mirrored_locality=mirrored_locality))
+
+    @property
+    def bridges(self) -> bool:
+        """Whether distances along the surface cross small gaps between components, as `dfd.Geodesics` says."""
+        return self.edit.bridges
+
+    @bridges.setter
+    def bridges(self, bridges: bool) -> None:
+        with door("Deformer.bridges"):
+            self._commit(replace(self.edit, bridges=bridges))
 
     @property
     def default(self) -> Transform | None:

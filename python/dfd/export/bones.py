@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.mesh.file.gltf_header import Header, is_index, objects
-from dfd.mesh.file.gltf_read import world_transforms
+from dfd.mesh.file.gltf.header import Header, is_index, objects
+from dfd.mesh.file.gltf.read import world_transforms
 
 if TYPE_CHECKING:
-    from dfd.mesh.file.gltf_data import GltfData
+    from dfd.mesh.file.gltf.data import GltfData
     from dfd.mesh.file.primitives import Primitive
+    from dfd.mesh.file.scene_file import SceneFile
     from dfd.mesh.mesh import Mesh
 
 __all__ = ["Bones", "bones_of"]
@@ -78,7 +79,7 @@ def bones_of(mesh: Mesh) -> Bones:
         raise ValueError("weigh_skin: `mesh` has a skin whose joints are not in its file")
     if any(skins[number].get("joints") != joints for number in numbers):
         raise ValueError("weigh_skin: `mesh` must have one skin, got several with other joints")
-    starts, ends, joint = _lines(_places(header, data, skins[numbers[0]], skinned[0]), _parents(nodes, joints))
+    starts, ends, joint = _lines(_places(mesh.scene, skins[numbers[0]], skinned[0]), _parents(nodes, joints))
     weights = np.zeros((len(mesh.vertices), len(joints)))
     followed = np.zeros(len(mesh.vertices), bool)
     for each in skinned:
@@ -90,9 +91,15 @@ def bones_of(mesh: Mesh) -> Bones:
     return Bones(names, starts, ends, joint, weights, followed, skinned)
 
 
-def _places(header: Header, data: GltfData, skin: Header, primitive: Primitive) -> Float64:
+def _places(scene: SceneFile, skin: Header, primitive: Primitive) -> Float64:
     """(J, 3) where joints stand when the mesh rests, mesh units."""
+    assert scene.gltf is not None
+    header, data = scene.gltf.header, scene.gltf.data
     count = len(skin["joints"])
+    if scene.at_rest:
+        world = world_transforms(header)
+        found: Float64 = np.stack([world[joint][:3, 3] for joint in skin["joints"]])
+        return found
     inverse = np.tile(np.eye(4), (count, 1, 1))
     if "inverseBindMatrices" in skin:
         stored = data.accessor(skin["inverseBindMatrices"])
@@ -105,7 +112,7 @@ def _places(header: Header, data: GltfData, skin: Header, primitive: Primitive) 
         binds = np.full_like(inverse, np.nan)
     if not np.isfinite(binds).all():
         raise ValueError("weigh_skin: `mesh` has a skin with an inverse bind that cannot be inverted")
-    # The mesh is shown where its node places it, which a posed skin would not ask: bones are carried along.
+    # Loaded as it was bound, the mesh is where its node places it: bones are carried along.
     placed: Float64 = (world_transforms(header)[primitive.source[0]] @ binds)[:, :3, 3]
     return placed
 

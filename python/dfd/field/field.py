@@ -19,6 +19,7 @@ from dfd import _core
 from dfd.common import check, tensors, threads
 from dfd.field import field_file
 from dfd.field.architecture import Architecture
+from dfd.field.given_features import FEATURE_FILES
 from dfd.field.on_mesh import FieldOnMesh
 from dfd.field.pieces import Pieces
 
@@ -232,14 +233,14 @@ class Field:
     def load(cls, path: str | os.PathLike[str], *, mesh: Mesh | None = None) -> Field:
         """Read a field from `path`: what `save` wrote, or what other programs have written for a mesh.
 
-        Those are a `.pth` of the method's public reference implementation, and an `.npy` with a row of another network
-        for each vertex, which becomes a `VertexField`. MeshFM and PartField write files beside theirs; what these say
-        of the vertices is checked.
+        Those are a `.pth` of the method's public reference implementation, and an `.npy` (MeshFM, PartField) or `.pt`
+        (Diff3F) with a row of another network for each vertex or face, which becomes a `VertexField`. MeshFM and
+        PartField write files beside theirs; what these say of the vertices is checked.
 
         Parameters
         ----------
         mesh
-            The mesh that a `.pth` or `.npy` is of; unused else.
+            The mesh that a `.pth`, `.npy` or `.pt` is of; unused else.
 
         Raises
         ------
@@ -247,11 +248,12 @@ class Field:
             If `path` does not exist or cannot be read.
         ValueError
             If it is no field, cut short, of another version, does not hold the tensors that it promises, or gives
-            features that are not finite; if an `.npy` has not one row for each vertex, in the order of the vertices.
+            features that are not finite; if an `.npy` or `.pt` has not one row for each vertex, in the order of the
+            vertices, or for each face.
         """
         if not Path(path).is_file():
             raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is no file")
-        if Path(path).suffix.lower() == ".npy":
+        if Path(path).suffix.lower() in FEATURE_FILES:
             of_vertices: Field = import_module(OF_VERTICES).read_vertex_field(Path(path), mesh)
             return of_vertices
         if Path(path).suffix.lower() == ".pth":

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from dfd.common import check, tensors
 from dfd.field.field import FARTHEST, Field, FieldSource
-from dfd.field.given_features import check_order, read_features
+from dfd.field.given_features import of_vertices, read_features, rows_of_vertices
 from dfd.mesh.normalization import normalization
 
 if TYPE_CHECKING:
@@ -37,7 +37,8 @@ class VertexField(Field):
     mesh
         The mesh, whose order of vertices `features` has.
     features
-        (V, D), a row a vertex. Only their directions count.
+        (V, D), a row a vertex. Only their directions count. Or (F, D), a row a face, where F is not V: a vertex then
+        has the mean of the faces around it, by their areas.
     settings
         How they came to be, JSON values.
 
@@ -49,13 +50,12 @@ class VertexField(Field):
 
     def __init__(self, mesh: Mesh, features: ArrayLike, *, settings: Mapping[str, Any] | None = None) -> None:
         rows = check.array("VertexField", "features", features, ("V", "D"))
+        if len(rows) == len(mesh.faces) != len(mesh.vertices):
+            rows = of_vertices(mesh, rows).astype(np.float32)
         if len(rows) != len(mesh.vertices) or rows.shape[1] == 0:
-            hint = (
-                "; these may be those of its faces: ask for those of vertices" if len(rows) == len(mesh.faces) else ""
-            )
             raise ValueError(
-                f"VertexField: `features` must have shape ({len(mesh.vertices)}, D), a row for each vertex, "
-                f"got {rows.shape}{hint}"
+                f"VertexField: `features` must have shape ({len(mesh.vertices)}, D), a row for each vertex, or "
+                f"({len(mesh.faces)}, D), a row for each face, got {rows.shape}"
             )
         places, first = np.unique(mesh.representative, return_inverse=True)
         self._rows = _unit(rows[places])
@@ -107,12 +107,11 @@ class VertexField(Field):
 
 
 def read_vertex_field(path: Path, mesh: Mesh | None) -> VertexField:
-    """What `Field.load` makes of an `.npy`, and raises."""
+    """What `Field.load` makes of an `.npy` or `.pt`, and raises."""
     if mesh is None:
         raise ValueError(f"Field.load: `mesh` must be given for {path}: its rows are those of the mesh's vertices")
     named = "Field.load: `path`"
-    rows = read_features(path, named)
-    check_order(path, rows, mesh, named)
+    rows = rows_of_vertices(path, read_features(path, named), mesh, named)
     try:
         field = VertexField(mesh, rows)
     except ValueError as error:

@@ -38,12 +38,27 @@ class Geodesics:
     """Distances along the surface of a mesh from any of its vertices; nothing is computed before the first question.
 
     Any mesh will do: holes, edges of more than two faces, repeated faces and faces without area are no obstacle.
-    Components that touch or nearly touch are bridged (see `dfd.geometry.surface_graph`).
+
+    Parameters
+    ----------
+    mesh
+        The surface.
+    bridges
+        Whether distances cross from one component to another where they touch or nearly touch (see
+        `dfd.geometry.surface_graph`). If not, components are apart, as in the paper.
+
+    Raises
+    ------
+    ValueError
+        If `bridges` is not True or False.
     """
 
-    def __init__(self, mesh: Mesh) -> None:
+    def __init__(self, mesh: Mesh, *, bridges: bool = True) -> None:
         """Keep the mesh."""
+        if not isinstance(bridges, bool):
+            raise ValueError(f"Geodesics: `bridges` must be True or False, got {bridges!r}")
         self._mesh = mesh
+        self._bridges = bridges
         self._lock = threading.Lock()
         self._result: _Prepared | None = None
         self._tree: cKDTree | None = None
@@ -61,7 +76,7 @@ class Geodesics:
         """Do now, in this thread, what the first question would have to wait for."""
         with self._lock:
             if self._result is None:
-                self._result = _prepared(self._mesh)
+                self._result = _prepared(self._mesh, self._bridges)
             return self._result
 
     def distances(self, handles: Any, *, separate: float = 1.0) -> NDArray[np.float32]:
@@ -101,7 +116,7 @@ class Geodesics:
         return check.vertex_indices("Geodesics.distances", "handles", handles, len(self._mesh.vertices))
 
 
-def _prepared(mesh: Mesh) -> _Prepared:
+def _prepared(mesh: Mesh, across_gaps: bool) -> _Prepared:
     center, scale = box_normalization(*mesh.bounds) or (mesh.vertices[0], 1.0)
     first, vertex = weld(mesh.vertices)
     vertices = (mesh.vertices[first] - center) * scale
@@ -110,7 +125,9 @@ def _prepared(mesh: Mesh) -> _Prepared:
     if spacing > 0:
         vertices, faces = split_long_edges(vertices, faces, _LONGEST_EDGE * spacing, most=4 * _SAMPLES)
     faces = np.ascontiguousarray(faces)
-    component = _core.components(len(vertices), faces, np.zeros((0, 2), np.int32))
-    links = np.ascontiguousarray(bridges(vertices, faces, component), np.int32)
+    links = np.zeros((0, 2), np.int32)
+    if across_gaps:
+        component = _core.components(len(vertices), faces, links)
+        links = np.ascontiguousarray(bridges(vertices, faces, component), np.int32)
     solver = _core.Geodesics(np.ascontiguousarray(vertices), faces, links, _SAMPLES, get_num_threads())
     return _Prepared(solver, vertex, len(first), 1 / scale)

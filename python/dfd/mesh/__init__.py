@@ -1,1 +1,1 @@
-"""A mesh with its looks, from a file and back into one."""
+"""A mesh and its materials, from a file and back into one."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -28,6 +28,12 @@ class Material:
     wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")  # what lies beyond the texture along u and v
     alpha_mode: Literal["OPAQUE", "MASK", "BLEND"] = "OPAQUE"
     alpha_cutoff: float = 0.5  # in mode MASK, less is clear and the rest opaque
+    name: str = ""
+    is_default: bool = False  # nothing is known but the name
+
+    def shown(self, *, has_colors: bool) -> Material:
+        """Return what is seen of it: on a surface with colors of its own, one of which nothing is known is white."""
+        return replace(self, color=(1.0, 1.0, 1.0, 1.0)) if self.is_default and has_colors else self
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import check, tensors
 from dfd.mesh.appearance import Appearance
-from dfd.mesh.file.obj_groups import face_groups
+from dfd.mesh.file.obj.read import face_groups
 from dfd.mesh.file.read import of_trimesh, read
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.normals import smooth_normals
@@ -170,8 +170,8 @@ class Mesh:
             if name in others:
                 faces = [self.faces[each].ravel() for each in others[name]]
                 return np.unique(np.concatenate(faces)).astype(np.int64)
-        known = ", ".join(self.part_names[:20]) + (", …" if self.part_count > 20 else "")
-        raise ValueError(f"Mesh.part_vertices: `name` must be a part of the scene ({known}), got {name!r}")
+        known = ", ".join(each[:30] for each in self.part_names[:20]) + (", …" if self.part_count > 20 else "")
+        raise ValueError(f"Mesh.part_vertices: `name` must be a part of the scene ({known}), got {name!r:.60}")
 
     @cached_property
     def _other_names(self) -> tuple[dict[str, list[slice]], dict[str, list[slice]]]:
@@ -180,9 +180,8 @@ class Mesh:
         materials: dict[str, list[slice]] = {}
         for each in self._scene.primitives if self._scene else ():
             geometries.setdefault(each.name, []).append(each.faces)
-            material = getattr(getattr(each.geometry.visual, "material", None), "name", None)
-            if material:
-                materials.setdefault(str(material), []).append(each.faces)
+            if each.geometry.material is not None and each.geometry.material.name:
+                materials.setdefault(each.geometry.material.name, []).append(each.faces)
         return geometries, materials
 
     @property
@@ -204,9 +203,11 @@ class Mesh:
         if name in self._groups:
             return np.unique(self.representative[self._groups[name]]).astype(np.int64)
         if not self._groups:
-            raise ValueError(f"Mesh.group_vertices: `name` must be a face group, and the mesh has none, got {name!r}")
-        known = ", ".join(self.group_names[:20]) + (", …" if len(self._groups) > 20 else "")
-        raise ValueError(f"Mesh.group_vertices: `name` must be a face group of the file ({known}), got {name!r}")
+            raise ValueError(
+                f"Mesh.group_vertices: `name` must be a face group, and the mesh has none, got {name!r:.60}"
+            )
+        known = ", ".join(each[:30] for each in self.group_names[:20]) + (", …" if len(self._groups) > 20 else "")
+        raise ValueError(f"Mesh.group_vertices: `name` must be a face group of the file ({known}), got {name!r:.60}")
 
     @cached_property
     def _groups(self) -> dict[str, NDArray[np.int64]]:
@@ -293,30 +294,40 @@ class Mesh:
         return colors[self.representative]
 
 
+_Pose = Literal["rest", "bind"]
+
 MeshLike: TypeAlias = (  # the last is a pair of arrays
     "Mesh | str | os.PathLike[str] | trimesh.Trimesh | trimesh.Scene | Sequence[Any]"
 )
 
 
-def load(source: str | os.PathLike[str] | trimesh.Trimesh | trimesh.Scene | Sequence[Any]) -> Mesh:
+def load(
+    source: str | os.PathLike[str] | trimesh.Trimesh | trimesh.Scene | Sequence[Any],
+    *,
+    pose: _Pose = "rest",
+) -> Mesh:
     """Read a mesh from an OBJ, PLY, STL, OFF, GLB or glTF file, or take one that is in memory.
 
     All parts of a scene are taken, in their places. Nothing is changed: units, orientation, the file's own numbers of
-    vertices (see `Mesh`), faces without area and repeated faces stay; polygons become fans of triangles.
+    vertices (see `Mesh`), faces without area and repeated faces stay; polygons become triangles.
 
     Parameters
     ----------
     source
         Path of a file; or a `trimesh.Trimesh` or `trimesh.Scene`; or a pair of vertices (V, 3) and faces (F, 3).
         Arrays are copied.
+    pose
+        Of a glTF file with skins or morph targets: ``"rest"``, the shape that viewers show before any animation;
+        ``"bind"``, the vertices as they are stored, without skins and morph targets.
 
     Raises
     ------
     OSError
         If the file cannot be opened, or is a pipe or a device.
     ValueError
-        If `source` is none of these; or the file is empty, malformed, cut off, in an unknown format or compressed in a
-        way that cannot be read; or there are no faces, a face index out of range or a coordinate that is not finite.
+        If `source` or `pose` is none of these; or the file is empty, malformed, cut off, in an unknown format or
+        compressed in a way that cannot be read; or there are no faces, a face index out of range or a coordinate that
+        is not finite.
 
     Warns
     -----
@@ -324,8 +335,9 @@ def load(source: str | os.PathLike[str] | trimesh.Trimesh | trimesh.Scene | Sequ
         If a texture or materials file cannot be read: what it would color is shown grey. If an OBJ file has faces of
         fewer than three corners: they are left out.
     """
+    check.choice("load", "pose", pose, _Pose)
     if isinstance(source, str | os.PathLike):
-        scene = read(source)
+        scene = read(source, at_rest=pose == "rest")
     elif _is_of_trimesh(source):
         scene = of_trimesh(source)
     elif isinstance(source, tuple | list) and len(source) == 2:

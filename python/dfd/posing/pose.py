@@ -38,7 +38,7 @@ def pose(
     handles: Any = None,
     handle_weights: Any = None,
     normals: Any = None,
-    overlap: Overlap = "add",
+    overlap: Overlap = "paper",
     blend: Blend = "linear",
     out: Any = None,
 ) -> Any:
@@ -66,8 +66,8 @@ def pose(
     normals
         (V, 3) unit normals to turn along, by the cofactors of each vertex's blended transform.
     overlap
-        What becomes of weights whose sum passes 1. "add": displacements add, so that handles that rest change nothing.
-        "paper": Eq. 1 to the letter, which scales the vertex by the sum about the origin. "normalize": weights are
+        What becomes of weights whose sum passes 1. "paper": Eq. 1 to the letter, which scales the vertex by the sum
+        about the origin. "add": displacements add, so that handles that rest change nothing. "normalize": weights are
         divided by their sum. "interpolate": displacements add, of weights times the inverse of those among the handles,
         so that each handle lands exactly where its own transform sends it (inside the band of a plane, in part).
     blend
@@ -141,7 +141,7 @@ class Drag:
         symmetry: SymmetryPlane | None = None,
         handles: Any = None,
         handle_weights: Any = None,
-        overlap: Overlap = "add",
+        overlap: Overlap = "paper",
         blend: Blend = "linear",
     ) -> None:
         """Fold the resting handles.

@@ -107,7 +107,7 @@ def pose(
     handles: Any = None,
     handle_weights: ArrayLike | None = None,
     normals: ArrayLike | None = None,
-    overlap: str = "add",
+    overlap: str = "paper",
     blend: str = "linear",
 ) -> Any:
     """(V, 3) vertices, and with `normals` those as well, as `dfd.pose` gives them: Eq. 1, 8 and beyond."""

@@ -34,7 +34,7 @@ def symmetry_planes(
     field: Field,
     mesh: Mesh,
     *,
-    threshold: float | None = None,
+    threshold: float | Literal["relative"] = "relative",
     candidates: Literal["any", "axes"] = "any",
 ) -> list[SymmetryPlane]:
     """Find the planes across which `mesh` looks alike.
@@ -46,7 +46,7 @@ def symmetry_planes(
     Parameters
     ----------
     threshold
-        The paper's ε, 0.1 there: planes are found by their `score` alone, if it is smaller. If left out, those are
+        The paper's ε, 0.1 there: planes are found by their `score` alone, if it is smaller. With "relative", those are
         found whose `relative_score` is below a quarter (the spread of the features, and with it a fair ε, depends on
         the encoder and its block), but none beside a plane across which the shape looks far more alike.
     candidates
@@ -59,17 +59,17 @@ def symmetry_planes(
     Raises
     ------
     ValueError
-        If `threshold` is negative or not finite, or `candidates` is another word.
+        If `threshold` is another word, negative or not finite, or `candidates` is another word.
 
     Source: paper, section 3.3.3; planes from pairs of points: Mitra, Guibas and Pauly, "Partial and approximate
     symmetry detection for 3D geometry", 2006.
     """
-    if threshold is not None:
+    if threshold != "relative":
         threshold = check.number("symmetry_planes", "threshold", threshold, minimum=0.0)
     if candidates not in ("any", "axes"):
         raise ValueError(f"symmetry_planes: `candidates` must be any or axes, got {candidates!r}")
     planes = scored_planes(field, mesh, candidates=candidates)
-    if threshold is not None:
+    if threshold != "relative":
         return [plane for plane in planes if plane.score < threshold]
     most = min(RELATIVE_THRESHOLD, WORSE_THAN_BEST * planes[0].relative_score + FIT_LEAVES) if planes else 0.0
     return [plane for plane in planes if plane.relative_score <= most]

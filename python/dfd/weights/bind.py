@@ -138,6 +138,8 @@ def _extents(
     if type(reach) is float and reach == 1.0 and falloff == "linear":
         return None, None
     reaches = _for_each("reach", reach, handle_count, minimum=0.0, exclusive=True)
+    if not isinstance(falloff, str | Sequence):
+        raise ValueError(f"bind: `falloff` must be a name or one for each handle, got {falloff!r}")
     names = [falloff] if isinstance(falloff, str) else list(falloff)
     numbers = [get_args(Falloff).index(check.choice("bind", "falloff", name, Falloff)) for name in names]
     if isinstance(falloff, str):

@@ -55,6 +55,25 @@ def test_a_shape_is_shown_and_edited(page: Page, deformer: Deformer) -> None:
     assert page.last("state")["can_undo"]
 
 
+def test_a_preset_is_one_step_and_stays_when_all_is_cleared(new_page: Page) -> None:
+    page = new_page
+    page.ask("add", at={"vertex": 5}, controls={"reach": 0.4})
+    page.ask("set_preset", preset="paper")
+    state = page.last("state")
+    assert (state["preset"], state["overlap"], state["new_handle"]) == (
+        "paper",
+        "paper",
+        {"reach": 1, "falloff": "linear"},
+    )
+    assert (state["handles"][0]["reach"], state["edit"]["preset"], state["posing"]) == (1, "paper", "server")
+    page.ask("undo")
+    assert (page.last("state")["preset"], page.last("state")["handles"][0]["reach"]) == ("default", 0.4)
+    page.ask("redo")
+    page.ask("clear")
+    assert (page.last("state")["preset"], page.last("state")["handles"]) == ("paper", [])
+    assert "`preset` must be one of default, paper" in page.ask("set_preset", preset="mine")["message"]
+
+
 def test_the_heat_map_comes_first_and_instances_after_it(page: Page) -> None:
     page.ask("add", at={"vertex": 5})
     page.until(lambda message: message["type"] == "report")

@@ -53,7 +53,19 @@ def regions(deformer: Deformer) -> None:
     deformer.fix(np.arange(300, 350))
 
 
-EDITS = [controls, regions, one_handle, several, nothing, negative]
+def paper(deformer: Deformer) -> None:
+    deformer.preset = "paper"
+    one_handle(deformer)
+
+
+def paper_with_more(deformer: Deformer) -> None:
+    paper(deformer)
+    deformer.add(600, reach=0.6, translation=(0, 0.1, 0))
+    deformer.arrive = True
+    deformer.set_symmetry("x")
+
+
+EDITS = [controls, regions, one_handle, several, nothing, negative, paper, paper_with_more]
 
 
 @pytest.fixture
@@ -90,6 +102,9 @@ def test_the_command_makes_the_same_shape(edit: Callable[[Deformer], None], defo
 def test_one_handle_needs_no_file(deformer: Deformer) -> None:
     one_handle(deformer)
     assert "--edit" not in as_command(deformer, "chair.glb")
+    deformer.preset = "paper"
+    assert "--preset paper --handle=5" in as_command(deformer, "chair.glb")
+    assert "Deformer(mesh, field, preset='paper')" in as_python(deformer, "chair.glb")
 
 
 def test_a_name_with_quotes_stays_one_word(deformer: Deformer) -> None:

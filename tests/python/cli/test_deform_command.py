@@ -11,7 +11,9 @@ from command_runs import drawn, failed, worked
 from PIL import Image
 
 import dfd
+from dfd.editing.controls import controls_of
 from dfd.editing.edit_file import read_edit
+from dfd.editing.presets import PRESETS
 from dfd.field.field import Field
 
 DISTILL = sys.modules["dfd.cli.distill"]  # by its own name there is the command
@@ -124,6 +126,57 @@ def test_what_holds_for_the_whole_shape(run, chair):
     assert (edit.overlap, edit.blend, edit.arrive) == ("interpolate", "dual_quaternion", False)
     assert edit.symmetry.normal == pytest.approx((0, 0.6, 0.8))
     assert (edit.symmetry.offset, edit.symmetry.band) == (0.25, 0)
+
+
+def test_the_paper_is_one_word_beside_which_anything_can_be_said(run, chair):
+    move = ("--handle", 40, "--translate", 0, -0.2, 0, "--handle", 900, "--reach", 0.6, "--symmetry", "x")
+    assert worked(run(*DEFORM, "--preset", "paper", *move, "--bridges", "--save-edit", "edit.json"))
+    edit = read_edit("edit.json", chair)
+    one, two = (handle.controls for handle in edit.handles)
+    assert one == controls_of("paper")
+    assert (two.reach, two.falloff) == (0.6, "linear")
+    wanted = PRESETS["paper"].whole_shape | {"bridges": True}
+    assert {name: getattr(edit, name) for name in wanted} == wanted
+    assert (edit.preset, edit.symmetry.band) == ("paper", 0)
+    # An edit keeps its own, unless another is asked for.
+    for preset, options in (("paper", ()), ("default", ("--preset", "default"))):
+        assert worked(run(*DEFORM, "--edit", "edit.json", *options, "--save-edit", "again.json"))
+        assert read_edit("again.json", chair).preset == preset
+    assert read_edit("again.json", chair).handles[0].controls == controls_of("default")
+
+
+@pytest.mark.parametrize("preset", [None, "paper"])
+def test_without_a_field_one_is_distilled_by_the_preset(run, folder, monkeypatch, preset):
+    asked = []
+
+    def distilled(mesh, encoder, **how):
+        asked.append((encoder, how.get("preset")))
+        return Field.load(folder / "chair.field.safetensors")
+
+    monkeypatch.setattr(dfd, "distill", distilled)
+    words = () if preset is None else ("--preset", preset)
+    moved = ("--handle", 40, "--translate", 0, -0.2, 0)
+    assert worked(run("deform", "MESH", "--encoder", "some", *words, *moved, "-o", "out.ply"))
+    assert worked(run(*DEFORM, *words, *moved, "-o", "wanted.ply"))
+    assert asked == [("some", preset)]
+    np.testing.assert_array_equal(dfd.load("out.ply").vertices, dfd.load("wanted.ply").vertices)
+
+
+def test_what_auto_looks_at_can_be_said(run, monkeypatch):
+    asked = []
+
+    def none(field, mesh, **how):
+        asked.append(how)
+        return []
+
+    monkeypatch.setattr("dfd.editing.edit.symmetry_planes", none)
+    auto = (*DEFORM, "--handle", 40, "--save-edit", "edit.json", "--symmetry", "auto")
+    for words in ((), ("--symmetry-candidates", "axes", "--symmetry-threshold", 0.2), ("--preset", "paper"),
+                  ("--preset", "paper", "--symmetry-threshold", "relative")):  # fmt: skip
+        assert failed(run(*auto, *words), "the shape looks alike across no plane")
+    assert [(how["candidates"], how["threshold"]) for how in asked] == [
+        ("any", "relative"), ("axes", 0.2), ("axes", 0.1), ("axes", "relative")
+    ]  # fmt: skip
 
 
 def test_a_point_is_taken_to_the_surface_and_what_it_means_is_said(run, chair):

@@ -92,5 +92,7 @@ def test_what_cannot_be_is_said_before_anything_is_written(shapes, chair, argume
     assert sorted(Path().iterdir()) == before
 
 
-def test_one_shape_needs_its_field(shapes):
-    assert failed(shapes("deform", "first.ply", "--edit", "edit.json", "-o", "out.ply"), "`--field` must be given")
+def test_a_preset_takes_the_place_of_the_edit_s_own(shapes):
+    assert worked(shapes("deform", "*.ply", "--edit", "edit.json", "--preset", "paper", "-o", "out"))
+    large = json.loads(Path("out/large.edit.json").read_text())
+    assert (large["preset"], large["overlap"], large["handles"][0]["falloff"]) == ("paper", "paper", "linear")

@@ -181,7 +181,7 @@ def test_described_features_of_the_vertices_are_taken(run, folder, chair):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"mode": "face"}, "rows.json says mode 'face': extract them with `--mode vertex`"),
+        ({"mode": "surface"}, "rows.json says mode 'surface': extract them with `--mode vertex`"),
         ({"feature_shape": [3, 4]}, "rows.json describes, of shape [3, 4], got [2004, 4]"),
         (
             {"num_vertices": 12024},

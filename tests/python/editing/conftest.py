@@ -1,5 +1,6 @@
 """A session on a made chair, and what notes what the session asks for."""
 
+from dataclasses import replace
 from unittest import mock
 
 import pytest
@@ -8,7 +9,7 @@ from made_field import field_of
 
 import dfd
 from dfd.editing import handle_weights, posed_shape
-from dfd.editing.controls import Controls
+from dfd.editing.presets import PRESETS
 
 
 @pytest.fixture(scope="session")
@@ -35,13 +36,14 @@ def deformer(mesh, field, features):
 @pytest.fixture
 def paper_handles(monkeypatch):
     """New handles reach as far as the paper's and fall off as those do; they have instances of their own."""
-    monkeypatch.setattr("dfd.editing.deformer.NEW_HANDLE", Controls(instances="own"))
+    new = replace(PRESETS["default"], reach=1.0, falloff="linear")
+    monkeypatch.setitem(PRESETS, "default", new)
 
 
 @pytest.fixture
 def geodesics(deformer, mesh):
     counting = Counting(mesh)
-    deformer._weights._distances.__dict__["_geodesics"] = counting
+    deformer._weights._distances._geodesics[True] = counting
     return counting
 
 
@@ -78,4 +80,5 @@ def folds():
 @pytest.fixture
 def about_one_pivot(monkeypatch):
     """New handles as the paper has them: all that look alike moves about one pivot."""
-    monkeypatch.setattr("dfd.editing.deformer.NEW_HANDLE", Controls())
+    new = replace(PRESETS["default"], **PRESETS["paper"].handle)
+    monkeypatch.setitem(PRESETS, "default", new)

@@ -5,7 +5,7 @@ import pytest
 from counting import Counting
 
 import dfd
-from dfd.editing.controls import Controls, radius_on
+from dfd.editing.controls import Controls, controls_of, radius_on
 from dfd.editing.place import place_on
 from dfd.editing.regions import Ball, HalfSpace
 from dfd.posing.transforms import frame_of_normal
@@ -51,7 +51,7 @@ def test_reach_and_falloff_are_those_of_bind(session, labeled, foot):
     session.undo()
     assert session.handles == ()
     session.redo()
-    assert session.handle(handle).controls == Controls(0.5, "sharp")
+    assert session.handle(handle).controls == Controls(0.5, "sharp", instances="together")
 
 
 @pytest.mark.usefixtures("paper_handles")
@@ -74,7 +74,7 @@ def test_a_radius_ends_smoothly_where_it_says(session, geodesics_of, labeled, fo
     np.testing.assert_allclose(weights, wanted, atol=1e-6)
     assert weights[foot] == 1
     session.change(handle, locality=2.0)
-    assert session.handle(handle).controls == Controls(locality=2.0)
+    assert session.handle(handle).controls == controls_of("paper").changed(locality=2.0)
     session.change(handle, radius="20%")
     assert session.handle(handle).controls.radius == pytest.approx(0.2 * session.mesh.diagonal)
     assert session.handle(handle).controls.locality == 0
@@ -84,8 +84,8 @@ def test_a_radius_ends_smoothly_where_it_says(session, geodesics_of, labeled, fo
 @pytest.fixture
 def geodesics_of():
     def replaced(session):
-        session._weights._distances.__dict__["_geodesics"] = Counting(session.mesh)
-        return session._weights._distances._geodesics
+        session._weights._distances._geodesics[True] = Counting(session.mesh)
+        return session._weights._distances._geodesics[True]
 
     return replaced
 

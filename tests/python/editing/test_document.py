@@ -22,6 +22,8 @@ from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
 
+OLD = Controls(reach=1.0, falloff="linear", instances="together")  # what versions 1 and 2 leave out
+
 
 @pytest.fixture(scope="module")
 def mesh():
@@ -115,7 +117,10 @@ def test_a_short_document_by_hand_is_enough(mesh):
         {"format": "dfd-edit", "version": 1, "handles": [{"vertex": 4, "scale": 2}, {"position": [0, 1, 2]}]}, mesh
     )
     assert edit == Edit(
-        (Handle(1, place_on(mesh, 4), Transform(scale=(2.0, 2.0, 2.0))), Handle(2, Place((0.0, 1.0, 2.0)))),
+        (
+            Handle(1, place_on(mesh, 4), Transform(scale=(2.0, 2.0, 2.0)), OLD),
+            Handle(2, Place((0.0, 1.0, 2.0)), controls=OLD),
+        ),
         arrive=False,
     )
 
@@ -157,7 +162,7 @@ def test_a_document_of_version_1_means_what_it_meant(mesh):
         "default": {"scale": 2},
     }
     assert from_document(document, mesh) == Edit(
-        (Handle(2, place_on(mesh, 4), Transform(rotation=(0.0, 0.0, 400.0)), Controls(locality=2.5)),),
+        (Handle(2, place_on(mesh, 4), Transform(rotation=(0.0, 0.0, 400.0)), replace(OLD, locality=2.5)),),
         (Fixed(place_on(mesh, 7)),),
         SymmetryPlane((1.0, 0.0, 0.0), 0.5),
         Transform(scale=(2.0, 2.0, 2.0)),
@@ -244,8 +249,8 @@ MISSING = object()
     [
         (("format",), "gltf", r'`format` must be "dfd-edit", got "gltf"'),
         (("format",), MISSING, r'`format` must be "dfd-edit", got null'),
-        (("version",), 3, r"`version` must be 1 or 2, got 3"),
-        (("version",), True, r"`version` must be 1 or 2, got true"),
+        (("version",), 4, r"`version` must be 1, 2 or 3, got 4"),
+        (("version",), True, r"`version` must be 1, 2 or 3, got true"),
         (("units",), {"length": "inch"}, r"`units.length` must be 'mesh', got .inch."),
         (("mesh",), 9, r"`mesh` must be an object, got 9"),
         (("mesh",), {}, r"`mesh.vertices` is missing"),

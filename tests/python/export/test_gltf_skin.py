@@ -325,7 +325,8 @@ def test_the_file_is_gltf_as_well(session, tmp_path):
     dfd.export_rig(session, tmp_path / "rig.gltf")
     header = json.loads((tmp_path / "rig.gltf").read_text())
     assert header["skins"][0]["joints"]
-    assert np.allclose(dfd.load(tmp_path / "rig.gltf").vertices, session.mesh.vertices, atol=1e-6)
+    rest = dfd.load(tmp_path / "rig.gltf", pose="bind").vertices
+    assert np.allclose(rest, session.mesh.vertices, atol=1e-6)
 
 
 def test_more_joints_than_the_format_has_numbers_for_are_refused(session, tmp_path, monkeypatch):
@@ -379,5 +380,4 @@ def test_what_draco_compressed_is_stored_plainly(tmp_path, make_session):
     glb = Glb(tmp_path / "rig.glb")
     assert not glb.file.extensionsRequired
     found = glb.triangles()
-    found[len(CUBE) :] = found[len(CUBE) :, [0, 2, 1]]  # the mirrored ones, turned back
     assert apart(found, session.vertices[session.mesh.faces]) <= 5e-6 * session.mesh.diagonal

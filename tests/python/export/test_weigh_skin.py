@@ -109,7 +109,9 @@ def test_bones_stand_where_the_mesh_is_shown(tmp_path):
     """The node turns and doubles the mesh, as files of some tools do; bones are carried along."""
     half = float(np.sqrt(0.5))
     node = {"rotation": [0, 0, half, half], "scale": [2, 2, 2], "translation": [0, 5, 0]}
-    bones = bones_of(dfd.load(character(tmp_path / "bar.glb", node=node)))
+    path = character(tmp_path / "bar.glb", node=node)
+    np.testing.assert_allclose(bones_of(dfd.load(path)).starts, [(0, 0, 0), (1, 0, 0), (2, 0, 0)], atol=1e-6)
+    bones = bones_of(dfd.load(path, pose="bind"))
     np.testing.assert_allclose(bones.starts, [(0, 5, 0), (0, 7, 0), (0, 9, 0)], atol=1e-6)
     np.testing.assert_allclose(bones.ends, [(0, 7, 0), (0, 9, 0), (0, 10, 0)], atol=1e-6)
     assert bones.joint.tolist() == [0, 1, 2]
@@ -166,7 +168,7 @@ def test_what_is_held_is_no_way_between_bones_and_around_none(tmp_path):
     ],
 )
 def test_broken_skins_are_named(options, message, tmp_path, make_session):
-    mesh = dfd.load(character(tmp_path / "bar.glb", **options))
+    mesh = dfd.load(character(tmp_path / "bar.glb", **options), pose="bind")
     with pytest.raises(ValueError, match=f"weigh_skin: `mesh` .*{message}"):
         dfd.weigh_skin(mesh, make_session(mesh).field, tmp_path / "weighted.glb")
     assert not (tmp_path / "weighted.glb").exists()

@@ -82,11 +82,7 @@ def test_a_session_weighs_by_them(chair, rows):
     [
         (
             lambda rows, mesh: rows[:-1],
-            r"`features` must have shape \(\d+, D\), a row for each vertex, got \(\d+, 12\)$",
-        ),
-        (
-            lambda rows, mesh: np.ones((len(mesh.faces), 2)),
-            "these may be those of its faces: ask for those of vertices",
+            r"`features` must have shape .*, a row for each vertex, or .*, a row for each face, got \(\d+, 12\)$",
         ),
         (lambda rows, mesh: rows[:, :0], r"`features` must have shape"),
         (lambda rows, mesh: rows * np.nan, "`features` must be finite"),
@@ -143,3 +139,63 @@ def test_files_that_are_not_of_the_mesh_are_refused(chair, rows, tmp_path):
     (tmp_path / "few.json").write_text('{"mode": "vertex", "num_vertices": 9, "feature_shape": [5, 12]}')
     with pytest.raises(ValueError, match=r"must be of this mesh, which has \d+ vertices, but .*few.json says 9"):
         dfd.Field.load(tmp_path / "few.npy", mesh=chair)
+
+
+def test_a_diff3f_file_is_a_tensor_of_half_precision(chair, tmp_path):
+    rows = torch.randn((len(chair.vertices), 2048), generator=torch.Generator().manual_seed(0)).half()
+    torch.save(rows, tmp_path / "chair.pt")
+    field = dfd.Field.load(tmp_path / "chair.pt", mesh=chair)
+    assert field.dimension == 2048
+    np.testing.assert_array_equal(field.features(chair), dfd.VertexField(chair, rows.float().numpy()).features(chair))
+
+
+@pytest.mark.parametrize(
+    ("saved", "message"),
+    [
+        (b"no archive", "must be a tensor that torch saved, but .*x.pt is not"),
+        ({"features": torch.ones(3, 2)}, "must be a .pt file of one tensor, but .*x.pt holds a dict"),
+        (torch.nn.Identity(), "must be a tensor that torch saved"),
+        (torch.eye(3).to_sparse(), "must be a .pt file of plain numbers"),
+        (torch.ones(5, 2), "x.pt: `features` must have shape"),
+        (torch.ones(7), "x.pt: `features` must have shape"),
+    ],
+)
+def test_another_pt_file_is_refused(chair, tmp_path, saved, message):
+    if isinstance(saved, bytes):
+        (tmp_path / "x.pt").write_bytes(saved)
+    else:
+        torch.save(saved, tmp_path / "x.pt")
+    with pytest.raises(ValueError, match=f"Field.load: `path` .*{message}"):
+        dfd.Field.load(tmp_path / "x.pt", mesh=chair)
+
+
+def test_partfield_rows_of_faces_become_those_of_vertices(chair, tmp_path):
+    rows = np.random.default_rng(0).normal(size=(len(chair.faces), 448)).astype(np.float32)
+    np.save(tmp_path / "part_feat_chair_0_batch.npy", rows)
+    dfd.Mesh(chair.vertices * 3 + 1, chair.faces).save(tmp_path / "feat_pca_chair_0.ply")
+    found = dfd.Field.load(tmp_path / "part_feat_chair_0_batch.npy", mesh=chair).features(chair)
+    sides = chair.vertices[chair.faces]
+    areas = np.linalg.norm(np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0]), axis=1)
+    vertex = 17
+    around = (chair.representative[chair.faces] == chair.representative[vertex]).any(axis=1)
+    mean = (areas[around, None] * unit(rows[around])).sum(axis=0)
+    np.testing.assert_allclose(found[vertex], mean / np.linalg.norm(mean), atol=1e-5)
+    assert len(found) == len(chair.vertices)
+
+
+def test_meshfm_says_what_has_the_rows_where_faces_and_vertices_are_as_many(tmp_path):
+    fan = dfd.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], [(0, 1, 2), (0, 2, 3), (0, 3, 1), (1, 3, 2)])
+    rows = np.eye(4, dtype=np.float16)
+    np.save(tmp_path / "fan.npy", rows)
+    for mode in ("vertex", "face"):
+        said = {"mode": mode, "num_vertices": 4, "num_faces": 4, "feature_shape": [4, 4], "dtype": "float16"}
+        (tmp_path / "fan.json").write_text(json.dumps(said))
+        found = dfd.Field.load(tmp_path / "fan.npy", mesh=fan).features(fan)
+        corner = np.array([1, 1, 1, 0]) / np.sqrt(3)
+        np.testing.assert_allclose(found[0], rows[0] if mode == "vertex" else corner, atol=1e-6)
+
+
+def test_a_vertex_of_no_face_has_what_the_nearest_one_has():
+    mesh = dfd.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1.1, 0), (3, 3, 0)], [(0, 1, 2), (1, 3, 2)])
+    found = dfd.VertexField(mesh, [(1, 0), (0, 1)]).features(mesh)
+    np.testing.assert_array_equal(found[[0, 3, 4]], [(1, 0), (0, 1), (0, 1)])

@@ -65,8 +65,9 @@ def test_weight_one_moves_as_the_transform_does(dtype, blend):
 def test_nothing_turns_and_the_blend_is_linear(blend):
     vertices, weights, transforms = scene(200, 4, dtype=np.float64)
     transforms[:, :, :3] = np.eye(3)
-    wanted = dfd.pose(vertices, weights, transforms)
-    np.testing.assert_allclose(dfd.pose(vertices, weights, transforms, blend=blend), wanted, atol=1e-14)
+    wanted = dfd.pose(vertices, weights, transforms, overlap="add")
+    posed = dfd.pose(vertices, weights, transforms, blend=blend, overlap="add")
+    np.testing.assert_allclose(posed, wanted, atol=1e-14)
 
 
 @BOTH
@@ -88,16 +89,18 @@ def test_a_twisted_bar_keeps_its_volume(blend):
 def test_scale_about_a_handle_grows_as_the_linear_blend_does(blend):
     vertices, weights, _ = scene(100, 1, dtype=np.float64)
     grown = about(vertices[7], 1.8 * np.eye(3))
-    wanted = dfd.pose(vertices, weights, grown[None])
-    np.testing.assert_allclose(dfd.pose(vertices, weights, grown[None], handles=[7], blend=blend), wanted, atol=1e-12)
+    wanted = dfd.pose(vertices, weights, grown[None], overlap="add")
+    posed = dfd.pose(vertices, weights, grown[None], handles=[7], blend=blend, overlap="add")
+    np.testing.assert_allclose(posed, wanted, atol=1e-12)
 
 
 @BOTH
 def test_a_handle_that_rests_changes_nothing(blend):
     vertices, weights, transforms = turning_scene(100, 3, dtype=np.float64)
     transforms[1] = np.eye(3, 4)
-    alone = dfd.pose(vertices, weights[:, [0, 2]], transforms[[0, 2]], handles=[0, 2], blend=blend)
-    beside = dfd.pose(vertices, weights, transforms, handles=[0, 1, 2], blend=blend)
+    how = {"blend": blend, "overlap": "add"}
+    alone = dfd.pose(vertices, weights[:, [0, 2]], transforms[[0, 2]], handles=[0, 2], **how)
+    beside = dfd.pose(vertices, weights, transforms, handles=[0, 1, 2], **how)
     # Two handles of weight 1 at their places: only what is left to D₀ could tell, and that rests as well.
     np.testing.assert_allclose(beside, alone, atol=1e-12)
 

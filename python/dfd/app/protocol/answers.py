@@ -78,6 +78,13 @@ class HandleState(Model):
     controls: dict[str, JsonValue]  # everything that the edit document says of it
 
 
+class NewHandle(Model):
+    """What a new handle of the session's preset has, by which the page shows what one would hold."""
+
+    reach: Number
+    falloff: str
+
+
 class FixedState(Model):
     """A fixed place."""
 
@@ -107,6 +114,9 @@ class StateMessage(Answer):
     symmetry: Plane | None
     planes: tuple[Plane, ...]  # that were found
     default: PoseTransform | None  # D₀, with handle 0 … and its pivot
+    preset: str  # "default", or "paper" for its equations to the letter
+    presets: tuple[str, ...]
+    new_handle: NewHandle
     overlap: str
     overlaps: tuple[str, ...]
     blend: str

@@ -154,6 +154,13 @@ class SetSymmetry(Request):
     merge: bool = False
 
 
+class SetPreset(Request):
+    """Put everything that a preset says in the place of what was there, as one step: a name of `state.presets`."""
+
+    type: Literal["set_preset"]
+    preset: Mode
+
+
 class SetOverlap(Request):
     """What happens where handles overlap: a name of `state.overlaps`."""
 
@@ -270,6 +277,7 @@ ClientMessage = Annotated[
     | Release
     | ChangeFixed
     | SetSymmetry
+    | SetPreset
     | SetOverlap
     | SetBlend
     | SetDefault

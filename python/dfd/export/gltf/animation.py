@@ -17,7 +17,7 @@ from dfd.export.joints import Local
 
 if TYPE_CHECKING:
     from dfd.export.key_poses import KeyPose
-    from dfd.mesh.file.gltf_header import Header
+    from dfd.mesh.file.gltf.header import Header
 
 __all__ = ["NAME", "add_joint_animation", "add_weight_animation"]
 

@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.mesh.file import glb, gltf_header, gltf_read
 from dfd.mesh.file.assets import AssetFolder
-from dfd.mesh.file.gltf_data import GltfData
-from dfd.mesh.file.gltf_header import Header, objects
-from dfd.mesh.file.gltf_patch import GltfPatch, GltfSource
+from dfd.mesh.file.gltf import glb
+from dfd.mesh.file.gltf import header as gltf_header
+from dfd.mesh.file.gltf import read as gltf_read
+from dfd.mesh.file.gltf.data import GltfData
+from dfd.mesh.file.gltf.header import Header, objects
+from dfd.mesh.file.gltf.patch import GltfPatch, GltfSource
 from dfd.mesh.file.primitives import Primitive, UniqueNames
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.file.write import as_glb
@@ -53,8 +55,8 @@ class GltfDocument:
             source = mesh.scene.gltf
         else:
             source = _source_of(as_glb(mesh.vertices, mesh.faces, mesh.scene))
-            placings, looks = gltf_read.read(source.header, source.data, AssetFolder(Path("mesh.glb")))
-            self.scene = SceneFile.of(None, placings, looks, linear=True, gltf=source)
+            instances = gltf_read.read(source.header, source.data, AssetFolder(Path("mesh.glb")))
+            self.scene = SceneFile.of(None, instances, gltf=source)
             self.vertex = _rows_of(self.scene, mesh)
         self._source = source
         self._patch = GltfPatch(source)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dfd.editing.edit import Edit
 from dfd.export.gltf.document import GltfDocument
 from dfd.mesh.file import moved_normals
-from dfd.mesh.file.gltf_header import Header, objects
+from dfd.mesh.file.gltf.header import Header, objects
 from dfd.posing.transforms import Transform
 
 if TYPE_CHECKING:
@@ -144,8 +144,7 @@ def _target(
 ) -> Header:
     """One target of one primitive: displacements of its positions and normals, in its own coordinates."""
     vertex = document.rows(primitive)
-    back = np.linalg.pinv(primitive.transform[:3, :3])
-    local = np.where(vertex[:, None] >= 0, moved[vertex], 0.0) @ back.T
+    local = primitive.vectors_from_scene(np.where(vertex[:, None] >= 0, moved[vertex], 0.0))
     if not local.any():
         return {"POSITION": document.zeros(len(vertex))}
     target = {"POSITION": document.accessor(local.astype("<f4"), attribute=True, bounds=True)}

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.export.gltf.document import GltfDocument
-from dfd.mesh.file.gltf_header import MODES_READ, Header, objects
-from dfd.mesh.file.gltf_read import triangles
+from dfd.mesh.file.gltf.header import MODES_READ, Header, objects
+from dfd.mesh.file.gltf.read import triangles
 
 __all__ = ["animated_nodes", "bring_to_scene", "stand_alone"]
 

@@ -15,7 +15,7 @@ from dfd.export.gltf.document import GltfDocument
 from dfd.export.gltf.place import animated_nodes, bring_to_scene, stand_alone
 from dfd.export.influences import Influences
 from dfd.export.joints import Local
-from dfd.mesh.file.gltf_header import Header, objects
+from dfd.mesh.file.gltf.header import Header, objects
 
 if TYPE_CHECKING:
     from dfd.export.rig import Rig

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.mesh.appearance import Wrap
-from dfd.mesh.file.gltf_header import Header, extension, item
-from dfd.mesh.file.gltf_materials import GltfMaterials, coordinates
-from dfd.mesh.file.gltf_read import from_below
-from dfd.mesh.file.pictures import Pictures
+from dfd.mesh.file.gltf.header import Header, extension, item
+from dfd.mesh.file.gltf.materials import GltfMaterials, coordinates
+from dfd.mesh.file.gltf.read import from_below
+from dfd.mesh.file.images import ImageCache
 
 if TYPE_CHECKING:
-    from dfd.mesh.file.gltf_data import GltfData
+    from dfd.mesh.file.gltf.data import GltfData
     from dfd.mesh.file.primitives import Primitive
     from dfd.mesh.mesh import Mesh
 
@@ -130,7 +130,7 @@ class _Reader:
         self.scaled: list[str] = []
         self.coordinates: dict[str, NDArray[np.float32]] = {}
         self._header, self._data, self._rows = header, data, rows
-        self._materials = GltfMaterials(header, data, Pictures(), self.unreadable)
+        self._materials = GltfMaterials(header, data, ImageCache(), self.unreadable)
         self._names: dict[tuple[int, bytes], str] = {}
 
     def surface(self, primitives: Sequence[Primitive], has_picture: bool) -> Surface:
@@ -170,10 +170,10 @@ class _Reader:
     ) -> Picture | None:
         if reference is None:
             return None
-        image, texels, wrap = self._materials.texture(reference, named)
+        texels, wrap = self._materials.texture(reference, named)
         key = _key(reference)
         places = [self._places(each, reference) for each in primitives]
-        if image is None or texels is None or all(each is None for each in places):
+        if texels is None or all(each is None for each in places):
             return None
         if key == known:
             return Picture(texels, wrap, BASE)

@@ -8,7 +8,7 @@ import stat
 from pathlib import Path
 from urllib.parse import unquote
 
-__all__ = ["AssetFolder", "brief", "read_regular"]
+__all__ = ["AssetFolder", "read_regular", "shortened"]
 
 
 class AssetFolder:
@@ -33,12 +33,12 @@ class AssetFolder:
         for spelled in dict.fromkeys((name, unquote(name), unquote(name).replace("\\", "/"))):
             path = (folder / spelled.strip()).resolve()
             if not path.is_relative_to(folder):
-                raise ValueError(f"{brief(name)} lies outside the folder of the file")
+                raise ValueError(f"{shortened(name)} lies outside the folder of the file")
             if any(step.startswith(".") for step in path.relative_to(folder).parts):
-                raise ValueError(f"{brief(name)} is a hidden file")
+                raise ValueError(f"{shortened(name)} is a hidden file")
             if path.exists():
                 return read_regular(path)
-        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), brief(name))
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), shortened(name))
 
     def has(self, name: str) -> bool:
         """Whether `read` would find a file of that name."""
@@ -67,7 +67,7 @@ def read_regular(path: Path) -> bytes:
         return stream.read()
 
 
-def brief(value: object) -> str:
+def shortened(value: object) -> str:
     """Return a value of a file as a message quotes it: however long it is, in a few words."""
     text = repr(value)
     if isinstance(value, str) and value.startswith("data:"):

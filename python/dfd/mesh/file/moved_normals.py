@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.common.vectors import unit
-from dfd.mesh.file.primitives import Primitive
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.weld import weld
 
@@ -30,7 +28,7 @@ def follow(
         return own
     placed = np.concatenate(
         [
-            np.zeros((each.rows.stop - each.rows.start, 3)) if normals is None else _to_scene(each, normals)
+            np.zeros((each.rows.stop - each.rows.start, 3)) if normals is None else each.normals_to_scene(normals)
             for each, normals in zip(scene.primitives, own, strict=True)
         ]
     )
@@ -51,15 +49,10 @@ def follow(
         if normals is not None:
             here = group[each.rows]
             followed = normals.copy()
-            followed[stale[here]] = unit(new[here[stale[here]]] @ each.transform[:3, :3])
+            followed[stale[here]] = each.normals_from_scene(new[here[stale[here]]], stale[here])
             normals = followed
         result.append(normals)
     return result
-
-
-def _to_scene(primitive: Primitive, normals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Turn normals (N, 3) by the inverse transpose of the part's transform."""
-    return unit(normals @ np.linalg.pinv(primitive.transform[:3, :3]))
 
 
 def _sums(vertices: NDArray[np.float64], scene: SceneFile, faces: NDArray[np.int64], count: int) -> NDArray[np.float64]:

@@ -1,76 +1,114 @@
-"""What a scene shows: geometries of one material each, in their places, as parts with names."""
+"""What a scene shows: geometries of one material each, where they are shown, as parts with names."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-# trimesh takes most of a second to import; what has no looks is read without.
+from dfd.common.vectors import unit
+from dfd.mesh.appearance import Material
+from dfd.mesh.file.assets import shortened
+
+# trimesh takes half a second to import; most files are read without it.
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["BareGeometry", "Geometry", "MovedPrimitive", "Placing", "Primitive", "UniqueNames", "place"]
+__all__ = ["Geometry", "MeshInstance", "MovedPrimitive", "Primitive", "UniqueNames", "place"]
 
-# Rows and faces that a scene may place: a file of a few kilobytes can name any number of them.
-_MOST_ROWS = 10**8
+MOST_ROWS = 10**8  # vertices or faces that a scene may place: a file of a few kilobytes can name any number of them
+MOST_PRIMITIVES = 20_000  # of a glTF file that are shown: more take seconds to read
+MOST_INSTANCES = 100_000  # primitives that the scene of a glTF file places
+
+Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class BareGeometry:
-    """What a trimesh geometry is to a scene, of a shape without materials, textures and colors."""
+class Geometry:
+    """Triangles of one material, in their own coordinates."""
 
-    vertices: NDArray[np.float64]  # (N, 3)
+    vertices: Float64  # (N, 3)
     faces: NDArray[np.int64]  # (F, 3)
-    normals: NDArray[np.float64] | None  # (N, 3) the file's own
-
-    visual = None
-
-    def to_trimesh(self) -> trimesh.Trimesh:
-        """Return the same shape as trimesh has it."""
-        import trimesh
-
-        return trimesh.Trimesh(self.vertices, self.faces, vertex_normals=self.normals, process=False)
-
-
-Geometry: TypeAlias = "trimesh.Trimesh | BareGeometry"
+    normals: Float64 | None = None  # (N, 3) the file's own
+    uv: Float64 | None = None  # (N, 2) texture coordinates, v upwards
+    colors: NDArray[np.float32] | None = None  # (N, 4) display-referred RGBA in [0, 1]
+    face_colors: NDArray[np.float32] | None = None  # (F, 4), in place of those of the vertices
+    material: Material | None = None
+    attributes: dict[str, NDArray[Any]] = field(default_factory=dict)  # what else the file knows of its vertices
+    stored: Float64 | None = None  # (N, 3) the file's positions, where morph targets move them to `vertices`
+    original: trimesh.Trimesh | None = None  # what it was in memory
 
 
 @dataclass(frozen=True)
-class Placing:
-    """One geometry of one material, and where the scene shows it; one that is shown twice is placed twice."""
+class MeshInstance:
+    """One geometry, and where the scene shows it; one that is shown twice has two instances."""
 
     part: str  # the scene's part that it belongs to; equal names that follow each other are one part
     name: str  # the geometry's own name
     geometry: Geometry
-    transform: NDArray[np.float64] | None = None  # (4, 4) from the geometry's coordinates to the scene's
+    transform: Float64 | None = None  # (4, 4) from the geometry's coordinates to the scene's; (N, 4, 4) of a skin
     source: tuple[int, int, int] = (0, 0, 0)  # node, mesh and primitive of a glTF file
 
 
 @dataclass(frozen=True)
 class Primitive:
-    """A placing with its share of the rows and faces of the file."""
+    """An instance with its rows and faces among those of the file."""
 
     part: str
     name: str
     geometry: Geometry
-    transform: NDArray[np.float64]  # (4, 4) from the geometry's own coordinates to the scene's
+    transform: Float64  # (4, 4) from the geometry's coordinates to the scene's, or (rows, 4, 4) of a skin's vertices
     source: tuple[int, int, int]
     rows: slice  # its vertices among all rows of the file
     faces: slice  # its faces among all faces
 
     @property
-    def normals(self) -> NDArray[np.float64] | None:
+    def normals(self) -> Float64 | None:
         """(rows, 3) the file's normals, in the geometry's own coordinates; None where it has none."""
-        if isinstance(self.geometry, BareGeometry):
-            return self.geometry.normals
-        # trimesh would make normals up when asked for `vertex_normals`; only those it was given are in its cache
-        normals = self.geometry._cache.cache.get("vertex_normals")
-        return None if normals is None else np.asarray(normals)
+        return self.geometry.normals
+
+    def to_scene(self, points: Float64) -> Float64:
+        """Return where points (rows, 3) of the geometry are in the scene."""
+        return _transformed(points, self.transform)
+
+    def vectors_from_scene(self, vectors: Float64, rows: Any = slice(None)) -> Float64:
+        """Return displacements (N, 3) of some rows in the geometry's own coordinates.
+
+        A transform that flattens the geometry has no inverse; its pseudo-inverse moves within what is left.
+        """
+        inverse = np.linalg.pinv(self._linear(rows)).astype(np.float64)
+        return _applied(inverse, vectors)
+
+    def from_scene(self, points: Float64, rows: Any = slice(None)) -> Float64:
+        """Return points (N, 3) of the scene, which are at some rows, in the geometry's own coordinates."""
+        shift = self.transform[..., :3, 3]
+        return self.vectors_from_scene(points - (shift[rows] if shift.ndim > 1 else shift), rows)
+
+    def normals_to_scene(self, normals: Float64) -> Float64:
+        """Return unit normals (rows, 3) turned as the surface is: by the inverse transpose of the transform."""
+        inverse = np.linalg.pinv(self._linear(slice(None))).astype(np.float64)
+        return unit(_applied(np.swapaxes(inverse, -1, -2), normals))
+
+    def normals_from_scene(self, normals: Float64, rows: Any = slice(None)) -> Float64:
+        """Undo `normals_to_scene` for some rows."""
+        return unit(_applied(np.swapaxes(self._linear(rows), -1, -2), normals))
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether the scene shows the geometry inside out."""
+        linear = self.transform[..., :3, :3]
+        if linear.ndim == 2:
+            (a, b, c), (d, e, f), (g, h, i) = linear.tolist()
+            return bool(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) < 0)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return bool(np.mean(np.linalg.det(linear) < 0) > 0.5)  # of a skin, most of its rows
+
+    def _linear(self, rows: Any) -> Float64:
+        return self.transform[:3, :3] if self.transform.ndim == 2 else self.transform[rows, :3, :3]
 
 
 @dataclass(frozen=True)
@@ -78,44 +116,45 @@ class MovedPrimitive:
     """A primitive with its new shape, in its geometry's own coordinates."""
 
     primitive: Primitive
-    vertices: NDArray[np.float64]  # (rows of the primitive, 3)
-    normals: NDArray[np.float64] | None  # (rows of the primitive, 3), None where the file had none
-    file_normals: NDArray[np.float64] | None  # those it had
+    vertices: Float64  # (rows of the primitive, 3)
+    normals: Float64 | None  # (rows of the primitive, 3), None where the file had none
     moved: bool  # whether any row differs from the file's
 
 
-def place(path: Path, placings: Sequence[Placing]) -> tuple[tuple[Primitive, ...], NDArray[np.float64]]:
+def place(path: Path, instances: Sequence[MeshInstance]) -> tuple[tuple[Primitive, ...], Float64]:
     """Return the primitives that have faces and the positions (R, 3) of their rows in the scene.
 
     Raises
     ------
     ValueError
-        If there are no faces, or coordinates are not finite, or a face names a vertex that is not there.
+        If there are no faces or too many, or coordinates are not finite, or a face names a vertex that is not there.
     """
     primitives: list[Primitive] = []
-    positions: list[NDArray[np.float64]] = []
+    positions: list[Float64] = []
     row_count = face_count = 0
-    checked: dict[int, tuple[NDArray[np.float64], int]] = {}
+    checked: set[int] = set()
     identity = np.eye(4)
-    for each in placings:
-        geometry = each.geometry
-        if id(geometry) not in checked:
-            checked[id(geometry)] = _checked(path, each.name, geometry)
-        vertices, size = checked[id(geometry)]
+    for each in instances:
+        geometry, size = each.geometry, len(each.geometry.faces)
         if size == 0:
             continue
+        if id(geometry) not in checked:
+            _check(path, each.name, geometry)
+            checked.add(id(geometry))
         if each.transform is not None and not np.isfinite(each.transform).all():
             raise ValueError(
-                f"load: `path` {path} must place its parts by finite transforms, got {each.part!r} without"
+                f"load: `path` {path} must place its parts by finite transforms, got {shortened(each.part)} without"
             )
-        rows = slice(row_count, row_count + len(vertices))
+        rows = slice(row_count, row_count + len(geometry.vertices))
         faces = slice(face_count, face_count + size)
         row_count, face_count = rows.stop, faces.stop
-        if max(row_count, face_count) > _MOST_ROWS:
-            raise ValueError(f"load: `path` {path} places more than {_MOST_ROWS} vertices or faces")
+        if max(row_count, face_count) > MOST_ROWS:
+            raise ValueError(f"load: `path` {path} places more than {MOST_ROWS} vertices or faces")
         transform = identity if each.transform is None else each.transform
         primitives.append(Primitive(each.part, each.name, geometry, transform, each.source, rows, faces))
-        positions.append(vertices if transform is identity else _transformed(vertices, transform))
+        positions.append(
+            geometry.vertices if transform is identity else _transformed(geometry.vertices, each.transform)
+        )
     if not primitives:
         raise ValueError(f"load: `path` {path} holds no faces")
     stacked = np.concatenate(positions)
@@ -124,32 +163,34 @@ def place(path: Path, placings: Sequence[Placing]) -> tuple[tuple[Primitive, ...
     return tuple(primitives), stacked
 
 
-def _checked(path: Path, name: str, geometry: Geometry) -> tuple[NDArray[np.float64], int]:
-    """Return the vertices and the number of faces of a geometry.
-
-    Coordinates that are not finite and faces of vertices that are not there are refused.
-    """
-    vertices, faces = geometry.vertices.view(np.ndarray), geometry.faces.view(np.ndarray)
-    if len(faces) == 0:
-        return vertices, 0
+def _check(path: Path, name: str, geometry: Geometry) -> None:
+    """Refuse coordinates that are not finite and faces of vertices that are not there."""
+    vertices, faces = geometry.vertices, geometry.faces
     finite = np.isfinite(vertices)
     if not finite.all():
         row, axis = np.argwhere(~finite)[0]
         raise ValueError(
-            f"load: `path` {path} must hold finite coordinates, got {vertices[row, axis]} at vertex {row} of {name!r}"
+            f"load: `path` {path} must hold finite coordinates, got {vertices[row, axis]} at vertex {row} "
+            f"of {shortened(name)}"
         )
     low, high = int(faces.min()), int(faces.max())
     if low < 0 or high >= len(vertices):
         raise ValueError(
-            f"load: `path` {path} must have faces between vertices 0 … {len(vertices) - 1} of {name!r}, "
+            f"load: `path` {path} must have faces between vertices 0 … {len(vertices) - 1} of {shortened(name)}, "
             f"got {low if low < 0 else high}"
         )
-    return vertices, len(faces)
 
 
-def _transformed(points: NDArray[np.float64], transform: NDArray[np.float64]) -> NDArray[np.float64]:
+def _transformed(points: Float64, transform: Float64 | None) -> Float64:
+    if transform is None:
+        return points
     with np.errstate(over="ignore", invalid="ignore"):  # judged afterwards, for the whole scene at once
-        return points @ transform[:3, :3].T + transform[:3, 3]
+        return _applied(transform[..., :3, :3], points) + transform[..., :3, 3]
+
+
+def _applied(linear: Float64, vectors: Float64) -> Float64:
+    """Return vectors (N, 3) times one matrix (3, 3), or each times its own (N, 3, 3)."""
+    return vectors @ linear.T if linear.ndim == 2 else np.einsum("nij,nj->ni", linear, vectors)
 
 
 class UniqueNames:

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import codecs
 import errno
-import io
 import os
 import warnings
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dfd.mesh.file import glb, obj_read, obj_text, plain_formats
+from dfd.mesh.appearance import Material
 from dfd.mesh.file.assets import AssetFolder, read_regular
-from dfd.mesh.file.pictures import Pictures
-from dfd.mesh.file.primitives import Placing
+from dfd.mesh.file.gltf import glb
+from dfd.mesh.file.obj import read as obj_read
+from dfd.mesh.file.obj import text as obj_text
+from dfd.mesh.file.plain import off_stl, ply
+from dfd.mesh.file.primitives import MeshInstance, UniqueNames
 from dfd.mesh.file.scene_file import SceneFile
 
 # What a format needs is imported where it is read: trimesh alone takes half a second.
@@ -24,20 +28,29 @@ if TYPE_CHECKING:
 
 __all__ = ["ENDINGS", "of_trimesh", "read"]
 
+_MOST_NAMED = 5  # files that could not be read, in a warning
 ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
 
 
-def read(path: str | os.PathLike[str]) -> SceneFile:
-    """Return the scene of a file; raises what `dfd.load` raises."""
+def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
+    """Return the scene of a file, posed as it rests or else as it was bound; raises what `dfd.load` raises."""
     path = Path(path)
     ending = path.suffix.lower()
     if ending not in ENDINGS:
         raise ValueError(f"load: `path` must end in {', '.join(ENDINGS)}, got {path}")
     data = _read_bytes(path)
     assets = AssetFolder(path)
-    reader = {".obj": _read_obj, ".glb": _read_gltf, ".gltf": _read_gltf}.get(ending, _read_plain)
+    posed = partial(_read_gltf, at_rest=at_rest)
+    readers: dict[str, Callable[[Path, bytes, AssetFolder], SceneFile]] = {
+        ".obj": _read_obj,
+        ".ply": _read_ply,
+        ".stl": _read_stl,
+        ".off": _read_off,
+        ".glb": posed,
+        ".gltf": posed,
+    }
     try:
-        scene = reader(path, data, assets)
+        scene = readers[ending](path, data, assets)
     except MemoryError as error:
         raise OSError(errno.ENOMEM, f"load: `path` {path} needs more memory than there is") from error
     except ValueError as error:
@@ -46,11 +59,12 @@ def read(path: str | os.PathLike[str]) -> SceneFile:
         raise _malformed(path, str(error)) from error
     except UserWarning:
         raise
-    except Exception as error:  # trimesh raises ten different types on malformed files
+    except Exception as error:  # whatever libraries raise on malformed files
         reason = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
         raise _malformed(path, reason) from error
     if assets.unreadable:
-        names = ", ".join(sorted(assets.unreadable))
+        names = ", ".join(each[:100] for each in sorted(assets.unreadable)[:_MOST_NAMED])
+        names += ", …" if len(assets.unreadable) > _MOST_NAMED else ""
         warnings.warn(
             f"load: `path` {path} names {names}, which could not be read; what it would color is grey",
             stacklevel=3,
@@ -68,19 +82,23 @@ def of_trimesh(source: trimesh.Trimesh | trimesh.Scene) -> SceneFile:
     """
     import trimesh
 
+    from dfd.mesh.file.in_trimesh import from_trimesh
+
     if isinstance(source, trimesh.Trimesh):
-        copy = source.copy()
-        placings = [Placing(str(source.metadata.get("name") or "mesh"), "mesh", copy)]
-        vertices = np.asarray(copy.vertices, np.float64)
-        return SceneFile.of(None, placings, {}, own_vertices=vertices, own_numbers=np.arange(len(vertices)))
-    copies = {name: each.copy() for name, each in source.geometry.items() if isinstance(each, trimesh.Trimesh)}
-    placings = []
+        geometry = from_trimesh(source.copy(), {})
+        instances = [MeshInstance(str(source.metadata.get("name") or "mesh"), "mesh", geometry)]
+        vertices = geometry.vertices
+        return SceneFile.of(None, instances, own_vertices=vertices, own_numbers=np.arange(len(vertices)))
+    meshes = {name: each.copy() for name, each in source.geometry.items() if isinstance(each, trimesh.Trimesh)}
+    known: dict[int, Material] = {}
+    copies = {name: from_trimesh(each, known) for name, each in meshes.items()}
+    instances = []
     for node in source.graph.nodes_geometry:
         transform, name = source.graph[node]
         if name in copies:
             matrix = None if np.array_equal(transform, np.eye(4)) else np.asarray(transform, np.float64)
-            placings.append(Placing(str(node), name, copies[name], matrix))
-    return SceneFile.of(None, placings, {})
+            instances.append(MeshInstance(str(node), name, copies[name], matrix))
+    return SceneFile.of(None, instances)
 
 
 def _read_bytes(path: Path) -> bytes:
@@ -100,53 +118,37 @@ def _malformed(path: Path, reason: str) -> ValueError:
 
 def _read_obj(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
     text = obj_text.parse(data)
-    placings, looks, numbers, source = obj_read.read(text, path, assets)
-    return SceneFile.of(path, placings, looks, own_vertices=text.positions, own_numbers=numbers, obj=source)
+    instances, numbers, source = obj_read.read(text, path, assets)
+    return SceneFile.of(path, instances, own_vertices=text.positions, own_numbers=numbers, obj=source)
 
 
-def _read_gltf(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
-    from dfd.mesh.file import gltf_header, gltf_read
-    from dfd.mesh.file.gltf_data import GltfData
-    from dfd.mesh.file.gltf_patch import GltfSource
+def _read_gltf(path: Path, data: bytes, assets: AssetFolder, *, at_rest: bool) -> SceneFile:
+    from dfd.mesh.file.gltf import header as gltf_header
+    from dfd.mesh.file.gltf import read as gltf_read
+    from dfd.mesh.file.gltf.data import GltfData
+    from dfd.mesh.file.gltf.patch import GltfSource
 
     text, embedded = glb.split(data) if glb.is_glb(data) else (data.removeprefix(codecs.BOM_UTF8), None)
     header = gltf_header.read(path, text, glb=glb.is_glb(data))
     content = GltfData(header, embedded, assets)
-    placings, looks = gltf_read.read(header, content, assets)
-    return SceneFile.of(path, placings, looks, linear=True, gltf=GltfSource(text, header, content))
+    instances = gltf_read.read(header, content, assets, at_rest=at_rest)
+    return SceneFile.of(path, instances, gltf=GltfSource(text, header, content), at_rest=at_rest)
 
 
-def _read_plain(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
-    import trimesh
-
-    ending = path.suffix.lower()
-    data = plain_formats.checked(data, ending)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        warnings.filterwarnings("error", message=".*could not be read to its end.*")  # NumPy, of cut-off numbers
-        options = {"file_type": ending[1:], "resolver": _PictureResolver(assets), "process": False}
-        loaded: Any = trimesh.load_scene(io.BytesIO(data), **options)
-    meshes = [each for each in loaded.geometry.values() if isinstance(each, trimesh.Trimesh)]
-    placings = [Placing(path.stem, path.stem, each) for each in meshes]
-    if ending == ".stl" or len(placings) != 1:
-        return SceneFile.of(path, placings, {})
-    vertices = placings[0].geometry.vertices.view(np.ndarray).astype(np.float64)
-    return SceneFile.of(path, placings, {}, own_vertices=vertices, own_numbers=np.arange(len(vertices)))
+def _read_ply(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
+    geometry, vertices, numbers = ply.read(path, data, assets)
+    instances = [MeshInstance(path.stem, path.stem, geometry)]
+    return SceneFile.of(path, instances, own_vertices=vertices, own_numbers=numbers)
 
 
-class _PictureResolver:
-    """Gives trimesh the pictures that a PLY file names, and nothing else."""
+def _read_off(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
+    geometry = off_stl.read_off(data)
+    instances, numbers = [MeshInstance(path.stem, path.stem, geometry)], np.arange(len(geometry.vertices))
+    return SceneFile.of(path, instances, own_vertices=geometry.vertices, own_numbers=numbers)
 
-    def __init__(self, assets: AssetFolder) -> None:
-        self._assets, self._pictures = assets, Pictures()
 
-    def get(self, name: str) -> bytes:
-        try:
-            data = self._assets.read(name)
-            self._pictures.open(data)
-        except (ValueError, OSError):
-            self._assets.unreadable.add(name)
-            raise
-        return data
-
-    __getitem__ = get
+def _read_stl(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
+    solids, names = off_stl.read_stl(data), UniqueNames()
+    several = len(solids) > 1
+    parts = [(names.unique((several and name) or path.stem), each) for name, each in solids]
+    return SceneFile.of(path, [MeshInstance(name, name, each) for name, each in parts])

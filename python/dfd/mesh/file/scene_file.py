@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.mesh.appearance import Appearance, Material
+from dfd.mesh.appearance import Appearance
 from dfd.mesh.file.materials import read_appearance
-from dfd.mesh.file.obj_read import ObjSource
-from dfd.mesh.file.primitives import Placing, Primitive, place
+from dfd.mesh.file.obj.read import ObjSource
+from dfd.mesh.file.primitives import MeshInstance, Primitive, place
 from dfd.mesh.weld import weld
 
 if TYPE_CHECKING:
-    from dfd.mesh.file.gltf_patch import GltfSource
+    from dfd.mesh.file.gltf.patch import GltfSource
 
 __all__ = ["SceneFile"]
 
@@ -37,8 +37,13 @@ class SceneFile:
     representative: NDArray[np.int32]  # (V,) the first vertex at each one's position
     vertex: NDArray[np.int32]  # (R,) the vertex that stands for each row, -1 where the mesh has none
     appearance: Appearance | None  # what colors the faces; None where nothing is known
+    at_rest: bool = True  # whether skins and morph targets are posed as the file has them; otherwise they are left out
     gltf: GltfSource | None = None  # the glTF file that it was
     obj: ObjSource | None = None  # the OBJ file that it was
+
+    def local_faces(self, primitive: Primitive) -> NDArray[np.int32]:
+        """Return the faces (F, 3) of a primitive as its own rows, wound as the scene shows them."""
+        return self.corner_faces[primitive.faces] - np.int32(primitive.rows.start)
 
     @property
     def faces(self) -> NDArray[np.int32]:
@@ -49,14 +54,13 @@ class SceneFile:
     def of(
         cls,
         path: Path | None,
-        placings: Sequence[Placing],
-        looks: Mapping[int, Material],
+        instances: Sequence[MeshInstance],
         *,
-        linear: bool = False,
         own_vertices: NDArray[np.float64] | None = None,
         own_numbers: NDArray[np.int64] | None = None,
         gltf: GltfSource | None = None,
         obj: ObjSource | None = None,
+        at_rest: bool = True,
     ) -> SceneFile:
         """Number the vertices of what a file places.
 
@@ -64,10 +68,8 @@ class SceneFile:
         ----------
         path
             The file, for errors.
-        placings, looks
-            What it shows, and the looks of materials by their ids.
-        linear
-            Whether its vertex colors are.
+        instances
+            What it shows.
         own_vertices, own_numbers
             The file's own list of vertices (V, 3) and the one (R,) that each row is, where it has one list; distinct
             positions that faces use are numbered in the order of the rows where it has none.
@@ -79,10 +81,20 @@ class SceneFile:
         ValueError
             If there are no faces or fewer than three distinct vertices, or something is not finite.
         """
-        primitives, positions = place(path or Path("mesh"), placings)
-        geometries = {id(each.geometry): each.geometry for each in primitives}
-        local = {key: geometry.faces.view(np.ndarray).astype(np.int32) for key, geometry in geometries.items()}
-        corner_faces = np.concatenate([local[id(each.geometry)] + np.int32(each.rows.start) for each in primitives])
+        primitives, positions = place(path or Path("mesh"), instances)
+        local: dict[tuple[int, bool], NDArray[np.int32]] = {}
+        numbered = []
+        mirrored: dict[int, bool] = {}  # by the ids of transforms, of which many primitives share the identity
+        for each in primitives:
+            # a mirror turns triangles inside out: glTF 2.0, section 3.7.4
+            if id(each.transform) not in mirrored:
+                mirrored[id(each.transform)] = each.mirrored
+            key = (id(each.geometry), mirrored[id(each.transform)])
+            if key not in local:
+                faces = each.geometry.faces.astype(np.int32)
+                local[key] = faces[:, [0, 2, 1]] if key[1] else faces
+            numbered.append(local[key] + np.int32(each.rows.start))
+        corner_faces = np.concatenate(numbered)
         if own_vertices is not None and own_numbers is not None:
             _require_finite(path, own_vertices)
             first, distinct = weld(own_vertices)
@@ -95,8 +107,8 @@ class SceneFile:
         used[vertex[corner_faces]] = True
         if used.sum() < 3:
             raise ValueError(f"load: `path` {path} must hold at least 3 distinct vertices, got {used.sum()}")
-        look = read_appearance(primitives, vertex, looks, linear=linear)
-        return cls(path, primitives, corner_faces, vertices, representative, vertex, look, gltf, obj)
+        appearance = read_appearance(primitives, vertex, corner_faces)
+        return cls(path, primitives, corner_faces, vertices, representative, vertex, appearance, at_rest, gltf, obj)
 
 
 def _require_finite(path: Path | None, vertices: NDArray[np.float64]) -> None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -16,8 +18,12 @@ from trimesh.exchange.ply import export_ply
 from trimesh.exchange.stl import export_stl
 
 from dfd.common.files import atomic_write
-from dfd.mesh.appearance import Appearance
-from dfd.mesh.file import gltf_patch, moved_normals, obj_patch, obj_write, visuals
+from dfd.mesh.appearance import Appearance, Material
+from dfd.mesh.file import moved_normals
+from dfd.mesh.file.gltf import patch as gltf_patch
+from dfd.mesh.file.in_trimesh import to_trimesh
+from dfd.mesh.file.obj import patch as obj_patch
+from dfd.mesh.file.obj import write as obj_write
 from dfd.mesh.file.primitives import MovedPrimitive, UniqueNames
 from dfd.mesh.file.read import ENDINGS
 from dfd.mesh.file.scene_file import SceneFile
@@ -68,8 +74,7 @@ def as_glb(vertices: NDArray[np.float64], faces: NDArray[np.int32], scene: Scene
     """
     if scene is None:
         return _encode_bare(Path("mesh.glb"), vertices, faces)["mesh.glb"]
-    moved = [MovedPrimitive(each, each.geometry.vertices.view(np.ndarray), each.normals, each.normals, False)
-             for each in scene.primitives]  # fmt: skip
+    moved = [MovedPrimitive(each, each.geometry.vertices, each.normals, False) for each in scene.primitives]
     return _encode_gltf(Path("mesh.glb"), _rebuild(moved))["mesh.glb"]
 
 
@@ -115,9 +120,9 @@ def _encode_scene(
     if ending == ".obj" and scene.obj is not None:
         return obj_patch.encode(target, scene.obj, vertices, [each.normals for each in moved])
     if ending == ".obj":
-        return obj_write.encode_scene(target.name, vertices, scene, [each.normals for each in moved])
+        return obj_write.encode_scene(target, vertices, scene, [each.normals for each in moved])
     if ending == ".ply":
-        return {target.name: _encode_ply(vertices, faces, appearance, moved)}
+        return {target.name: _encode_ply(vertices, faces, appearance, scene, moved)}
     if scene.gltf is not None:
         return {target.name: gltf_patch.encode(scene.gltf, moved, binary=ending == ".glb")}
     return _encode_gltf(target, _rebuild(moved))
@@ -134,19 +139,25 @@ def _encode_ply(
     vertices: NDArray[np.float64],
     faces: NDArray[np.int32],
     appearance: Appearance | None,
+    scene: SceneFile,
     moved: Sequence[MovedPrimitive],
 ) -> bytes:
     """One part stays as it is; several, and textures, which PLY has no room for, become colored vertices."""
-    first = moved[0]
-    if len(moved) == 1 and not visuals.has_image(first.primitive.geometry):
-        geometry = visuals.rebuilt(first.primitive.geometry, first.vertices, first.normals)
-        geometry.apply_transform(first.primitive.transform)
-        return bytes(export_ply(geometry, vertex_normal=first.normals is not None))
+    first = moved[0].primitive
+    material = first.geometry.material or Material(is_default=True)
+    if len(moved) == 1 and (first.geometry.uv is None or (material.texture is None and not material.is_default)):
+        normals = None if moved[0].normals is None else first.normals_to_scene(moved[0].normals)
+        turned = replace(first.geometry, faces=scene.local_faces(first).astype(np.int64))
+        placed = first.to_scene(moved[0].vertices)  # rows that no face uses have no vertex of the mesh
+        used = scene.vertex >= 0
+        placed[used] = vertices[scene.vertex[used]]
+        geometry = to_trimesh(turned, placed, normals, gltf=False, written={})
+        return bytes(export_ply(geometry, vertex_normal=normals is not None))
     if appearance is None:
         return bytes(export_ply(_bare(vertices, faces), vertex_normal=False))
-    used, corners = np.unique(appearance.corner_faces, return_inverse=True)
-    geometry = _bare(vertices[appearance.corners[used]], corners.reshape(-1, 3).astype(np.int32))
-    geometry.visual.vertex_colors = np.rint(appearance.row_colors()[used] * 255).astype(np.uint8)
+    used_rows, corners = np.unique(appearance.corner_faces, return_inverse=True)
+    geometry = _bare(vertices[appearance.corners[used_rows]], corners.reshape(-1, 3).astype(np.int32))
+    geometry.visual.vertex_colors = np.rint(appearance.row_colors()[used_rows] * 255).astype(np.uint8)
     return bytes(export_ply(geometry, vertex_normal=False))
 
 
@@ -158,12 +169,11 @@ def _move(vertices: NDArray[np.float64], before: NDArray[np.float64], scene: Sce
     for each, own_normals in zip(scene.primitives, normals, strict=True):
         rows = scene.vertex[each.rows]
         here = (rows >= 0) & changed[rows]
-        local = each.geometry.vertices.view(np.ndarray).copy()
+        local = each.geometry.vertices
         if here.any():
-            # a transform that flattens its primitive has no inverse; the pseudo-inverse moves within what is left
-            back = np.linalg.pinv(each.transform[:3, :3])
-            local[here] = (vertices[rows[here]] - each.transform[:3, 3]) @ back.T
-        result.append(MovedPrimitive(each, local, own_normals, each.normals, bool(here.any())))
+            local = local.copy()
+            local[here] = each.from_scene(vertices[rows[here]], here)
+        result.append(MovedPrimitive(each, local, own_normals, bool(here.any())))
     return result
 
 
@@ -172,12 +182,13 @@ def _rebuild(moved: Sequence[MovedPrimitive]) -> trimesh.Scene:
     result = trimesh.Scene()
     names, nodes = UniqueNames(), UniqueNames()
     first: dict[int, tuple[MovedPrimitive, str]] = {}
+    written: dict[tuple[int, bool], Any] = {}
     for each in moved:
         geometry = each.primitive.geometry
         found = first.get(id(geometry))
         if found is None or each.moved or found[0].moved:
             name = names.unique(each.primitive.name)
-            result.geometry[name] = visuals.rebuilt(geometry, each.vertices, each.normals)
+            result.geometry[name] = to_trimesh(geometry, each.vertices, each.normals, gltf=True, written=written)
             first.setdefault(id(geometry), (each, name))
         else:
             name = found[1]

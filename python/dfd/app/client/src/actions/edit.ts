@@ -232,6 +232,11 @@ export function setDefault(transform: Pick<Transform, "translation" | "rotation"
   gently("default", (merge) => void ask({ type: "set_default", transform: parts, merge }));
 }
 
+/** Everything that a preset says, in the place of what was there. */
+export function setPreset(preset: string): void {
+  void ask({ type: "set_preset", preset });
+}
+
 export function setOverlap(mode: string): void {
   void ask({ type: "set_overlap", mode });
 }

@@ -1,4 +1,4 @@
-import { setBlend, setOverlap } from "../actions/edit";
+import { setBlend, setOverlap, setPreset } from "../actions/edit";
 import type { StateMessage } from "../protocol/messages";
 import { store } from "../store/state";
 import { useStore } from "../store/use";
@@ -12,6 +12,15 @@ export function ShapePanel({ known }: { readonly known: StateMessage }) {
   const { status, origin } = known.field;
   return (
     <Panel title="Shape">
+      {status === "ready" && (
+        <Select
+          label="Preset"
+          hint="How handles act and are put together: dfd's own way, or the paper's equations to the letter"
+          value={known.preset}
+          options={known.presets}
+          onChange={setPreset}
+        />
+      )}
       {status === "ready" && known.overlaps.length > 1 && (
         <Select
           label="Overlap"

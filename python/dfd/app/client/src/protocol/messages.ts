@@ -26,6 +26,7 @@ export interface Client {
     | Release
     | ChangeFixed
     | SetSymmetry
+    | SetPreset
     | SetOverlap
     | SetBlend
     | SetDefault
@@ -325,6 +326,14 @@ export interface Plane {
   score?: number | null;
 }
 /**
+ * Put everything that a preset says in the place of what was there, as one step: a name of `state.presets`.
+ */
+export interface SetPreset {
+  id: number;
+  preset: string;
+  type: "set_preset";
+}
+/**
  * What happens where handles overlap: a name of `state.overlaps`.
  */
 export interface SetOverlap {
@@ -529,11 +538,14 @@ export interface StateMessage {
   handles: HandleState[];
   id: number;
   instances: string[];
+  new_handle: NewHandle;
   overlap: string;
   overlaps: string[];
   planes: Plane[];
   poses: KeyPose[];
   posing: "shader" | "server";
+  preset: string;
+  presets: string[];
   symmetry: Plane | null;
   type: "state";
 }
@@ -613,6 +625,13 @@ export interface HandleState {
   within: number;
   within_width: number;
   without_instances: number[];
+}
+/**
+ * What a new handle of the session's preset has, by which the page shows what one would hold.
+ */
+export interface NewHandle {
+  falloff: string;
+  reach: number;
 }
 /**
  * It was done.

@@ -1,6 +1,6 @@
 /** From what the store says to what the shader poses by, in coordinates relative to the mesh's center. */
 
-import type { Plane } from "../protocol/messages";
+import type { NewHandle, Plane } from "../protocol/messages";
 import { present, type ColumnData, type Instance, type State } from "../store/state";
 import { add, apply, IDENTITY, matrixOf, multiply, subtract, type Affine, type Transform, type Vec3 } from "./affine";
 import { EMPTY_SCENE, isFalloff, type Column, type Mirror, type Scene } from "./columns";
@@ -63,7 +63,8 @@ export function sceneOf(state: State): Scene {
   }
   const shown = state.painted?.layer ?? state.probe?.layer;
   // What was painted in a color of the ramp that stands out from pale shapes too.
-  if (shown) columns.push(shownColumn(shown, state.painted ? null : fixed, state.painted ? PAINTED : 1));
+  if (shown)
+    columns.push(shownColumn(shown, state.painted ? null : fixed, state.painted ? PAINTED : 1, edit.new_handle));
   const d0 = edit.default && !state.comparing ? edit.default : null;
   const rest = d0 ? matrixOf({ ...d0, pivot: d0.pivot ?? null, axes: d0.axes ?? null }, center) : null;
   return {
@@ -103,16 +104,21 @@ function ofInstances(column: Shared, data: ColumnData, { matrix, handle, symmetr
 
 const PAINTED = 0.66;
 
-/** A column that only the heat map shows. */
-function shownColumn(layer: Column["layer"], fixed: Column["fixed"], heat: number): Column {
+/** A column that only the heat map shows: what a new handle would hold. */
+function shownColumn(
+  layer: Column["layer"],
+  fixed: Column["fixed"],
+  heat: number,
+  { reach, falloff }: NewHandle,
+): Column {
   return {
     handle: 0,
     layer,
     fixed,
     share: null,
     shareGain: 1,
-    reach: 0.7, // of a new handle, as Deformer.add has it
-    falloff: "smooth",
+    reach,
+    falloff: isFalloff(falloff) ? falloff : "linear",
     exponent: 0,
     gain: 1,
     strength: 1,

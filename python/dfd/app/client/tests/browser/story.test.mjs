@@ -114,6 +114,23 @@ step("a drag moves the shape as the kernel does, and the wheel changes reach und
   assert.ok(error <= TOLERANCE, `the shader differs from the kernel by ${error}`);
 });
 
+step("the paper's preset is one switch and one step", async () => {
+  const before = await handles();
+  const told = (s) => ({ preset: s.edit.preset, overlap: s.edit.overlap, reach: s.edit.handles[0].reach });
+  const was = await state(page, told);
+  await page.getByLabel("Preset").selectOption("paper");
+  await until(page, (s) => s.edit.preset === "paper" && s.columns.has(s.edit.handles[0].column));
+  assert.deepEqual(await state(page, told), { preset: "paper", overlap: "paper", reach: 1 });
+  assert.deepEqual(await state(page, (s) => s.edit.new_handle), { reach: 1, falloff: "linear" });
+  assert.deepEqual([(await handles())[0].falloff, (await handles())[0].instances], ["linear", "together"]);
+  assert.ok((await farthest([before[0].vertex])) > 0.001, "the handle does not move any more");
+  await page.getByLabel("Preset").scrollIntoViewIfNeeded();
+  await shot(page, "paper");
+  await page.keyboard.press("Control+z");
+  await until(page, (s) => s.edit.preset === "default" && s.columns.has(s.edit.handles[0].column));
+  assert.deepEqual(await state(page, told), was);
+});
+
 step("numbers can be typed, for moving, turning and scaling", async () => {
   for (const [label, value] of [
     ["Rotate ° z", "25"],

@@ -1,0 +1,260 @@
+"""What every page is made from: the meshes at hand, fields and sessions of the two presets, and the settings."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+import dfd
+from bench.paper.handles import Case
+from bench.paper.methods import BALL
+from dfd.common.progress import Stages
+from dfd.encoders.encode import Encoder, load_encoder
+from dfd.encoders.known import DEFAULT_ENCODER
+from dfd.geometry.refine import split_long_edges
+
+__all__ = ["PRESETS", "Context", "Preset", "Shape", "named"]
+
+Preset = Literal["paper", "default"]
+PRESETS: tuple[Preset, ...] = ("paper", "default")
+NAMES: dict[Preset, str] = {"paper": "paper preset", "default": "dfd default"}
+
+ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
+SAMPLES: dict[str, Callable[[], dfd.samples.Sample]] = {
+    "chair": dfd.samples.chair,
+    "quadruped": dfd.samples.quadruped,
+    "robot": dfd.samples.robot,
+}
+LONGEST_EDGE = 0.03  # of the diagonal: with longer ones weights, which are exact at vertices alone, look coarse
+
+# The paper's procedure (supplement L and section 4), spelled out.
+EPOCHS, BATCH, QUICK_EPOCHS, QUICK_BATCH = 15, 10_000, 5, 2_000
+COVERED = 0.19  # how much of a picture at the paper's distance shows the shape
+PAPER: dict[str, Any] = {
+    "views": 24,
+    "resolution": 518,
+    "framing": "paper",
+    "simplify_to": 50_000,
+    "up": "file",
+    "mirrored": False,
+    "smoothing": 0.0,
+    "metric": "none",
+    "octaves": 0,
+    "batch": BATCH,
+    "learning_rate": 1e-3,
+}
+PAPER_HANDLE: dict[str, Any] = {"reach": 1.0, "falloff": "linear", "instances": "together"}
+EPSILON = 0.1  # of section 3.3.3
+QUICK: dict[str, Any] = {"views": 8, "resolution": 196}
+
+Value = TypeVar("Value")
+
+
+def named(preset: Preset) -> str:
+    """The words by which a preset is called on every page."""
+    return NAMES[preset]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A mesh with the name of its file, or of the sample that it is."""
+
+    name: str
+    mesh: dfd.Mesh
+
+    def at(self, point: Sequence[float]) -> int:
+        """The vertex nearest to `point`, whose coordinates go from 0 to 1 along the sides of the box."""
+        low, high = self.mesh.bounds
+        return self.nearest(low + np.asarray(point) * (high - low))
+
+    def nearest(self, position: Any) -> int:
+        """The vertex of a face that is nearest to `position`, mesh units."""
+        corners = np.unique(self.mesh.faces)
+        distance = np.linalg.norm(self.mesh.vertices[corners] - np.asarray(position), axis=1)
+        return int(corners[distance.argmin()])
+
+    def refined(self) -> Shape:
+        """The shape with long edges halved, without its looks, where faces are large; else as it is."""
+        longest = LONGEST_EDGE * self.mesh.diagonal
+        vertices, faces = split_long_edges(self.mesh.vertices, self.mesh.faces, longest, most=50_000)
+        return self if len(faces) == len(self.mesh.faces) else Shape(self.name, dfd.Mesh(vertices, faces))
+
+
+@dataclass
+class Context:
+    """Settings of a run, and what its pages share.
+
+    Attributes
+    ----------
+    folder
+        Where meshes are looked for first; None for `DFD_MESHES` alone.
+    quick
+        Fewer and smaller pictures, fewer shapes.
+    encoder
+        Name, folder or loaded encoder.
+    ball
+        In which the methods that need constraints are given the neighbors of a handle too, of the longest side.
+    settings
+        Further keywords of `dfd.distill`, over those of either preset.
+    """
+
+    folder: Path | None = None
+    quick: bool = False
+    encoder: str | Path = DEFAULT_ENCODER
+    ball: float = BALL
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    say: Callable[[str], None] = lambda line: None
+    fields: dict[tuple[Any, ...], dfd.Field] = field(default_factory=dict)
+    encoders: dict[tuple[str, int | None, bool], Encoder] = field(default_factory=dict)
+    used: dict[str, dict[str, Any]] = field(default_factory=dict)  # settings of the fields, for NAME.json
+
+    # --- meshes
+
+    @cached_property
+    def files(self) -> dict[str, Path]:
+        """The mesh files at hand by their stems: those of the folder given, then those of DFD_MESHES."""
+        found: dict[str, Path] = {}
+        known = os.environ.get("DFD_MESHES")
+        for folder in (self.folder, Path(known) if known else None):
+            for path in _mesh_files(folder) if folder else ():
+                found.setdefault(path.stem, path)
+        return found
+
+    def shape(self, *names: str) -> Shape:
+        """The first of `names` that is a file at hand or else a sample; the last name must be a sample's."""
+        for name in names:
+            if name in self.files:
+                return Shape(name, dfd.load(self.files[name]))
+        sample = next(name for name in names if name in SAMPLES)
+        return Shape(sample, SAMPLES[sample]().mesh)
+
+    def cases(self, known: Mapping[str, Value], *, most: int) -> list[tuple[Shape, Value]]:
+        """At most `most` shapes and what is known of each by its name.
+
+        Of a folder that was given: its meshes, the known ones first, the others with the case that is called "*". Else
+        the known ones among files and samples, in their order.
+        """
+        if self.folder is not None:
+            stems = [path.stem for path in _mesh_files(self.folder)]
+            names = sorted(dict.fromkeys(stems), key=lambda name: (name not in known, name))
+        else:
+            names = [name for name in known if name in self.files or name in SAMPLES]
+        return [(self.shape(name), known.get(name, known["*"])) for name in names[:most]]
+
+    # --- fields
+
+    @property
+    def epochs(self) -> int:
+        """Rounds over all pixels that the paper's fit takes."""
+        return QUICK_EPOCHS if self.quick else EPOCHS
+
+    def distill_settings(self, preset: Preset) -> dict[str, Any]:
+        """The keywords of `dfd.distill` for a preset."""
+        settings = {**(PAPER if preset == "paper" else {}), **(QUICK if self.quick else {})}
+        if preset == "paper" and self.quick:
+            settings["batch"] = QUICK_BATCH
+        settings.update(self.settings)
+        if preset == "paper" and "steps" not in settings:
+            pixels = settings["views"] * settings["resolution"] ** 2 * COVERED
+            settings["steps"] = max(1, round(self.epochs * pixels / settings["batch"]))
+        return settings
+
+    def loaded(self, preset: Preset, encoder: str | Path | Encoder | None = None, block: int | None = None) -> Encoder:
+        """The encoder; the paper's sees the background as well."""
+        chosen = self.encoder if encoder is None else encoder
+        if isinstance(chosen, Encoder):
+            return chosen
+        key = (str(chosen), block, preset == "paper")
+        if key not in self.encoders:
+            self.encoders[key] = load_encoder(chosen, block=block, background=preset == "paper")
+        return self.encoders[key]
+
+    def field(
+        self, shape: Shape, preset: Preset, *, encoder: Encoder | None = None, stages: Stages | None = None, **more: Any
+    ) -> dfd.Field:
+        """The field of a shape, distilled through the user's cache; with `stages`, distilled in any case and timed."""
+        model = encoder or self.loaded(preset)
+        settings = {**self.distill_settings(preset), **more}
+        told = {**settings, **model.settings()}
+        key = (shape.mesh.content_hash, *sorted((name, repr(value)) for name, value in told.items()))
+        if stages is not None or key not in self.fields:
+            self.say(f"distilling {shape.name}, {named(preset)}" + "".join(f", {n} {v}" for n, v in more.items()))
+            self.fields[key] = dfd.distill(
+                shape.mesh, model, progress=stages or False, cache=stages is None, **settings
+            )
+        distilled = {name: value for name, value in self.fields[key].settings.items() if name != "losses"}
+        self.used.setdefault(named(preset), distilled)
+        return self.fields[key]
+
+    # --- sessions
+
+    def session(
+        self,
+        shape: Shape,
+        field: dfd.Field,
+        preset: Preset,
+        handles: Sequence[Mapping[str, Any]],
+        *,
+        fixed: Sequence[Any] = (),
+        symmetric: bool = False,
+        features: NDArray[np.float32] | None = None,
+    ) -> dfd.Deformer:
+        """A session with `handles`, each what `Deformer.add` takes by name, and `fixed` points.
+
+        `symmetric` lets handles act on both sides of a plane that was found: in the paper's preset one across an axis
+        with a score below ε, to the letter; in dfd's own the plane that `"auto"` finds. Where there is none, none is
+        used.
+        """
+        deformer = dfd.Deformer(shape.mesh, field, features=features)
+        own: dict[str, Any] = {}
+        if preset == "paper":
+            deformer.overlap, deformer.arrive = "paper", False
+            own = PAPER_HANDLE
+            planes = dfd.symmetry_planes(field, shape.mesh, threshold=EPSILON, candidates="axes") if symmetric else []
+            if planes:
+                deformer.set_symmetry(planes[0], band=0.0)
+        elif symmetric and dfd.symmetry_planes(field, shape.mesh):
+            deformer.set_symmetry("auto")
+        for point in fixed:
+            deformer.fix(point)
+        for handle in handles:
+            deformer.add(**{**own, **handle})
+        return deformer
+
+    def solve(self, case: Case, preset: Preset, *, fixed: bool = False) -> NDArray[np.float64]:
+        """Where the vertices of a case go (V, 3): every handle moved to its target, fixed points held if asked to."""
+        shape = Shape("", case.mesh)
+        moves = case.targets - case.mesh.vertices[case.handles]
+        handles = [{"at": int(at), "translation": move} for at, move in zip(case.handles, moves, strict=True)]
+        held = [int(vertex) for vertex in case.fixed] if fixed else []
+        return self.session(shape, self.field(shape, preset), preset, handles, fixed=held).vertices
+
+    # --- about the run
+
+    def notes(self) -> list[str]:
+        """What a reader has to know about how a page was made."""
+        where = "a folder that was given" if self.folder else "DFD_MESHES" if self.files else "made samples alone"
+        notes = [
+            f"**{named('paper')}** is the procedure of the paper, **{named('default')}** what dfd does if nothing is "
+            f"said; encoder {getattr(self.encoder, 'name', self.encoder)}.",
+            f"Meshes: {where}.",
+        ]
+        if self.quick:
+            made = self.distill_settings("paper")
+            notes.append(
+                f"Made with --quick: {made['views']} pictures of {made['resolution']}² instead of {PAPER['views']} of "
+                f"{PAPER['resolution']}², {self.epochs} rounds over them instead of {EPOCHS} in the paper preset, "
+                "and fewer shapes. Weights are rougher than they would be."
+            )
+        return notes
+
+
+def _mesh_files(folder: Path) -> Iterator[Path]:
+    return (path for path in sorted(folder.rglob("*")) if path.suffix.lower() in ENDINGS)

@@ -1,0 +1,67 @@
+"""Pictures that several pages draw alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import dfd
+from dfd.pictures.before_after import azimuth_towards
+from dfd.pictures.picture import picture
+
+__all__ = ["RESOLUTION", "aim", "before_after", "blank", "heat", "silhouettes"]
+
+RESOLUTION = 320
+BEFORE, AFTER = np.array([64, 112, 216]), np.array([52, 168, 83])  # as in the paper: blue before, green after
+
+
+def aim(mesh: dfd.Mesh, points: Any, *moved: NDArray[np.float64], **more: Any) -> dict[str, Any]:
+    """Options of `picture` that show `points` (N, 3) from outside, with room for all of `moved` (V, 3)."""
+    return {
+        "azimuth": azimuth_towards(mesh, points),
+        "frame": [mesh.vertices, *moved],
+        "resolution": RESOLUTION,
+        **more,
+    }
+
+
+def before_after(deformer: dfd.Deformer, where: dict[str, Any]) -> list[tuple[NDArray[np.uint8], str]]:
+    """The weights that a session's vertices follow with, as heat, and the moved shape."""
+    handles = np.array([handle.place.position for handle in deformer.handles]).reshape(-1, 3)
+    fixed = np.array([place.position for place in deformer.fixed]).reshape(-1, 3)
+    landed = np.array([handle.landed for handle in deformer.report().handles]).reshape(-1, 3)
+    heat = deformer.following.max(axis=1, initial=0.0)
+    mesh = deformer.mesh
+    return [
+        (picture(mesh, weights=heat, handles=handles, fixed=fixed, **where), "weights"),
+        (picture(mesh, vertices=deformer.vertices, handles=landed, fixed=fixed, **where), "moved"),
+    ]
+
+
+def silhouettes(
+    mesh: dfd.Mesh, moved: NDArray[np.float64], where: dict[str, Any], *, shaded: bool = True
+) -> NDArray[np.uint8]:
+    """The outlines before (blue) and after (green) over each other, see-through, as in the paper's Fig. 8 and 23.
+
+    With `shaded` the moved shape is seen through them.
+    """
+    old, new = (picture(mesh, vertices=vertices, **where).astype(float) for vertices in (mesh.vertices, moved))
+    in_old, in_new = ((image < 250).any(axis=2, keepdims=True) for image in (old, new))
+    page = new if shaded else np.full_like(new, 255)
+    page = np.where(in_new, 0.55 * page + 0.45 * AFTER, page)
+    page = np.where(in_old, 0.6 * page + 0.4 * BEFORE, page)
+    image: NDArray[np.uint8] = page.clip(0, 255).astype(np.uint8)
+    return image
+
+
+def blank(resolution: int = RESOLUTION) -> NDArray[np.uint8]:
+    """A white square, where there is nothing to show."""
+    return np.full((resolution, resolution, 3), 255, np.uint8)
+
+
+def heat(mesh: dfd.Mesh, weights: NDArray[np.floating], at: Sequence[int], **where: Any) -> NDArray[np.uint8]:
+    """Weights (V,) as heat, with dots at the vertices `at`."""
+    return picture(mesh, weights=weights, handles=mesh.vertices[list(at)], **where)

@@ -1,0 +1,111 @@
+"""Biharmonic coordinates in tetrahedra; Wang et al., "Linear Subspace Design for Real-Time Shape Deformation", 2015."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csc_array, diags_array
+from scipy.sparse.linalg import splu
+
+from bench.paper.peers.peer import Body, check_pieces
+from bench.quality.baselines import PeerError
+
+__all__ = ["Coordinates", "bilaplacian", "on_nodes"]
+
+Float64 = NDArray[np.float64]
+Int64 = NDArray[np.int64]
+
+# The tetrahedron's corners but one, seen counterclockwise from outside.
+SIDES = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))
+
+
+class Coordinates:
+    """Weights W of least biharmonic energy that are 1 at their handle and 0 at the others; they are affinely exact."""
+
+    volume = True
+
+    def prepare(self, body: Body) -> None:
+        """Assemble the energy."""
+        assert body.within is not None
+        self.body, self.within = body, body.within
+        self.energy = bilaplacian(self.within.nodes, self.within.cells)
+
+    def bind(self, held: Int64, group: Int64) -> None:
+        """Factor the energy without the handles, and solve for their weights."""
+        handles, self.first = on_nodes(self.body, held)
+        self.held = held
+        self.weights = self.solve(handles)
+
+    def solve(self, handles: Int64) -> Float64:
+        """Weights (N, K) of distinct nodes (K,)."""
+        nodes = self.within.nodes
+        size = np.ptp(nodes, axis=0).max()
+        if np.linalg.matrix_rank(np.c_[np.ones(len(handles)), nodes[handles] / size], tol=1e-3) < 4:
+            raise PeerError("needs four handles that do not lie in a plane")
+        check_pieces(self.within.cells, len(nodes), handles)
+        free = np.setdiff1d(np.arange(len(nodes)), handles)
+        weights = np.zeros((len(nodes), len(handles)))
+        weights[handles, np.arange(len(handles))] = 1.0
+        if len(free):
+            rest = self.energy[:, free].tocsc()
+            try:
+                weights[free] = -splu(rest[free]).solve(self.energy[free][:, handles].toarray())
+            except RuntimeError:
+                raise PeerError("meets a singular system") from None
+        return weights
+
+    def deform(self, targets: Float64) -> Float64:
+        """Blend the handles' offsets."""
+        offsets = (targets - self.body.vertices[self.held])[self.first]
+        return self.body.vertices + self.within.on_surface(self.weights @ offsets)
+
+
+def on_nodes(body: Body, held: Int64) -> tuple[Int64, Int64]:
+    """The distinct nodes (K,) nearest to vertices (N,), and which of those each node stands for."""
+    assert body.within is not None
+    nodes, first = np.unique(body.within.nearest(body.vertices[held]), return_index=True)
+    return nodes, first
+
+
+def bilaplacian(nodes: Float64, cells: Int64) -> csc_array:
+    """(N, N) the squared Laplacian whose null space is all affine functions: no condition is set at the boundary.
+
+    (L + N)ᵀ M⁻¹ (L + N), where L integrates −∇φ·∇u over the volume and N adds ∂u/∂n over the boundary's triangles, so
+    that an affine u gives 0 at every node. Nodes are taken at unit size, which scales the energy alone.
+    """
+    import igl
+
+    places = (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()
+    cells = _outwards(places, cells)
+    at = places[cells]
+    edges = at[:, 1:] - at[:, :1]
+    volumes = np.abs(np.linalg.det(edges)) / 6
+    if volumes.min() <= 0:
+        raise PeerError("has tetrahedra without volume")
+    gradients = np.empty((len(cells), 4, 3))  # of the four hat functions
+    gradients[:, 1:] = np.linalg.inv(edges).transpose(0, 2, 1)
+    gradients[:, 0] = -gradients[:, 1:].sum(axis=1)
+    stiffness = np.einsum("t,tid,tjd->tij", volumes, gradients, gradients)
+    rows = [np.repeat(cells, 4, axis=1).ravel()]
+    columns, values = [np.tile(cells, 4).ravel()], [-stiffness.ravel()]
+    _, owner, opposite = igl.boundary_facets(cells)
+    for side in range(4):
+        those = np.asarray(owner)[np.asarray(opposite) == side]
+        facet = at[those][:, SIDES[side]]
+        normal = np.cross(facet[:, 1] - facet[:, 0], facet[:, 2] - facet[:, 0]) / 2  # as long as the triangle is large
+        slope = np.einsum("td,tjd->tj", normal, gradients[those]) / 3
+        rows.append(np.repeat(cells[those][:, SIDES[side]], 4, axis=1).ravel())
+        columns.append(np.tile(cells[those], 3).ravel())
+        values.append(np.tile(slope, 3).ravel())
+    triples = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+    laplacian = coo_array(triples, shape=(len(nodes), len(nodes))).tocsc()
+    masses = np.bincount(cells.ravel(), np.repeat(volumes / 4, 4), minlength=len(nodes))
+    return (laplacian.T @ diags_array(1.0 / masses) @ laplacian).tocsc()
+
+
+def _outwards(nodes: Float64, cells: Int64) -> Int64:
+    """The cells with corners in the order in which their volume is positive."""
+    at = nodes[cells]
+    turned = np.linalg.det(at[:, 1:] - at[:, :1]) < 0
+    ordered: Int64 = np.where(turned[:, None], cells[:, [0, 1, 3, 2]], cells)
+    return ordered

@@ -1,0 +1,260 @@
+"""The data of a glTF file: buffers, views of them, and the accessors that say what the bytes mean.
+
+Nothing is read, and nothing decompressed, before an accessor or a picture that is needed asks for it.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.mesh.file.assets import AssetFolder, shortened
+from dfd.mesh.file.gltf.header import (
+    COMPONENT_TYPES,
+    COMPONENTS,
+    DRACO,
+    MESHOPT,
+    Header,
+    extension,
+    is_index,
+    item,
+    objects,
+    whole,
+)
+
+__all__ = ["GltfData", "data_uri"]
+
+_MOST_DECOMPRESSED = 64  # bytes for each byte of compressed data, all views together
+_SMALL = 2**26  # bytes that nobody misses
+_DATA_ENDINGS = (".bin", ".glbin", ".glbuf")
+_ALIGNMENT = 4  # bytes to whose multiples data may be filled up
+_UNSIGNED = (5121, 5123, 5125)  # component types
+
+
+class GltfData:
+    """Reads the views and accessors of a file; raises ValueError or OSError for what cannot be read."""
+
+    def __init__(self, header: Header, embedded: bytes | None, assets: AssetFolder) -> None:
+        """Keep the header, the data of the GLB file's second chunk, and where other files lie."""
+        self._header = header
+        self._embedded = embedded
+        self._assets = assets
+        self._buffers: dict[int, bytes] = {}
+        self._views: dict[int, bytes] = {}
+        self._draco: dict[int, Any] = {}
+        self._compressed = self._decompressed = 0
+
+    def buffer(self, index: int) -> bytes:
+        """Return the bytes of a buffer."""
+        if index not in self._buffers:
+            buffer = self._header["buffers"][index]
+            uri, length = buffer.get("uri"), int(buffer["byteLength"])
+            if uri is not None:
+                data = data_uri(uri) if uri.startswith("data:") else self._file(index, uri, length)
+            elif index == 0 and self._embedded is not None:
+                data = self._embedded
+            else:
+                raise ValueError(f"buffer {index} has no data")
+            if len(data) < length:
+                raise ValueError(f"buffer {index} should have {length} bytes, but {len(data)} are there")
+            self._buffers[index] = data[:length]
+        return self._buffers[index]
+
+    def _file(self, index: int, uri: str, length: int) -> bytes:
+        """Return the data of a buffer in a file of its own, which what is saved would carry on.
+
+        A file that is not named as one of data must have the length that the header says: a stranger's file could name
+        any other, such as one of passwords.
+        """
+        data = self._assets.read(uri)
+        if not uri.lower().endswith(_DATA_ENDINGS) and not 0 <= len(data) - length < _ALIGNMENT:
+            raise ValueError(f"buffer {index} should have {length} bytes, but {shortened(uri)} has {len(data)}")
+        return data
+
+    def view(self, index: int) -> memoryview:
+        """Return the bytes of a view, decompressed."""
+        view = self._header["bufferViews"][index]
+        for name in MESHOPT:
+            packed = extension(view, name)
+            if packed is not None:
+                if index not in self._views:
+                    self._views[index] = self._decompress(index, name, packed, int(view["byteLength"]))
+                return memoryview(self._views[index])
+        start = int(view.get("byteOffset", 0))
+        return memoryview(self.buffer(int(view["buffer"])))[start : start + int(view["byteLength"])]
+
+    def picture(self, image: Header) -> bytes:
+        """Return the bytes of an object of `images`, wherever they are."""
+        uri = image.get("uri")
+        if isinstance(uri, str):
+            return data_uri(uri) if uri.startswith("data:") else self._assets.read(uri)
+        if not is_index(image.get("bufferView"), len(self._header.get("bufferViews", []))):
+            raise ValueError("a picture names no data")
+        return bytes(self.view(image["bufferView"]))
+
+    def accessor(self, index: object) -> NDArray[Any]:
+        """Return the items (count, components) of an accessor; normalized integers as the numbers they stand for."""
+        accessor = item(self._header, "accessors", index)
+        if accessor is None:
+            raise ValueError(f"accessor {shortened(index)} is not there")
+        values = self._stored(accessor)
+        if "sparse" in accessor:
+            values = self._replaced(values.copy(), accessor["sparse"], f"accessor {index}")
+        return _as_numbers(values, bool(accessor.get("normalized")))
+
+    def indices(self, index: object) -> NDArray[Any]:
+        """Return the items (count,) of an accessor of indices."""
+        accessor = item(self._header, "accessors", index) or {}
+        kinds = (accessor.get("componentType"), accessor.get("type"), accessor.get("normalized", False))
+        if kinds not in [(each, "SCALAR", False) for each in _UNSIGNED]:
+            raise ValueError(f"accessor {shortened(index)}, of indices, must hold unsigned whole numbers, got {kinds}")
+        return self.accessor(index).ravel()
+
+    def draco(self, primitive: Header) -> dict[str, NDArray[Any]] | None:
+        """Return the attributes of a primitive that is compressed with Draco by name, and its faces as `indices`.
+
+        None where it is not compressed.
+        """
+        packed = extension(primitive, DRACO)
+        if packed is None:
+            return None
+        names, view = packed.get("attributes"), packed.get("bufferView")
+        views = self._header.get("bufferViews", [])
+        if not isinstance(names, dict) or not isinstance(view, int) or not is_index(view, len(views)):
+            raise ValueError(f"its {DRACO} does not say where the data is")
+        decoded = self._draco_mesh(view)
+        by_id = {each["unique_id"]: np.asarray(each["data"]) for each in decoded.attributes}
+        found: dict[str, NDArray[Any]] = {}
+        for name, number in names.items():
+            accessor = item(self._header, "accessors", primitive["attributes"].get(name))
+            if accessor is not None and isinstance(number, int) and number in by_id:
+                values = by_id[number].reshape(len(by_id[number]), -1)
+                self._require_count(primitive["attributes"][name], len(values))
+                found[name] = _as_numbers(values, bool(accessor.get("normalized")))
+        if "POSITION" not in found:
+            raise ValueError(f"its {DRACO} holds no positions")
+        found["indices"] = np.asarray(decoded.faces).reshape(-1, 1)
+        if "indices" in primitive and primitive.get("mode", 4) == 4:
+            self._require_count(primitive["indices"], len(found["indices"]))
+        return found
+
+    def _require_count(self, index: object, count: int) -> None:
+        stated = (item(self._header, "accessors", index) or {}).get("count")
+        if stated != count:
+            raise ValueError(f"accessor {shortened(index)} has {shortened(stated)} items, but {DRACO} holds {count}")
+
+    def _draco_mesh(self, view: int) -> Any:
+        if view not in self._draco:
+            try:
+                import DracoPy
+            except ImportError as error:
+                raise ValueError(f"it is compressed with {DRACO}, which needs `pip install dfd[gltf]`") from error
+            try:
+                self._draco[view] = DracoPy.decode(bytes(self.view(view)))
+                self._draco[view].faces  # noqa: B018  # a cloud of points has none
+            except Exception as error:  # the library raises types of its own, and KeyError, ValueError, …
+                raise ValueError(f"its {DRACO} cannot be decoded: {_said(error)}") from error
+        return self._draco[view]
+
+    def _decompress(self, index: int, name: str, packed: Header, length: int) -> bytes:
+        """Return the bytes of a view that is compressed with meshoptimizer."""
+        try:
+            import meshopt
+        except ImportError as error:
+            raise ValueError(f"it is compressed with {name}, which needs `pip install dfd[gltf]`") from error
+        what = f"bufferView {index}, of {name},"
+        buffer, size = whole(packed, "buffer", what), whole(packed, "byteLength", what)
+        start = whole(packed, "byteOffset", what, default=0)
+        count, stride = whole(packed, "count", what), whole(packed, "byteStride", what)
+        if not is_index(buffer, len(objects(self._header, "buffers"))):
+            raise ValueError(f"{what} names buffer {buffer}, which is not there")
+        if count * stride != length:
+            raise ValueError(f"{what} should have {length} bytes, but says {count} times {stride}")
+        data = self.buffer(buffer)[start : start + size]
+        if len(data) < size:
+            raise ValueError(f"{what} is cut off")
+        self._compressed, self._decompressed = self._compressed + size, self._decompressed + length
+        if self._decompressed > max(_MOST_DECOMPRESSED * self._compressed, _SMALL):
+            raise ValueError(f"{what} and others add up to {self._decompressed} bytes of {self._compressed}")
+        try:
+            plain = meshopt.decode_gltf_buffer(data, count, stride, packed.get("mode"), packed.get("filter", "NONE"))
+        except Exception as error:
+            raise ValueError(f"{what} cannot be decoded: {_said(error)}") from error
+        return np.ascontiguousarray(plain).tobytes()
+
+    def _stored(self, accessor: Header) -> NDArray[Any]:
+        """Return the items of an accessor as they are stored, zeros where nothing is."""
+        dtype, width = np.dtype(COMPONENT_TYPES[accessor["componentType"]]), COMPONENTS[accessor["type"]]
+        count = int(accessor["count"])
+        if "bufferView" not in accessor:
+            return np.zeros((count, width), dtype)
+        index = int(accessor["bufferView"])
+        data = self.view(index)
+        start = int(accessor.get("byteOffset", 0))
+        stride = int(self._header["bufferViews"][index].get("byteStride", 0)) or dtype.itemsize * width
+        if start + max(count - 1, 0) * stride + dtype.itemsize * width > len(data) and count:
+            raise ValueError(f"bufferView {index} ends at byte {len(data)}, before an accessor of it does")
+        # the last row may end where the view does, before a whole stride
+        return (
+            np.ndarray((count, width), dtype, data, start, (stride, dtype.itemsize)) if count else np.zeros((0, width))
+        )
+
+    def _replaced(self, values: NDArray[Any], sparse: Any, what: str) -> NDArray[Any]:
+        """Put the items of a sparse accessor into those that it changes."""
+        parts: list[Header] = []
+        if isinstance(sparse, dict):
+            parts = [part for name in ("indices", "values") if isinstance(part := sparse.get(name), dict)]
+        if len(parts) < 2:
+            raise ValueError(f"{what} is sparse, but does not say where")
+        count = whole(sparse, "count", what)
+        kind = parts[0].get("componentType")
+        if kind not in _UNSIGNED:
+            raise ValueError(f"{what} is sparse, but counts its items in the componentType {shortened(kind)}")
+        found = []
+        for part, dtype, width in zip(
+            parts, (np.dtype(COMPONENT_TYPES[kind]), values.dtype), (1, values.shape[1]), strict=True
+        ):
+            view, start = whole(part, "bufferView", what), whole(part, "byteOffset", what, default=0)
+            if view >= len(self._header.get("bufferViews", [])):
+                raise ValueError(f"{what} is sparse, but names bufferView {view}")
+            data = self.view(view)
+            if start + count * width * dtype.itemsize > len(data):
+                raise ValueError(f"{what} has {count} sparse items beyond byte {len(data)}")
+            found.append(np.frombuffer(data, dtype, count * width, start).reshape(count, width))
+        where = found[0].ravel()
+        if count and int(where.max()) >= len(values):
+            raise ValueError(f"{what} has a sparse item {int(where.max())} of {len(values)}")
+        values[where] = found[1]
+        return values
+
+
+def data_uri(uri: str) -> bytes:
+    """Return what a data URI holds.
+
+    Raises
+    ------
+    ValueError
+        If it is not in base 64.
+    """
+    head, _, body = uri.partition(",")
+    if not head.endswith(";base64"):
+        raise ValueError(f"{shortened(uri)} is not in base 64")
+    try:
+        return base64.b64decode(body, validate=False)
+    except binascii.Error as error:
+        raise ValueError(f"{shortened(uri)} is not in base 64: {error}") from error
+
+
+def _said(error: Exception) -> str:
+    return str(error) or type(error).__name__
+
+
+def _as_numbers(values: NDArray[Any], normalized: bool) -> NDArray[Any]:
+    """Undo the quantization of normalized integers: glTF 2.0, section 3.11."""
+    if not normalized or values.dtype.kind not in "iu":
+        return values
+    return np.maximum(values.astype(np.float64) / np.iinfo(values.dtype).max, -1.0)

@@ -1,0 +1,268 @@
+"""The JSON header of a glTF file: judged before any buffer is read: counts are bounded before anything is allocated.
+
+The format: Khronos Group, "glTF 2.0 Specification", 2021.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, cast
+
+from dfd.mesh.file.assets import shortened
+
+__all__ = [
+    *("COMPONENTS", "COMPONENT_TYPES", "DRACO", "MESHOPT", "Header"),
+    *("extension", "is_index", "item", "objects", "primitives", "read", "whole"),
+]
+
+Header = dict[str, Any]
+
+COMPONENT_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+MODES_READ = (4, 5, 6)  # primitives with faces: triangles, strips, fans
+DRACO = "KHR_draco_mesh_compression"
+MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
+_LIBRARIES = {DRACO: "DracoPy", MESHOPT[0]: "meshopt"}  # in the extra `gltf`
+# what a file may require: it changes how a surface looks, lies beside it, or is read
+_HARMLESS = (
+    *("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "MSFT_packing_", "KHR_lights_", "EXT_lights_"),
+    *("KHR_animation_", "KHR_node_", "KHR_xmp", "KHR_mesh_quantization", "KHR_accessor_", "KHR_audio", "VRM"),
+)
+_COLLECTIONS = (
+    *("accessors", "animations", "bufferViews", "buffers", "cameras", "images", "materials", "meshes", "nodes"),
+    *("samplers", "scenes", "skins", "textures"),
+)
+_LEAST_STRIDE = 4  # bytes
+_MOST_ZEROS = 2**20  # items of an accessor without data, if none with data has more
+_DEEPEST = 1000  # nodes below nodes
+_DEEPEST_JSON = 200  # values inside values
+_MOST_OVERLAP = 8  # times the length of its buffers that a file's views may add up to
+_SMALL = 2**24  # bytes that nobody misses, whatever a small file's views add up to
+
+
+def read(path: Path, text: bytes, *, glb: bool) -> Header:
+    """Return the header of a glTF file, or GLB file, from its JSON text.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be read, uses a compression that cannot be read, or its views, accessors or nodes cannot be right.
+    """
+    try:
+        header = json.loads(text.decode())
+        if not isinstance(header, dict):
+            raise ValueError(f"its JSON is a {type(header).__name__}, not an object")
+        _check_depth(header)
+        for name in _COLLECTIONS:
+            objects(header, name)
+        _check_version(header)
+        _check_extensions(header)
+        _check_buffers(header, glb)
+        _check_views(header)
+        _check_accessors(header)
+        _check_primitives(header)
+        _check_nodes(header)
+    except (ValueError, RecursionError) as error:
+        kind = path.suffix[1:].upper()
+        raise ValueError(f"load: `path` {path} is not a well-formed {kind} file: {error}") from error
+    return cast(Header, header)
+
+
+def objects(owner: Header, name: str) -> list[Header]:
+    """Return a list of objects of the header, empty where it has none of that name."""
+    values = owner.get(name, [])
+    if not isinstance(values, list) or not all(isinstance(value, dict) for value in values):
+        raise ValueError(f"its {name!r} must be a list of objects")
+    return values
+
+
+def item(header: Header, name: str, index: object) -> Header | None:
+    """Return the object of the list `name` that `index` names, None where it names none."""
+    values: list[Header] = header.get(name, [])
+    return values[cast(int, index)] if is_index(index, len(values)) else None
+
+
+def extension(owner: Header, name: str) -> Header | None:
+    """Return an extension of an object of the header, None where it has none of that name."""
+    found = owner.get("extensions")
+    value = found.get(name) if isinstance(found, dict) else None
+    return value if isinstance(value, dict) else None
+
+
+def primitives(header: Header) -> Iterator[tuple[int, int, Header]]:
+    """Yield mesh, number and content of every primitive that has faces."""
+    for mesh, content in enumerate(objects(header, "meshes")):
+        for number, primitive in enumerate(objects(content, "primitives")):
+            if primitive.get("mode", 4) in MODES_READ:
+                yield mesh, number, primitive
+
+
+def _check_depth(header: Header) -> None:
+    """Refuse what could not be written again: Python's own limit is met by what stands on the stack already."""
+    layer: list[Any] = [header]
+    for _ in range(_DEEPEST_JSON):
+        layer = [
+            inner
+            for value in layer
+            for inner in (value.values() if isinstance(value, dict) else value)
+            if isinstance(inner, dict | list)
+        ]
+        if not layer:
+            return
+    raise ValueError(f"its values are nested more than {_DEEPEST_JSON} deep")
+
+
+def _check_version(header: Header) -> None:
+    asset = header.get("asset", {})
+    version = str(asset.get("version", "2.0") if isinstance(asset, dict) else "2.0")
+    if not version.startswith("2."):
+        raise ValueError(f"it has version {shortened(version)} of the format, and only 2 can be read")
+
+
+def _check_extensions(header: Header) -> None:
+    for list_name in ("extensionsRequired", "extensionsUsed"):
+        names = header.get(list_name, [])
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            raise ValueError(f"its {list_name!r} must be a list of names")
+    for name in header.get("extensionsRequired", []):
+        library = _LIBRARIES.get(name)
+        if library is not None:
+            if importlib.util.find_spec(library) is None:
+                raise ValueError(
+                    f"it is compressed with {name}, which needs `pip install dfd[gltf]` ({library}) to be read"
+                )
+        elif not name.startswith(_HARMLESS):
+            raise ValueError(f"it requires the extension {shortened(name)}, which cannot be read")
+
+
+def _check_buffers(header: Header, glb: bool) -> None:
+    for i, buffer in enumerate(objects(header, "buffers")):
+        fallback = any((extension(buffer, name) or {}).get("fallback") for name in MESHOPT)
+        if not isinstance(buffer.get("uri"), str) and not (glb and i == 0) and not fallback:
+            raise ValueError(f"buffer {i} does not say where its data is")
+
+
+def _check_views(header: Header) -> None:
+    lengths = [whole(buffer, "byteLength", f"buffer {i}") for i, buffer in enumerate(objects(header, "buffers"))]
+    total = 0
+    for i, view in enumerate(objects(header, "bufferViews")):
+        buffer = whole(view, "buffer", f"bufferView {i}")
+        if buffer >= len(lengths):
+            raise ValueError(f"bufferView {i} names buffer {buffer}, but there are {len(lengths)}")
+        length = whole(view, "byteLength", f"bufferView {i}")
+        for packed in (extension(view, name) for name in MESHOPT):
+            if packed is not None and whole(packed, "buffer", f"bufferView {i}") >= len(lengths):
+                raise ValueError(f"bufferView {i} names buffer {packed['buffer']}, but there are {len(lengths)}")
+        end = whole(view, "byteOffset", f"bufferView {i}", default=0) + length
+        if end > lengths[buffer]:
+            raise ValueError(f"bufferView {i} ends at byte {end} of a buffer of {lengths[buffer]}")
+        total += length
+    if total > max(_MOST_OVERLAP * sum(lengths), _SMALL):
+        raise ValueError(f"its bufferViews add up to {total} bytes of {sum(lengths)}")
+
+
+def _check_accessors(header: Header) -> None:
+    views = objects(header, "bufferViews")
+    if views and "accessors" not in header:
+        raise ValueError("it has data, but no accessors and so no faces")
+    total, longest, unfilled = 0, 0, []
+    for i, accessor in enumerate(objects(header, "accessors")):
+        count = whole(accessor, "count", f"accessor {i}")
+        component, kind = accessor.get("componentType"), accessor.get("type")
+        if not isinstance(component, int) or component not in COMPONENT_TYPES:
+            raise ValueError(f"accessor {i} has the unknown componentType {shortened(component)}")
+        if not isinstance(kind, str) or kind not in COMPONENTS:
+            raise ValueError(f"accessor {i} has the unknown type {shortened(kind)}")
+        size = int(COMPONENT_TYPES[component][-1]) * COMPONENTS[kind]
+        if "bufferView" not in accessor:
+            unfilled.append((i, count))
+            continue
+        place = whole(accessor, "bufferView", f"accessor {i}")
+        if place >= len(views):
+            raise ValueError(f"accessor {i} names bufferView {place}, but there are {len(views)}")
+        stride = whole(views[place], "byteStride", f"bufferView {place}", default=max(size, _LEAST_STRIDE))
+        if stride < max(size, _LEAST_STRIDE):
+            raise ValueError(
+                f"bufferView {place} has the byteStride {stride}, but items of accessor {i} have {size} bytes"
+            )
+        stride = stride if "byteStride" in views[place] else size
+        end = (
+            whole(accessor, "byteOffset", f"accessor {i}", default=0) + max(count - 1, 0) * stride + size * (count > 0)
+        )
+        if end > views[place]["byteLength"]:
+            raise ValueError(f"accessor {i} has {count} items up to byte {end} of {views[place]['byteLength']}")
+        total, longest = total + count * size, max(longest, count)
+    stored = sum(view["byteLength"] for view in views)
+    if total > max(_MOST_OVERLAP * stored, _SMALL):
+        raise ValueError(f"its accessors add up to {total} bytes of {stored}")
+    filled_otherwise = _draco_accessors(header)
+    for i, count in unfilled:
+        if count > max(longest, _MOST_ZEROS) and i not in filled_otherwise:
+            raise ValueError(f"accessor {i} has {count} items but no data")
+
+
+def _draco_accessors(header: Header) -> set[object]:
+    """Return the accessors whose data lies in a primitive's own compressed stream."""
+    found: set[object] = set()
+    for _, _, primitive in primitives(header):
+        attributes = primitive.get("attributes")
+        if extension(primitive, DRACO) is not None and isinstance(attributes, dict):
+            found.update(each for each in (*attributes.values(), primitive.get("indices")) if isinstance(each, int))
+    return found
+
+
+def _check_primitives(header: Header) -> None:
+    accessors = objects(header, "accessors")
+    for _, _, primitive in primitives(header):
+        attributes = primitive.get("attributes")
+        if not isinstance(attributes, dict):
+            raise ValueError("a primitive has no attributes")
+        named = [("positions", attributes.get("POSITION")), ("indices", primitive.get("indices"))]
+        for name, index in named:
+            if index is None and name == "indices":
+                continue
+            if not is_index(index, len(accessors)):
+                raise ValueError(
+                    f"a primitive names accessor {shortened(index)} for its {name}, but there are {len(accessors)}"
+                )
+
+
+def _check_nodes(header: Header) -> None:
+    nodes = objects(header, "nodes")
+    children: list[list[int]] = []
+    for i, node in enumerate(nodes):
+        below = node.get("children", [])
+        if not isinstance(below, list) or not all(is_index(child, len(nodes)) for child in below):
+            raise ValueError(f"node {i} has children that are not there")
+        children.append(below)
+    parents = [0] * len(nodes)
+    for child in (child for below in children for child in below):
+        parents[child] += 1
+    if (many := next((i for i, count in enumerate(parents) if count > 1), None)) is not None:
+        raise ValueError(f"node {many} is the child of more than one node")
+    layer, reached = [i for i, count in enumerate(parents) if count == 0], 0
+    for _ in range(_DEEPEST):
+        reached += len(layer)
+        layer = [child for i in layer for child in children[i]]
+    if layer:
+        raise ValueError(f"its nodes are nested more than {_DEEPEST} deep")
+    if reached < len(nodes):
+        raise ValueError("its nodes are their own ancestors")
+
+
+def is_index(value: object, count: int) -> bool:
+    """Whether a value of the header names one of `count` things."""
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < count
+
+
+def whole(owner: Header, name: str, what: str, default: int | None = None) -> int:
+    """Return a whole number of the header that is not negative; `what` says in an error whose it is."""
+    value = owner.get(name, default)
+    if isinstance(value, float) and value.is_integer():  # some writers put 12.0
+        value = int(value)
+    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+        raise ValueError(f"{what} has {name} {shortened(value)}")
+    return value

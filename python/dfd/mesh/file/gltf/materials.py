@@ -1,0 +1,135 @@
+"""The materials of a glTF file: their base color, and the picture and texture coordinates that give it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.mesh.appearance import Material, Wrap, srgb
+from dfd.mesh.file.assets import shortened
+from dfd.mesh.file.gltf.data import GltfData
+from dfd.mesh.file.gltf.header import Header, extension, item
+from dfd.mesh.file.images import ImageCache, ktx2_is_readable
+
+__all__ = ["GltfMaterials", "Surface", "coordinates"]
+
+_WRAPS: dict[object, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
+_BASISU = "KHR_texture_basisu"
+_OTHER_SOURCES = ("EXT_texture_webp", _BASISU)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A material, with the texture coordinates that it uses."""
+
+    material: Material
+    uv_set: int = 0  # number of the attribute TEXCOORD_n
+    uv_transform: NDArray[np.float64] | None = None  # (2, 3) of KHR_texture_transform, on coordinates from the top
+
+
+class GltfMaterials:
+    """Reads the materials that primitives use, each once, and only the pictures that they show."""
+
+    def __init__(self, header: Header, data: GltfData, pictures: ImageCache, unreadable: set[str]) -> None:
+        self._header, self._data, self._images, self._unreadable = header, data, pictures, unreadable
+        self._surfaces: dict[int, Surface] = {}
+
+    def of(self, primitive: Header) -> Surface | None:
+        """Return the surface of a primitive, None where it names no material."""
+        index = primitive.get("material")
+        content = item(self._header, "materials", index)
+        if content is None:
+            return None
+        if index not in self._surfaces:
+            self._surfaces[cast(int, index)] = self._surface(content)
+        return self._surfaces[cast(int, index)]
+
+    def _surface(self, content: Header) -> Surface:
+        found = content.get("pbrMetallicRoughness")
+        base = found if isinstance(found, dict) else {}
+        factor, reference = base.get("baseColorFactor"), base.get("baseColorTexture")
+        # an older way to say the same: the diffuse color is the base color of what is no metal
+        glossiness = extension(content, "KHR_materials_pbrSpecularGlossiness")
+        if glossiness is not None:
+            factor, reference = glossiness.get("diffuseFactor"), glossiness.get("diffuseTexture")
+        color = _numbers(factor, 4, 1.0)
+        name = str(content.get("name", ""))
+        material = Material(name=name, is_default=True)
+        texels: NDArray[np.uint8] | None = None
+        wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
+        if reference is not None:
+            texels, wrap = self.texture(reference, name)
+        if reference is None or texels is not None:
+            mode = content.get("alphaMode")
+            cutoff = content.get("alphaCutoff")
+            material = Material(
+                (*(float(each) for each in srgb(np.array(color[:3]))), min(max(color[3], 0.0), 1.0)),  # type: ignore[arg-type]
+                texels,
+                wrap,
+                cast(Literal["OPAQUE", "MASK", "BLEND"], mode if mode in ("MASK", "BLEND") else "OPAQUE"),
+                float(cutoff) if isinstance(cutoff, int | float) else 0.5,
+                name,
+            )
+        return Surface(material, *coordinates(reference))
+
+    def texture(self, reference: Any, name: str) -> tuple[NDArray[np.uint8] | None, tuple[Wrap, Wrap]]:
+        """Return the texels of a texture and what lies beyond it; None where it cannot be read."""
+        texture = item(self._header, "textures", reference.get("index")) if isinstance(reference, dict) else None
+        failed = [f"the texture of material {shortened(name)}"]
+        if texture is not None:
+            sources = [(each, (extension(texture, each) or {}).get("source")) for each in _OTHER_SOURCES]
+            for kind, source in [*sources, ("", texture.get("source"))]:
+                content = item(self._header, "images", source)
+                if content is None:
+                    continue
+                if kind == _BASISU and not ktx2_is_readable():
+                    failed.append(
+                        f"the {_BASISU} texture of material {shortened(name)} (`pip install dfd[gltf]` reads it)"
+                    )
+                    continue
+                try:
+                    return self._images.texels(self._images.open(self._data.picture(content))), self._wrap(texture)
+                except (ValueError, OSError):
+                    uri = content.get("uri")
+                    failed.append(shortened(uri) if isinstance(uri, str) else failed[0])
+        self._unreadable.add(failed[-1])
+        return None, ("repeat", "repeat")
+
+    def _wrap(self, texture: Header) -> tuple[Wrap, Wrap]:
+        sampler = item(self._header, "samplers", texture.get("sampler")) or {}
+        across, down = sampler.get("wrapS"), sampler.get("wrapT")
+        return (
+            _WRAPS.get(across, "repeat") if isinstance(across, int) else "repeat",
+            _WRAPS.get(down, "repeat") if isinstance(down, int) else "repeat",
+        )
+
+
+def coordinates(reference: Any) -> tuple[int, NDArray[np.float64] | None]:
+    """Return the set of texture coordinates that a texture uses and what KHR_texture_transform does to them."""
+    if not isinstance(reference, dict):
+        return 0, None
+    number = reference.get("texCoord", 0)
+    change = extension(reference, "KHR_texture_transform")
+    matrix = None
+    if change is not None:
+        number = change.get("texCoord", number)
+        (offset_u, offset_v), (scale_u, scale_v) = (
+            _numbers(change.get("offset"), 2, 0),
+            _numbers(change.get("scale"), 2, 1),
+        )
+        (angle,) = _numbers([change.get("rotation", 0)], 1, 0)
+        cosine, sine = np.cos(angle), np.sin(angle)
+        matrix = np.array([[cosine * scale_u, sine * scale_v, offset_u], [-sine * scale_u, cosine * scale_v, offset_v]])
+    return number if isinstance(number, int) else 0, matrix
+
+
+def _numbers(values: Any, count: int, default: float) -> list[float]:
+    """Return `count` finite numbers, all `default` where the file has something else."""
+    if isinstance(values, list) and len(values) == count and all(isinstance(each, int | float) for each in values):
+        numbers = [float(each) for each in values]
+        if np.isfinite(numbers).all():
+            return numbers
+    return [float(default)] * count

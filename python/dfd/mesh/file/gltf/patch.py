@@ -1,0 +1,299 @@
+"""Moving the vertices of a glTF file and leaving everything else in it alone.
+
+New positions and normals are appended to the file's data and named in its header. Textures, samplers, skins, morph
+targets, animations, extras and extensions stay as they are, bit for bit; so do parts that did not move.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.mesh.file.gltf import glb
+from dfd.mesh.file.gltf.data import GltfData
+from dfd.mesh.file.gltf.header import COMPONENT_TYPES, DRACO, MESHOPT, Header, extension, is_index, objects
+from dfd.mesh.file.images import ImageCache
+from dfd.mesh.file.primitives import MovedPrimitive
+
+__all__ = ["GltfPatch", "GltfSource", "encode"]
+
+_FLOAT, _UNSIGNED = 5126, 5125
+
+
+@dataclass(frozen=True)
+class GltfSource:
+    """A glTF file's header, as text and as it was understood, and its data."""
+
+    text: bytes
+    header: Header
+    data: GltfData
+
+
+def encode(source: GltfSource, moved: Sequence[MovedPrimitive], *, binary: bool) -> bytes:
+    """Return the file with its primitives moved, as GLB or as glTF with its data inside.
+
+    Data and pictures in files of their own are taken in where a mesh, a skin, an animation or a material that is
+    shown needs them; whatever else the file names it goes on naming.
+    """
+    patch = GltfPatch(source)
+    users = Counter(node["mesh"] for node in objects(patch.header, "nodes") if _is_int(node.get("mesh")))
+    meshes: dict[int, int] = {}  # from a node whose parts moved to the mesh that is now its own
+    for each in moved:
+        if not each.moved:
+            continue
+        node, mesh, primitive = each.primitive.source
+        if node not in meshes:
+            meshes[node] = patch.own_mesh(node, mesh, shared=users[mesh] > 1)
+            users[mesh] -= 1
+        patch.move(node, patch.header["meshes"][meshes[node]]["primitives"][primitive], each)
+    patch.store()
+    return patch.glb() if binary else patch.gltf()
+
+
+class GltfPatch:
+    """A copy of the header, all data in one buffer, and what is still to be appended."""
+
+    def __init__(self, source: GltfSource) -> None:
+        self.header: Header = json.loads(source.text.decode())
+        self._source = source
+        self._data = bytearray()
+        self._left: list[Header] = []  # buffers that stay where they are, after the first
+        self._take_buffers()
+        self._take_pictures()
+        # primitives may share an accessor: rows that one of them moves are moved for all of the node's
+        self._rows: dict[tuple[int, str, int], NDArray[np.float64]] = {}
+        self._uses: dict[tuple[int, str, int], list[dict[str, Any]]] = {}
+
+    def _take_buffers(self) -> None:
+        """Put the buffers into one, as far as they lie in the file or something that is shown needs them."""
+        needed = _needed_buffers(self.header)
+        moved_to: dict[int, tuple[int, int]] = {}  # from a buffer to its new number and where it starts there
+        for index, buffer in enumerate(self.header.get("buffers", [])):
+            uri = buffer.get("uri")
+            inside = uri is None or uri.startswith("data:")
+            try:
+                data = self._source.data.buffer(index) if inside or index in needed else None
+            except (ValueError, OSError):  # a placeholder of a compressed view, or a file that has gone since
+                data = None
+            if data is None:
+                self._left.append(buffer)
+                moved_to[index] = (len(self._left), 0)
+            else:
+                moved_to[index] = (0, self._append(data))
+        for view in self.header.get("bufferViews", []):
+            for place in (view, *(found for name in MESHOPT if (found := extension(view, name)) is not None)):
+                place["buffer"], start = moved_to[int(place["buffer"])]
+                if start or "byteOffset" in place:
+                    place["byteOffset"] = int(place.get("byteOffset", 0)) + start
+
+    def _take_pictures(self) -> None:
+        pictures = ImageCache()
+        for index in sorted(_needed_images(self.header)):
+            image = self.header["images"][index]
+            uri = image.get("uri")
+            if not isinstance(uri, str) or uri.startswith("data:"):
+                continue
+            try:
+                data = self._source.data.picture(image)
+                kind = pictures.open(data).format
+            except (ValueError, OSError):  # it goes on being named
+                continue
+            image["bufferView"] = self.view(data)
+            del image["uri"]
+            image.setdefault("mimeType", f"image/{(kind or 'ktx2').lower()}")
+
+    def own_mesh(self, node: int, mesh: int, shared: bool) -> int:
+        """Return the mesh of a node, a copy of its own where other nodes show the same one."""
+        if not shared:
+            return mesh
+        self.header["meshes"].append(json.loads(json.dumps(self._source.header["meshes"][mesh])))
+        self.header["nodes"][node]["mesh"] = len(self.header["meshes"]) - 1
+        return len(self.header["meshes"]) - 1
+
+    def move(self, node: int, primitive: dict[str, Any], each: MovedPrimitive) -> None:
+        """Give a primitive of a node other positions and normals."""
+        self.unpack(primitive)
+        attributes = primitive["attributes"]
+        attributes.pop("TANGENT", None)  # of the old surface; viewers make new ones
+        geometry = each.primitive.geometry
+        self._collect(node, "POSITION", attributes, geometry.vertices, each.vertices, geometry.stored)
+        if each.normals is not None and geometry.normals is not None and "NORMAL" in attributes:
+            self._collect(node, "NORMAL", attributes, geometry.normals, each.normals)
+
+    def unpack(self, primitive: dict[str, Any], *, moving: bool = True) -> None:
+        """Store what a primitive keeps in a compressed stream as plain data.
+
+        Positions and normals that are `moving` are left out: the stream holds the old ones.
+        """
+        packed = self._source.data.draco(primitive)
+        if packed is None:
+            return
+        stored = extension(primitive, DRACO) or {}
+        primitive["extensions"].pop(DRACO)
+        for name in stored.get("attributes", {}):
+            if name in packed and not (moving and name in ("POSITION", "NORMAL")):
+                self._fill(primitive["attributes"][name], packed[name])
+        if not is_index(primitive.get("indices"), len(self.header["accessors"])):
+            self.header["accessors"].append({"type": "SCALAR"})
+            primitive["indices"] = len(self.header["accessors"]) - 1
+        primitive["mode"] = 4
+        self._fill(primitive["indices"], packed["indices"], _UNSIGNED)
+
+    def _fill(self, index: int, values: NDArray[Any], component: int | None = None) -> None:
+        """Give an accessor without data its data."""
+        accessor = self.header["accessors"][index]
+        component = component or int(accessor["componentType"])
+        dtype = np.dtype(COMPONENT_TYPES[component])
+        if accessor.get("normalized") and dtype.kind in "iu":
+            values = np.rint(values * np.iinfo(dtype).max)
+        accessor |= {"componentType": component, "count": len(values)}
+        accessor["bufferView"] = self.view(np.ascontiguousarray(values, dtype).tobytes())
+
+    def store(self) -> None:
+        """Append what was collected to the data and name it in the header."""
+        for key, rows in self._rows.items():
+            values = rows.astype("<f4")
+            accessor: dict[str, Any] = {
+                "bufferView": self.view(values.tobytes()),
+                "componentType": _FLOAT,
+                "count": len(values),
+                "type": "VEC3",
+            }
+            if key[1] == "POSITION":
+                accessor |= {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
+            self.header["accessors"].append(accessor)
+            for attributes in self._uses[key]:
+                attributes[key[1]] = len(self.header["accessors"]) - 1
+        self.header["buffers"] = [{"byteLength": len(self._data)}, *self._left]
+        for mesh in objects(self.header, "meshes"):
+            if any(extension(each, DRACO) is not None for each in objects(mesh, "primitives")):
+                return
+        for name in ("extensionsUsed", "extensionsRequired"):
+            left = [each for each in self.header.get(name, []) if each != DRACO]
+            if left != self.header.get(name, left):
+                self.header[name] = left
+                if not left:  # the format allows no empty lists
+                    del self.header[name]
+
+    def glb(self) -> bytes:
+        """Return the file as GLB."""
+        return glb.join(json.dumps(self.header, separators=(",", ":")).encode(), bytes(self._data))
+
+    def gltf(self) -> bytes:
+        """Return the file as glTF, its data inside."""
+        data = base64.b64encode(bytes(self._data)).decode()
+        self.header["buffers"][0]["uri"] = f"data:application/octet-stream;base64,{data}"
+        return json.dumps(self.header, separators=(",", ":")).encode()
+
+    def _collect(
+        self,
+        node: int,
+        name: str,
+        attributes: dict[str, Any],
+        old: NDArray[np.float64],
+        new: NDArray[np.float64],
+        stored: NDArray[np.float64] | None = None,  # the file's own, where morph targets make `old` of them
+    ) -> None:
+        key = (node, name, int(attributes[name]))
+        rows = self._rows.setdefault(key, (old if stored is None else stored).copy())
+        changed = (old != new).any(axis=1)
+        rows[changed] = new[changed] if stored is None else new[changed] - old[changed] + stored[changed]
+        self._uses.setdefault(key, []).append(attributes)
+
+    def view(self, data: bytes) -> int:
+        views: list[dict[str, Any]] = self.header.setdefault("bufferViews", [])
+        views.append({"buffer": 0, "byteOffset": self._append(data), "byteLength": len(data)})
+        return len(views) - 1
+
+    def _append(self, data: bytes) -> int:
+        start = len(self._data)
+        self._data += data + bytes(-len(data) % 4)
+        return start
+
+
+def _needed_buffers(header: Header) -> set[int]:
+    """Return the buffers that meshes of the scene's nodes, skins, animations and shown pictures take data from."""
+    accessors: set[int] = set()
+    views: set[int] = set()
+    for primitive in _shown_primitives(header):
+        accessors.update(_whole(_values(primitive.get("attributes")), [primitive.get("indices")]))
+        targets = primitive.get("targets")
+        for target in targets if isinstance(targets, list) else []:
+            accessors.update(_whole(_values(target)))
+        views.update(_whole([(extension(primitive, DRACO) or {}).get("bufferView")]))
+    accessors.update(_whole(skin.get("inverseBindMatrices") for skin in objects(header, "skins")))
+    for animation in objects(header, "animations"):
+        for sampler in objects(animation, "samplers"):
+            accessors.update(_whole((sampler.get("input"), sampler.get("output"))))
+    for index, accessor in enumerate(objects(header, "accessors")):
+        if index in accessors:
+            sparse = accessor.get("sparse")
+            parts = [sparse.get(name) for name in ("indices", "values")] if isinstance(sparse, dict) else []
+            views.update(_whole(each.get("bufferView") for each in (accessor, *parts) if isinstance(each, dict)))
+    views.update(_whole(header["images"][index].get("bufferView") for index in _needed_images(header)))
+    buffers: set[int] = set()
+    for index, view in enumerate(objects(header, "bufferViews")):
+        if index in views:
+            packed = [found for name in MESHOPT if (found := extension(view, name)) is not None]
+            buffers.update(int(each["buffer"]) for each in (view, *packed))
+    return buffers
+
+
+def _needed_images(header: Header) -> set[int]:
+    """Return the pictures of the textures of the materials of the primitives that are shown."""
+    textures: set[int] = set()
+    materials = objects(header, "materials")
+    for index in {
+        primitive.get("material") for primitive in _shown_primitives(header) if _is_int(primitive.get("material"))
+    }:
+        if is_index(index, len(materials)):
+            textures.update(_texture_indices(materials[cast(int, index)]))
+    found: set[int] = set()
+    count = len(objects(header, "images"))
+    for index, texture in enumerate(objects(header, "textures")):
+        if index in textures:
+            others = _values(texture.get("extensions"))
+            sources = _whole(each.get("source") for each in (texture, *others) if isinstance(each, dict))
+            found.update(each for each in sources if 0 <= each < count)
+    return found
+
+
+def _texture_indices(material: Header) -> set[int]:
+    """Return the textures that a material names, whatever for, in the format itself or in an extension."""
+    found: set[int] = set()
+    layer: list[Any] = [material]
+    while layer:
+        value = layer.pop()
+        for name, inner in value.items() if isinstance(value, dict) else [("", each) for each in value]:
+            if isinstance(inner, dict | list) and name != "extras":
+                layer.append(inner)
+                if name.lower().endswith("texture") and isinstance(inner, dict) and _is_int(inner.get("index")):
+                    found.add(inner["index"])
+    return found
+
+
+def _shown_primitives(header: Header) -> list[Header]:
+    meshes = objects(header, "meshes")
+    shown: set[int] = {node["mesh"] for node in objects(header, "nodes") if is_index(node.get("mesh"), len(meshes))}
+    return [each for index in sorted(shown) for each in objects(meshes[index], "primitives")]
+
+
+def _whole(*values: Iterable[Any]) -> Iterator[int]:
+    """Yield the values that are whole numbers."""
+    return (each for each in chain(*values) if _is_int(each))
+
+
+def _values(value: object) -> list[Any]:
+    return list(value.values()) if isinstance(value, dict) else []
+
+
+def _is_int(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)

@@ -1,0 +1,246 @@
+"""What a glTF file shows: the triangles of its meshes, at the nodes of its scene.
+
+The format: Khronos Group, "glTF 2.0 Specification", 2021.
+"""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.common.vectors import unit
+from dfd.mesh.appearance import srgb
+from dfd.mesh.file.assets import AssetFolder, shortened
+from dfd.mesh.file.gltf.data import GltfData
+from dfd.mesh.file.gltf.header import Header, is_index, objects, primitives
+from dfd.mesh.file.gltf.materials import GltfMaterials
+from dfd.mesh.file.gltf.rest import closed_seams, joint_matrices, morph_weights, morphed, skin_transforms
+from dfd.mesh.file.images import ImageCache
+from dfd.mesh.file.materials import rgba
+from dfd.mesh.file.primitives import MOST_INSTANCES, MOST_PRIMITIVES, Geometry, MeshInstance, UniqueNames
+
+__all__ = ["from_below", "read", "shown_nodes", "triangles", "world_transforms"]
+
+_STRIP, _FAN = 5, 6
+
+
+def read(header: Header, data: GltfData, assets: AssetFolder, *, at_rest: bool = True) -> list[MeshInstance]:
+    """Return what the scene places, node after node in the file's order.
+
+    Skins and morph targets are posed as the file has them where it is shown `at_rest`, and left out otherwise.
+
+    Raises
+    ------
+    ValueError, OSError
+        If a primitive that is shown cannot be read.
+    """
+    world, shown = world_transforms(header), shown_nodes(header)
+    materials = GltfMaterials(header, data, ImageCache(), assets.unreadable)
+    geometries: dict[tuple[int, tuple[float, ...]], list[tuple[int, str, Geometry]]] = {}
+    joints: dict[object, NDArray[np.float64] | None] = {}
+    meshes, names, taken = objects(header, "meshes"), UniqueNames(), UniqueNames()
+    of_mesh: dict[int, list[tuple[int, Header]]] = {}
+    for mesh, number, primitive in primitives(header):
+        of_mesh.setdefault(mesh, []).append((number, primitive))
+    instances: list[MeshInstance] = []
+    read_count = 0
+    identity = np.eye(4)
+    for node in sorted(shown):
+        content = header["nodes"][node]
+        mesh = content.get("mesh")
+        if not is_index(mesh, len(meshes)):
+            continue
+        mesh_name = str(meshes[mesh].get("name") or "")
+        weights = morph_weights(content, meshes[mesh]) if at_rest else ()
+        if (mesh, weights) not in geometries:
+            read_count += len(of_mesh.get(mesh, []))
+            if read_count > MOST_PRIMITIVES:
+                raise ValueError(f"its scene shows more than {MOST_PRIMITIVES} primitives")
+            geometries[mesh, weights] = [
+                (number, names.unique(mesh_name or "mesh"), _geometry(primitive, data, materials, weights))
+                for number, primitive in of_mesh.get(mesh, [])
+            ]
+        part = taken.unique(str(content.get("name") or mesh_name or f"node {node}"))
+        skin = content.get("skin") if at_rest else None
+        if skin is not None and skin not in joints:
+            joints[skin] = joint_matrices(header, skin, data, world)
+        placed = None if world[node] is identity or np.array_equal(world[node], identity) else world[node]
+        matrices = joints[skin] if skin is not None else None
+        skinned = {} if matrices is None else _skinned(geometries[mesh, weights], meshes[mesh], data, matrices)
+        for number, name, geometry in geometries[mesh, weights]:
+            instances.append(MeshInstance(part, name, geometry, skinned.get(number, placed), (node, mesh, number)))
+        if len(instances) > MOST_INSTANCES:
+            raise ValueError(f"its scene places more than {MOST_INSTANCES} primitives")
+    return instances
+
+
+def _skinned(
+    primitives: list[tuple[int, str, Geometry]], mesh: Header, data: GltfData, matrices: NDArray[np.float64]
+) -> dict[int, NDArray[np.float64]]:
+    """Return the transforms (rows, 4, 4) of the primitives of a node that have weights, by their numbers."""
+    found = {}
+    for number, _, geometry in primitives:
+        transforms = skin_transforms(mesh["primitives"][number], data, len(geometry.vertices), matrices)
+        if transforms is not None:
+            found[number] = transforms
+    kept = [geometry.vertices for number, _, geometry in primitives if number in found]
+    if kept and sum(map(len, kept)):
+        joined = closed_seams(np.concatenate(kept), np.concatenate(list(found.values())))
+        found = dict(zip(found, np.split(joined, np.cumsum([len(each) for each in kept])[:-1]), strict=True))
+    return found
+
+
+def _geometry(
+    primitive: Header, data: GltfData, materials: GltfMaterials, morph_weights: tuple[float, ...]
+) -> Geometry:
+    attributes = primitive["attributes"]
+    packed = data.draco(primitive) or {}
+
+    def values(name: str, width: int) -> NDArray[Any] | None:
+        """Return an attribute, None where there is none of that width for every vertex."""
+        if name not in packed and name not in attributes:
+            return None
+        found = packed[name] if name in packed else data.accessor(attributes[name])
+        fits = found.shape == (len(vertices), width) if width else len(found) == len(vertices)
+        return found if fits else None
+
+    vertices = packed["POSITION"] if packed else data.accessor(attributes["POSITION"])
+    if vertices.shape[1] != 3:
+        raise ValueError(f"the positions of a primitive have {vertices.shape[1]} coordinates")
+    vertices = vertices.astype(np.float64)
+    if "indices" in packed:
+        indices = packed["indices"].ravel()
+    elif "indices" in primitive:
+        indices = data.indices(primitive["indices"])
+    else:
+        indices = np.arange(len(vertices))
+    surface = materials.of(primitive)
+    uv = None if surface is None else values(f"TEXCOORD_{surface.uv_set}", 2)
+    color, colors = values("COLOR_0", 0), None
+    if color is not None and color.shape[1] in (3, 4):
+        colors = rgba(color)
+        colors[:, :3] = srgb(colors[:, :3])
+    normals = values("NORMAL", 3)
+    if normals is not None:
+        normals = normals.astype(np.float64)
+        if (turned := morphed(normals, "NORMAL", primitive, morph_weights, data)) is not normals:
+            normals = unit(turned)
+    own = {name: values(name, 0) for name in attributes if name.startswith("_")}
+    shown = morphed(vertices, "POSITION", primitive, morph_weights, data)
+    return Geometry(
+        shown,
+        triangles(indices, primitive.get("mode", 4)),
+        normals,
+        None if surface is None or uv is None else from_below(uv, surface.uv_transform),
+        colors,
+        material=None if surface is None else surface.material,
+        attributes={name: np.array(each) for name, each in own.items() if each is not None},
+        stored=None if shown is vertices else vertices,
+    )
+
+
+def triangles(indices: NDArray[Any], mode: int) -> NDArray[np.int64]:
+    """Return the triangles (F, 3) of a list, a strip or a fan."""
+    numbers = indices.astype(np.int64)
+    if mode in (_STRIP, _FAN) and len(numbers) < 3:
+        return np.zeros((0, 3), np.int64)
+    if mode == _STRIP:
+        faces = np.stack([numbers[:-2], numbers[1:-1], numbers[2:]], axis=1)
+        faces[1::2] = faces[1::2, [1, 0, 2]]
+        return faces
+    if mode == _FAN:
+        return np.stack([np.repeat(numbers[:1], max(len(numbers) - 2, 0)), numbers[1:-1], numbers[2:]], axis=1)
+    if len(numbers) % 3:
+        raise ValueError(f"a primitive of triangles has {len(numbers)} corners")
+    return numbers.reshape(-1, 3)
+
+
+def from_below(uv: NDArray[Any], transform: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    """Return texture coordinates with v upwards of glTF's, which point down."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        placed = uv.astype(np.float64)
+        if transform is not None:
+            placed = placed @ transform[:, :2].T + transform[:, 2]
+        placed[:, 1] = 1 - placed[:, 1]
+    return placed
+
+
+def shown_nodes(header: Header) -> set[int]:
+    """Return the nodes of the scene that is shown."""
+    nodes, found = objects(header, "nodes"), set()
+    layer = _roots(header)
+    while layer:
+        node = layer.pop()
+        if node not in found:
+            found.add(node)
+            layer.extend(nodes[node].get("children", []))
+    return found
+
+
+def world_transforms(header: Header) -> dict[int, NDArray[np.float64]]:
+    """Return the transforms (4, 4) of all nodes: joints need not be in the scene."""
+    nodes = objects(header, "nodes")
+    below = {child for node in nodes for child in node.get("children", [])}
+    identity = np.eye(4)
+    found: dict[int, NDArray[np.float64]] = {}
+    layer = [(i, identity) for i in range(len(nodes)) if i not in below]
+    with np.errstate(over="ignore", invalid="ignore"):  # judged where something is shown
+        while layer:
+            node, parent = layer.pop()
+            own = _local_transform(nodes[node], node)
+            found[node] = parent if own is None else own if parent is identity else parent @ own
+            layer.extend((child, found[node]) for child in nodes[node].get("children", []))
+    return found
+
+
+def _roots(header: Header) -> list[int]:
+    nodes, scenes = objects(header, "nodes"), objects(header, "scenes")
+    if not scenes:
+        below = {child for node in nodes for child in node.get("children", [])}
+        return [i for i in range(len(nodes)) if i not in below]
+    index = header.get("scene", 0)
+    if not is_index(index, len(scenes)):
+        raise ValueError(f"its scene is {shortened(index)}, but there are {len(scenes)}")
+    roots = scenes[index].get("nodes", [])
+    if not isinstance(roots, list) or not all(is_index(each, len(nodes)) for each in roots):
+        raise ValueError("its scene has nodes that are not there")
+    return [int(root) for root in roots]
+
+
+def _local_transform(node: Header, index: int) -> NDArray[np.float64] | None:
+    """Return the transform (4, 4) of a node to its parent's coordinates: its matrix, or T · R · S; None without."""
+    if not node.keys() & {"matrix", "translation", "rotation", "scale"}:
+        return None
+
+    def numbers(name: str, default: list[float]) -> NDArray[np.float64]:
+        values = node.get(name, default)
+        if not isinstance(values, list) or len(values) != len(default):
+            raise ValueError(f"node {index} has {name} {shortened(values)}")
+        if not all(isinstance(each, int | float) and not isinstance(each, bool) for each in values):
+            raise ValueError(f"node {index} has {name} {shortened(values)}")
+        return np.array(values, np.float64)
+
+    if "matrix" in node:
+        return cast("NDArray[np.float64]", numbers("matrix", [0.0] * 16).reshape(4, 4).T)
+    result = np.eye(4)
+    if "rotation" in node or "scale" in node:
+        result[:3, :3] = _rotation(numbers("rotation", [0.0, 0.0, 0.0, 1.0])) * numbers("scale", [1.0, 1.0, 1.0])
+    result[:3, 3] = numbers("translation", [0.0, 0.0, 0.0])
+    return result
+
+
+def _rotation(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the matrix (3, 3) of a quaternion x, y, z, w of any length; the identity for one of none."""
+    length = float(np.linalg.norm(quaternion))
+    if not 0 < length < np.inf:
+        return np.eye(3)
+    x, y, z, w = quaternion / length
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )

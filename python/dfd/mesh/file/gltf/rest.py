@@ -1,0 +1,129 @@
+"""The shape at rest of a glTF file, as viewers show it: morph targets at their default weights, then the skin.
+
+The format: Khronos Group, "glTF 2.0 Specification", 2021, sections 3.7.2.2 and 3.7.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.mesh.file.assets import shortened
+from dfd.mesh.file.gltf.data import GltfData
+from dfd.mesh.file.gltf.header import Header, is_index, objects
+from dfd.mesh.weld import weld
+
+__all__ = ["closed_seams", "joint_matrices", "morph_weights", "morphed", "skin_transforms"]
+
+_SEAM = 1e-4  # of the largest side: rows of one place that a skin takes no further apart are one vertex
+
+Float64 = NDArray[np.float64]
+
+
+def morph_weights(node: Header, mesh: Header) -> tuple[float, ...]:
+    """Return the default weights of morph targets: the node's, or else its mesh's."""
+    values = node.get("weights", mesh.get("weights", []))
+    if not isinstance(values, list) or not all(
+        isinstance(each, int | float) and not isinstance(each, bool) and np.isfinite(each) for each in values
+    ):
+        raise ValueError(f"a mesh has morph weights {shortened(values)}")
+    return tuple(map(float, values))
+
+
+def morphed(values: Float64, name: str, primitive: Header, weights: tuple[float, ...], data: GltfData) -> Float64:
+    """Return an attribute (N, 3) plus the weighted displacements of the primitive's morph targets."""
+    targets = objects(primitive, "targets")
+    result = values
+    for weight, target in zip(weights, targets, strict=False):
+        if weight and name in target:
+            displacement = data.accessor(target[name])
+            if displacement.shape != values.shape:
+                raise ValueError(f"a morph target has {len(displacement)} displacements for {len(values)} vertices")
+            result = result + weight * displacement
+    return result
+
+
+def joint_matrices(header: Header, skin: Any, data: GltfData, world: Mapping[int, Float64]) -> Float64 | None:
+    """Return what each joint of a skin does to vertices, (J, 4, 4); None where there is no such skin."""
+    skins, nodes = objects(header, "skins"), objects(header, "nodes")
+    if not is_index(skin, len(skins)):
+        return None
+    content = skins[skin]
+    joints = content.get("joints")
+    if not isinstance(joints, list) or not joints or not all(is_index(each, len(nodes)) for each in joints):
+        raise ValueError(f"skin {skin} has joints {shortened(joints)}, which are not all in the file")
+    placed = np.stack([world[each] for each in joints])
+    if "inverseBindMatrices" not in content:
+        return placed
+    inverse = data.accessor(content["inverseBindMatrices"])
+    if inverse.shape[1] != 16 or len(inverse) < len(joints):
+        raise ValueError(f"skin {skin} has {len(inverse)} inverse bind matrices for {len(joints)} joints")
+    with np.errstate(over="ignore", invalid="ignore"):  # judged where vertices are placed
+        return placed @ inverse[: len(joints)].reshape(-1, 4, 4).swapaxes(1, 2).astype(np.float64)
+
+
+def _joints_and_weights(
+    primitive: Header, data: GltfData, rows: int, joint_count: int
+) -> list[tuple[NDArray[np.int64], Float64]]:
+    """Return the joints and weights (rows, 4) of each pair of attributes; weights that are not positive are 0.
+
+    Raises
+    ------
+    ValueError
+        If there are other counts, or a vertex follows a joint that is not there.
+    """
+    attributes, packed = primitive["attributes"], data.draco(primitive) or {}
+    found = []
+    for name in sorted(each for each in attributes if each.startswith("WEIGHTS_")):
+        other = name.replace("WEIGHTS_", "JOINTS_")
+        if other not in attributes:
+            continue
+        pair: list[NDArray[Any]] = [
+            packed[each] if each in packed else data.accessor(attributes[each]) for each in (other, name)
+        ]
+        if any(each.shape != (rows, 4) for each in pair):
+            raise ValueError(f"a skinned primitive has {len(pair[1])} weights for {rows} vertices")
+        weights = np.where(np.isfinite(pair[1]), pair[1], 0).astype(np.float64)
+        joints = np.where(weights > 0, pair[0], 0).astype(np.int64)
+        if len(joints) and joints.max() >= joint_count:
+            raise ValueError(f"a skinned primitive follows joint {joints.max()} of a skin of {joint_count}")
+        found.append((joints, np.maximum(weights, 0.0)))
+    return found
+
+
+def skin_transforms(primitive: Header, data: GltfData, rows: int, matrices: Float64) -> Float64 | None:
+    """Return the transform (rows, 4, 4) from each vertex to the scene, None for a primitive without weights.
+
+    Weights count by their share of the sum; a vertex without any follows the first joint, as three.js has it.
+    """
+    pairs = _joints_and_weights(primitive, data, rows, len(matrices))
+    if not pairs:
+        return None
+    total = np.sum([weights.sum(axis=1) for _, weights in pairs], axis=0)
+    flat = matrices.reshape(-1, 16)
+    blended = np.zeros((rows, 16))
+    with np.errstate(over="ignore", invalid="ignore"):
+        for joints, weights in pairs:
+            for column in range(4):
+                blended += weights[:, column, None] * flat[joints[:, column]]
+        blended = np.where(total[:, None] > 0, blended / np.where(total > 0, total, 1)[:, None], flat[0])
+    blended[:, 12:] = (0, 0, 0, 1)
+    return blended.reshape(-1, 4, 4)
+
+
+def closed_seams(positions: Float64, transforms: Float64) -> Float64:
+    """Return the transforms (rows, 4, 4) with those of rows at one position alike, where they differ by rounding.
+
+    Along seams of texture or normals a file has several rows of a vertex, whose weights were rounded one by one.
+    """
+    finite = np.isfinite(positions).all() and np.isfinite(transforms).all()
+    if not finite:
+        return transforms  # refused where vertices are placed
+    first, vertex = weld(positions)
+    placed = np.einsum("nij,nj->ni", transforms[:, :3, :3], positions) + transforms[:, :3, 3]
+    leader = first[vertex]
+    near = np.abs(placed - placed[leader]).max(axis=1) <= _SEAM * np.ptp(placed, axis=0).max()
+    return transforms[np.where(near, leader, np.arange(len(leader)))]

@@ -1,0 +1,123 @@
+"""The pictures of one file: each opened and decoded once, and together no larger than a budget of texels."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import io
+import warnings
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from PIL import Image
+
+__all__ = ["MOST_TEXELS", "ImageCache", "is_ktx2", "ktx2_is_readable"]
+
+MOST_TEXELS = 2**26  # of all decoded pictures of a file: 256 MiB as RGBA, four of 4096 × 4096
+_KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
+
+
+class ImageCache:
+    """Opens pictures and decodes those that are looked at.
+
+    Equal bytes are one picture. A picture's size stands in its first bytes, so that one that would not fit in the
+    budget is refused before any of it is decoded.
+    """
+
+    def __init__(self) -> None:
+        self._opened: dict[str, Image.Image] = {}
+        self._data: dict[int, bytes] = {}  # what each opened picture was made from, by its id
+        self._texels: dict[int, NDArray[np.uint8]] = {}
+        self._left = MOST_TEXELS
+
+    def open(self, data: bytes) -> Image.Image:
+        """Return the picture in `data`, undecoded.
+
+        Raises
+        ------
+        ValueError
+            If it is no picture, or larger than what is left of the budget.
+        """
+        key = hashlib.sha256(data).hexdigest()
+        if key not in self._opened:
+            image = self._ktx2(data) if is_ktx2(data) else _verified(data)
+            self._opened[key] = image
+            self._data[id(image)] = data
+        return self._opened[key]
+
+    def texels(self, image: Image.Image) -> NDArray[np.uint8]:
+        """Return a picture that `open` gave as RGBA (rows, columns, 4), the first row on top.
+
+        Raises
+        ------
+        ValueError
+            If it cannot be decoded, or is larger than what is left of the budget.
+        """
+        if id(image) not in self._texels:
+            self._spend(*image.size)
+            # another instance of it: the opened one would keep a second copy of every texel
+            self._texels[id(image)] = _decoded(self._data[id(image)])
+        return self._texels[id(image)]
+
+    def _spend(self, width: int, height: int) -> None:
+        if width * height > self._left:
+            raise ValueError(
+                f"a picture of {width} × {height} texels is more than what is left of the {MOST_TEXELS} of a file"
+            )
+        self._left -= width * height
+
+    def _ktx2(self, data: bytes) -> Image.Image:
+        """Transcode a KTX 2 picture; Pillow cannot read it later."""
+        if not ktx2_is_readable():
+            raise ValueError("a KTX2 picture needs `pip install dfd[gltf]` to be read")
+        import opengl_basisu
+
+        try:
+            texture = opengl_basisu.open(data)
+            self._spend(texture.width, texture.height)
+            texels = np.asarray(texture.transcode("rgba8").data, np.uint8)
+        except opengl_basisu.BasisuError as error:
+            raise ValueError(f"a KTX2 picture cannot be decoded: {error}") from error
+        from PIL import Image
+
+        image = Image.fromarray(texels)
+        self._texels[id(image)] = texels
+        return image
+
+
+def is_ktx2(data: bytes) -> bool:
+    """Whether a file's first bytes are those of KTX 2."""
+    return data[: len(_KTX2)] == _KTX2
+
+
+def ktx2_is_readable() -> bool:
+    """Whether the library for KTX 2 is installed."""
+    return importlib.util.find_spec("opengl_basisu") is not None
+
+
+def _verified(data: bytes) -> Image.Image:
+    from PIL import Image
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of Pillow's own limit; ours is the budget
+            with Image.open(io.BytesIO(data)) as image:
+                image.verify()  # cheap; what only decoding shows is told later
+            return Image.open(io.BytesIO(data))
+    except Exception as error:  # Pillow raises OSError, SyntaxError, ValueError and more on damaged pictures
+        raise ValueError(f"it is no picture that can be read ({type(error).__name__})") from error
+
+
+def _decoded(data: bytes) -> NDArray[np.uint8]:
+    from PIL import Image
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with Image.open(io.BytesIO(data)) as image:
+                return np.asarray(image.convert("RGBA"), np.uint8)
+    except Exception as error:
+        raise ValueError(f"it cannot be decoded ({type(error).__name__})") from error

@@ -1,0 +1,146 @@
+"""Geometries as trimesh has them: those that it read, and those that it is to write."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal, cast
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from PIL import Image
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial, SimpleMaterial
+
+from dfd.mesh.appearance import Material, linear, srgb
+from dfd.mesh.file.images import MOST_TEXELS
+from dfd.mesh.file.materials import rgba
+from dfd.mesh.file.primitives import Geometry
+
+__all__ = ["from_trimesh", "to_trimesh"]
+
+_WHITE = (1.0, 1.0, 1.0, 1.0)
+
+
+def from_trimesh(mesh: trimesh.Trimesh, materials: dict[int, Material]) -> Geometry:
+    """Return a trimesh geometry as one of ours; `materials` are known already, by the ids of trimesh's."""
+    visual = mesh.visual
+    source = getattr(visual, "material", None)
+    if source is not None and id(source) not in materials:
+        materials[id(source)] = _material(source)
+    count = len(mesh.vertices)
+    uv = getattr(visual, "uv", None)
+    if visual.kind == "vertex":
+        colors = visual.vertex_colors
+    else:  # beside a texture
+        colors = getattr(visual, "vertex_attributes", {}).get("color", mesh.vertex_attributes.get("color"))
+    if colors is not None and (np.ndim(colors) != 2 or len(colors) != count):
+        colors = None
+    # trimesh would make normals up when asked for `vertex_normals`; only those it was given are in its cache
+    normals = mesh._cache.cache.get("vertex_normals")
+    return Geometry(
+        np.asarray(mesh.vertices, np.float64),
+        np.asarray(mesh.faces, np.int64),
+        None if normals is None else np.asarray(normals, np.float64),
+        np.asarray(uv, np.float64) if uv is not None and np.shape(uv) == (count, 2) else None,
+        None if colors is None else rgba(np.asarray(colors)),
+        rgba(np.asarray(visual.face_colors)) if visual.kind == "face" else None,
+        None if source is None or is_default_material(source) else materials[id(source)],
+        original=mesh,
+    )
+
+
+def to_trimesh(
+    geometry: Geometry,
+    vertices: NDArray[np.float64],
+    normals: NDArray[np.float64] | None,
+    *,
+    gltf: bool,
+    written: dict[tuple[int, bool], Any],
+) -> trimesh.Trimesh:
+    """Return a geometry with other vertices and normals; for `gltf` its colors are linear.
+
+    `written` keeps materials that other geometries share.
+    """
+    options: dict[str, Any] = {"vertex_attributes": dict(geometry.attributes)}
+    if geometry.original is not None:
+        options["metadata"] = {name: each for name, each in geometry.original.metadata.items() if name[:1] != "_"}
+        options["vertex_attributes"] = dict(geometry.original.vertex_attributes)
+        options["face_attributes"] = dict(geometry.original.face_attributes)
+    colors = None if geometry.colors is None else _bytes(geometry.colors, gltf)
+    if geometry.material is not None or (geometry.uv is not None and colors is None):
+        key = (id(geometry.material), geometry.uv is not None)
+        if key not in written:
+            written[key] = _physical(geometry)
+        options["visual"] = TextureVisuals(uv=geometry.uv, material=written[key])
+        if colors is not None:
+            options["visual"].vertex_attributes["color"] = colors
+    elif geometry.face_colors is not None:
+        options["face_colors"] = _bytes(geometry.face_colors, gltf)
+    elif colors is not None:
+        options["vertex_colors"] = colors
+    return trimesh.Trimesh(vertices, geometry.faces, vertex_normals=normals, process=False, **options)
+
+
+def is_default_material(material: Any) -> bool:
+    """Whether trimesh made the material up, with an image of 2 x 2 texels, for a mesh that has none."""
+    image = getattr(material, "image", None)
+    return isinstance(material, SimpleMaterial) and image is not None and image.size == (2, 2) and image.format is None
+
+
+def _bytes(colors: NDArray[np.float32], gltf: bool) -> NDArray[np.uint8]:
+    stored = np.array(colors, np.float64)
+    if gltf:
+        stored[:, :3] = linear(colors[:, :3])
+    return np.rint(stored * 255).astype(np.uint8)
+
+
+def _material(source: Any) -> Material:
+    """Return a material of trimesh as ours."""
+    name = str(getattr(source, "name", None) or "")
+    if isinstance(source, PBRMaterial):
+        factor = np.ones(4) if source.baseColorFactor is None else np.asarray(source.baseColorFactor) / 255
+        color = (*(float(each) for each in srgb(factor[:3])), float(factor[3]))
+        mode = cast(Literal["OPAQUE", "MASK", "BLEND"], source.alphaMode or "OPAQUE")
+        cutoff = 0.5 if source.alphaCutoff is None else float(source.alphaCutoff)
+        return Material(
+            cast(Any, color), _texels(source.baseColorTexture), alpha_mode=mode, alpha_cutoff=cutoff, name=name
+        )
+    texture = _texels(getattr(source, "image", None))
+    if texture is not None:
+        return Material(_WHITE, texture, name=name)
+    settings: Mapping[str, Any] = getattr(source, "kwargs", {})
+    if "kd" in settings:
+        red, green, blue = (float(each) / 255 for each in source.diffuse[:3])
+        return Material((red, green, blue, 1.0), name=name)
+    return Material(name=name, is_default=True)
+
+
+def _texels(image: Any) -> NDArray[np.uint8] | None:
+    """Return a picture that trimesh opened as RGBA (rows, columns, 4), None for one that is too large."""
+    if image is None or image.size[0] * image.size[1] > MOST_TEXELS:
+        return None
+    return np.asarray(image.convert("RGBA"), np.uint8)
+
+
+def _physical(geometry: Geometry) -> Any:
+    """Return the material of a geometry as one of glTF; without texture coordinates it names no picture."""
+    original = getattr(geometry.original.visual, "material", None) if geometry.original is not None else None
+    if isinstance(original, PBRMaterial) and geometry.uv is not None:
+        return original
+    material = geometry.material or Material()
+    image = None
+    if material.texture is not None and geometry.uv is not None:
+        opaque = bool((material.texture[..., 3] == 255).all())
+        image = Image.fromarray(np.ascontiguousarray(material.texture[..., :3]) if opaque else material.texture)
+    factor = np.rint([*(linear(np.array(material.color[:3])) * 255), material.color[3] * 255])
+    return PBRMaterial(
+        name=material.name,
+        baseColorTexture=image,
+        baseColorFactor=factor.astype(np.uint8),
+        metallicFactor=getattr(original, "metallicFactor", 0.0) if isinstance(original, PBRMaterial) else 0.0,
+        roughnessFactor=getattr(original, "roughnessFactor", 1.0) if isinstance(original, PBRMaterial) else 1.0,
+        doubleSided=bool(getattr(original, "doubleSided", False)),
+        alphaMode=material.alpha_mode if material.alpha_mode != "OPAQUE" else None,
+        alphaCutoff=material.alpha_cutoff if material.alpha_mode == "MASK" else None,
+    )

@@ -1,0 +1,119 @@
+"""What stands beside a written OBJ file: its one file of materials, `<stem>.mtl`, and their pictures."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path, PurePosixPath
+
+from dfd.mesh.file.assets import AssetFolder, read_regular
+from dfd.mesh.file.images import ImageCache
+from dfd.mesh.file.obj.read import libraries, material_lines, picture_name
+from dfd.mesh.file.obj.text import ObjText, decoded
+
+__all__ = ["Companions", "copied_materials"]
+
+_PICTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".ktx2", ".png", ".tga", ".tif", ".tiff", ".webp")
+
+
+class Companions:
+    """The files beside an OBJ file that is written; none of them replaces a file that is not its own.
+
+    Its own are, where it is written once more, the materials that it names and the pictures that they name, as far as
+    they are called after it.
+    """
+
+    def __init__(self, target: Path) -> None:
+        self.files: dict[str, bytes] = {}
+        self._target = target
+        self._own = _own_files(target)
+
+    def add(self, name: str, data: bytes) -> str:
+        """Put a file beside the target and return its name, another one where something else has it."""
+        path, number = PurePosixPath(name), 1
+        while not self._is_free(name, data):
+            number += 1
+            name = f"{path.stem}_{number}{path.suffix}"
+        self.files[name] = data
+        return name
+
+    def add_library(self, text: str) -> str:
+        """Put the file of materials beside the target and return its name."""
+        return self.add(f"{self._target.stem}.mtl", text.encode())
+
+    def _is_free(self, name: str, data: bytes) -> bool:
+        if name == self._target.name:
+            return False
+        if name in self.files:
+            return self.files[name] == data
+        place = self._target.with_name(name)
+        if name in self._own or not (place.exists() or place.is_symlink()):
+            return True
+        return place.is_file() and place.stat().st_size == len(data) and place.read_bytes() == data
+
+
+def copied_materials(text: ObjText, source: Path, companions: Companions) -> tuple[str | None, set[str]]:
+    """Put the materials that an OBJ file uses, with their pictures, beside the one that is written.
+
+    Of the files that it names only descriptions of used materials are taken, and as a picture only what is one.
+
+    Parameters
+    ----------
+    text
+        The file.
+    source
+        The folder where its materials are.
+    companions
+        What stands beside the file that is written.
+
+    Returns
+    -------
+    The name of the new file of materials, None where none is used, and the libraries that could be read.
+    """
+    assets, images = AssetFolder(source / "materials"), ImageCache()
+    used = {name for _, keyword, name in text.statements if keyword == "usemtl"}
+    described: dict[str, list[str]] = {}
+    read: set[str] = set()
+    for library in libraries(text, assets):
+        try:
+            content = decoded(assets.read(library))
+        except (ValueError, OSError):
+            continue
+        read.add(library)
+        for name, lines in material_lines(content).items():
+            if name in used and name not in described:
+                described[name] = [_with_copied_picture(line, assets, images, companions) for line in lines]
+    if not described:
+        return None, read
+    return companions.add_library("".join("\n".join([f"newmtl {name}", *lines, "", ""])
+                                          for name, lines in described.items())), read  # fmt: skip
+
+
+def _with_copied_picture(line: str, assets: AssetFolder, images: ImageCache, companions: Companions) -> str:
+    name = picture_name(line)
+    if not name:
+        return line
+    try:
+        data = assets.read(name)
+        kind = images.open(data).format or "KTX2"
+    except (ValueError, OSError):  # it goes on being named
+        return line
+    path = PurePosixPath(name.replace("\\", "/"))
+    plain = path.name if path.suffix.lower() in _PICTURES else f"{path.stem}.{kind.lower()}"
+    added = companions.add(plain, data)
+    return line[: len(line) - len(name)] + added if line.endswith(name) else line.replace(name, added)
+
+
+def _own_files(target: Path) -> set[str]:
+    """Return the names of what an OBJ file that is there already has beside it, called after it."""
+    mine = re.compile(rf"{re.escape(target.stem)}(_.*)?\.[A-Za-z0-9]+")
+    found = set()
+    try:
+        for library in re.findall(rb"^[ \t]*mtllib[ \t]+([^\r\n]+)", read_regular(target), re.MULTILINE):
+            name = decoded(library).strip()
+            if mine.fullmatch(name) and name.endswith(".mtl"):
+                found.add(name)
+                lines = decoded(read_regular(target.with_name(name))).splitlines()
+                found |= {each for each in map(picture_name, lines) if mine.fullmatch(each)}
+    except (OSError, ValueError):
+        pass
+    return {name for name in found if "/" not in name and "\\" not in name}

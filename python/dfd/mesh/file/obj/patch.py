@@ -1,0 +1,145 @@
+"""Moving the vertices of an OBJ file and leaving everything else in it alone.
+
+Only the coordinates of `v` and `vn` lines change, and of faces the number of a normal that they no longer share:
+order, polygons, groups, smoothing, curves, comments and materials stay as they were written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.mesh.file.obj.library import Companions, copied_materials
+from dfd.mesh.file.obj.read import ObjSource
+from dfd.mesh.file.obj.text import ObjText, parse
+from dfd.mesh.weld import weld
+
+__all__ = ["encode"]
+
+
+def encode(
+    target: Path,
+    source: ObjSource,
+    vertices: NDArray[np.float64],
+    normals: Sequence[NDArray[np.float64] | None],
+) -> dict[str, bytes]:
+    """Return the files of the moved mesh: the OBJ file `target`, and beside it what materials it needs there.
+
+    Parameters
+    ----------
+    target
+        Where the file goes. In the folder of the original the materials are there already.
+    source
+        The original.
+    vertices
+        (N, 3) where its vertices are now; those that are where they were keep their text.
+    normals
+        For each primitive its normals (rows, 3), None where it has none.
+    """
+    text = parse(source.data)
+    changed = (vertices != text.positions).any(axis=1)
+    edits = _Edits(text.data)
+    edits.replace(text.position_spans[changed], _triples(vertices[changed]))
+    _edit_normals(edits, text, source, normals)
+    companions = Companions(target)
+    if target.parent.resolve() != source.folder.resolve():
+        _rename_libraries(edits, text, *copied_materials(text, source.folder, companions))
+    return {target.name: edits.result(), **companions.files}
+
+
+def _rename_libraries(edits: _Edits, text: ObjText, name: str | None, read: set[str]) -> None:
+    """Let the file name its new materials in place of the libraries that were read."""
+    for line, keyword, rest in text.statements:
+        named = [rest] if rest in read else rest.split()
+        if keyword == "mtllib" and read.intersection(named):
+            left = [each for each in named if each not in read]
+            edits.replace_line(line, "\n".join(f"mtllib {each}" for each in [name, *left] if each))
+            name = None
+
+
+class _Edits:
+    """Replacements in a text, made all at once."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+        self._text = data.decode("latin-1")  # a letter for each byte, whatever they mean
+        self._starts: NDArray[np.int64] | None = None  # of lines, from the second on
+        self._spans: list[NDArray[np.int64]] = []
+        self._new: list[str] = []
+
+    def replace(self, spans: NDArray[np.int64], texts: Sequence[str]) -> None:
+        """Put `texts` where `spans` (L, 2) begin and end."""
+        self._spans.append(spans)
+        self._new += texts
+
+    def replace_line(self, line: int, text: str) -> None:
+        """Put `text` in place of a line."""
+        if self._starts is None:
+            self._starts = np.flatnonzero(np.frombuffer(self._data, np.uint8) == ord("\n")) + 1
+        start = int(self._starts[line - 1]) if line else 0
+        stop = int(self._starts[line]) if line < len(self._starts) else len(self._text)
+        end = start + len(self._text[start:stop].rstrip("\r\n"))
+        self.replace(np.array([[start, end]]), [text.encode().decode("latin-1")])
+
+    def result(self) -> bytes:
+        """Return the text with everything replaced."""
+        if not self._new:
+            return self._text.encode("latin-1")
+        spans = np.concatenate(self._spans)
+        order = np.lexsort(spans.T[::-1])
+        pieces: list[str] = []
+        done = 0
+        for index, (start, end) in zip(order.tolist(), spans[order].tolist(), strict=True):
+            pieces.append(self._text[done:start])
+            pieces.append(self._new[index])
+            done = end
+        pieces.append(self._text[done:])
+        return "".join(pieces).encode("latin-1")
+
+
+def _triples(values: NDArray[np.float64]) -> list[str]:
+    """Return three numbers (L, 3) as text, as short as they can be read back exactly."""
+    return [f"{x!r} {y!r} {z!r}" for x, y, z in values.tolist()]
+
+
+def _edit_normals(
+    edits: _Edits, text: ObjText, source: ObjSource, normals: Sequence[NDArray[np.float64] | None]
+) -> None:
+    """Move the normals that faces name; corners that shared one and no longer do get one of their own."""
+    known = [each is not None for each in normals]
+    if not any(known):
+        return
+    by_row = np.concatenate(
+        [
+            np.full((count, 3), np.nan) if each is None else each
+            for each, count in zip(normals, source.row_counts, strict=True)
+        ]
+    )
+    corners = np.flatnonzero((text.corners[:, 2] >= 0) & (source.corner_rows >= 0))
+    corners = corners[np.repeat(known, source.row_counts)[source.corner_rows[corners]]]
+    number = text.corners[corners, 2]
+    distinct, value = weld(by_row[source.corner_rows[corners]])
+    pairs, first, pair = np.unique(number * (len(distinct) + 1) + value, return_index=True, return_inverse=True)
+    # of all directions that a normal's corners have now it takes the first, and the others become new normals
+    keeps = np.diff(number[first], prepend=-1) > 0
+    directions = by_row[source.corner_rows[corners]][first]
+    moved = keeps & (directions != text.normals[number[first]]).any(axis=1)
+    edits.replace(text.normal_spans[number[first][moved]], _triples(directions[moved]))
+    if keeps.all():
+        return
+    new = np.cumsum(~keeps) - 1
+    begin = text.data.rfind(b"\n", 0, int(text.corner_spans[0, 0])) + 1
+    edits.replace(np.array([[begin, begin]]), ["".join(f"vn {each}\n" for each in _triples(directions[~keeps]))])
+    # normals that come later in the file are counted on; a reader need not look ahead for any
+    before = int(np.searchsorted(text.normal_spans[:, 0], begin))
+    numbers = text.corners[:, 2].copy()
+    numbers[numbers >= before] += len(pairs) - int(keeps.sum())
+    numbers[corners[~keeps[pair]]] = before + new[pair[~keeps[pair]]]
+    relative = b"-" in text.data[begin:]
+    rewritten = np.flatnonzero((text.corners[:, 2] >= 0) & (relative | (numbers != text.corners[:, 2])))
+    spans = text.corner_spans[rewritten]
+    spans[:, 0] = [text.data.rfind(b"/", start, end) + 1 for start, end in spans.tolist()]
+    edits.replace(spans, list(map(str, (numbers[rewritten] + 1).tolist())))

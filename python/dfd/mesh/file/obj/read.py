@@ -1,0 +1,249 @@
+"""What an OBJ file shows: its faces as triangles, by part and material."""
+
+from __future__ import annotations
+
+import itertools
+import re
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.mesh.appearance import Material
+from dfd.mesh.file.assets import AssetFolder
+from dfd.mesh.file.images import ImageCache
+from dfd.mesh.file.materials import rgba
+from dfd.mesh.file.obj.text import ObjText, decoded, parse
+from dfd.mesh.file.polygons import ranges, triangulate
+from dfd.mesh.file.primitives import Geometry, MeshInstance
+
+__all__ = ["ObjSource", "face_groups", "libraries", "material_lines", "picture_name", "read"]
+
+_PICTURES = ("map_", "bump", "disp", "decal", "refl", "norm")  # how keywords that name one begin
+_OPTIONS = re.compile(r"-(?:imfchan\s+\w+|\w+(?:\s+(?:on|off|[-+]?[\d.]+(?:[eE][-+]?\d+)?))+)\s+")
+
+_GROUP_KEYWORDS = ("g", "o", "usemtl")  # where two kinds have one name, the first is meant
+
+
+@dataclass(frozen=True)
+class ObjSource:
+    """What it takes to write an OBJ file again with other positions; its text is parsed once more when that is done."""
+
+    data: bytes
+    folder: Path
+    corner_rows: NDArray[np.int32]  # (C,) row of each corner of its faces; −1 where a face has too few corners
+    row_counts: tuple[int, ...]  # rows of each primitive
+
+
+def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInstance], NDArray[np.int64], ObjSource]:
+    """Return what the file shows, the vertex (R,) of each row, and what is needed to write it again.
+
+    Parts are the file's `o`, or its `g` where it has not several `o`; within a part faces are sorted by material.
+
+    Warns
+    -----
+    UserWarning
+        If faces of fewer than three corners are left out.
+    """
+    materials = _materials(text, assets)
+    part_names, part = _parts(text, path.stem)
+    material_names, material = _state_at_faces(text, "usemtl", "")
+    known = np.array([name in materials for name in material_names], bool)
+    material = np.where(known[material], material, -1)  # faces of materials that are nowhere described are alike
+    faces = np.flatnonzero(text.sizes >= 3)
+    if len(faces) < len(text.sizes):
+        _warn_of_short_faces(text, path)
+    order = faces
+    if len(faces) and ((material != material[0]).any() or (part != part[0]).any()):
+        order = faces[np.lexsort((_by_appearance(material)[faces], _by_appearance(part)[faces]))]
+    key = part[order] * (len(material_names) + 1) + material[order] + 1
+    bounds = np.flatnonzero(np.diff(key, prepend=-1, append=-1))
+    first = np.cumsum(text.sizes) - text.sizes
+    corner_rows = np.full(len(text.corners), -1, np.int32)
+    instances, numbers, row_count = [], [], 0
+    for begin, end in itertools.pairwise(bounds):
+        some = order[begin:end]
+        where = ranges(first[some], text.sizes[some])
+        rows, inverse = _distinct(text.corners[where])
+        corner_rows[where] = inverse + row_count
+        used = material[some[0]]
+        geometry = _geometry(
+            text,
+            rows,
+            inverse[triangulate(text.positions, text.corners[where, 0], text.sizes[some])],
+            materials.get(material_names[used]) if used >= 0 else None,
+        )
+        name = part_names[part[some[0]]]
+        instances.append(MeshInstance(name, name, geometry))
+        numbers.append(rows[:, 0])
+        row_count += len(rows)
+    vertex = np.concatenate(numbers) if numbers else np.zeros(0, np.int64)
+    return instances, vertex, ObjSource(text.data, path.parent, corner_rows, tuple(map(len, numbers)))
+
+
+def libraries(text: ObjText, assets: AssetFolder) -> list[str]:
+    """Return the files of materials that the text names; a line names one, which may have spaces, or several."""
+    names = []
+    for line in [rest for _, keyword, rest in text.statements if keyword == "mtllib" and rest]:
+        names += [line] if " " not in line or assets.has(line) else line.split()
+    return list(dict.fromkeys(names))
+
+
+def _geometry(text: ObjText, rows: NDArray[np.int64], faces: NDArray[np.int64], material: Material | None) -> Geometry:
+    """Return a geometry of distinct vertices, textures and normals (R, 3) and triangles of them (F, 3)."""
+    normals = text.normals[rows[:, 2]] if len(text.normals) and (rows[:, 2] >= 0).all() else None
+    textured = bool((rows[:, 1] >= 0).any())
+    return Geometry(
+        text.positions[rows[:, 0]],
+        faces,
+        normals,
+        np.where(rows[:, 1:2] >= 0, text.uv[rows[:, 1]], 0) if textured else None,
+        None if text.colors is None else rgba(text.colors[rows[:, 0]]),
+        material=material,
+    )
+
+
+def _distinct(corners: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the distinct rows (R, 3) of corners (C, 3), sorted, and which of them each corner is."""
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    span = [int(each) for each in high - low + 1]
+    if span[0] * span[1] * span[2] < 2**62:
+        key = ((corners[:, 0] - low[0]) * span[1] + (corners[:, 1] - low[1])) * span[2] + (corners[:, 2] - low[2])
+        _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+        return corners[first], inverse
+    rows, inverse = np.unique(corners, axis=0, return_inverse=True)
+    return rows, inverse.ravel()
+
+
+def _parts(text: ObjText, default: str) -> tuple[list[str], NDArray[np.int64]]:
+    """Return the names of the parts and the part (P,) of each face."""
+    for keyword in ("o", "g"):
+        names, part = _state_at_faces(text, keyword, default)
+        if len(part) and (part != part[0]).any():
+            return names, part
+    for keyword in ("o", "g"):  # one part: whichever names it
+        names, part = _state_at_faces(text, keyword, default)
+        if len(part) and part[0] > 0:
+            return names, part
+    return _state_at_faces(text, "", default)
+
+
+def _state_at_faces(text: ObjText, keyword: str, default: str) -> tuple[list[str], NDArray[np.int64]]:
+    """Return the names that a keyword gave, `default` first, and which of them holds (P,) at each face."""
+    names, numbers, lines, values = [default], {default: 0}, [-1], [0]
+    for line, found, name in text.statements:
+        if found == keyword:
+            name = name or default
+            if name not in numbers:
+                numbers[name] = len(names)
+                names.append(name)
+            lines.append(line)
+            values.append(numbers[name])
+    return names, np.array(values)[np.searchsorted(lines, text.face_lines) - 1]
+
+
+def _by_appearance(values: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the values (P,) as numbers in the order in which they first appear."""
+    _, first, inverse = np.unique(values, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))
+    return rank[inverse]
+
+
+def _warn_of_short_faces(text: ObjText, path: Path) -> None:
+    short = np.flatnonzero(text.sizes < 3)
+    warnings.warn(
+        f"load: `path` {path} has {len(short)} faces of fewer than three corners, the first in line "
+        f"{text.face_lines[short[0]] + 1}; they are left out",
+        stacklevel=6,  # where `load` is called
+    )
+
+
+def face_groups(data: bytes) -> dict[str, NDArray[np.int64]]:
+    """Return the vertices (N,) of each group in the text of an OBJ file, ascending, by the group's name.
+
+    Every word of a `g` line names a group, and so does the line as a whole; `o` and `usemtl` lines have one name each.
+    A group has all faces of its name, wherever they are, and goes on where a line of another kind comes between. Faces
+    before the first line of a kind are in no group of that kind, and groups without faces are left out.
+    """
+    text = parse(data)
+    kept = np.repeat(text.sizes >= 3, text.sizes)  # faces of fewer corners are none of the mesh
+    vertices = text.corners[kept, 0]
+    found: dict[str, NDArray[np.int64]] = {}
+    for keyword in _GROUP_KEYWORDS:
+        names, state = _state_at_faces(text, keyword, "")
+        state = np.repeat(state, text.sizes)[kept]
+        order = np.argsort(state, kind="stable")
+        bounds = np.searchsorted(state[order], np.arange(len(names) + 1))
+        lines: dict[str, list[int]] = {}
+        for number, name in enumerate(names):
+            for word in dict.fromkeys([name, *(name.split() if keyword == "g" else [])]):
+                lines.setdefault(word, []).append(number)
+        for name, numbers in lines.items():
+            corners = np.concatenate([order[bounds[number] : bounds[number + 1]] for number in numbers])
+            if name and len(corners):
+                found.setdefault(name, np.unique(vertices[corners]))
+    return found
+
+
+def picture_name(line: str) -> str:
+    """Return the picture that a line of an MTL file names, without its options; "" where it names none."""
+    keyword, _, rest = line.strip().replace("\t", " ").partition(" ")
+    return _OPTIONS.sub("", rest).strip() if keyword.lower().startswith(_PICTURES) else ""
+
+
+def _materials(text: ObjText, assets: AssetFolder) -> dict[str, Material]:
+    """Return the materials that the file uses, by name, from the MTL files that it names."""
+    images, found = ImageCache(), {}
+    used = {name for _, keyword, name in text.statements if keyword == "usemtl"}
+    for library in libraries(text, assets):
+        try:
+            content = decoded(assets.read(library))
+        except (ValueError, OSError):
+            assets.unreadable.add(library)
+            continue
+        for name, lines in material_lines(content).items():
+            if name in used and name not in found:
+                found[name] = _material(name, lines, assets, images)
+    return found
+
+
+def _material(name: str, lines: list[str], assets: AssetFolder, images: ImageCache) -> Material:
+    """Return a material as it is shown: its texture alone, or else its diffuse color.
+
+    Programs disagree about the product of the two.
+    """
+    color = picture = None
+    for line in lines:
+        keyword, *words = line.split()
+        if keyword.lower() == "kd" and len(words) >= 3:
+            try:
+                color = np.clip([float(word) for word in words[:3]], 0, 1)
+            except ValueError:
+                continue
+        elif keyword.lower() == "map_kd":
+            picture = picture_name(line) or picture
+    if picture is not None:
+        try:
+            return Material((1.0, 1.0, 1.0, 1.0), images.texels(images.open(assets.read(picture))), name=name)
+        except (ValueError, OSError):
+            assets.unreadable.add(picture)
+    if picture is not None or color is None or not np.isfinite(color).all():
+        return Material(name=name, is_default=True)
+    red, green, blue = color.tolist()
+    return Material((red, green, blue, 1.0), name=name)
+
+
+def material_lines(content: str) -> dict[str, list[str]]:
+    """Return the lines of each material of an MTL file, without the one that names it."""
+    found: dict[str, list[str]] = {}
+    lines: list[str] = []
+    for line in content.splitlines():
+        words = line.split()
+        if words and words[0].lower() == "newmtl":
+            lines = found.setdefault(" ".join(words[1:]), [])
+        elif words and not words[0].startswith("#"):
+            lines.append(line.strip())
+    return found

@@ -1,0 +1,297 @@
+"""The text of an OBJ file as arrays, and where in the text the numbers of each vertex stand.
+
+The format: Wavefront, "Advanced Visualizer Manual", appendix B1, 1992, with colors after a vertex's coordinates as
+many programs write them. NumPy reads every number, so that a file of a million faces takes seconds.
+"""
+
+from __future__ import annotations
+
+import codecs
+import re
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.mesh.file.assets import shortened
+
+__all__ = ["ObjText", "Tokens", "decoded", "parse"]
+
+_INDENTED = 64  # spaces before a keyword that are passed over for all lines at once
+_CORNER = re.compile(rb"[-+]?\d+(/[-+]?\d*){0,2}")
+_STATEMENTS = ("o", "g", "usemtl", "mtllib")
+
+
+@dataclass(frozen=True)
+class Tokens:
+    """The words after the keyword of all lines of one kind."""
+
+    lines: NDArray[np.int64]  # (L,) line numbers
+    counts: NDArray[np.int64]  # (L,) words of each
+    starts: NDArray[np.int64]  # (W,) first byte of each word in `text`
+    ends: NDArray[np.int64]  # (W,) byte after it
+    text: bytes  # the lines, with spaces in place of keywords and comments
+    shifts: NDArray[np.int64]  # (L,) from a place in `text` to that in the file
+
+    def spans(self) -> NDArray[np.int64]:
+        """(W, 2) where in the file each word begins and ends."""
+        return np.stack([self.starts, self.ends], axis=1) + np.repeat(self.shifts, self.counts)[:, None]
+
+    def first(self) -> NDArray[np.int64]:
+        """(L,) number of each line's first word."""
+        return np.cumsum(self.counts) - self.counts
+
+
+@dataclass(frozen=True)
+class ObjText:
+    """What the lines of an OBJ file say; numbers count from 0."""
+
+    data: bytes  # the text; continued lines are joined
+    positions: NDArray[np.float64]  # (N, 3) of the `v` lines
+    position_spans: NDArray[np.int64]  # (N, 2) where in the text their three coordinates begin and end
+    colors: NDArray[np.float64] | None  # (N, 3), where every `v` line has them
+    uv: NDArray[np.float64]  # (T, 2) of the `vt` lines
+    normals: NDArray[np.float64]  # (M, 3) of the `vn` lines
+    normal_spans: NDArray[np.int64]  # (M, 2)
+    corners: NDArray[np.int64]  # (C, 3) vertex, texture and normal of each corner of a face; −1 for none
+    corner_spans: NDArray[np.int64]  # (C, 2) where in the text a corner begins and ends
+    sizes: NDArray[np.int64]  # (P,) corners of each face
+    face_lines: NDArray[np.int64]  # (P,) its line
+    statements: tuple[tuple[int, str, str], ...]  # line, keyword and the rest of `o`, `g`, `usemtl`, `mtllib` lines
+
+
+def decoded(data: bytes) -> str:
+    """Return what bytes of a text file say: in UTF-8, or Latin-1 where they are not that."""
+    try:
+        return data.decode()
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def parse(data: bytes) -> ObjText:
+    """Read the text of an OBJ file.
+
+    Raises
+    ------
+    ValueError
+        If a line of a vertex or a face cannot be right.
+    """
+    data = data.removeprefix(codecs.BOM_UTF8)
+    data = data.replace(b"\\\r\n", b"   ").replace(b"\\\n", b"  ")
+    if b"\n" not in data:
+        data = data.replace(b"\r", b"\n")
+    lines = _Lines(data)
+    vertices = lines.tokens(b"v")
+    values, first = _values(vertices, "v", at_least=3)
+    normal_tokens = lines.tokens(b"vn")
+    normals, first_normal = _values(normal_tokens, "vn", at_least=3)
+    uv_tokens = lines.tokens(b"vt")
+    uv, first_uv = _values(uv_tokens, "vt", at_least=1)
+    faces = lines.tokens(b"f")
+    counts = (vertices.lines, uv_tokens.lines, normal_tokens.lines)
+    two = np.minimum(uv_tokens.counts, 2) - 1  # of a texture with one coordinate the other is the same number
+    return ObjText(
+        data=data,
+        positions=values[first[:, None] + np.arange(3)],
+        position_spans=_spans(vertices, first),
+        colors=_colors(values, first, vertices.counts),
+        uv=_values_of_two(uv, first_uv, two),
+        normals=normals[first_normal[:, None] + np.arange(3)],
+        normal_spans=_spans(normal_tokens, first_normal),
+        corners=_corners(faces, counts),
+        corner_spans=faces.spans(),
+        sizes=faces.counts,
+        face_lines=faces.lines,
+        statements=lines.statements(),
+    )
+
+
+class _Lines:
+    """The lines of a text and the keywords that they begin with."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+        padded = np.frombuffer(data + b"\n\n\n\n", np.uint8)
+        self._bytes = padded[: len(data) + 1]
+        ends = np.flatnonzero(self._bytes == ord("\n"))
+        self._ends = ends
+        self._starts = np.concatenate([[0], ends[:-1] + 1]).astype(np.int64)
+        self._begins = self._after_indent(self._starts)
+        self._keywords = tuple(padded[self._begins + i] for i in range(3))
+
+    def tokens(self, keyword: bytes) -> Tokens:
+        """Return the words of all lines that begin with `keyword`."""
+        lines = np.flatnonzero(self._is(keyword))
+        runs = np.flatnonzero(np.diff(lines, prepend=-2) > 1)  # where lines begin that follow each other
+        last = np.append(runs[1:], len(lines))[: len(runs)] - 1
+        starts, ends = self._starts[lines], self._ends[lines] + 1
+        text = bytearray().join(
+            self._data[start:end] for start, end in zip(starts[runs].tolist(), ends[last].tolist(), strict=True)
+        )
+        text += b"\n" * (len(text) and text[-1] != ord("\n"))
+        stops = np.cumsum(ends - starts)
+        shifts = ends - stops
+        array = np.frombuffer(text, np.uint8)
+        for i in range(len(keyword)):
+            array[self._begins[lines] - shifts + i] = ord(" ")
+        if b"#" in text:
+            _blank_comments(text)
+        words = array > ord(" ")  # no control character is part of a word either
+        edges = np.flatnonzero(words[1:] != words[:-1]) + 1  # the first byte is none, and neither is the last
+        first, end = edges[::2], edges[1::2]
+        counts = np.diff(np.searchsorted(first, stops), prepend=0)
+        return Tokens(lines, counts, first, end, bytes(text), shifts)
+
+    def statements(self) -> tuple[tuple[int, str, str], ...]:
+        """Return the lines that name parts and materials."""
+        initial = self._keywords[0]
+        found = []
+        for line in np.flatnonzero(
+            (initial == ord("o")) | (initial == ord("g")) | (initial == ord("u")) | (initial == ord("m"))
+        ):
+            words = self._data[self._begins[line] : self._ends[line]].split(None, 1)
+            keyword = words[0].decode("latin-1")
+            if keyword in _STATEMENTS:
+                found.append((int(line), keyword, " ".join(decoded(words[1]).split()) if len(words) > 1 else ""))
+        return tuple(found)
+
+    def _is(self, keyword: bytes) -> NDArray[np.bool_]:
+        found: NDArray[np.bool_] = self._keywords[0] == keyword[0]
+        for i in range(1, len(keyword)):
+            found &= self._keywords[i] == keyword[i]
+        after = self._keywords[len(keyword)]
+        found &= (after == ord(" ")) | (after == ord("\t"))
+        return found
+
+    def _after_indent(self, starts: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the first byte of each line that is no space or tab."""
+        begins = starts.copy()
+        left = np.arange(len(starts))
+        for _ in range(_INDENTED):
+            here = self._bytes[begins[left]]
+            left = left[(here == ord(" ")) | (here == ord("\t"))]
+            if not len(left):
+                return begins
+            begins[left] += 1
+        for line in left:
+            rest = self._data[begins[line] : self._ends[line]]
+            begins[line] += len(rest) - len(rest.lstrip(b" \t"))
+        return begins
+
+
+def _blank_comments(text: bytearray) -> None:
+    """Put spaces in place of what follows a `#`, up to the end of its line."""
+    at = text.find(b"#")
+    while at >= 0:
+        end = text.index(b"\n", at)
+        text[at:end] = b" " * (end - at)
+        at = text.find(b"#", end)
+
+
+def _values(tokens: Tokens, keyword: str, at_least: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return the numbers of all lines of one kind, and the place of each line's first."""
+    short = np.flatnonzero(tokens.counts < at_least)
+    first = tokens.first()
+    if len(short):
+        raise ValueError(
+            f"vertex {short[0]} of its {keyword!r} lines has {tokens.counts[short[0]]} numbers, "
+            f"and {at_least} are needed"
+        )
+    values = _numbers(tokens.text, np.float64, len(tokens.starts))
+    if values is None:
+        words = (tokens.text[start:end] for start, end in zip(tokens.starts, tokens.ends, strict=True))
+        wrong = next((word for word in words if not _is_number(word)), b"")
+        raise ValueError(f"its {keyword!r} lines hold {shortened(decoded(wrong))}, which is no number")
+    return values, first
+
+
+def _numbers(text: bytes, dtype: Any, count: int) -> NDArray[Any] | None:
+    """Return the `count` numbers of a text, None where it holds something else."""
+    if not count:
+        return np.zeros(0, dtype)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)  # older NumPy's way to say that it found no number
+        try:
+            values = np.fromstring(text, dtype, sep=" ")
+        except (ValueError, DeprecationWarning):
+            return None
+    return values if len(values) == count else None
+
+
+def _is_number(word: bytes) -> bool:
+    return _numbers(word, np.float64, 1) is not None
+
+
+def _values_of_two(
+    values: NDArray[np.float64], first: NDArray[np.int64], second: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Return two numbers (L, 2) of each line: the first, and the one `second` after it."""
+    return values[np.stack([first, first + second], axis=1)]
+
+
+def _spans(tokens: Tokens, first: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return where the first three words of each line begin and end."""
+    return np.stack([tokens.starts[first], tokens.ends[first + 2]], axis=1) + tokens.shifts[:, None]
+
+
+def _colors(
+    values: NDArray[np.float64], first: NDArray[np.int64], counts: NDArray[np.int64]
+) -> NDArray[np.float64] | None:
+    """Return the colors (N, 3) that follow the coordinates, display-referred in [0, 1]; None where one has none."""
+    if not len(counts) or counts.min() < 6:
+        return None
+    colors: NDArray[np.float64] = values[first[:, None] + np.arange(3, 6)]
+    return colors / 255 if colors.max() > 1 else colors
+
+
+def _corners(
+    faces: Tokens, counted: tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
+) -> NDArray[np.int64]:
+    """Return vertex, texture and normal (C, 3) of each corner: absolute, from 0, −1 for none.
+
+    `counted` are the lines of vertices, textures and normals: a relative number counts back from the face's line.
+    """
+    slashes = np.zeros(len(faces.starts), np.int64)
+    if b"/" in faces.text:
+        places = np.flatnonzero(np.frombuffer(faces.text, np.uint8) == ord("/"))
+        slashes = np.searchsorted(places, faces.ends) - np.searchsorted(places, faces.starts)
+    if (slashes > 2).any():
+        raise _bad_face(faces, int(np.argmax(slashes > 2)), "is none")
+    plain = faces.text.replace(b"//", b"/0/")
+    if (np.frombuffer(faces.text, np.uint8)[faces.ends - 1] == ord("/")).any():  # `1/` and `1/2/`
+        plain = b"\n".join(
+            b" ".join(word + b"0" if word.endswith(b"/") else word for word in line.split())
+            for line in plain.split(b"\n")
+        )
+    numbers = _numbers(plain.replace(b"/", b" "), np.int64, int((slashes + 1).sum()))
+    if numbers is None:
+        spans = zip(faces.starts.tolist(), faces.ends.tolist(), strict=True)
+        wrong = (i for i, (start, end) in enumerate(spans) if not _CORNER.fullmatch(faces.text, start, end))
+        raise _bad_face(faces, next(wrong, 0), "is none")
+    first = np.cumsum(slashes + 1) - (slashes + 1)
+    corners = np.full((len(first), 3), -1, np.int64)
+    line = np.repeat(faces.lines, faces.counts)
+    for column, lines in enumerate(counted):
+        given = np.flatnonzero(slashes >= column)
+        found = numbers[first[given] + column]
+        relative = found < 0
+        if relative.any():
+            found[relative] += np.searchsorted(lines, line[given][relative]) + 1
+        outside = (found < 1) | (found > len(lines))
+        if column:  # a texture or normal that is not there is none
+            found[outside] = 0
+        elif outside.any():
+            where = int(np.argmax(outside))
+            zero = numbers[first[given[where]]] == 0
+            what = "names vertex 0, but the first is 1" if zero else f"names none of the {len(lines)} vertices"
+            raise _bad_face(faces, int(given[where]), what)
+        corners[given, column] = found - 1
+    return corners
+
+
+def _bad_face(faces: Tokens, word: int, what: str) -> ValueError:
+    line = int(np.searchsorted(np.cumsum(faces.counts), word, side="right"))
+    found = decoded(faces.text[faces.starts[word] : faces.ends[word]])
+    return ValueError(f"line {faces.lines[line] + 1}: the corner {shortened(found)} of a face {what}")

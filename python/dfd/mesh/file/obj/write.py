@@ -1,0 +1,166 @@
+"""OBJ files that keep every vertex once: seams of texture and normals are named by the faces, as the format means it.
+
+(trimesh's writer repeats the vertices along every seam, which tears the surface and renumbers it for other programs.)
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.mesh.appearance import GREY, Material
+from dfd.mesh.file.obj.library import Companions
+from dfd.mesh.file.scene_file import SceneFile
+
+__all__ = ["encode", "encode_scene"]
+
+_SEPARATORS = re.compile(r"[/\\:*?\"<>|\0]")  # what no name of a file may hold, here or elsewhere
+_LONGEST_NAME = 60  # letters of a material's name, which becomes part of a texture's
+
+
+def encode(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> bytes:
+    """Return the text of a file of plain vertices (V, 3) and faces (F, 3)."""
+    return _lines("v", vertices) + _faces([faces])
+
+
+def encode_scene(
+    target: Path,
+    vertices: NDArray[np.float64],
+    scene: SceneFile,
+    normals: Sequence[NDArray[np.float64] | None],
+) -> dict[str, bytes]:
+    """Return the files of a scene: the OBJ file `target`, and its materials and textures, all named after it.
+
+    Parameters
+    ----------
+    target
+        Where the OBJ file goes.
+    vertices
+        (V, 3) where the mesh's vertices are.
+    scene
+        The parts, their texture coordinates and materials.
+    normals
+        For each primitive None or (rows, 3), in its own coordinates.
+    """
+    companions = Companions(target)
+    materials = [each.geometry.material for each in scene.primitives]
+    library = _MaterialLibrary(target.stem, companions)
+    several = any(library.add(material) for material in materials)
+    body: list[bytes] = []
+    uv_count = normal_count = 0
+    part = None
+    for each, own_normals, material in zip(scene.primitives, normals, materials, strict=True):
+        local = scene.local_faces(each)
+        columns: list[NDArray[np.integer] | None] = [scene.vertex[each.rows][local], None, None]
+        if each.part != part:  # primitives of one part differ in their materials alone
+            part = each.part
+            body.append(f"o {_one_line(part)}\n".encode())
+        uv = each.geometry.uv
+        if uv is not None:
+            body.append(_lines("vt", uv))
+            columns[1] = local + uv_count
+            uv_count += len(uv)
+        if own_normals is not None:
+            body.append(_lines("vn", each.normals_to_scene(own_normals)))
+            columns[2] = local + normal_count
+            normal_count += len(own_normals)
+        used = library.add(material)
+        if used is None and several:  # a primitive without one would go on with that of the one before
+            used = library.plain(1.0 if each.geometry.colors is not None else GREY)
+        if used is not None:
+            body.append(f"usemtl {used}\n".encode())
+        body.append(_faces(columns))
+    head = f"mtllib {companions.add_library(library.text)}\n".encode() if library.text else b""
+    colors = _vertex_colors(scene)
+    positions = vertices if colors is None else np.hstack([vertices, colors])
+    return {target.name: head + _lines("v", positions) + b"".join(body), **companions.files}
+
+
+class _MaterialLibrary:
+    """The materials of a scene as an MTL file and its textures."""
+
+    def __init__(self, stem: str, companions: Companions) -> None:
+        self.text = ""
+        self._stem, self._companions = stem, companions
+        self._names: dict[int, str] = {}
+        self._taken: set[str] = set()
+        self._counts: dict[str, int] = {}
+
+    def add(self, material: Material | None) -> str | None:
+        """Return the name of a material, written when it first comes; None for one that nothing is known of."""
+        if material is None or material.is_default:
+            return None
+        if id(material) not in self._names:
+            name = self._unused(_one_line(material.name).replace(" ", "_"))
+            self._names[id(material)] = name
+            lines = [f"newmtl {name}", "Kd " + " ".join(f"{each:.6g}" for each in material.color[:3])]
+            if material.texture is not None:  # the stem keeps it from overwriting another file's
+                picture = self._companions.add(f"{self._stem}_{name}.png", _png(material.texture))
+                lines.append(f"map_Kd {picture}")
+            self.text += "\n".join([*lines, "", ""])
+        return self._names[id(material)]
+
+    def plain(self, grey: float) -> str:
+        """Return the name of a material of one grey, written when it first comes."""
+        if (grey_id := -int(1000 * grey)) not in self._names:
+            name = self._names[grey_id] = self._unused("plain")
+            self.text += f"newmtl {name}\nKd {grey} {grey} {grey}\n\n"
+        return self._names[grey_id]
+
+    def _unused(self, name: str) -> str:
+        name = _SEPARATORS.sub("_", name)[:_LONGEST_NAME] or "material"
+        numbered = name
+        while numbered in self._taken:
+            self._counts[name] = self._counts.get(name, 1) + 1
+            numbered = f"{name}_{self._counts[name]}"
+        self._taken.add(numbered)
+        return numbered
+
+
+def _vertex_colors(scene: SceneFile) -> NDArray[np.float64] | None:
+    """Return RGB (V, 3) where vertices have colors; a vertex takes that of its last row."""
+    look = scene.appearance
+    if look is None or look.colors is None:
+        return None
+    colors = np.ones((len(scene.vertices), 3))
+    used = look.corners >= 0
+    colors[look.corners[used]] = look.colors[used, :3]
+    return colors[scene.representative]
+
+
+def _png(texels: NDArray[np.uint8]) -> bytes:
+    """Return RGBA texels as a PNG file, without alpha where all is opaque."""
+    from PIL import Image
+
+    stream = io.BytesIO()
+    opaque = bool((texels[..., 3] == 255).all())
+    Image.fromarray(np.ascontiguousarray(texels[..., :3]) if opaque else texels).save(stream, "PNG")
+    return stream.getvalue()
+
+
+def _lines(kind: str, values: NDArray[np.float64]) -> bytes:
+    """Return a line for each row, its numbers as short as they can be read back exactly."""
+    numbers = [repr(value) for value in np.asarray(values, np.float64).ravel().tolist()]
+    width = values.shape[1]
+    template = f"{kind} {' '.join(['%s'] * width)}\n"
+    return (template * len(values) % tuple(numbers)).encode()
+
+
+def _faces(columns: Sequence[NDArray[np.integer] | None]) -> bytes:
+    """Return the face lines of vertex, texture and normal numbers (F, 3) each, from 0."""
+    given = [column + 1 for column in columns if column is not None]
+    have_uv = len(columns) > 1 and columns[1] is not None
+    have_normal = len(columns) > 2 and columns[2] is not None
+    corner = {(False, False): "%d", (True, False): "%d/%d", (False, True): "%d//%d", (True, True): "%d/%d/%d"}
+    template = f"f {' '.join([corner[have_uv, have_normal]] * 3)}\n"
+    numbers = np.stack(given, axis=-1).ravel().tolist()
+    return (template * (len(given[0])) % tuple(numbers)).encode()
+
+
+def _one_line(name: str) -> str:
+    return " ".join(name.split())

@@ -1,0 +1,1 @@
+"""PLY, OFF and STL files, read by NumPy."""

@@ -1,0 +1,96 @@
+"""Triangles of polygons: fans of convex ones, and ears of those that are not.
+
+Ears: Meisters, "Polygons Have Ears", 1975, as mapbox-earcut cuts them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["ranges", "triangulate"]
+
+_REFLEX = 1e-6  # of the polygon's own size: corners that turn back by less are straight
+
+
+def triangulate(
+    positions: NDArray[np.float64], corners: NDArray[np.int64], sizes: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return the triangles (F, 3) of polygons, each of as many consecutive corners as its size says, at least 3.
+
+    Parameters
+    ----------
+    positions
+        (N, 3) the vertices.
+    corners
+        (C,) vertex of each corner, one polygon after the other.
+    sizes
+        (P,) corners of each.
+
+    Returns
+    -------
+    Numbers of corners, in the polygons' order: size - 2 triangles for each.
+    """
+    if not (sizes > 3).any():
+        return np.arange(len(corners)).reshape(-1, 3)
+    first = np.cumsum(sizes) - sizes
+    start = np.repeat(first, sizes - 2)
+    step = ranges(np.zeros(len(sizes), np.int64), sizes - 2)
+    triangles = np.stack([start, start + step + 1, start + step + 2], axis=1)
+    concave = _concave(positions, corners, sizes, first)
+    if len(concave):
+        begins = np.cumsum(sizes - 2) - (sizes - 2)
+        for polygon in concave.tolist():
+            size, begin = int(sizes[polygon]), int(begins[polygon])
+            ears = _ears(positions[corners[first[polygon] : first[polygon] + size]])
+            if ears is not None:
+                triangles[begin : begin + size - 2] = ears + first[polygon]
+    return triangles
+
+
+def ranges(starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the whole numbers from each start on, as many as its length says, one range after the other."""
+    before = np.cumsum(lengths) - lengths
+    return np.repeat(starts - before, lengths) + np.arange(int(lengths.sum()))
+
+
+def _concave(
+    positions: NDArray[np.float64], corners: NDArray[np.int64], sizes: NDArray[np.int64], first: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return the polygons of more than three corners of which some corner turns the other way."""
+    large = np.flatnonzero(sizes > 3)
+    here = ranges(first[large], sizes[large])
+    polygon = np.repeat(np.arange(len(large)), sizes[large])
+    begins = np.cumsum(sizes[large]) - sizes[large]
+    following = np.arange(len(here)) + 1
+    following[begins + sizes[large] - 1] = begins
+    points = positions[corners[here]]
+    with np.errstate(over="ignore", invalid="ignore"):
+        edges = points[following] - points
+        turns = np.empty_like(edges)
+        turns[following] = np.cross(edges, edges[following])
+        around = np.cross(points - points[begins][polygon], edges)  # Newell's normal, twice the area long
+        normals = np.add.reduceat(around, begins, axis=0)
+        size = np.linalg.norm(normals, axis=1)
+        unit = normals / np.where(size > 0, size, 1)[:, None]
+        back = np.einsum("nc,nc->n", turns, unit[polygon]) < -_REFLEX * size[polygon]
+    found: NDArray[np.int64] = large[np.unique(polygon[back])]
+    return found
+
+
+def _ears(points: NDArray[np.float64]) -> NDArray[np.int64] | None:
+    """Return the triangles (size - 2, 3) of a polygon (size, 3), None where it crosses itself or has no area."""
+    import mapbox_earcut
+
+    edges = np.roll(points, -1, axis=0) - points
+    normal = np.cross(points - points[0], edges).sum(axis=0)
+    axis = int(np.abs(normal).argmax())
+    flat = np.delete(points - points[0], axis, axis=1)
+    ears = mapbox_earcut.triangulate_float64(np.ascontiguousarray(flat), np.array([len(points)], np.uint32))
+    triangles: NDArray[np.int64] = ears.reshape(-1, 3).astype(np.int64)
+    if len(triangles) != len(points) - 2:
+        return None
+    a, b, c = (points[triangles[:, corner]] for corner in range(3))
+    inside_out = np.cross(b - a, c - a) @ normal < 0
+    triangles[inside_out] = triangles[inside_out][:, [0, 2, 1]]
+    return triangles

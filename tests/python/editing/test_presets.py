@@ -1,0 +1,251 @@
+"""One set of defaults for each preset: every door has it, and "paper" is Eq. 1 and 4 to 8 by the slow reference."""
+
+import importlib.util
+import json
+import re
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import get_args
+
+import numpy as np
+import pytest
+
+import dfd
+from dfd import reference
+from dfd.app.columns import Columns
+from dfd.app.state import Looks, empty_state, state_message
+from dfd.cli.options import FalloffOption, ReachOption
+from dfd.common.preset import Preset
+from dfd.editing.controls import Controls, controls_of
+from dfd.editing.document import edit_schema
+from dfd.editing.edit import Edit, Handle, empty_edit
+from dfd.editing.edit_file import from_document, to_document
+from dfd.editing.place import place_on
+from dfd.editing.presets import PRESETS, WHOLE_SHAPE
+from dfd.editing.transfer import transfer
+from dfd.symmetry.plane import SymmetryPlane
+
+ROOT = Path(__file__).resolve().parents[3]
+NAMES = get_args(Preset)
+each_preset = pytest.mark.parametrize("preset", NAMES)
+
+
+# --- the doors
+
+
+def whole(edit):
+    return {name: getattr(edit, name) for name in WHOLE_SHAPE}
+
+
+def test_there_is_one_object_for_each_preset():
+    assert tuple(PRESETS) == NAMES
+
+
+@each_preset
+def test_a_session_starts_with_its_preset(mesh, field, features, preset):
+    session = dfd.Deformer(mesh, field, preset=preset, features=features)
+    controls = session.handle(session.add(5)).controls
+    assert session.preset == preset
+    assert whole(session.edit) == PRESETS[preset].whole_shape
+    assert {name: getattr(controls, name) for name in PRESETS[preset].handle} == PRESETS[preset].handle
+    session.set_symmetry("x")
+    assert session.symmetry.band == pytest.approx(PRESETS[preset].band * max(mesh.extents))
+
+
+@each_preset
+def test_an_edit_file_means_its_preset_by_what_it_leaves_out(mesh, preset):
+    document = {"format": "dfd-edit", "version": 3, "preset": preset, "handles": [{"vertex": 5}], "symmetry": "x"}
+    edit = from_document(document, mesh)
+    assert edit.handles == (Handle(1, place_on(mesh, 5), controls=controls_of(preset)),)
+    assert (edit.preset, whole(edit)) == (preset, PRESETS[preset].whole_shape)
+    assert edit.symmetry.band == pytest.approx(PRESETS[preset].band * max(mesh.extents))
+    spelled = from_document({**document, "symmetry": {"normal": [1, 0, 0], "offset": 0}}, mesh)
+    assert spelled.symmetry.band == edit.symmetry.band
+    del document["preset"]
+    assert (from_document(document, mesh) == edit) == (preset == "default")
+
+
+def test_values_made_of_nothing_are_those_of_the_default():
+    assert Controls() == controls_of("default")
+    assert Edit() == empty_edit("default")
+    handle, shape = edit_schema()["$defs"]["HandleDocument"]["properties"], edit_schema()["properties"]
+    assert {name: handle[name]["default"] for name in PRESETS["default"].handle} == PRESETS["default"].handle
+    assert {name: shape[name]["default"] for name in WHOLE_SHAPE} == PRESETS["default"].whole_shape
+
+
+@each_preset
+def test_the_page_is_told_what_a_new_handle_has(mesh, field, features, preset):
+    session = dfd.Deformer(mesh, field, preset=preset, features=features)
+    found = SymmetryPlane((1.0, 0.0, 0.0), 0.0, 0.05, band=9.0)
+    state = state_message(session, Columns(session), Looks(planes={preset: [found]}), after=0)
+    defaults = PRESETS[preset]
+    assert (state.preset, state.presets) == (preset, NAMES)
+    assert (state.new_handle.reach, state.new_handle.falloff) == (defaults.reach, defaults.falloff)
+    assert (state.overlap, state.blend) == (defaults.overlap, defaults.blend)
+    assert [plane.band for plane in state.planes] == pytest.approx([defaults.band * max(mesh.extents)])
+    if preset == "default":
+        empty = empty_state(Looks(), after=0)
+        assert (empty.preset, empty.new_handle, empty.overlap) == (state.preset, state.new_handle, state.overlap)
+
+
+def test_the_command_line_says_the_defaults_in_its_help():
+    (reach,), (falloff,) = (option.__metadata__ for option in (ReachOption, FalloffOption))
+    assert f"{PRESETS['default'].reach:g} unless given, the paper's is {PRESETS['paper'].reach:g}" in reach.help
+    assert f"{PRESETS['default'].falloff} unless given, {PRESETS['paper'].falloff} (the paper's)" in falloff.help
+
+
+def test_blender_s_handles_start_with_them(monkeypatch):
+    made = lambda **options: SimpleNamespace(**options)  # noqa: E731
+    bpy = ModuleType("bpy")
+    kinds = ("FloatProperty", "EnumProperty", "IntProperty", "StringProperty", "CollectionProperty")
+    bpy.props = SimpleNamespace(**dict.fromkeys(kinds, made))
+    bpy.types = SimpleNamespace(PropertyGroup=object, AddonPreferences=object)
+    monkeypatch.setitem(sys.modules, "bpy", bpy)
+    folder = ROOT / "python" / "blender"
+    package = ModuleType("in_blender")
+    package.__path__ = [str(folder)]
+    monkeypatch.setitem(sys.modules, "in_blender", package)
+    monkeypatch.setitem(sys.modules, "in_blender.vertex_groups", SimpleNamespace(refresh=None))
+    spec = importlib.util.spec_from_file_location("in_blender.properties", folder / "properties.py")
+    properties = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(properties)
+    # Blender evaluates what is written after the colons.
+    said = {name: eval(text, vars(properties)) for name, text in properties.HandleSettings.__annotations__.items()}
+    assert (said["reach"].default, said["falloff"].default) == (PRESETS["default"].reach, PRESETS["default"].falloff)
+    assert said["falloff"].default in {name for name, *_ in said["falloff"].items}
+
+
+def test_the_documentation_has_the_same_table():
+    text = (ROOT / "docs" / "presets.md").read_text()
+    rows = re.findall(r"^\| `(\w+)` \| (\S+) \| (\S+) \|", text, re.MULTILINE)
+    assert [tuple(map(str, row)) for row in rows] == [
+        (name, str(getattr(PRESETS["default"], name)), str(getattr(PRESETS["paper"], name)))
+        for name in PRESETS["default"].__dataclass_fields__
+    ]
+
+
+# --- what the paper's does
+
+
+@pytest.mark.parametrize("symmetry", [None, "x"])
+def test_the_paper_is_its_equations(mesh, field, features, symmetry):
+    session = dfd.Deformer(mesh, field, preset="paper", features=features)
+    places = [5, 900, int(mesh.vertices[:, 0].argmax())]
+    session.add(places[0], translation=(0.1, 0.2, 0), rotation=(0, 30, 0), locality=1.5)
+    session.add(places[1], scale=(1, 1.5, 1), translation=(0, 0, 0.1), locality=0.5)
+    session.add(places[2], rotation=(20, 0, 10))
+    session.fix(1500)
+    session.set_default(rotation=(0, 5, 0))
+    session.set_symmetry(symmetry)
+    weights = reference.bind(
+        features,
+        places,
+        fixed=[1500],
+        geodesic=dfd.Geodesics(mesh, bridges=False).distances(places),
+        locality=[1.5, 0.5, 0.0],
+    )
+    assert weights.sum(axis=1).max() > 1.1
+    np.testing.assert_allclose(session.weights, weights, atol=1e-5)
+    wanted = reference.pose(
+        mesh.vertices,
+        weights,
+        session.transforms,
+        default=session.default.matrix(tuple(mesh.bounds.mean(axis=0))),
+        symmetry=session.symmetry,
+        handles=mesh.vertices[places],
+    )
+    np.testing.assert_allclose(session.vertices, wanted, atol=1e-5)
+
+
+def test_planes_of_auto_are_those_across_axes_within_epsilon(mesh, field, features, monkeypatch):
+    asked = []
+
+    def found(field, mesh, **how):
+        asked.append(how)
+        return [SymmetryPlane((1.0, 0.0, 0.0), 0.0, 0.05, band=0.3)]
+
+    monkeypatch.setattr("dfd.editing.edit.symmetry_planes", found)
+    session = dfd.Deformer(mesh, field, preset="paper", features=features)
+    session.set_symmetry("auto")
+    assert session.symmetry.band == 0
+    session.set_symmetry("auto", band=0.1, candidates="any", threshold="relative")
+    assert session.symmetry.band == 0.1
+    assert asked == [{"candidates": "axes", "threshold": 0.1}, {"candidates": "any", "threshold": "relative"}]
+    with pytest.raises(ValueError, match="`candidates` and `threshold` are for the plane auto, got 'x'"):
+        session.set_symmetry("x", threshold=0.1)
+
+
+def test_distances_end_at_gaps_without_bridges():
+    """Two strips that nearly touch: with bridges there is a way from one to the other."""
+    x, z = np.meshgrid(np.linspace(0, 1, 11), [0.0, 0.1], indexing="ij")
+    strip = np.stack([x.ravel(), 0 * x.ravel(), z.ravel()], axis=1)
+    corner = np.arange(0, 20, 2)[:, None]
+    quads = np.concatenate([corner + [0, 1, 2], corner + [1, 3, 2]])
+    mesh = dfd.Mesh(
+        np.concatenate([strip, strip + [1.005, 0, 0]]), np.concatenate([quads, quads + 22]).astype(np.int32)
+    )
+    across, apart = (dfd.Geodesics(mesh, bridges=bridges).distances([0])[0] for bridges in (True, False))
+    assert across[22:].max() <= 1
+    assert across[22] < 0.9
+    np.testing.assert_array_equal(apart[22:], 1)
+    with pytest.raises(ValueError, match="Geodesics: `bridges` must be True or False, got 1"):
+        dfd.Geodesics(mesh, bridges=1)
+
+
+# --- a session and its file
+
+
+def test_a_preset_is_one_step_that_leaves_the_rest(deformer, mesh):
+    held = deformer.add(5, translation=(0, 0.2, 0), reach=0.4, locality=1.0, name="leg")
+    deformer.fix(900)
+    deformer.set_symmetry("x")
+    before, shape = deformer.edit, deformer.vertices
+    deformer.preset = "paper"
+    controls = deformer.handle(held).controls
+    assert (controls.reach, controls.falloff, controls.instances, controls.locality) == (1.0, "linear", "together", 1.0)
+    assert (deformer.overlap, deformer.arrive, deformer.symmetry.band) == ("paper", False, 0.0)
+    assert (deformer.fixed, deformer.handle(held).name) == (before.fixed, "leg")
+    assert np.abs(deformer.vertices - shape).max() > 1e-3
+    assert deformer.handle(deformer.add(7)).controls.reach == 1.0
+    deformer.undo()
+    deformer.undo()
+    assert deformer.edit == before
+    deformer.redo()
+    assert deformer.preset == "paper"
+
+
+def test_the_preset_and_what_was_set_apart_stay_in_the_file_and_on_another_shape(mesh, field, features, tmp_path):
+    session = dfd.Deformer(mesh, field, preset="paper", features=features)
+    session.add(5, reach=0.5, locality=1.0)
+    session.bridges = True
+    session.mirrored_locality = True
+    session.save(tmp_path / "edit.json")
+    assert json.loads((tmp_path / "edit.json").read_text())["preset"] == "paper"
+    again = dfd.Deformer.load(tmp_path / "edit.json", mesh, field, features=features)
+    assert again.edit == session.edit
+    assert again.handle(again.add(7)).controls == controls_of("paper")
+    carried = transfer(session.edit, mesh, field, mesh, field).edit
+    assert (carried.preset, whole(carried)) == ("paper", whole(session.edit))
+    assert to_document(carried, mesh)["bridges"] is True
+
+
+@pytest.mark.parametrize("name", ["mirrored_locality", "bridges"])
+def test_rules_of_distances_are_true_or_false_and_undo(deformer, name):
+    deformer.add(int(deformer.mesh.vertices[:, 0].argmax()), reach=2.0, locality=3.0)
+    deformer.set_symmetry("x")
+    before = deformer.weights
+    setattr(deformer, name, False)
+    after = deformer.weights
+    assert (name == "bridges") or np.abs(after - before).max() > 0.1
+    deformer.undo()
+    np.testing.assert_array_equal(deformer.weights, before)
+    with pytest.raises(ValueError, match=f"Deformer.{name}: `{name}` must be True or False, got 1"):
+        setattr(deformer, name, 1)
+
+
+@pytest.mark.parametrize("start", [lambda d: dfd.Deformer(d.mesh, d.field, preset="old"),
+                                   lambda d: setattr(d, "preset", "old")])  # fmt: skip
+def test_an_unknown_preset_is_refused(deformer, start):
+    with pytest.raises(ValueError, match="`preset` must be one of default, paper, got 'old'"):
+        start(deformer)

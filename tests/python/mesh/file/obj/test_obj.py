@@ -1,0 +1,306 @@
+"""OBJ files: every way to write one reads as it is meant, and saving changes positions and nothing else."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mesh_files import CORNERS, CUBE, checkered, obj_cube, same_shape, write
+
+from dfd.mesh.file.obj import text as obj_text
+from dfd.mesh.mesh import Mesh, load
+
+TWO = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 9 0 0\nv 8 0 0\nv 7 1 0\nf -3 -2 -1\n"
+
+
+def test_relative_numbers_count_back_from_their_line(tmp_path: Path) -> None:
+    mesh = load(write(tmp_path / "two.obj", TWO))
+    assert mesh.faces.tolist() == [[0, 1, 2], [3, 4, 5]]
+    text = (
+        "v 0 0 0\nvt 0 0\nvn 0 0 1\nv 1 0 0\nvt 1 0\nv 0 1 0\nvt 0 1\nf -3/-3/-1 -2/-2/-1 -1/-1/-1\nvt 9 9\nvn 1 0 0\n"
+    )
+    found = obj_text.parse(text.encode())
+    assert found.corners.tolist() == [[0, 0, 0], [1, 1, 0], [2, 2, 0]]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: b"\xef\xbb\xbf" + text,
+        lambda text: text.replace(b"v ", b"\t v\t").replace(b"f ", b"  f \t "),
+        lambda text: text.replace(b"\n", b"\r\n"),
+        lambda text: text.replace(b"\n", b"\r"),
+        lambda text: text.replace(b"\n", b"  # a comment with v 1 2 3\n"),
+        lambda text: text.replace(b"f ", b"f \\\n"),
+        lambda text: text.rstrip(),
+        lambda text: b" " * 100_000 + text,
+        lambda text: text.replace(b"f ", b"usemtl " + b"m" * 300 + b"\nf ", 1),
+        lambda text: b"# caf\xe9 \x83e\x83X\x83g\no \x83e\x83X\x83g\n" + text,
+        lambda text: b"v\nvx 1 2 3\nvp 0 0\nl 1 2\np 1\ns off\ncurv 0 1 1 2\n" + text,
+    ],
+)
+def test_odd_ways_to_write_a_file_read_alike(change: object, tmp_path: Path) -> None:
+    mesh = load(write(tmp_path / "cube.obj", change(obj_cube().encode())))  # type: ignore[operator]
+    assert np.array_equal(mesh.vertices, CORNERS)
+    assert np.array_equal(mesh.faces, CUBE)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("v 0 0 0\nv 1 0\nv 0 1 0\nf 1 2 3\n", "vertex 1 of its 'v' lines has 2 numbers, and 3 are needed"),
+        ("v 0 0 0\nv 1 0 x\nv 0 1 0\nf 1 2 3\n", "its 'v' lines hold 'x', which is no number"),
+        ("v 0 0 0\nv 1 0 1,5\nv 0 1 0\nf 1 2 3\n", "its 'v' lines hold '1,5', which is no number"),
+        (obj_cube() + "f 1 2 3/4/5/6\n", "line 21: the corner '3/4/5/6' of a face is none"),
+        (obj_cube() + "f 1 2 1.5\n", "line 21: the corner '1.5' of a face is none"),
+        (obj_cube() + "f 1 two 3\n", "line 21: the corner 'two' of a face is none"),
+        (obj_cube() + "f 1 2 -9\n", "line 21: the corner '-9' of a face names none of the 8 vertices"),
+        (obj_cube() + "f 1 2 99999999999999999999\n", "names none of the 8 vertices"),
+        (obj_cube() + f"f 1 2 {'7' * 5000}\n", "names none of the 8 vertices"),
+    ],
+)
+def test_lines_that_cannot_be_right_are_named(text: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="is not a well-formed OBJ file") as caught:
+        load(write(tmp_path / "bad.obj", text))
+    assert message in str(caught.value)
+    assert len(str(caught.value)) < 400
+
+
+def test_faces_of_two_corners_are_left_out_and_said(tmp_path: Path) -> None:
+    path = write(tmp_path / "line.obj", obj_cube() + "f 1 2\n")
+    with pytest.warns(UserWarning, match=r"has 1 faces of fewer than three corners, the first in line 21") as caught:
+        mesh = load(path)
+    assert caught[0].filename == __file__
+    assert len(mesh.faces) == 12
+    mesh.save(tmp_path / "out.obj")
+    assert (tmp_path / "out.obj").read_bytes() == path.read_bytes()
+
+
+@given(
+    st.lists(st.tuples(*[st.floats(-1e6, 1e6)] * 3), min_size=3, max_size=12, unique=True),
+    st.data(),
+)
+@settings(max_examples=60, deadline=None)
+def test_parsing_agrees_with_reading_line_by_line(
+    positions: list[tuple[float, float, float]], data: st.DataObject
+) -> None:
+    lines, expected, spaces = [], [], st.sampled_from([" ", "\t", "  "])
+    for seen, (x, y, z) in enumerate(positions, 1):
+        lines.append(data.draw(st.sampled_from(["v", " v", "\tv"])) + f"{data.draw(spaces)}{x!r} {y!r} {z!r}")
+        if seen >= 3:
+            corners = data.draw(st.lists(st.integers(0, seen - 1), min_size=3, max_size=5))
+            relative = data.draw(st.lists(st.booleans(), min_size=len(corners), max_size=len(corners)))
+            words = [str(c - seen) if r else str(c + 1) for c, r in zip(corners, relative, strict=True)]
+            lines.append(f"f{data.draw(spaces)}{data.draw(spaces).join(words)}")
+            expected.append(corners)
+    found = obj_text.parse("\n".join(lines).encode())
+    assert np.array_equal(found.positions, np.array(positions))
+    assert found.sizes.tolist() == [len(corners) for corners in expected]
+    assert found.corners[:, 0].tolist() == [corner for corners in expected for corner in corners]
+    for (begin, end), position in zip(found.position_spans, positions, strict=True):
+        assert [float(word) for word in found.data[begin:end].split()] == list(position)
+
+
+# --- saving ---
+
+RICH = """# made by hand
+mtllib nowhere.mtl
+o body
+v 0 0 0
+v 1.50 0 0
+v 1 1 0   # a corner
+v 0 1 0 1.0
+v 5 5 5
+g left side
+s 1
+usemtl skin
+f 1 2 3 4
+usemtl
+f -5 -4 -3
+o rest
+v 0 0 1
+v 1 0 1
+v 0.5 0.5 1
+v 0 1 1
+v 0 0 0
+f 6 7 8 9 1
+f 10 6 7
+l 1 2 3
+"""
+
+
+def test_only_positions_change(tmp_path: Path) -> None:
+    mesh = load_quietly(write(tmp_path / "rich.obj", RICH))
+    assert len(mesh.vertices) == 10
+    assert mesh.part_names == ("body", "rest")
+    mesh.save(tmp_path / "same.obj")
+    assert (tmp_path / "same.obj").read_text() == RICH
+    moved = mesh.vertices.copy()
+    moved[[1, 2, 4]] += 0.25
+    mesh.save(tmp_path / "moved.obj", moved)
+    expected = RICH.replace("v 1.50 0 0", "v 1.75 0.25 0.25").replace(
+        "v 1 1 0   # a corner", "v 1.25 1.25 0.25   # a corner"
+    )
+    assert (tmp_path / "moved.obj").read_text() == expected.replace("v 5 5 5", "v 5.25 5.25 5.25")
+    assert np.array_equal(load_quietly(tmp_path / "moved.obj").vertices, moved)
+
+
+def load_quietly(path: Path) -> Mesh:
+    with pytest.warns(UserWarning, match="nowhere.mtl"):
+        return load(path)
+
+
+def test_vertices_at_one_position_stay_together(tmp_path: Path) -> None:
+    mesh = load_quietly(write(tmp_path / "rich.obj", RICH))
+    assert mesh.representative[9] == 0
+    moved = mesh.vertices.copy()
+    moved[0] = (-1, -1, -1)  # and not vertex 9, which lies there too
+    mesh.save(tmp_path / "moved.obj", moved)
+    again = load_quietly(tmp_path / "moved.obj")
+    assert again.vertices[9].tolist() == [-1, -1, -1]
+
+
+def test_line_endings_and_strange_letters_stay(tmp_path: Path) -> None:
+    text = obj_cube().encode().replace(b"\n", b"\r\n") + b"# caf\xe9\r\no \x83e\r\n"
+    mesh = load(write(tmp_path / "cube.obj", text))
+    mesh.save(tmp_path / "out.obj", CORNERS * 2)
+    lines = (tmp_path / "out.obj").read_bytes().split(b"\r\n")
+    assert lines[7] == b"v 2.0 2.0 2.0"
+    assert lines[-3:] == [b"# caf\xe9", b"o \x83e", b""]
+
+
+def cube_with_shared_normals() -> str:
+    """A cube of quads, one normal a side, each side named by four corners; relative numbers on the last side."""
+    sides = [(1, 2, 4, 3), (5, 7, 8, 6), (1, 5, 6, 2), (3, 4, 8, 7), (1, 3, 7, 5), (2, 6, 8, 4)]
+    normals = [(-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1)]
+    lines = [f"v {x:g} {y:g} {z:g}" for x, y, z in CORNERS] + ["vn {} {} {}".format(*each) for each in normals]
+    lines += ["f " + " ".join(f"{corner}//{side + 1}" for corner in corners) for side, corners in enumerate(sides[:5])]
+    lines.append("f " + " ".join(f"{corner - 9}//-1" for corner in sides[5]))
+    return "\n".join(lines) + "\n"
+
+
+def test_normals_turn_with_the_surface_and_stay_shared(tmp_path: Path) -> None:
+    mesh = load(write(tmp_path / "cube.obj", cube_with_shared_normals()))
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    mesh.save(tmp_path / "turned.obj", mesh.vertices @ turn.T)
+    found = obj_text.parse((tmp_path / "turned.obj").read_bytes())
+    before = obj_text.parse(cube_with_shared_normals().encode())
+    assert np.allclose(found.normals, before.normals @ turn.T)
+    assert np.array_equal(found.corners, before.corners)
+    assert (tmp_path / "turned.obj").read_text().splitlines()[14:] == cube_with_shared_normals().splitlines()[14:]
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_corners_that_share_a_normal_no_longer_get_their_own(late: bool, tmp_path: Path) -> None:
+    text = cube_with_shared_normals()
+    if late:  # a second part, whose normals come after the faces of the first
+        text += "o second\nv 9 0 0\nv 9 1 0\nv 9 0 1\nvn 0 0 -1\nf 9//7 10//7 11//-1\n"
+    mesh = load(write(tmp_path / "cube.obj", text))
+    moved = mesh.vertices.copy()
+    moved[7] += (0.5, 0.5, 0.5)
+    mesh.save(tmp_path / "pulled.obj", moved)
+    found = obj_text.parse((tmp_path / "pulled.obj").read_bytes())
+    assert np.array_equal(found.positions, moved)
+    assert np.array_equal(found.sizes, obj_text.parse(text.encode()).sizes)
+    again = load(tmp_path / "pulled.obj")
+    assert same_shape(again, Mesh(moved, mesh.faces))
+    for each, corners in zip(
+        np.split(found.corners, np.cumsum(found.sizes)[:-1]), range(len(found.sizes)), strict=True
+    ):
+        normals = found.normals[each[:, 2]]
+        if 7 not in each[:, 0] or corners >= 6:  # nothing of it has moved
+            assert np.ptp(normals, axis=0).max() == 0
+        else:
+            assert np.allclose(np.linalg.norm(normals, axis=1), 1)
+            assert np.ptp(normals, axis=0).max() > 0.01  # the side is bent now
+    if late:
+        assert found.normals[found.corners[-1, 2]].tolist() == [0, 0, -1]
+
+
+def test_materials_are_those_that_are_used_and_pictures_may_have_options(tmp_path: Path) -> None:
+    checkered(tmp_path / "my paint.png")
+    write(
+        tmp_path / "a.mtl",
+        "newmtl unused\nmap_Kd absent.png\nnewmtl shown\nKd 1 0 0\nmap_Kd -s 1 1 1 -clamp on my paint.png\n",
+    )
+    write(tmp_path / "b.mtl", "newmtl other\nKd 0 1 0\n")
+    text = "mtllib a.mtl b.mtl\nvt 0 0\n" + obj_cube().replace("f ", "usemtl shown\nf ", 1) + "usemtl other\nf 1 2 3\n"
+    look = load(write(tmp_path / "cube.obj", text)).appearance
+    assert look is not None
+    assert look.materials[0].texture is not None
+    assert look.materials[1].color == (0.0, 1.0, 0.0, 1.0)
+
+
+def test_groups_are_parts_where_objects_are_not(tmp_path: Path) -> None:
+    text = "o whole\n" + obj_cube().replace("f ", "g wheel\nf ", 1) + "g body\nf 1 2 3\ng wheel\nf 2 3 4\n"
+    mesh = load(write(tmp_path / "groups.obj", text))
+    assert mesh.part_names == ("wheel", "body")
+    assert [part.faces for part in mesh.parts] == [slice(0, 13), slice(13, 14)]
+
+
+def test_parts_and_materials_by_the_thousand(tmp_path: Path) -> None:
+    faces = "".join(f"usemtl m{i}\nf 1 2 3\n" for i in range(20_000))
+    mesh = load(write(tmp_path / "many.obj", obj_cube() + faces))
+    assert len(mesh.faces) == 20_012
+    write(tmp_path / "described.mtl", "".join(f"newmtl m{i}\nKd 0 {i / 4000} 0\n" for i in range(4000)))
+    faces = "".join(f"usemtl m{i}\ng part{i}\nf 1 2 3\n" for i in range(4000))
+    mesh = load(write(tmp_path / "described.obj", "mtllib described.mtl\n" + obj_cube() + faces))
+    assert mesh.part_count == 4001
+
+
+def test_names_of_a_scenes_parts_are_written(tmp_path: Path) -> None:
+    mesh = load(write(tmp_path / "groups.obj", obj_cube().replace("f ", "o first\nf ", 1) + "o second\nf 1 2 3\n"))
+    mesh.save(tmp_path / "parts.glb")
+    again = load(tmp_path / "parts.glb")
+    assert again.part_names == ("first", "second")
+    again.save(tmp_path / "back.obj")
+    assert load(tmp_path / "back.obj").part_names == ("first", "second")
+
+
+def test_a_pipe_for_materials_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.mtl")
+    with pytest.warns(UserWarning, match="pipe.mtl"):
+        load(write(tmp_path / "cube.obj", "mtllib pipe.mtl\nusemtl a\n" + obj_cube()))
+
+
+def test_a_shape_without_looks_is_read_without_the_libraries_that_looks_need(tmp_path: Path) -> None:
+    path = write(tmp_path / "cube.obj", obj_cube() + "vn 0 0 1\n")
+    code = (
+        f"import sys; from dfd.mesh.mesh import load; mesh = load({str(path)!r}); assert len(mesh.faces) == 12; "
+        "mesh.content_hash; print(sorted({'trimesh', 'PIL', 'networkx'} & sys.modules.keys()))"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False)
+    assert (found.stdout, found.stderr) == ("[]\n", "")
+
+
+@pytest.mark.parametrize("normals", [False, True])
+@pytest.mark.parametrize("ending", [".glb", ".gltf", ".ply", ".stl", ".off", ".obj"])
+def test_a_shape_without_looks_is_written_as_one_with_some(ending: str, normals: bool, tmp_path: Path) -> None:
+    text = obj_cube()
+    if normals:
+        text = re.sub(r"(?m)^f (\d+) (\d+) (\d+)$", r"f \1//\1 \2//\2 \3//\3", text)
+        text = "".join(f"vn {x} {y} {z}\n" for x, y, z in 2 * CORNERS - 1) + text
+    bare = load(write(tmp_path / "bare.obj", text))
+    colored = load(write(tmp_path / "colored.obj", re.sub(r"(?m)^(v .*)$", r"\1 0.5 0.5 0.5", text)))
+    assert bare.appearance is None
+    assert colored.appearance is not None
+    moved = CORNERS * [1, 2, 3] + 0.5
+    for name, mesh in (("bare", bare), ("colored", colored)):
+        mesh.save(tmp_path / f"{name}_out{ending}", moved)
+        assert np.array_equal(mesh.vertices, CORNERS)
+    one, other = load(tmp_path / f"bare_out{ending}"), load(tmp_path / f"colored_out{ending}")
+    np.testing.assert_array_equal(one.vertices, other.vertices)
+    np.testing.assert_array_equal(one.faces, other.faces)
+    assert one.scene is not None
+    assert other.scene is not None
+    for a, b in zip(one.scene.primitives, other.scene.primitives, strict=True):
+        assert (a.normals is None) == (b.normals is None)
+        if a.normals is not None and b.normals is not None:
+            np.testing.assert_array_equal(a.normals, b.normals)

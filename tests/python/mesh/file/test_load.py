@@ -1,0 +1,235 @@
+"""Reading: what every format gives, and what is refused with one sentence."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import trimesh
+from mesh_files import (
+    CORNERS,
+    CUBE,
+    Gltf,
+    obj_cube,
+    same_shape,
+    write,
+)
+
+from dfd.mesh.mesh import Mesh, load
+
+FORMATS = ("obj", "ply", "stl", "off", "glb", "gltf")
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+def test_a_plain_cube_is_read_from_every_format(ending: str, tmp_path: Path) -> None:
+    path = tmp_path / f"cube.{ending}"
+    trimesh.Scene(trimesh.Trimesh(CORNERS, CUBE, process=False)).export(path) if ending != "off" else trimesh.Trimesh(
+        CORNERS, CUBE, process=False
+    ).export(path)
+    mesh = load(path)
+    assert mesh.vertices.shape == (8, 3)
+    assert same_shape(mesh, Mesh(CORNERS, CUBE))
+    assert mesh.source == path
+    assert repr(mesh) == f"Mesh(cube.{ending}: 8 vertices, 12 faces)"
+
+
+def test_obj_vertices_keep_the_files_numbers_across_parts_seams_and_unused_ones(tmp_path: Path) -> None:
+    text = """
+        v 0 0 0
+        v 1 0 0
+        v 9 9 9
+        v 0 1 0
+        v 0 0 1
+        v 1 0 0
+        vt 0 0
+        vt 1 0
+        vt 0 1
+        o later
+        usemtl b
+        f 4/1 5/2 6/3
+        o sooner
+        usemtl a
+        f 1/1 2/2 4/3
+        f 1/2 4/1 2/3
+    """
+    mesh = load(write(tmp_path / "parts.obj", "\n".join(line.strip() for line in text.splitlines())))
+    # vertex 3 (9 9 9) is used by no face, vertex 6 lies where vertex 2 does
+    assert mesh.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [9, 9, 9], [0, 1, 0], [0, 0, 1], [1, 0, 0]]
+    assert mesh.faces.tolist() == [[3, 4, 1], [0, 1, 3], [0, 3, 1]]
+    assert mesh.representative.tolist() == [0, 1, 2, 3, 4, 1]
+    assert mesh.bounds.tolist() == [[0, 0, 0], [1, 1, 1]]  # of what can be seen
+    assert mesh.part_names == ("later", "sooner")
+    assert [part.faces for part in mesh.parts] == [slice(0, 1), slice(1, 3)]
+    assert mesh.part_vertices("later").tolist() == [1, 3, 4]
+
+
+def test_quads_and_relative_numbers_in_obj(tmp_path: Path) -> None:
+    lines = [f"v {x} {y} {z}" for x, y, z in CORNERS[[0, 2, 6, 4]]]
+    mesh = load(write(tmp_path / "quad.obj", "\n".join([*lines, "f -4 -3 -2 -1"])))
+    assert mesh.faces.shape == (2, 3)
+    assert len(mesh.vertices) == 4
+
+
+def test_scene_transforms_and_instances_are_applied(tmp_path: Path) -> None:
+    gltf = Gltf()
+    cube = gltf.mesh("cube", CORNERS, CUBE)
+    gltf.node(name="here", mesh=cube)
+    gltf.node(name="there", mesh=cube, translation=[5, 0, 0], scale=[2, 2, 2])
+    mesh = load(write(tmp_path / "two.glb", gltf.glb()))
+    assert mesh.bounds.tolist() == [[0, 0, 0], [7, 2, 2]]
+    assert len(mesh.vertices) == 16
+    assert mesh.part_count == 2
+
+
+def test_parts_that_touch_share_their_vertices(tmp_path: Path) -> None:
+    gltf = Gltf()
+    for name, offset in (("left", 0), ("right", 1)):
+        gltf.node(name=name, mesh=gltf.mesh(name, CORNERS + [offset, 0, 0], CUBE))
+    assert len(load(write(tmp_path / "touching.glb", gltf.glb())).vertices) == 12
+
+
+def reads(path: Path) -> str:
+    with pytest.raises((ValueError, OSError)) as caught:
+        load(path)
+    message = str(caught.value)
+    assert "load: `path`" in message
+    assert str(path) in message
+    assert "\n" not in message
+    return message
+
+
+PLY = "ply\nformat ascii 1.0\nelement vertex {n}\nproperty float x\nproperty float y\nproperty float z\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("empty.obj", "", "is empty"),
+        ("empty.glb", "", "is empty"),
+        ("words.obj", "once upon a time\n", "holds no faces|not a well-formed"),
+        ("words.ply", "once upon a time\n", "not a well-formed PLY"),
+        ("words.off", "once upon a time\n", "not a well-formed OFF"),
+        ("words.stl", "once upon a time\n", "not a well-formed STL|holds no faces"),
+        ("words.gltf", "once upon a time\n", "not a well-formed GLTF"),
+        ("list.gltf", "[1, 2]", "its JSON is a list"),
+        ("deep.gltf", "[" * 100_000, "not a well-formed GLTF"),
+        ("cloud.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "holds no faces"),
+        ("cloud.ply", PLY.format(n=1) + "end_header\n0 0 0\n", "holds no faces|not a well-formed"),
+        ("one.obj", "v 0 0 0\nf 1 1 1\n", "at least 3 distinct vertices, got 1"),
+        ("nan.obj", obj_cube().replace("v 0 0 0", "v 0 nan 0"), "must hold finite coordinates, got nan at vertex 0"),
+        ("inf.obj", obj_cube().replace("v 1 1 1", "v 1 inf 1"), "must hold finite coordinates, got inf at vertex 7"),
+        ("high.obj", obj_cube() + "f 1 2 9\n", "not a well-formed OBJ"),
+        ("low.obj", obj_cube() + "f -99 1 2\n", "not a well-formed OBJ"),
+        ("zero.obj", obj_cube() + "f 0 1 2\n", "a face names vertex 0, but the first is 1"),
+        ("letters.obj", obj_cube() + "f a b c\n", "not a well-formed OBJ"),
+        ("cut.obj", obj_cube()[:30], "vertex 3 of its 'v' lines has 2 numbers"),
+        ("cut.obj", obj_cube()[:24], "holds no faces"),
+        ("high.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", "not a well-formed OFF"),
+        ("cut.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n", "not a well-formed OFF"),
+        ("many.off", "OFF\n999999999999 1 0\n0 0 0\n", "not a well-formed OFF"),
+        ("cube.fbx", obj_cube(), "must end in .obj, .ply, .stl, .off, .glb, .gltf"),
+        ("cube", obj_cube(), "must end in"),
+    ],
+)
+def test_malformed_files_get_one_sentence(name: str, content: str, message: str, tmp_path: Path) -> None:
+    found = reads(write(tmp_path / name, content))
+    assert re.search(message, found), found
+
+
+def test_files_that_cannot_be_opened(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match="could not be read: No such file"):
+        load(tmp_path / "absent.obj")
+    (tmp_path / "folder.obj").mkdir()
+    with pytest.raises(OSError, match="it is not a file"):
+        load(tmp_path / "folder.obj")
+
+
+@pytest.mark.parametrize("ending", ["ply", "stl", "glb", "off"])
+def test_files_cut_off_anywhere_are_refused_or_lack_faces(ending: str, tmp_path: Path) -> None:
+    whole = tmp_path / f"whole.{ending}"
+    Mesh(CORNERS, CUBE).save(whole)
+    data = whole.read_bytes()
+    for length in range(1, len(data) - 12, max(1, len(data) // 40)):
+        path = write(tmp_path / f"cut.{ending}", data[:length])
+        with contextlib.suppress(ValueError):
+            assert len(load(path).faces) < 12
+
+
+def break_header(change: Callable[[dict], object]) -> bytes:
+    gltf = Gltf()
+    gltf.node(name="cube", mesh=gltf.mesh("cube", CORNERS, CUBE))
+    change(gltf.header)
+    return gltf.glb()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda h: h["accessors"][0].update(count=2_000_000_000), "accessor 0 has 2000000000 items up to byte"),
+        (lambda h: h["accessors"][0].update(count=-1), "accessor 0 has count -1"),
+        (lambda h: h["accessors"][0].update(count="8"), "accessor 0 has count '8'"),
+        (lambda h: h["accessors"][0].update(byteOffset=10**9), "accessor 0 has 8 items up to byte"),
+        (lambda h: h["accessors"][0].update(bufferView=7), "accessor 0 names bufferView 7, but there are 2"),
+        (lambda h: h["accessors"][0].update(type="VEC5"), "accessor 0 has the unknown type 'VEC5'"),
+        (lambda h: h["accessors"][0].update(componentType=1), "accessor 0 has the unknown componentType 1"),
+        (lambda h: h["accessors"][0].update(sparse={}), "accessor 0 is sparse, but does not say where"),
+        (lambda h: h["accessors"][0].pop("bufferView"), "must hold at least 3 distinct vertices, got 1"),
+        (lambda h: h["accessors"].append({"count": 2**33, "componentType": 5126, "type": "MAT4"}), "but no data"),
+        (lambda h: h["bufferViews"][0].update(byteLength=10**9), "bufferView 0 ends at byte"),
+        (lambda h: h["bufferViews"][0].update(buffer=3), "bufferView 0 names buffer 3, but there are 1"),
+        (lambda h: h["meshes"][0]["primitives"][0].update(indices=9), "names accessor 9 for its indices"),
+        (lambda h: h["meshes"][0]["primitives"][0].update(attributes={}), "names accessor None for its positions"),
+        (lambda h: h["nodes"][0].update(children=[0]), "its nodes are their own ancestors"),
+        (lambda h: h["nodes"][0].update(children=[5]), "node 0 has children that are not there"),
+        (lambda h: h["nodes"].extend({"children": [0]} for _ in range(2)), "node 0 is the child of more than one"),
+        (
+            lambda h: (h["nodes"].extend({"children": [i]} for i in range(2000)), h["scenes"][0].update(nodes=[2000])),
+            "nested more than 1000 deep",
+        ),
+        (lambda h: h["nodes"][0].update(scale=[1e308, 1, 1], translation=[1e308, 0, 0]), "finite"),
+        (lambda h: h.update(nodes=5), "its 'nodes' must be a list of objects"),
+        (lambda h: h.update(extensionsRequired=["EXT_magic"]), "requires the extension 'EXT_magic', which cannot be"),
+        (lambda h: h.update(extensionsRequired="EXT_magic"), "'extensionsRequired' must be a list of names"),
+        (lambda h: h.update(asset={"version": "1.0"}), "it has version '1.0' of the format, and only 2 can be read"),
+        (lambda h: h.update(scene=5), "not a well-formed GLB"),
+    ],
+)
+def test_headers_that_cannot_be_right_are_refused(
+    change: Callable[[dict], object], message: str, tmp_path: Path
+) -> None:
+    assert message in reads(write(tmp_path / "broken.glb", break_header(change)))
+
+
+def test_views_that_overlap_a_hundred_times_are_refused(tmp_path: Path) -> None:
+    def overlap(header: dict) -> None:
+        header["bufferViews"] += [{"buffer": 0, "byteLength": 200_000} for _ in range(200)]
+
+    gltf = Gltf()
+    gltf.view(bytes(200_000))
+    gltf.node(name="cube", mesh=gltf.mesh("cube", CORNERS, CUBE))
+    overlap(gltf.header)
+    assert "its bufferViews add up to" in reads(write(tmp_path / "overlap.glb", gltf.glb()))
+
+
+@pytest.mark.skipif("DFD_CORPUS" not in os.environ, reason="DFD_CORPUS names no folder of malformed files")
+def test_the_corpus_neither_crashes_nor_hangs_nor_fills_the_memory() -> None:
+    program = """
+import pathlib, resource, sys, warnings
+from dfd.mesh.mesh import load
+resource.setrlimit(resource.RLIMIT_AS, (6 << 30, 6 << 30))
+warnings.simplefilter("ignore")
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+for path in sorted(pathlib.Path(sys.argv[1]).iterdir()):
+    try:
+        load(path)
+    except (ValueError, OSError) as error:
+        assert str(error).count(str(path)) == 1 and "\\n" not in str(error), error
+assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 500_000
+"""
+    subprocess.run([sys.executable, "-c", program, os.environ["DFD_CORPUS"]], check=True, timeout=120)

@@ -1,0 +1,273 @@
+"""Writing: what a round trip through a file keeps, and what happens when it fails."""
+
+from __future__ import annotations
+
+import errno
+import resource
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from mesh_files import (
+    CORNERS,
+    CUBE,
+    Gltf,
+    checkered,
+    obj_cube,
+    same_shape,
+    scene_of_three,
+    textured_quad,
+    write,
+)
+from PIL import Image
+
+from dfd.mesh.mesh import Mesh, load
+
+FORMATS = ("obj", "ply", "stl", "off", "glb", "gltf")
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+@pytest.mark.parametrize("moved", [False, True])
+def test_a_mesh_from_arrays_comes_back_from_every_format(ending: str, moved: bool, tmp_path: Path) -> None:
+    mesh = Mesh(CORNERS, CUBE)
+    vertices = CORNERS * [1, 2, 3] + 5 if moved else None
+    path = tmp_path / f"cube.{ending}"
+    mesh.save(path, vertices)
+    assert same_shape(load(path), Mesh(CORNERS if vertices is None else vertices, CUBE))
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]
+
+
+def test_text_formats_keep_every_bit(tmp_path: Path) -> None:
+    vertices = CORNERS / 3 + np.pi
+    for ending in ("obj", "off"):
+        Mesh(vertices, CUBE).save(tmp_path / f"exact.{ending}")
+        assert np.allclose(load(tmp_path / f"exact.{ending}").vertices, vertices, rtol=1e-15, atol=0)
+
+
+@pytest.mark.parametrize("ending", ["glb", "gltf", "obj"])
+def test_a_scene_keeps_parts_materials_and_colours(ending: str, tmp_path: Path) -> None:
+    mesh = load(scene_of_three(tmp_path))
+    mesh.save(tmp_path / f"out.{ending}")
+    again = load(tmp_path / f"out.{ending}")
+    assert same_shape(mesh, again)
+    assert again.part_names == mesh.part_names == ("square", "near", "far")
+    assert mesh.appearance is not None
+    assert again.appearance is not None
+    faces, middle = np.arange(len(mesh.faces)), np.full((len(mesh.faces), 3), 1 / 3, np.float32)
+    before, after = mesh.appearance.albedo(faces, middle), again.appearance.albedo(faces, middle)
+    assert np.abs(before - after).max() < 0.01
+
+
+def test_instances_that_move_apart_are_split_and_those_that_rest_are_not(tmp_path: Path) -> None:
+    mesh = load(scene_of_three(tmp_path))
+    mesh.save(tmp_path / "same.glb")
+    assert len(trimesh.load_scene(tmp_path / "same.glb").geometry) == 2
+    vertices = mesh.vertices.copy()
+    far = vertices[:, 2] < -4
+    vertices[far] += [0, 7, 0]
+    mesh.save(tmp_path / "moved.glb", vertices)
+    scene = trimesh.load_scene(tmp_path / "moved.glb")
+    assert len(scene.geometry) == 3
+    assert same_shape(load(tmp_path / "moved.glb"), Mesh(vertices, mesh.faces), 1e-5)
+    # the nodes stand where they stood
+    original = trimesh.load_scene(tmp_path / "three.glb")
+    for node in ("near", "far", "square"):
+        assert np.allclose(scene.graph[node][0], original.graph[node][0])
+
+
+def test_a_seam_stays_closed_and_keeps_both_its_texture_coordinates(tmp_path: Path) -> None:
+    text = "\n".join(
+        ["v 0 0 0", "v 1 0 0", "v 0 1 0", "v 1 1 0", "vt 0 0", "vt 1 0", "vt 0 1", "vt 0.5 0.5", "vt 0.25 0.75"]
+        + ["f 1/1 2/2 3/3", "f 2/4 4/5 3/1"]
+    )
+    mesh = load(write(tmp_path / "seam.obj", text))
+    assert len(mesh.vertices) == 4
+    vertices = mesh.vertices + [[0, 0, 0], [1, 1, 1], [2, 2, 2], [3, 3, 3]]
+    mesh.save(tmp_path / "out.obj", vertices)
+    mesh.save(tmp_path / "out.glb", vertices)
+    for name in ("out.obj", "out.glb"):
+        assert same_shape(load(tmp_path / name), Mesh(vertices, mesh.faces))
+        geometry = next(iter(trimesh.load_scene(tmp_path / name, process=False).geometry.values()))
+        assert len(geometry.vertices) == 6
+        corner_uv = np.asarray(geometry.visual.uv)[geometry.faces]
+        assert np.allclose(corner_uv[0], [(0, 0), (1, 0), (0, 1)])
+        assert np.allclose(corner_uv[1], [(0.5, 0.5), (0.25, 0.75), (0, 0)])
+    lines = (tmp_path / "out.obj").read_text().splitlines()
+    assert sum(line.startswith("v ") for line in lines) == 4
+
+
+def test_an_unmoved_vertex_keeps_its_bits_through_a_turned_node(tmp_path: Path) -> None:
+    path = scene_of_three(tmp_path)
+    mesh = load(path)
+    vertices = mesh.vertices.copy()
+    vertices[-1] += 1
+    mesh.save(tmp_path / "moved.glb", vertices)
+    again = load(tmp_path / "moved.glb")
+    assert np.array_equal(again.vertices[:-1], mesh.vertices[:-1])
+
+
+def test_vertices_that_no_face_uses_stay_in_their_place_and_out_of_the_mesh(tmp_path: Path) -> None:
+    gltf = Gltf()
+    gltf.node(name="cube", mesh=gltf.mesh("cube", np.vstack([[(9.0, 9, 9)], CORNERS]), CUBE + 1))
+    mesh = load(write(tmp_path / "stray.glb", gltf.glb()))
+    assert np.array_equal(mesh.vertices, CORNERS)
+    mesh.save(tmp_path / "out.glb", CORNERS * 2)
+    geometry = next(iter(trimesh.load_scene(tmp_path / "out.glb", process=False).geometry.values()))
+    assert np.array_equal(geometry.vertices, np.vstack([[(9, 9, 9)], CORNERS * 2]))
+
+
+def sharp_cube(tmp_path: Path) -> Path:
+    """A cube of 24 vertices, each with the normal of its side, wound outwards."""
+    vertices = CORNERS[CUBE].reshape(-1, 3)
+    cube = trimesh.Trimesh(vertices, np.arange(36).reshape(-1, 3), process=False)
+    cube.vertex_normals = np.repeat(cube.face_normals, 3, axis=0)
+    path = tmp_path / "sharp.glb"
+    path.write_bytes(trimesh.exchange.gltf.export_glb(trimesh.Scene(cube), include_normals=True))
+    return path
+
+
+def test_normals_follow_the_surface_and_edges_stay_sharp(tmp_path: Path) -> None:
+    mesh = load(sharp_cube(tmp_path))
+    turn = trimesh.transformations.rotation_matrix(0.7, [1, 2, 3])[:3, :3]
+    mesh.save(tmp_path / "turned.glb", mesh.vertices @ turn.T)
+    geometry = next(iter(trimesh.load_scene(tmp_path / "turned.glb", process=False).geometry.values()))
+    expected = np.repeat(geometry.face_normals, 3, axis=0)
+    assert np.allclose(geometry.vertex_normals[geometry.faces.ravel()], expected, atol=1e-5)
+
+
+def test_normals_far_from_what_moved_are_the_files_own(tmp_path: Path) -> None:
+    mesh = load(sharp_cube(tmp_path))
+    vertices = mesh.vertices.copy()
+    vertices[np.argmax(vertices.sum(axis=1))] += 1
+    mesh.save(tmp_path / "pulled.glb", vertices)
+    before = next(iter(trimesh.load_scene(tmp_path / "sharp.glb", process=False).geometry.values()))
+    after = next(iter(trimesh.load_scene(tmp_path / "pulled.glb", process=False).geometry.values()))
+    rest = np.repeat(~np.isin(CUBE, 7).any(axis=1), 3)
+    same = np.abs(after.vertex_normals - before.vertex_normals).max(axis=1) == 0
+    at_origin_sides = np.isclose(before.vertices[:, None], 0).any(axis=2).ravel() & rest
+    assert same[at_origin_sides & (np.abs(before.vertex_normals).min(axis=1) == 0) & rest].all()
+    assert not same.all()
+    assert np.isfinite(after.vertex_normals).all()
+
+
+def test_a_mirrored_placing_keeps_normals_outside(tmp_path: Path) -> None:
+    gltf = Gltf()
+    normals = gltf.accessor((CORNERS - 0.5) / np.sqrt(0.75), 5126, "VEC3")
+    gltf.node(name="cube", mesh=gltf.mesh("cube", CORNERS, CUBE, attributes={"NORMAL": normals}), scale=[-1, 1, 1])
+    mesh = load(write(tmp_path / "mirrored.glb", gltf.glb()))
+    mesh.save(tmp_path / "out.glb", mesh.vertices * 2)
+    geometry = next(iter(trimesh.load_scene(tmp_path / "out.glb", process=False).geometry.values()))
+    outward = geometry.vertices - geometry.vertices.mean(axis=0)
+    assert np.all(np.einsum("ij,ij->i", geometry.vertex_normals, outward) > 0)
+
+
+def test_textures_become_vertex_colours_in_ply(tmp_path: Path) -> None:
+    mesh = load(write(tmp_path / "quad.glb", textured_quad(tmp_path).glb()))
+    mesh.save(tmp_path / "quad.ply")
+    look = load(tmp_path / "quad.ply").appearance
+    assert look is not None
+    corners = look.albedo(np.zeros(3, int), np.eye(3))
+    assert mesh.appearance is not None
+    assert np.allclose(corners, mesh.appearance.albedo(np.zeros(3, int), np.eye(3)), atol=0.01)
+
+
+def test_saving_an_obj_overwrites_no_other_files_texture(tmp_path: Path) -> None:
+    checkered(tmp_path / "paint.png")
+    original = (tmp_path / "paint.png").read_bytes()
+    write(tmp_path / "cube.mtl", "newmtl paint\nmap_Kd paint.png\n")
+    text = "mtllib cube.mtl\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl paint\n" + obj_cube().replace("f ", "f ")
+    lines = [
+        line if not line.startswith("f ") else "f " + " ".join(f"{n}/1" for n in line[2:].split())
+        for line in text.splitlines()
+    ]
+    mesh = load(write(tmp_path / "cube.obj", "\n".join(lines)))
+    mesh.save(tmp_path / "out.obj", mesh.vertices * 2)
+    assert (tmp_path / "paint.png").read_bytes() == original
+    assert load(tmp_path / "out.obj").appearance is not None
+    # elsewhere it takes its materials along, past whatever else is there
+    other = tmp_path / "other"
+    other.mkdir()
+    write(other / "paint.png", "mine")
+    mesh.save(other / "out.obj", mesh.vertices * 2)
+    assert (other / "paint.png").read_bytes() == b"mine"
+    assert {path.name for path in other.iterdir()} == {"out.obj", "out.mtl", "paint.png", "paint_2.png"}
+    look, own = load(other / "out.obj").appearance, mesh.appearance
+    assert look is not None
+    assert own is not None
+    assert np.array_equal(look.materials[0].texture, own.materials[0].texture)
+
+
+def test_colours_and_jpeg_textures_cross_formats_unharmed(tmp_path: Path) -> None:
+    picture = np.random.default_rng(0).integers(0, 255, (32, 32, 3), dtype=np.uint8)
+    Image.fromarray(picture).save(tmp_path / "paint.jpg")
+    write(tmp_path / "quad.mtl", "newmtl paint\nmap_Kd paint.jpg\nnewmtl plain\nKd 0.25 0.5 0.75\n")
+    lines = ["mtllib quad.mtl", "v 0 0 0", "v 1 0 0", "v 1 1 0", "v 0 1 0", "vt 0 0", "vt 1 0", "vt 1 1"]
+    lines += ["usemtl paint", "f 1/1 2/2 3/3", "usemtl plain", "f 1/1 3/3 4/2"]
+    mesh = load(write(tmp_path / "quad.obj", "\n".join(lines)))
+    mesh.save(tmp_path / "one.glb")
+    load(tmp_path / "one.glb").save(tmp_path / "two.obj")
+    look, again = mesh.appearance, load(tmp_path / "two.obj").appearance
+    assert look is not None
+    assert again is not None
+    assert np.array_equal(look.materials[0].texture, again.materials[0].texture)
+    assert np.allclose(look.materials[1].color, again.materials[1].color, atol=0.006)
+    assert np.allclose(again.materials[1].color, (0.25, 0.5, 0.75, 1), atol=0.006)
+
+
+def test_saving_refuses_what_it_cannot_write(tmp_path: Path) -> None:
+    mesh = Mesh(CORNERS, CUBE)
+    with pytest.raises(ValueError, match=r"Mesh.save: `path` must end in .*, got .*cube.txt"):
+        mesh.save(tmp_path / "cube.txt")
+    with pytest.raises(ValueError, match=r"Mesh.save: `vertices` must have shape \(8, 3\), got \(7, 3\)"):
+        mesh.save(tmp_path / "cube.obj", CORNERS[:7])
+    with pytest.raises(ValueError, match="Mesh.save: `vertices` must be finite"):
+        mesh.save(tmp_path / "cube.obj", CORNERS + np.inf)
+    with pytest.raises(FileNotFoundError, match="the folder .* does not exist"):
+        mesh.save(tmp_path / "absent" / "cube.obj")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("ending", ["ply", "stl", "glb", "gltf"])
+def test_coordinates_that_a_format_cannot_hold_are_refused(ending: str, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=f"must fit in 32-bit floats for a .{ending} file"):
+        Mesh(CORNERS, CUBE).save(tmp_path / f"cube.{ending}", CORNERS * 1e39)
+    Mesh(CORNERS, CUBE).save(tmp_path / "cube.OFF", CORNERS * 1e39)
+    assert load(tmp_path / "cube.OFF").extents[0] == 1e39
+
+
+def test_a_scene_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    mesh = load(scene_of_three(tmp_path))
+    out = tmp_path / "out"
+    out.mkdir()
+    mesh.save(out / "scene.OBJ")
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    assert set(before) == {"scene.OBJ", "scene.mtl", "scene_paint.png"}
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(before["scene.OBJ"]) - 1, limits[1]))
+    try:
+        with pytest.raises(OSError, match="scene.OBJ could not be written: File too large") as caught:
+            mesh.save(out / "scene.OBJ")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert str(caught.value).count("could not be written") == 1
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+def test_a_full_disk_leaves_the_old_file_whole(ending: str, tmp_path: Path) -> None:
+    path = tmp_path / f"cube.{ending}"
+    Mesh(CORNERS, CUBE).save(path)
+    before = path.read_bytes()
+    fine = trimesh.creation.icosphere(3)
+    big = Mesh(fine.vertices, fine.faces)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, limits[1]))  # writing beyond raises, as on a full disk
+    try:
+        with pytest.raises(OSError, match="could not be written") as caught:
+            big.save(path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert caught.value.errno == errno.EFBIG
+    assert path.read_bytes() == before
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]
