@@ -22,9 +22,8 @@ from bench.batch.made_shapes import HANGS, HOGS, KILLED, make
 from dfd.batch.folder import BatchFolder
 from dfd.batch.inputs import Shape, find_shapes
 from dfd.batch.on_ray import RaySlots, connect
-from dfd.batch.pool import ProcessSlots, Slots
+from dfd.batch.pool import ProcessSlots, Slots, slot_environments
 from dfd.batch.record import Limits, Record
-from dfd.batch.resources import slot_environments
 from dfd.batch.run import run_batch
 from dfd.batch.settings import BatchSettings
 

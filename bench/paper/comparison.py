@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from bench.paper.compare import COLUMNS, Row, compare
-from bench.paper.context import PRESETS, Context, Preset, Shape, named
+from bench.paper.context import PRESETS, Context, Shape, named
 from bench.paper.drawing import aim, blank, silhouettes
 from bench.paper.handles import Case, find
 from bench.paper.methods import others
 from bench.paper.report import Row as Drawn
 from bench.paper.report import Table
+from dfd.common.preset import Preset
 from dfd.pictures.picture import picture
 
 __all__ = ["affine", "compared", "dense", "farthest", "marked", "methods_of", "pulls", "table"]

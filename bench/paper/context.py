@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +16,15 @@ from numpy.typing import NDArray
 import dfd
 from bench.paper.handles import Case
 from bench.paper.methods import BALL
+from dfd.common.preset import Preset
 from dfd.common.progress import Stages
+from dfd.distillation.settings import DistillSettings
 from dfd.encoders.encode import Encoder, load_encoder
 from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.geometry.refine import split_long_edges
 
-__all__ = ["PRESETS", "Context", "Preset", "Shape", "named"]
+__all__ = ["PRESETS", "Context", "Shape", "named"]
 
-Preset = Literal["paper", "default"]
 PRESETS: tuple[Preset, ...] = ("paper", "default")
 NAMES: dict[Preset, str] = {"paper": "paper preset", "default": "dfd default"}
 
@@ -34,25 +36,8 @@ SAMPLES: dict[str, Callable[[], dfd.samples.Sample]] = {
 }
 LONGEST_EDGE = 0.03  # of the diagonal: with longer ones weights, which are exact at vertices alone, look coarse
 
-# The paper's procedure (supplement L and section 4), spelled out.
-EPOCHS, BATCH, QUICK_EPOCHS, QUICK_BATCH = 15, 10_000, 5, 2_000
-COVERED = 0.19  # how much of a picture at the paper's distance shows the shape
-PAPER: dict[str, Any] = {
-    "views": 24,
-    "resolution": 518,
-    "framing": "paper",
-    "simplify_to": 50_000,
-    "up": "file",
-    "mirrored": False,
-    "smoothing": 0.0,
-    "metric": "none",
-    "octaves": 0,
-    "batch": BATCH,
-    "learning_rate": 1e-3,
-}
-PAPER_HANDLE: dict[str, Any] = {"reach": 1.0, "falloff": "linear", "instances": "together"}
-EPSILON = 0.1  # of section 3.3.3
 QUICK: dict[str, Any] = {"views": 8, "resolution": 196}
+QUICK_PAPER: dict[str, Any] = {"epochs": 5, "batch": 2_000}
 
 Value = TypeVar("Value")
 
@@ -150,21 +135,10 @@ class Context:
 
     # --- fields
 
-    @property
-    def epochs(self) -> int:
-        """Rounds over all pixels that the paper's fit takes."""
-        return QUICK_EPOCHS if self.quick else EPOCHS
-
     def distill_settings(self, preset: Preset) -> dict[str, Any]:
         """The keywords of `dfd.distill` for a preset."""
-        settings = {**(PAPER if preset == "paper" else {}), **(QUICK if self.quick else {})}
-        if preset == "paper" and self.quick:
-            settings["batch"] = QUICK_BATCH
-        settings.update(self.settings)
-        if preset == "paper" and "steps" not in settings:
-            pixels = settings["views"] * settings["resolution"] ** 2 * COVERED
-            settings["steps"] = max(1, round(self.epochs * pixels / settings["batch"]))
-        return settings
+        shorter = {**QUICK, **(QUICK_PAPER if preset == "paper" else {})} if self.quick else {}
+        return {"preset": preset, **shorter, **self.settings}
 
     def loaded(self, preset: Preset, encoder: str | Path | Encoder | None = None, block: int | None = None) -> Encoder:
         """The encoder; the paper's sees the background as well."""
@@ -208,24 +182,17 @@ class Context:
     ) -> dfd.Deformer:
         """A session with `handles`, each what `Deformer.add` takes by name, and `fixed` points.
 
-        `symmetric` lets handles act on both sides of a plane that was found: in the paper's preset one across an axis
-        with a score below ε, to the letter; in dfd's own the plane that `"auto"` finds. Where there is none, none is
-        used.
+        `symmetric` lets handles act on both sides of the plane that `"auto"` finds by the preset: across an axis, with
+        a score below ε, in the paper's. Where there is none, none is used.
         """
-        deformer = dfd.Deformer(shape.mesh, field, features=features)
-        own: dict[str, Any] = {}
-        if preset == "paper":
-            deformer.overlap, deformer.arrive = "paper", False
-            own = PAPER_HANDLE
-            planes = dfd.symmetry_planes(field, shape.mesh, threshold=EPSILON, candidates="axes") if symmetric else []
-            if planes:
-                deformer.set_symmetry(planes[0], band=0.0)
-        elif symmetric and dfd.symmetry_planes(field, shape.mesh):
-            deformer.set_symmetry("auto")
+        deformer = dfd.Deformer(shape.mesh, field, preset=preset, features=features)
+        if symmetric:
+            with suppress(ValueError):  # looks alike across no plane
+                deformer.set_symmetry("auto")
         for point in fixed:
             deformer.fix(point)
         for handle in handles:
-            deformer.add(**{**own, **handle})
+            deformer.add(**handle)
         return deformer
 
     def solve(self, case: Case, preset: Preset, *, fixed: bool = False) -> NDArray[np.float64]:
@@ -247,11 +214,11 @@ class Context:
             f"Meshes: {where}.",
         ]
         if self.quick:
-            made = self.distill_settings("paper")
+            made, whole = DistillSettings(**self.distill_settings("paper")), DistillSettings(preset="paper")
             notes.append(
-                f"Made with --quick: {made['views']} pictures of {made['resolution']}² instead of {PAPER['views']} of "
-                f"{PAPER['resolution']}², {self.epochs} rounds over them instead of {EPOCHS} in the paper preset, "
-                "and fewer shapes. Weights are rougher than they would be."
+                f"Made with --quick: {made.views} pictures of {made.resolution}² instead of {whole.views} of "
+                f"{whole.resolution}², {made.epochs} epochs instead of {whole.epochs} in the paper preset, and fewer "
+                "shapes. Weights are rougher than they would be."
             )
         return notes
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 import dfd
-from bench.paper.context import EPSILON, PRESETS, Context, named
+from bench.paper.context import PRESETS, Context, named
 from bench.paper.drawing import aim, before_after, silhouettes
 from bench.paper.report import Page, Section, Table
+from dfd.editing.presets import PRESETS as DEFAULTS
 from dfd.pictures.picture import picture
 
 __all__ = ["page"]
@@ -32,8 +31,8 @@ def page(context: Context) -> Page:
         shape = given.refined()
         for preset in PRESETS:
             field = context.field(shape, preset)
-            kind: dict[str, Any] = {"candidates": "axes"} if preset == "paper" else {}
-            planes = dfd.symmetry_planes(field, shape.mesh, threshold=EPSILON if preset == "paper" else None, **kind)
+            own = DEFAULTS[preset]
+            planes = dfd.symmetry_planes(field, shape.mesh, threshold=own.threshold, candidates=own.candidates)
             every = dfd.symmetry_planes(field, shape.mesh, threshold=2.0, candidates="axes")
             for plane in every or planes:
                 found = any(np.allclose(plane.normal, each.normal, atol=1e-3) for each in planes)
@@ -55,8 +54,8 @@ def page(context: Context) -> Page:
             )
             drawn.append((f"{shape.name}, {named(preset)}", row))
     text = (
-        f"The score is the mean distance between the features of a vertex and of its mirror image. The paper takes the "
-        f"coordinate planes with a score below ε = {EPSILON:g}; dfd's default also looks for others."
+        f"The score is the mean distance between the features of a vertex and of its mirror image. The paper takes "
+        f"coordinate planes with a score below ε = {DEFAULTS['paper'].threshold:g}; the default also looks for others."
     )
     look_for = "The plane divides the shape as a person would, though its pose is not symmetric, and both sides follow."
     table = Table(["shape", "preset", "normal", "score", "found"], rows)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.paper.context import PRESETS, Context, Preset, Shape, named
+from bench.paper.context import PRESETS, Context, Shape, named
 from bench.paper.drawing import aim, heat
 from bench.paper.measures import vertex_shares
 from bench.paper.report import Page, Section, Table
+from dfd.common.preset import Preset
 
 __all__ = ["CASES", "Choice", "encoders", "missing", "page", "shapes"]
 

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 import dfd
-from bench.paper.context import Context, Preset, named
+from bench.paper.context import Context, named
 from bench.paper.drawing import aim, before_after
 from bench.paper.measures import roughness, vertex_shares
 from bench.paper.report import Page, Section, Table
+from dfd.common.preset import Preset
 from dfd.geometry.simplify import simplify
 from dfd.pictures.picture import picture
 
@@ -74,8 +75,8 @@ def page(context: Context) -> Page:
             off = float(areas @ np.abs(weights - fine)) if KINDS[name][0] == "paper" else None
             rows.append([shape.name, name, roughness(shape.mesh, weights), off])
     text = (
-        f"Fits of the {named('paper')} to the coarse copy take the same number of steps, {context.epochs} rounds over "
-        f"all pixels ({', '.join(lengths)}): with vertices alone the same samples come again and again. "
+        f"Fits of the {named('paper')} to the coarse copy take the same number of steps, as many as its epochs over "
+        f"all pixels take ({', '.join(lengths)}): with vertices alone the same samples come again and again. "
         "Roughness is the mean of |∇W| on the fine mesh, in weight per diagonal; off is the mean difference from the "
         "weights of the fine copy."
     )

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 import dfd
-from dfd import _core
+import dfd._core as _core
 from dfd.common.files import atomic_write
 
 from . import table

@@ -33,7 +33,7 @@ def main() -> int:
     given = parser.parse_args()
     sys.path.insert(0, str(ROOT / "tests/python"))
     sys.path.insert(0, str(ROOT / "tests/python/mesh"))
-    from dfd import _core
+    import dfd._core as _core
 
     from .targets import TARGETS
 

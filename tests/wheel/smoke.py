@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import dfd
-from dfd import _core
+import dfd._core as _core
 from dfd.field.architecture import Architecture
 
 WITH_TORCH = importlib.util.find_spec("torch") is not None

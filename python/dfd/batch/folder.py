@@ -35,7 +35,7 @@ from dfd.common.files import atomic_write
 __all__ = ["BatchFolder"]
 
 SETTINGS, RECORD, WORK, OWNER = "batch.json", "record.json", ".work", "owner"
-LAST_WORDS = "last-words"
+EXIT_NOTE = "last-words"
 TAKEN = (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR)
 
 
@@ -109,7 +109,7 @@ class BatchFolder:
 
     def publish(self, place: Path, record: Record) -> Record:
         """Put a finished attempt in its place, its record last, and return what stands there now."""
-        for private in (OWNER, LAST_WORDS):
+        for private in (OWNER, EXIT_NOTE):
             (place / private).unlink(missing_ok=True)
         with atomic_write(place / RECORD) as temporary:
             temporary.write_text(record.model_dump_json(indent=2) + "\n", "utf-8")
@@ -131,10 +131,10 @@ class BatchFolder:
             self.shape(name).rename(away)
             shutil.rmtree(away, ignore_errors=True)
 
-    def last_words(self, name: str, token: str) -> str:
+    def exit_note(self, name: str, token: str) -> str:
         """What the guard of an attempt left behind before it ended its process; empty where it did not."""
         try:
-            return (self.attempt(name, token) / LAST_WORDS).read_text("utf-8", "replace")
+            return (self.attempt(name, token) / EXIT_NOTE).read_text("utf-8", "replace")
         except OSError:
             return ""
 

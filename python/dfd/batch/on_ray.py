@@ -6,7 +6,7 @@ import socket
 from typing import Any
 
 from dfd.batch.pool import Outcome
-from dfd.batch.record import Died, Job, Limits
+from dfd.batch.record import Job, Limits, WorkerDied
 from dfd.batch.worker import work
 
 __all__ = ["RaySlots", "connect"]
@@ -97,7 +97,7 @@ class RaySlots:
             try:
                 found.append((job, self._ray.get(reference)))
             except self._ray.exceptions.RayError as error:
-                found.append((job, Died(how=f"its process ended: {_first_line(error)}")))
+                found.append((job, WorkerDied(how=f"its process ended: {_first_line(error)}")))
         return found
 
     def close(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import re
 import secrets
 import socket
 from functools import cache
@@ -14,10 +15,23 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from dfd.batch.inputs import is_remote
 
-__all__ = ["Cause", "Died", "Job", "Limits", "Record", "Stopped", "modified", "new_token", "versions"]
+__all__ = [
+    "TOO_MUCH",
+    "Cause",
+    "Job",
+    "Limits",
+    "Record",
+    "Stopped",
+    "WorkerDied",
+    "exit_reason",
+    "modified",
+    "new_token",
+    "versions",
+]
 
 Cause = Literal["input", "memory", "timeout", "crash", "error"]
 Figure = bool | int | float | str | None
+TOO_MUCH = "Memory"  # begins the note of a process that ended itself for want of memory
 
 
 class Record(BaseModel):
@@ -94,7 +108,7 @@ class Job(BaseModel):
     limits: Limits
 
 
-class Died(BaseModel):
+class WorkerDied(BaseModel):
     """A worker ended before its job did."""
 
     how: str
@@ -131,3 +145,18 @@ def modified(path: str) -> int | None:
 def new_token() -> str:
     """A name for an attempt that no other one has."""
     return secrets.token_hex(8)
+
+
+def exit_reason(words: str, limits: Limits) -> tuple[Cause, str] | None:
+    """The cause of a death and a sentence for people, from the last words of its process; None where there are none."""
+    if words.startswith(TOO_MUCH):
+        had = int(words.split()[1])
+        return "memory", f"needed more than the {(limits.memory or 0) / 2**30:.2g} GiB of a task, {had / 2**30:.2g} GiB"
+    if words.startswith("Timeout"):
+        frames = re.findall(
+            r'File "[^"]*?((?:dfd/)?[^"/]+/[^"/]+)", line (\d+) in (\S+)', words.rpartition("Thread")[2]
+        )
+        where = next((each for each in frames if each[0].startswith("dfd/")), frames[0] if frames else None)
+        at = f", in {where[2]} ({where[0]}, line {where[1]})" if where else ""
+        return "timeout", f"took longer than {limits.timeout:g} s{at}"
+    return None

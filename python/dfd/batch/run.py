@@ -8,21 +8,23 @@ from __future__ import annotations
 
 import time
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
 from typing import Protocol
 
-from dfd.batch.folder import BatchFolder
-from dfd.batch.guard import understood
-from dfd.batch.inputs import Shape
-from dfd.batch.page import write_page
-from dfd.batch.pool import Slots
-from dfd.batch.record import Cause, Died, Job, Limits, Record, Stopped, modified, new_token, versions
-from dfd.batch.settings import BatchSettings
-from dfd.batch.table import gather, write_table
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-__all__ = ["Summary", "Watcher", "run_batch"]
+from dfd.batch.folder import BatchFolder
+from dfd.batch.inputs import Shape
+from dfd.batch.page import gather, write_page, write_table
+from dfd.batch.pool import Slots
+from dfd.batch.record import Cause, Job, Limits, Record, Stopped, WorkerDied, exit_reason, modified, new_token, versions
+from dfd.batch.settings import BatchSettings
+
+__all__ = ["BatchProgress", "Summary", "Watcher", "run_batch"]
 
 ATTEMPTS = 2  # at a shape whose worker dies without a word: it may have been killed for another's sake
 LOOK_EVERY = 1.0  # seconds
@@ -143,7 +145,7 @@ def _work_off(
             running -= 1
             if isinstance(outcome, Stopped):
                 raise OSError(f"batch: `output`: {outcome.why}")
-            if isinstance(outcome, Died):
+            if isinstance(outcome, WorkerDied):
                 found = _after_death(job, outcome, settings, folder)
                 if found is None:
                     todo.append((by_name[job.name], job.attempt + 1))
@@ -176,12 +178,12 @@ def _stands(record: Record, shape: Shape, settings: BatchSettings, retry: bool) 
     return record.status == "done" or not retry
 
 
-def _after_death(job: Job, died: Died, settings: BatchSettings, folder: BatchFolder) -> Record | None:
+def _after_death(job: Job, died: WorkerDied, settings: BatchSettings, folder: BatchFolder) -> Record | None:
     """The record of a shape whose worker ended, or None where it is to be tried again."""
     published = folder.record(job.name)  # it may have been finished before the worker could say so
     if published is not None:
         return published
-    known = understood(folder.last_words(job.name, job.token), job.limits)
+    known = exit_reason(folder.exit_note(job.name, job.token), job.limits)
     seconds = folder.age(job.name, job.token)
     folder.drop(job.name, job.token)
     if known is None and job.attempt < ATTEMPTS:
@@ -202,3 +204,66 @@ def _after_death(job: Job, died: Died, settings: BatchSettings, folder: BatchFol
         finished=datetime.now(timezone.utc).isoformat(timespec="seconds"),
     )
     return folder.publish(folder.begin_attempt(job.name, new_token()), record)
+
+
+LINE_EVERY = 30.0  # seconds between two lines of a log
+
+
+class BatchProgress:
+    """Draws on standard error: shapes a minute, time left, failures so far."""
+
+    def __init__(self) -> None:
+        self._console = Console(stderr=True, highlight=False)
+        self._bar = Progress(
+            TextColumn("shapes"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[rate]:.1f} a minute"),
+            TextColumn("{task.fields[failed]} failed"),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            console=self._console,
+        )
+        self._task = self._bar.add_task("shapes", total=None, rate=0.0, failed=0)
+        self._total = self._before = self._ended = self._failed = 0
+        self._start = self._told = time.monotonic()
+
+    @contextmanager
+    def shown(self) -> Iterator[BatchProgress]:
+        """Draw for as long as the block lasts."""
+        if self._console.is_terminal:
+            with self._bar:
+                yield self
+        else:
+            yield self
+
+    def begun(self, total: int, finished: int) -> None:
+        """So many shapes in all, and so many finished by earlier runs."""
+        self._total, self._before = total, finished
+        self._start = self._told = time.monotonic()
+        self._bar.update(self._task, total=total, completed=finished)
+        if finished:
+            self._console.print(f"{finished} of {total} shapes were finished before")
+
+    def ended(self, record: Record) -> None:
+        """A shape is finished."""
+        self._ended += 1
+        self._failed += record.status == "failed"
+        if record.status == "failed":
+            self._console.print(f"{record.name} failed ({record.cause}): {record.message}", markup=False)
+        self._bar.update(self._task, advance=1, rate=self._rate(), failed=self._failed)
+
+    def looked(self) -> None:
+        """Write a line where a log is all there is."""
+        if not self._console.is_terminal and time.monotonic() - self._told >= LINE_EVERY:
+            self._told = time.monotonic()
+            rate, left = self._rate(), self._total - self._before - self._ended
+            time_left = f"{left / rate:.0f} minutes left" if rate > 0 else "no time can be told yet"
+            self._console.print(
+                f"{self._before + self._ended} of {self._total} shapes, {rate:.1f} a minute, {time_left}, "
+                f"{self._failed} failed"
+            )
+
+    def _rate(self) -> float:
+        """Shapes a minute, of this run."""
+        return 60.0 * self._ended / max(time.monotonic() - self._start, 1e-3)

@@ -15,15 +15,16 @@ import fsspec
 import numpy as np
 
 import dfd
-from dfd.batch.exports import WRITERS
 from dfd.batch.inputs import is_remote
 from dfd.batch.one_edit import Original, UnlikeError, before_and_after, carry
 from dfd.batch.record import Figure, Job
-from dfd.batch.settings import BatchSettings, Step
+from dfd.batch.settings import MOVED, RIGS, WEIGHTS, BatchSettings, Step
 from dfd.common.files import atomic_write
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
 from dfd.editing.deformer import Deformer
+from dfd.export.export_rig import export_rig
+from dfd.export.export_weights import export_weights
 from dfd.field.field import Field
 from dfd.geometry import topology
 from dfd.geometry.findings import findings
@@ -33,7 +34,7 @@ from dfd.pictures.picture import picture, save_png
 from dfd.symmetry.search import symmetry_planes
 from dfd.weights.compact import compact
 
-__all__ = ["FIELD", "THUMBNAIL", "Work", "source_of"]
+__all__ = ["FIELD", "THUMBNAIL", "WRITERS", "Work", "source_of"]
 
 FIELD, THUMBNAIL = "field.safetensors", "thumbnail.png"
 PIXELS = 256  # along the side of a picture
@@ -225,3 +226,25 @@ def source_of(folder: Path, name: str, mesh: str) -> tuple[Path, Path, Path]:
 
 def _plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else str(value)
+
+
+def _moved(path: Path, deformer: Deformer) -> None:
+    """The mesh with the vertices where the edit puts them."""
+    deformer.mesh.save(path, deformer.vertices)
+
+
+def _rig(path: Path, deformer: Deformer) -> None:
+    """The resting mesh with the handles as joints."""
+    export_rig(deformer, path)
+
+
+def _weights(path: Path, deformer: Deformer) -> None:
+    """Arrays of what the edit holds."""
+    export_weights(deformer, path)
+
+
+WRITERS: dict[str, Callable[[Path, Deformer], None]] = {
+    **dict.fromkeys(MOVED, _moved),
+    **dict.fromkeys(RIGS, _rig),
+    **dict.fromkeys(WEIGHTS, _weights),
+}

@@ -3,25 +3,32 @@
 from __future__ import annotations
 
 import errno
+import faulthandler
 import os
 import shutil
 import sys
+import threading
 import time
 import traceback
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import datetime, timezone
 from functools import lru_cache
 from pathlib import Path
 
-from dfd.batch.folder import LAST_WORDS, OWNER, BatchFolder, read_settings
-from dfd.batch.guard import Watched, guarded
-from dfd.batch.record import Cause, Job, Record, Stopped, modified, versions
+import psutil
+
+from dfd.batch.folder import EXIT_NOTE, OWNER, BatchFolder, read_settings
+from dfd.batch.record import TOO_MUCH, Cause, Job, Limits, Record, Stopped, modified, versions
 from dfd.batch.settings import BatchSettings
 from dfd.batch.steps import Work
 from dfd.common.progress import Stages
 from dfd.common.threads import set_num_threads
 
-__all__ = ["work"]
+__all__ = ["Watched", "guarded", "work"]
+
+EVERY = 0.1  # seconds between two looks at the memory
 
 # Of the folder, not of a shape: no other shape would fare better.
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
@@ -39,7 +46,7 @@ def work(job: Job) -> Record | Stopped:
         settings = _settings(job.root)
         folder = BatchFolder(job.root, sharded=settings.sharded)
         place = folder.begin_attempt(job.name, job.token)
-        with guarded(place / LAST_WORDS, job.limits) as watched:
+        with guarded(place / EXIT_NOTE, job.limits) as watched:
             record = _done(job, settings, place, watched)
         if record.status == "failed":
             _clear(place)
@@ -76,7 +83,7 @@ def _done(job: Job, settings: BatchSettings, place: Path, watched: Watched) -> R
             frame = traceback.extract_tb(error.__traceback__)[-1]
             cause = "error"
             message = f"{type(error).__name__}: {_said(error)} ({Path(frame.filename).name}, line {frame.lineno})"
-    files = sorted(path.name for path in place.iterdir() if path.name not in (OWNER, LAST_WORDS))
+    files = sorted(path.name for path in place.iterdir() if path.name not in (OWNER, EXIT_NOTE))
     return Record(
         name=job.name,
         path=job.path,
@@ -126,9 +133,45 @@ def _use_threads(count: int) -> None:
 def _clear(place: Path) -> None:
     """Of a shape that failed nothing stays but its record."""
     for path in place.iterdir():
-        if path.name not in (OWNER, LAST_WORDS):
+        if path.name not in (OWNER, EXIT_NOTE):
             shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
 def _said(error: object) -> str:
     return " ".join(str(error).split())
+
+
+class Watched:
+    """How much memory a task had at most, bytes, as far as it was looked at."""
+
+    def __init__(self) -> None:
+        self.highest = 0
+
+
+@contextmanager
+def guarded(exit_note: Path, limits: Limits) -> Iterator[Watched]:
+    """End this process when the block exceeds `limits`, with the reason in the file `exit_note`."""
+    watched, over = Watched(), threading.Event()
+    process = psutil.Process()
+    with exit_note.open("wb", buffering=0) as stream:
+
+        def watch() -> None:
+            while True:
+                watched.highest = max(watched.highest, process.memory_info().rss)
+                if limits.memory is not None and watched.highest > limits.memory:
+                    stream.write(f"{TOO_MUCH} {watched.highest}".encode())
+                    os._exit(1)
+                if over.wait(EVERY):
+                    return
+
+        watcher = threading.Thread(target=watch, daemon=True, name="dfd-memory")
+        watcher.start()
+        if limits.timeout is not None:
+            faulthandler.dump_traceback_later(limits.timeout, exit=True, file=stream)
+        try:
+            yield watched
+        finally:
+            if limits.timeout is not None:
+                faulthandler.cancel_dump_traceback_later()
+            over.set()
+            watcher.join()

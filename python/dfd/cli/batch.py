@@ -111,9 +111,9 @@ def batch(
     from pydantic import ValidationError
 
     from dfd.batch.inputs import find_shapes
+    from dfd.batch.pool import DISTILLING, LOOKING
     from dfd.batch.prepare import describe_edits, find_files, place_edits
     from dfd.batch.record import Limits
-    from dfd.batch.resources import DISTILLING, LOOKING
     from dfd.batch.settings import BatchSettings
 
     shapes = find_shapes(inputs)
@@ -145,8 +145,7 @@ def batch(
     slots = _slots(limits, workers, ray or ray_address is not None, ray_address)
 
     from dfd.batch.folder import BatchFolder
-    from dfd.batch.progress import BatchProgress
-    from dfd.batch.run import run_batch
+    from dfd.batch.run import BatchProgress, run_batch
 
     progress = BatchProgress()
     try:
@@ -182,8 +181,7 @@ def _slots(limits: Limits, workers: int | None, on_ray: bool, address: str | Non
         from dfd.batch.on_ray import RaySlots, connect
 
         return RaySlots(connect(address, workers, limits.threads), limits)
-    from dfd.batch.pool import ProcessSlots
-    from dfd.batch.resources import slot_environments
+    from dfd.batch.pool import ProcessSlots, slot_environments
 
     count = 0
     if limits.gpus:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,7 +13,8 @@ import torch
 from numpy.typing import NDArray
 
 from dfd.common.progress import Stages
-from dfd.common.threads import get_num_threads
+from dfd.common.sharing import share
+from dfd.common.torch_threads import one_thread
 from dfd.field.architecture import Architecture
 from dfd.field.field import Field
 from dfd.field.network import Network
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
     from dfd.distillation.targets import Targets
 
 __all__ = ["fit", "widen"]
+
+_LEAST_PART, _MOST_PARTS = 384, 8  # points of a batch that a thread takes, and how many such parts there are
 
 
 def fit(
@@ -46,7 +50,7 @@ def fit(
     center, scale
         The normalization that the points have gone through, which the field will do.
     device
-        Where it is computed: on the CPU with as many threads as the kernels use.
+        Where it is computed: on the CPU with as many threads as the kernels use, to the same bits for any number.
 
     Raises
     ------
@@ -62,14 +66,11 @@ def fit(
     optimizer = torch.optim.Adam(network.parameters(), lr=settings.learning_rate, fused=True)
     schedule = _schedule(optimizer, settings, steps)
     losses: list[torch.Tensor] = []
-    with _exact_float32(), stages.stage("fit", steps) as advance:
+    with _exact_float32(), one_thread(), stages.stage("fit", steps) as advance:
         for points, wanted in batches:
-            loss = (network(points.to(device)) - wanted.to(device)).square().sum(dim=1).mean()
-            optimizer.zero_grad(set_to_none=True)
-            torch.autograd.backward(loss)
+            losses.append(_set_gradients(network, points.to(device), wanted.to(device)))
             optimizer.step()
             schedule.step()
-            losses.append(loss.detach())
             advance()
     parameters = network.arrays()
     if not all(np.isfinite(values).all() for values in parameters.values()):
@@ -77,6 +78,31 @@ def fit(
         raise ValueError(f"distill: `learning_rate` {rate:g} is too high: the fit left the finite numbers")
     told = {"losses": torch.stack(losses).tolist()}
     return Field(parameters, octaves=settings.octaves, center=center, scale=scale, settings=told)
+
+
+def _set_gradients(network: Network, points: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
+    """Set the gradients of the mean of ‖Φ(P) − Z‖² over a batch, (B, 3) points and (B, d) targets; return that mean.
+
+    On the CPU each thread takes parts of the batch, whose gradients are added in order: torch's own threads wait for
+    each other many times in a step, which on a busy machine takes twenty times as long.
+    """
+    parameters = list(network.parameters())
+    size = len(points) if points.is_cuda else max(_LEAST_PART, -(-len(points) // _MOST_PARTS))
+    parts = list(zip(points.split(size), wanted.split(size), strict=True))
+    found: list[tuple[torch.Tensor, ...]] = [()] * len(parts)
+
+    def differentiate(begin: int, end: int) -> None:
+        torch.set_num_threads(1)  # it counts for each thread apart
+        for part in range(begin, end):
+            some, their = parts[part]
+            loss = (network(some) - their).square().sum() / len(points)
+            found[part] = (loss.detach(), *torch.autograd.grad(loss, parameters))
+
+    share(len(parts), 1, differentiate)
+    loss, *gradients = (functools.reduce(torch.add, each) for each in zip(*found, strict=True))
+    for parameter, gradient in zip(parameters, gradients, strict=True):
+        parameter.grad = gradient
+    return loss
 
 
 def _batches(
@@ -92,7 +118,7 @@ def _batches(
 
     def shuffled(epochs: int) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
         for _ in range(epochs):
-            for chosen in torch.randperm(len(targets.points), generator=generator).split(batch):
+            for chosen in torch.split(torch.randperm(len(targets.points), generator=generator), batch):
                 yield targets.at(chosen)
 
     assert settings.epochs is not None
@@ -108,14 +134,12 @@ def _schedule(optimizer: torch.optim.Optimizer, settings: DistillSettings, steps
 
 @contextmanager
 def _exact_float32() -> Iterator[None]:
-    """Let torch multiply in float32, not in fewer bits, on as many threads as the kernels use; then as before."""
-    threads, precision = torch.get_num_threads(), torch.get_float32_matmul_precision()
-    torch.set_num_threads(get_num_threads())
+    """Let torch multiply in float32, not in fewer bits, and then as before."""
+    precision = torch.get_float32_matmul_precision()
     torch.set_float32_matmul_precision("highest")
     try:
         yield
     finally:
-        torch.set_num_threads(threads)
         torch.set_float32_matmul_precision(precision)
 
 

@@ -71,7 +71,10 @@ class PointTargets(Targets):
     @property
     def features(self) -> NDArray[np.float32]:
         """(N, D) the targets as the encoder gives features."""
-        return self.targets if self.directions is None else self.targets @ self.directions
+        features: NDArray[np.float32] = self.targets
+        if self.directions is not None:
+            features = features @ self.directions
+        return features
 
     def rows(self, chosen: NDArray[np.integer]) -> NDArray[np.float32]:
         """Unit targets of the chosen points, (B, d)."""

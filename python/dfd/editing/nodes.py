@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from dfd import _core
+import dfd._core as _core
 from dfd.geometry.surface_graph import surface_graph, surface_links
 from dfd.geometry.topology import first_at_place
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dfd import _core
+import dfd._core as _core
 from dfd.common import check, tensors, threads
 from dfd.field import field_file
 from dfd.field.architecture import Architecture

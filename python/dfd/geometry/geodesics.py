@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from dfd import _core
+import dfd._core as _core
 from dfd.common import check
 from dfd.common.threads import get_num_threads
 from dfd.geometry.refine import split_long_edges

@@ -8,7 +8,7 @@ from scipy.sparse import coo_array, csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from dfd import _core
+import dfd._core as _core
 from dfd.geometry.spread import points_on_faces
 from dfd.geometry.topology import face_sizes
 from dfd.mesh.mesh import Mesh

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd import _core
+import dfd._core as _core
 from dfd.common.threads import get_num_threads
 from dfd.mesh.weld import weld
 

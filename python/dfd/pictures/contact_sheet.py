@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw
 
 from dfd.common import check
 from dfd.pictures.colors import weight_colors
-from dfd.pictures.typography import font, wrapped
+from dfd.pictures.labels import font, wrapped
 
 __all__ = ["Box", "contact_sheet", "heat_bar", "lay_out", "with_heat_bar"]
 

@@ -2,17 +2,76 @@
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageFont
 
-from dfd.pictures.typography import font, spelled
 from dfd.views.cameras import Camera
 from dfd.views.raycast import Scene
 
-__all__ = ["draw_axes", "draw_labels", "draw_numbers"]
+__all__ = ["draw_axes", "draw_labels", "draw_marks", "draw_numbers", "font", "spelled", "wrapped"]
+
+# What the typeface lacks, in letters that it has.
+_SPELLED = {
+    "λ": "lambda", "ε": "epsilon", "μ": "u", "µ": "u", "Φ": "Phi", "Σ": "sum", "Δ": "delta", "π": "pi", "σ": "sigma",
+    "→": "->", "←": "<-", "×": "x", "−": "-", "–": "-", "—": "-", "≥": ">=", "≤": "<=", "≠": "!=", "≈": "~",
+    "∞": "infinity", "•": "·", "‖": "||", "√": "sqrt", "ß": "ss", "ø": "o", "Ø": "O", "æ": "ae", "Æ": "AE", "ł": "l",
+}  # fmt: skip
+
+
+@lru_cache(maxsize=32)
+def font(size: int) -> ImageFont.FreeTypeFont:
+    """Pillow's own typeface, `size` pixels high.
+
+    Raises
+    ------
+    RuntimeError
+        If Pillow was built without FreeType, which none of its wheels is.
+    """
+    loaded = ImageFont.load_default(size)
+    if not isinstance(loaded, ImageFont.FreeTypeFont):
+        raise RuntimeError("pictures with text need a Pillow that was built with FreeType")
+    return loaded
+
+
+def spelled(text: str) -> str:
+    """Return `text` with what the typeface lacks spelled in other letters, or as a question mark."""
+    return "".join(_letter(letter) for letter in text)
+
+
+def wrapped(text: str, typeface: ImageFont.FreeTypeFont, room: float) -> list[str]:
+    """Lines of `text`, spelled, no wider than `room` pixels: broken at spaces, a longer word alone on its line."""
+    lines: list[str] = []
+    for word in spelled(text).split():
+        longer = f"{lines[-1]} {word}" if lines else word
+        if lines and typeface.getlength(longer) <= room:
+            lines[-1] = longer
+        else:
+            lines.append(word)
+    return lines
+
+
+@lru_cache(maxsize=1024)
+def _letter(letter: str) -> str:
+    if letter.isspace() or _drawable(letter):
+        return letter
+    plain = _SPELLED.get(letter) or "".join(
+        part for part in unicodedata.normalize("NFKD", letter) if not unicodedata.combining(part)
+    )
+    plain = plain.replace("⁄", "/").replace("−", "-")
+    return plain if plain and all(_drawable(part) for part in plain) else "?"
+
+
+def _drawable(letter: str) -> bool:
+    """Whether the typeface has the letter, rather than the box that stands for what it lacks."""
+    typeface = font(20)
+    mask, lacking = typeface.getmask(letter), typeface.getmask("\uffff")
+    return mask.size != lacking.size or bytes(mask) != bytes(lacking)
+
 
 INK, HALO = (20, 22, 28), (255, 255, 255)
 AXES = (("x", (204, 44, 44)), ("y", (38, 140, 54)), ("z", (36, 84, 200)))
@@ -91,3 +150,52 @@ def _write(
     ink: tuple[int, int, int] = INK,
 ) -> None:
     draw.text(place, spelled(text), ink, font(size), anchor=anchor, stroke_width=max(1, size // 8), stroke_fill=HALO)
+
+
+BLUE, DARK = (0.10, 0.36, 0.86), (0.13, 0.14, 0.17)
+RADIUS, SMALLEST = 0.013, 2.0  # of the picture's side; pixels
+RIM = 1.4  # of the radius, white
+HIDDEN = 0.3  # opacity of a mark behind the shape
+# A mark on the surface is not hidden by that surface, nor is one slightly inside it; normalised coordinates.
+INSIDE = 0.02
+
+
+def draw_marks(
+    image: NDArray[np.float32],
+    scene: Scene,
+    camera: Camera,
+    positions: NDArray[np.float64],
+    *,
+    square: bool,
+) -> None:
+    """Draw dots or squares with white rims into `image` (R, R, 3), in place.
+
+    Parameters
+    ----------
+    scene
+        What may hide them: such marks are faint.
+    positions
+        (H, 3) in the scene's coordinates; what is not in front of the camera is left out.
+    """
+    resolution = len(image)
+    radius = max(SMALLEST, RADIUS * resolution)
+    offsets = positions - camera.position
+    before = offsets @ camera.back < 0
+    positions, offsets = positions[before], offsets[before]
+    rows, columns = camera.project(positions, resolution)
+    hits = scene.cast(camera.position, offsets)
+    hidden = np.zeros(len(positions), bool)
+    hidden[hits.ray] = hits.distance < 1 - INSIDE / np.linalg.norm(offsets[hits.ray], axis=1)
+    for row, column, behind in zip(rows, columns, hidden, strict=True):
+        # Only the pixels around the mark are touched.
+        reach = int(radius * RIM) + 2
+        top, left = max(0, int(row) - reach), max(0, int(column) - reach)
+        patch = image[top : max(0, int(row) + reach + 1), left : max(0, int(column) + reach + 1)]
+        down, across = np.arange(top, top + patch.shape[0]) - row, np.arange(left, left + patch.shape[1]) - column
+        if square:
+            distance = np.maximum(np.abs(down)[:, None], np.abs(across)) * 1.1  # looks as large as the dot
+        else:
+            distance = np.hypot(down[:, None], across)
+        for edge, ink in ((radius * RIM, (1.0, 1.0, 1.0)), (radius, DARK if square else BLUE)):
+            cover = (edge - distance + 0.5).clip(0, 1) * (HIDDEN if behind else 1)
+            patch += (cover[:, :, None] * (np.array(ink) - patch)).astype(np.float32)

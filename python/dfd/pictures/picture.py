@@ -21,8 +21,7 @@ from dfd.mesh.appearance import linear, srgb
 from dfd.mesh.normals import smooth_normals
 from dfd.pictures.colors import CLAY, weight_colors
 from dfd.pictures.contact_sheet import contact_sheet, heat_bar
-from dfd.pictures.labels import draw_axes, draw_labels, draw_numbers
-from dfd.pictures.marks import draw_marks
+from dfd.pictures.labels import draw_axes, draw_labels, draw_marks, draw_numbers
 from dfd.pictures.picture_document import KEY, PictureDocument
 from dfd.pictures.viewpoint import aim
 from dfd.views.cameras import Camera

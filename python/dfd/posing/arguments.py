@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd import _core
+import dfd._core as _core
 from dfd.common import check, tensors
 
 __all__ = ["among", "empty_like", "read_affine", "read_points", "read_weights", "standing", "target"]

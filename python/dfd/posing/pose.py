@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd import _core
+import dfd._core as _core
 from dfd.common import check, tensors, threads
 from dfd.posing.arguments import among, empty_like, read_affine, read_points, read_weights, standing, target
 from dfd.posing.overlap import interpolating

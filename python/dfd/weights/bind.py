@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dfd import _core
+import dfd._core as _core
 from dfd.common import check, tensors, threads
 from dfd.weights.compact import CompactFeatures
 from dfd.weights.regions import Targets, targets

@@ -12,10 +12,10 @@ from tiny_encoder import save_tiny_encoder
 from typer.testing import CliRunner
 
 import dfd
-from dfd.batch import pool, resources
+from dfd.batch import pool
 from dfd.batch.on_ray import RaySlots
+from dfd.batch.pool import slot_environments
 from dfd.batch.record import Job, Limits, Record
-from dfd.batch.resources import slot_environments
 from dfd.batch.settings import BatchSettings
 from dfd.batch.worker import work
 from dfd.cli import app
@@ -24,8 +24,8 @@ from dfd.cli import app
 @pytest.fixture(autouse=True)
 def roomy(monkeypatch):
     """A machine of 16 processors with memory enough."""
-    monkeypatch.setattr(resources, "processors", lambda: 16)
-    monkeypatch.setattr(resources, "available_memory", lambda: 1 << 40)
+    monkeypatch.setattr(pool, "processors", lambda: 16)
+    monkeypatch.setattr(pool, "available_memory", lambda: 1 << 40)
 
 
 @pytest.mark.parametrize(

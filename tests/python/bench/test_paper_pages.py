@@ -14,7 +14,7 @@ from tiny_encoder import save_tiny_encoder
 import dfd
 from bench.paper import drawing, fig10_timing, methods, studies
 from bench.paper.__main__ import PAGES, make
-from bench.paper.context import BATCH, Context, Shape
+from bench.paper.context import Context, Shape
 from bench.paper.drawing import silhouettes
 from bench.paper.fig12_encoder_weights import correlation
 from bench.paper.fig17_topology import gap
@@ -66,13 +66,6 @@ def test_every_page_is_made(name, context, tmp_path, monkeypatch, one_thread):
     assert set(numbers["presets"]) == {"paper preset", "dfd default"}
     assert any(numbers["tables"].values()) or name.startswith("study")
     assert "NaN" not in (tmp_path / f"{name}.json").read_text("utf-8")
-
-
-def test_the_papers_fit_is_fifteen_rounds_over_all_pixels():
-    settings = Context().distill_settings("paper")
-    pixels = settings["views"] * settings["resolution"] ** 2 * 0.19
-    assert settings["steps"] * BATCH == pytest.approx(15 * pixels, rel=0.01)
-    assert "steps" not in Context().distill_settings("default")
 
 
 def test_meshes_are_looked_for_in_the_folder_then_in_dfd_meshes_then_among_samples(folder, tmp_path, monkeypatch):

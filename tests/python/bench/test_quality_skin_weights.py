@@ -73,7 +73,8 @@ def test_weights_that_differ_are_off_by_how_far_they_move(rig):
 
 
 def test_the_artist_is_not_off_from_the_artist(rig):
-    field_of(dfd.load(rig, pose="bind")).save(rig.with_name("strip.field.safetensors"))
+    mesh = dfd.load(rig, pose="bind")
+    field_of(mesh).save(rig.with_name("strip.field.safetensors"))
     artist, _, off, *others = compared(rig, rig.parent)
     assert (artist, off) == (0, 0)
     straight, voxels, _, ours = np.array(others).reshape(4, 3)

@@ -15,7 +15,7 @@ import threadpoolctl
 import torch
 
 import dfd
-from dfd import _core
+import dfd._core as _core
 from dfd.common import openmp, threads
 
 linux_only = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="torch brings another runtime here")
@@ -154,7 +154,7 @@ def test_workers_are_an_openmp_team():
 def test_one_pool_of_threads_serves_torch_and_the_kernels(first):
     code = f"""
 import os, torch, dfd
-from dfd import _core
+import dfd._core as _core
 torch.set_num_threads(4)
 work = {{"torch": lambda: torch.sin(torch.ones(4_000_000)), "dfd": lambda: _core.team_size(4)}}
 counts = [len(os.listdir("/proc/self/task"))]

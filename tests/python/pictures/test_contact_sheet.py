@@ -7,7 +7,7 @@ import pytest
 
 from dfd.pictures.colors import weight_colors
 from dfd.pictures.contact_sheet import contact_sheet, heat_bar
-from dfd.pictures.typography import font, spelled, wrapped
+from dfd.pictures.labels import font, spelled, wrapped
 
 
 def filled(height: int, width: int, color: tuple[int, int, int]) -> np.ndarray:

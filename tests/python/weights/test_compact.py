@@ -169,7 +169,7 @@ def test_torch_tensors_are_taken():
 def test_every_instruction_set_binds_and_poses_alike(tmp_path):
     code = """
 import sys, numpy as np, dfd
-from dfd import _core
+import dfd._core as _core
 random = np.random.default_rng(0)
 features = np.load(sys.argv[1])
 results = {"name": np.array(_core.instruction_set())}
