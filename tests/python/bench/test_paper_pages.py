@@ -45,6 +45,7 @@ def context(folder, tmp_path_factory) -> Context:
     return Context(folder=folder, quick=True, encoder=encoder, settings=TINY)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ALONE)
 def test_every_page_is_made(name, context, tmp_path, monkeypatch, one_thread):
     monkeypatch.setattr(drawing, "RESOLUTION", 48)
@@ -179,6 +180,7 @@ def test_a_page_is_written_with_its_numbers(tmp_path):
     assert numbers["more"] == 2
 
 
+@pytest.mark.slow
 def test_the_key_of_a_study_tells_which_option_is_which_and_the_sheet_does_not(context, tmp_path, monkeypatch):
     monkeypatch.setattr(drawing, "RESOLUTION", 48)
     monkeypatch.setattr(studies, "OTHERS", ())

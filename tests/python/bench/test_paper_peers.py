@@ -146,6 +146,7 @@ def test_what_a_method_cannot_do_is_told(body, held, monkeypatch):
             made(name, body, held)
 
 
+@pytest.mark.slow
 def test_a_shape_is_filled_and_every_step_is_timed():
     pytest.importorskip("wildmeshing")
     ball = trimesh.creation.icosphere(subdivisions=2)

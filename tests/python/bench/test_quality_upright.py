@@ -221,6 +221,7 @@ def test_votes_without_some_are_what_the_others_teach():
         assert np.allclose(ridge.without([rows[number] for number in left_out]).ravel(), direct, rtol=1e-4, atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("group", [by_shape, by_family])
 def test_what_is_learned_finds_shapes_that_it_never_saw(group):
     some = lessons(16)

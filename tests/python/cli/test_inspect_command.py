@@ -26,6 +26,7 @@ def test_inspect_prints_a_table(run):
     assert "symmetry" not in result.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("vertices", "faces", "line"),
     [
@@ -49,6 +50,7 @@ def test_inspect_says_what_no_camera_sees(run, vertices, faces, line):
     assert line in " ".join(result.stdout.split())
 
 
+@pytest.mark.slow
 def test_inspect_prints_json_with_the_planes_of_a_field(run, folder):
     with mock.patch(
         "dfd.symmetry.search.RELATIVE_THRESHOLD", 10.0
@@ -75,6 +77,7 @@ def test_inspect_says_when_there_is_no_plane(run):
     assert ["symmetry", "planes", "none"] in [line.split() for line in result.stdout.splitlines()]
 
 
+@pytest.mark.slow
 def test_inspect_suggests_handles_and_draws_them(run, chair):
     result = run("inspect", "MESH", "--field", "FIELD", "--suggestions", 3, "--picture", "handles.png", "--json")
     assert worked(result)
@@ -98,6 +101,7 @@ def test_inspect_says_what_is_odd(run):
     assert any("open" in each["what"] for each in report["findings"])
 
 
+@pytest.mark.slow
 def test_inspect_measures_what_was_done_to_the_surface(run, chair):
     chair.save("tall.obj", chair.vertices * [1, 2, 1])
     result = run("inspect", "MESH", "--against", "tall.obj", "--picture", "areas.png", "--json")

@@ -56,6 +56,7 @@ def test_every_picture_of_a_sheet_has_its_own_camera(run, chair):
         assert np.linalg.norm(chair.vertices[found["vertex"]] - chair.vertices[vertex]) < 0.05
 
 
+@pytest.mark.slow
 def test_the_moved_shape_is_picked_from_its_own_file(run):
     move = ("--handle", 40, "--translate", 0, 0.5, 0, "--picture", "pair.png")
     assert worked(run("deform", "MESH", "--field", "FIELD", *move, "-o", "moved.obj"))
