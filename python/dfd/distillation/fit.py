@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = ["fit", "widen"]
 
-_LEAST_PART, _MOST_PARTS = 384, 8  # points of a batch that a thread takes, and how many such parts there are
+_LEAST_PART, _MOST_PARTS = 192, 8  # points of a batch that a thread takes, and how many such parts there are
 
 
 def fit(
@@ -88,7 +88,7 @@ def _set_gradients(network: Network, points: torch.Tensor, wanted: torch.Tensor)
     """
     parameters = list(network.parameters())
     size = len(points) if points.is_cuda else max(_LEAST_PART, -(-len(points) // _MOST_PARTS))
-    parts = list(zip(points.split(size), wanted.split(size), strict=True))
+    parts = [(points[begin : begin + size], wanted[begin : begin + size]) for begin in range(0, len(points), size)]
     found: list[tuple[torch.Tensor, ...]] = [()] * len(parts)
 
     def differentiate(begin: int, end: int) -> None:

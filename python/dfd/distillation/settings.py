@@ -182,13 +182,13 @@ class DistillSettings(BaseModel):
     ] = 5
     width: Annotated[int, _whole(1, 8192), Field(description="Neurons of each hidden layer of the network.")] = 256
     layers: Annotated[int, _whole(1, 64), Field(description="Hidden layers of the network.")] = 4
-    steps: Annotated[int | None, _whole(1, or_none=True), Field(description="Length of the fit; or `epochs`.")] = 250
+    steps: Annotated[int | None, _whole(1, or_none=True), Field(description="Length of the fit; or `epochs`.")] = 500
     epochs: Annotated[
         int | None,
         _whole(1, or_none=True),
         Field(description="Length of the fit in rounds, each over every point once; or `steps`."),
     ] = None
-    batch: Annotated[int, _whole(1), Field(description="Surface points in each step of the fit.")] = 768
+    batch: Annotated[int, _whole(1), Field(description="Surface points in each step of the fit.")] = 384
     learning_rate: Annotated[
         float,
         _checked(check.number, minimum=0.0, exclusive=True),

@@ -72,12 +72,13 @@ class PointTargets(Targets):
         """(N, D) the targets as the encoder gives features."""
         features: NDArray[np.float32] = self.targets
         if self.directions is not None:
-            features = np.asarray(features @ self.directions, np.float32)
+            features = features @ self.directions
         return features
 
     def rows(self, chosen: NDArray[np.integer]) -> NDArray[np.float32]:
         """Unit targets of the chosen points, (B, d)."""
-        return self.targets[chosen]
+        rows: NDArray[np.float32] = self.targets[chosen]
+        return rows
 
 
 class TokenGrid:
