@@ -37,7 +37,7 @@ def read_shape(source: Source) -> tuple[Mesh, list[str]]:
         As `dfd.load` does.
     """
     if source.sample is not None:
-        from dfd import samples
+        import dfd.samples as samples
 
         faces = next(entry.faces for entry in SAMPLES if entry.name == source.sample)
         return getattr(samples, source.sample)(faces).mesh, []
