@@ -2,7 +2,7 @@
 
 import { ask, drop } from "./actions/server";
 import { store } from "./store/state";
-import { posePoint } from "./viewer/twin";
+import { posePoint } from "./viewer/posing/twin";
 import { sceneOf } from "./viewer/scene";
 import type { Viewer } from "./viewer/viewer";
 

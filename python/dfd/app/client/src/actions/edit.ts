@@ -2,7 +2,7 @@
 
 import type { Controls, Plane } from "../protocol/messages";
 import { alive, present, store, type Ahead } from "../store/state";
-import type { Transform, Vec3 } from "../viewer/affine";
+import type { Transform, Vec3 } from "../viewer/posing/affine";
 import { gently } from "./gently";
 import { ask, congested, tell } from "./server";
 import { note } from "./toasts";

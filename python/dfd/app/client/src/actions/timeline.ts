@@ -2,7 +2,7 @@
 
 import type { KeyPose, PoseTransform } from "../protocol/messages";
 import { store } from "../store/state";
-import { interpolate, REST, type Transform } from "../viewer/affine";
+import { interpolate, REST, type Transform } from "../viewer/posing/affine";
 import { poseTo } from "./edit";
 import { ask } from "./server";
 import { note } from "./toasts";

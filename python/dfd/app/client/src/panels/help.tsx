@@ -3,7 +3,7 @@ import { useEffect, useRef } from "preact/hooks";
 import { COMPARE, shortcuts, type Shortcut } from "../actions/keyboard";
 import { store } from "../store/state";
 import { useStore } from "../store/use";
-import { IconButton } from "./controls";
+import { IconButton } from "../widgets/controls";
 
 const POINTER = [
   { keys: "Click", label: "Take hold of a point" },

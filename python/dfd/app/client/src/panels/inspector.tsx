@@ -1,12 +1,12 @@
 import { resetOne } from "../actions/edit";
 import { alive, selectedHandle, store } from "../store/state";
 import { useStore } from "../store/use";
-import { BrushPanel } from "./brush_panel";
-import { IconButton, Panel } from "./controls";
-import { DefaultPanel } from "./default_panel";
-import { FixedPanel } from "./fixed_panel";
-import { HandleList } from "./handle_list";
-import { HandlePanel } from "./handle_panel";
+import { BrushPanel } from "./handles/brush_panel";
+import { IconButton, Panel } from "../widgets/controls";
+import { DefaultPanel } from "./handles/default_panel";
+import { FixedPanel } from "./handles/fixed_panel";
+import { HandleList } from "./handles/handle_list";
+import { HandlePanel } from "./handles/handle_panel";
 import { ShapePanel } from "./shape_panel";
 import { SymmetryPanel } from "./symmetry_panel";
 

@@ -2,7 +2,7 @@ import { setBlend, setOverlap, setPreset } from "../actions/edit";
 import type { StateMessage } from "../protocol/messages";
 import { store } from "../store/state";
 import { useStore } from "../store/use";
-import { Panel, Select } from "./controls";
+import { Panel, Select } from "../widgets/controls";
 
 const count = new Intl.NumberFormat("en");
 

@@ -1,7 +1,7 @@
 import { chooseFiles, megabytes, openSample } from "../actions/files";
 import { store } from "../store/state";
 import { useStore } from "../store/use";
-import { Icon } from "./icons";
+import { Icon } from "../widgets/icons";
 
 const count = new Intl.NumberFormat("en");
 

@@ -2,7 +2,7 @@ import { cancel, distill } from "../actions/edit";
 import { dismiss } from "../actions/toasts";
 import { store } from "../store/state";
 import { useStore } from "../store/use";
-import { IconButton, titled } from "./controls";
+import { IconButton, titled } from "../widgets/controls";
 
 const HINTS = {
   hold: "Click to take hold · drag to orbit",

@@ -2,7 +2,7 @@ import { setBand, setSymmetry } from "../actions/edit";
 import type { Plane, StateMessage } from "../protocol/messages";
 import { store } from "../store/state";
 import { useStore } from "../store/use";
-import { Panel, readable, Slider, Toggle } from "./controls";
+import { Panel, readable, Slider, Toggle } from "../widgets/controls";
 
 export function SymmetryPanel({ known }: { readonly known: StateMessage }) {
   const shown = useStore(store, (state) => state.showPlanes);

@@ -4,7 +4,7 @@ import { applyMoment, leave, play, removePose, renamePose, retime, scrub, storeP
 import type { KeyPose } from "../protocol/messages";
 import { store } from "../store/state";
 import { useStore } from "../store/use";
-import { IconButton, NumberField } from "./controls";
+import { IconButton, NumberField } from "../widgets/controls";
 
 const NONE: readonly KeyPose[] = [];
 

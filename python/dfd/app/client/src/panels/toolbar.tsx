@@ -1,8 +1,8 @@
 import { resetAll, suggest } from "../actions/edit";
 import { alive, store, type GizmoMode, type Tool } from "../store/state";
 import { useStore } from "../store/use";
-import { IconButton } from "./controls";
-import type { IconName } from "./icons";
+import { IconButton } from "../widgets/controls";
+import type { IconName } from "../widgets/icons";
 
 const TOOLS: readonly (readonly [Tool, IconName, string, string])[] = [
   ["hold", "hold", "Hold points", "H"],

@@ -4,8 +4,8 @@ import { heatPicture, screenshot, turntable } from "../actions/pictures";
 import { alive, store, type Look, type Theme } from "../store/state";
 import { useStore } from "../store/use";
 import type { Viewer } from "../viewer/viewer";
-import { IconButton, Menu, Segmented } from "./controls";
-import type { IconName } from "./icons";
+import { IconButton, Menu, Segmented } from "../widgets/controls";
+import type { IconName } from "../widgets/icons";
 
 const LOOKS: readonly (readonly [Look, string])[] = [
   ["texture", "Texture"],

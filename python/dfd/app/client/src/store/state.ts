@@ -11,8 +11,8 @@ import type {
   StateMessage,
   Suggestion,
 } from "../protocol/messages";
-import type { Frame, Transform, Vec3 } from "../viewer/affine";
-import type { Layer } from "../viewer/columns";
+import type { Frame, Transform, Vec3 } from "../viewer/posing/affine";
+import type { Layer } from "../viewer/posing/columns";
 import type { Level, Quality } from "../viewer/pace";
 import { createStore, type Store } from "./store";
 

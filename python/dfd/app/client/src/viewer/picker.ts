@@ -12,9 +12,9 @@ import {
   type WebGLRenderer,
 } from "three";
 
-import type { Vec3 } from "./affine";
-import type { FacePoint } from "./faces";
-import { material } from "./shaders";
+import type { Vec3 } from "./posing/affine";
+import type { FacePoint } from "./posing/faces";
+import { material } from "./posing/shaders";
 import type { Shape } from "./shape";
 
 export interface Pick extends FacePoint {

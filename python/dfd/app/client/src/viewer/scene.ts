@@ -2,8 +2,18 @@
 
 import type { NewHandle, Plane } from "../protocol/messages";
 import { present, type ColumnData, type Instance, type State } from "../store/state";
-import { add, apply, IDENTITY, matrixOf, multiply, subtract, type Affine, type Transform, type Vec3 } from "./affine";
-import { EMPTY_SCENE, isFalloff, type Column, type Mirror, type Scene } from "./columns";
+import {
+  add,
+  apply,
+  IDENTITY,
+  matrixOf,
+  multiply,
+  subtract,
+  type Affine,
+  type Transform,
+  type Vec3,
+} from "./posing/affine";
+import { EMPTY_SCENE, isFalloff, type Column, type Mirror, type Scene } from "./posing/columns";
 
 /** The map that does to p − center what `transform` does to p. */
 export function relative(transform: Affine, center: Vec3): Affine {

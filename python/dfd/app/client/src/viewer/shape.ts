@@ -25,12 +25,12 @@ import {
 import type { Payload } from "../protocol/frames";
 import type { DetailMessage, MaterialEntry, MeshMessage } from "../protocol/messages";
 import type { Look } from "../store/state";
-import { IDENTITY, type Vec3 } from "./affine";
-import { sameScene, type Scene } from "./columns";
-import { Levels, type Drawn, type Given, type Triangles } from "./levels";
+import { IDENTITY, type Vec3 } from "./posing/affine";
+import { sameScene, type Scene } from "./posing/columns";
+import { Levels, type Drawn, type Given, type Triangles } from "./posing/levels";
 import type { Level } from "./pace";
-import { PoseTextures } from "./pose_textures";
-import { define, material } from "./shaders";
+import { PoseTextures } from "./posing/pose_textures";
+import { define, material } from "./posing/shaders";
 import { SHAPE_LAYER, type Parts } from "./still";
 
 const WRAPS = { repeat: RepeatWrapping, mirror: MirroredRepeatWrapping, clamp: ClampToEdgeWrapping } as const;

@@ -3,9 +3,9 @@
 import { PerspectiveCamera, Scene as ThreeScene, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
-import type { Vec3 } from "./affine";
+import type { Vec3 } from "./posing/affine";
 import { Clock } from "./clock";
-import { drawsInSoftware } from "./graphics";
+import { drawsInSoftware } from "./posing/graphics";
 import { COARSE, Pace, WHOLE, type Drawing, type Level } from "./pace";
 import { SHAPE_LAYER, Still, type Parts } from "./still";
 

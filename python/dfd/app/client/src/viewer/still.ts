@@ -18,7 +18,7 @@ import {
 } from "three";
 
 import type { Clock } from "./clock";
-import { material } from "./shaders";
+import { material } from "./posing/shaders";
 
 /** What draws a shape and nothing else: a camera sees it by this layer. */
 export const SHAPE_LAYER = 1;

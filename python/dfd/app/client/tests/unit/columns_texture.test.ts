@@ -1,8 +1,8 @@
 import { describe, expect, it } from "vitest";
 
-import { IDENTITY, matrixOf, REST } from "../../src/viewer/affine";
-import { EMPTY_SCENE, type Column, type Layer } from "../../src/viewer/columns";
-import { PoseTextures } from "../../src/viewer/pose_textures";
+import { IDENTITY, matrixOf, REST } from "../../src/viewer/posing/affine";
+import { EMPTY_SCENE, type Column, type Layer } from "../../src/viewer/posing/columns";
+import { PoseTextures } from "../../src/viewer/posing/pose_textures";
 import { madeColumn } from "./made_column";
 
 const layer = (value: number): Layer => ({

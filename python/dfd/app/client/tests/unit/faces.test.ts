@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 
-import { Faces } from "../../src/viewer/faces";
+import { Faces } from "../../src/viewer/posing/faces";
 
 // Two triangles of a square in z = 0, and one above them that shares the last corner.
 const positions = Float32Array.of(0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1);

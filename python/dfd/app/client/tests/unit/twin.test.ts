@@ -1,10 +1,10 @@
 import { describe, expect, it } from "vitest";
 
-import { apply, matrixOf, REST, type Frame, type Vec3 } from "../../src/viewer/affine";
-import { falloff, FALLOFFS, weightOf, type Column, type Layer, type Scene } from "../../src/viewer/columns";
-import { heldPart } from "../../src/viewer/measure";
+import { apply, matrixOf, REST, type Frame, type Vec3 } from "../../src/viewer/posing/affine";
+import { falloff, FALLOFFS, weightOf, type Column, type Layer, type Scene } from "../../src/viewer/posing/columns";
+import { heldPart } from "../../src/viewer/overlays/measure";
 import { instanceMatrix, instancePivot, relative } from "../../src/viewer/scene";
-import { mirrored, posePoint } from "../../src/viewer/twin";
+import { mirrored, posePoint } from "../../src/viewer/posing/twin";
 import { madeColumn } from "./made_column";
 
 const layer = (values: number[], scale = 2, geodesic: number[] | null = null): Layer => ({

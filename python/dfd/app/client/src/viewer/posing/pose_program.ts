@@ -1,7 +1,7 @@
 /** The pose shader, compiled once for each set of parts that scenes have had. */
 
-import pose from "../shaders/pose.glsl?raw";
-import pass from "../shaders/pose_pass.glsl?raw";
+import pose from "../../shaders/pose.glsl?raw";
+import pass from "../../shaders/pose_pass.glsl?raw";
 
 export const ATTRIBUTES = { rest: 0, restNormal: 1, vertex: 2, givenPosition: 3, givenNormal: 4 } as const;
 const VARYINGS = ["posedPosition", "posedNormal"];

@@ -1,13 +1,13 @@
 import { GLSL3, ShaderMaterial, type IUniform, type ShaderMaterialParameters } from "three";
 
-import backgroundFragment from "../shaders/background.frag.glsl?raw";
-import backgroundVertex from "../shaders/background.vert.glsl?raw";
-import pickFragment from "../shaders/pick.frag.glsl?raw";
-import pickVertex from "../shaders/pick.vert.glsl?raw";
-import stillFragment from "../shaders/still.frag.glsl?raw";
-import stillVertex from "../shaders/still.vert.glsl?raw";
-import surfaceFragment from "../shaders/surface.frag.glsl?raw";
-import surfaceVertex from "../shaders/surface.vert.glsl?raw";
+import backgroundFragment from "../../shaders/background.frag.glsl?raw";
+import backgroundVertex from "../../shaders/background.vert.glsl?raw";
+import pickFragment from "../../shaders/pick.frag.glsl?raw";
+import pickVertex from "../../shaders/pick.vert.glsl?raw";
+import stillFragment from "../../shaders/still.frag.glsl?raw";
+import stillVertex from "../../shaders/still.vert.glsl?raw";
+import surfaceFragment from "../../shaders/surface.frag.glsl?raw";
+import surfaceVertex from "../../shaders/surface.vert.glsl?raw";
 
 const PROGRAMS = {
   background: [backgroundVertex, backgroundFragment],

@@ -4,7 +4,7 @@ import type { ComponentChildren } from "preact";
 
 import { store } from "../store/state";
 import { useStore } from "../store/use";
-import type { Vec3 } from "../viewer/affine";
+import type { Vec3 } from "../viewer/posing/affine";
 import { IconButton, NumberField } from "./controls";
 
 const AXES = ["x", "y", "z"] as const;

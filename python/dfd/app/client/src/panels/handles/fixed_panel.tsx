@@ -1,8 +1,8 @@
-import { release, setFixedStrength } from "../actions/edit";
-import type { FixedState } from "../protocol/messages";
-import { store } from "../store/state";
-import { useStore } from "../store/use";
-import { IconButton, Panel, Slider } from "./controls";
+import { release, setFixedStrength } from "../../actions/edit";
+import type { FixedState } from "../../protocol/messages";
+import { store } from "../../store/state";
+import { useStore } from "../../store/use";
+import { IconButton, Panel, Slider } from "../../widgets/controls";
 
 export function FixedPanel({ fixed }: { readonly fixed: readonly FixedState[] }) {
   const strengths = useStore(store, (state) => state.edit?.controls.includes("strength") ?? false);

@@ -2,10 +2,10 @@
 
 import { BufferAttribute, BufferGeometry, Sphere, Vector3, type WebGLRenderer } from "three";
 
-import type { Payload } from "../protocol/frames";
-import type { Group } from "../protocol/messages";
+import type { Payload } from "../../protocol/frames";
+import type { Group } from "../../protocol/messages";
 import { Faces } from "./faces";
-import type { Level } from "./pace";
+import type { Level } from "../pace";
 import { PosePass } from "./pose_pass";
 import type { PoseTextures } from "./pose_textures";
 

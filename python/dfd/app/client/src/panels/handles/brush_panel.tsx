@@ -1,8 +1,8 @@
-import { fixPainted, holdPainted, limitTo } from "../actions/edit";
-import { selectedHandle, store } from "../store/state";
-import { useStore } from "../store/use";
-import { handleName } from "../viewer/marks";
-import { Panel, Slider } from "./controls";
+import { fixPainted, holdPainted, limitTo } from "../../actions/edit";
+import { selectedHandle, store } from "../../store/state";
+import { useStore } from "../../store/use";
+import { handleName } from "../../viewer/overlays/marks";
+import { Panel, Slider } from "../../widgets/controls";
 
 export function BrushPanel() {
   const brush = useStore(store, (state) => state.brush);

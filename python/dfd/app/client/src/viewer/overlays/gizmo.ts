@@ -3,9 +3,9 @@
 import { MathUtils, Matrix4, Object3D, Quaternion, Vector3, type Camera } from "three";
 import { TransformControls } from "three/addons/controls/TransformControls.js";
 
-import type { GizmoMode } from "../store/state";
-import { quaternionOf, rotationOf, type Transform, type Vec3 } from "./affine";
-import { gripOf } from "./scene";
+import type { GizmoMode } from "../../store/state";
+import { quaternionOf, rotationOf, type Transform, type Vec3 } from "../posing/affine";
+import { gripOf } from "../scene";
 
 export interface GizmoEvents {
   started(): void;

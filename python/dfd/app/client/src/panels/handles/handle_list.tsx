@@ -1,11 +1,11 @@
 import { useState } from "preact/hooks";
 
-import { clear, remove, rename, select, toggleHidden } from "../actions/edit";
-import type { HandleState } from "../protocol/messages";
-import { alive, store } from "../store/state";
-import { useStore } from "../store/use";
-import { handleName } from "../viewer/marks";
-import { IconButton, Menu, Panel } from "./controls";
+import { clear, remove, rename, select, toggleHidden } from "../../actions/edit";
+import type { HandleState } from "../../protocol/messages";
+import { alive, store } from "../../store/state";
+import { useStore } from "../../store/use";
+import { handleName } from "../../viewer/overlays/marks";
+import { IconButton, Menu, Panel } from "../../widgets/controls";
 
 const NONE: readonly HandleState[] = [];
 

@@ -2,7 +2,7 @@
 
 import { BufferAttribute, BufferGeometry, Color, Mesh } from "three";
 
-import { material } from "./shaders";
+import { material } from "../posing/shaders";
 
 export class Background {
   readonly mesh: Mesh;

@@ -1,8 +1,8 @@
 /** The brush: every stroke takes the vertices within its radius at rest, so that what was posed together stays apart. */
 
-import { store } from "../store/state";
-import type { Pick } from "./picker";
-import type { Shape } from "./shape";
+import { store } from "../../store/state";
+import type { Pick } from "../picker";
+import type { Shape } from "../shape";
 
 export class Brush {
   private readonly values = new WeakMap<Uint8Array, Uint16Array>();

@@ -1,11 +1,11 @@
-import { setDefault } from "../actions/edit";
-import type { StateMessage } from "../protocol/messages";
-import { store } from "../store/state";
-import { useStore } from "../store/use";
-import { REST, type Transform } from "../viewer/affine";
-import { niceStep } from "../viewer/viewer";
-import { IconButton, Panel } from "./controls";
-import { Scale, Triple } from "./triple";
+import { setDefault } from "../../actions/edit";
+import type { StateMessage } from "../../protocol/messages";
+import { store } from "../../store/state";
+import { useStore } from "../../store/use";
+import { REST, type Transform } from "../../viewer/posing/affine";
+import { niceStep } from "../../viewer/viewer";
+import { IconButton, Panel } from "../../widgets/controls";
+import { Scale, Triple } from "../../widgets/triple";
 
 /** D₀ of Eq. 1: what happens to what no handle holds. */
 export function DefaultPanel({ known }: { readonly known: StateMessage }) {

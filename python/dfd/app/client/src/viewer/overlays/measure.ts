@@ -1,6 +1,6 @@
 /** How much of the shape a handle holds, from a histogram of its distances: fast enough for every turn of the wheel. */
 
-import { falloff, type Falloff, type Layer } from "./columns";
+import { falloff, type Falloff, type Layer } from "../posing/columns";
 
 const BINS = 512;
 const histograms = new WeakMap<Layer, Float64Array>();

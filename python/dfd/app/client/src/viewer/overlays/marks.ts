@@ -1,16 +1,16 @@
 /** Which marks and which ring lie over the shape. */
 
-import { othersOf, switchLookAlike } from "../actions/alike";
-import { select, release, hold } from "../actions/edit";
-import { present, selectedHandle, type State } from "../store/state";
-import { apply, matrixOf, subtract, type Vec3 } from "./affine";
-import type { Scene } from "./columns";
-import { isFalloff } from "./columns";
+import { othersOf, switchLookAlike } from "../../actions/alike";
+import { select, release, hold } from "../../actions/edit";
+import { present, selectedHandle, type State } from "../../store/state";
+import { apply, matrixOf, subtract, type Vec3 } from "../posing/affine";
+import type { Scene } from "../posing/columns";
+import { isFalloff } from "../posing/columns";
 import type { Mark, Ring } from "./markers";
 import { heldPart } from "./measure";
-import { gripOf } from "./scene";
-import type { Shape } from "./shape";
-import { posePoint } from "./twin";
+import { gripOf } from "../scene";
+import type { Shape } from "../shape";
+import { posePoint } from "../posing/twin";
 
 export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
   const { edit, mesh } = state;

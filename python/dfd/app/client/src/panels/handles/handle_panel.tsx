@@ -1,15 +1,15 @@
-import { othersOf, switchLookAlike } from "../actions/alike";
-import { change, limitTo, moveTo, setAxes, slide, softenLimit } from "../actions/edit";
-import type { HandleState } from "../protocol/messages";
-import { present, selectedHandle, store } from "../store/state";
-import { useStore } from "../store/use";
-import type { Transform } from "../viewer/affine";
-import { isFalloff } from "../viewer/columns";
-import { drawsInSoftware } from "../viewer/graphics";
-import { heldPart } from "../viewer/measure";
-import { niceStep } from "../viewer/viewer";
-import { IconButton, readable, Select, Slider, Toggle } from "./controls";
-import { Scale, Triple } from "./triple";
+import { othersOf, switchLookAlike } from "../../actions/alike";
+import { change, limitTo, moveTo, setAxes, slide, softenLimit } from "../../actions/edit";
+import type { HandleState } from "../../protocol/messages";
+import { present, selectedHandle, store } from "../../store/state";
+import { useStore } from "../../store/use";
+import type { Transform } from "../../viewer/posing/affine";
+import { isFalloff } from "../../viewer/posing/columns";
+import { drawsInSoftware } from "../../viewer/posing/graphics";
+import { heldPart } from "../../viewer/overlays/measure";
+import { niceStep } from "../../viewer/viewer";
+import { IconButton, readable, Select, Slider, Toggle } from "../../widgets/controls";
+import { Scale, Triple } from "../../widgets/triple";
 
 /** Milliseconds between numbers. */
 const readably = () => (store.get().dragging ? (drawsInSoftware() ? 1000 : 100) : 0);
