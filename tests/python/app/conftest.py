@@ -13,7 +13,7 @@ from app_page import Page, Shape
 
 import dfd
 from dfd.app.options import OpenedFile, SessionOptions, Source
-from dfd.app.session.coarse import MOST_FACES
+from dfd.app.session.level_of_detail import MOST_FACES
 from dfd.app.web.launch import RunningApp
 from dfd.editing.deformer import Deformer
 from dfd.field.field import Field

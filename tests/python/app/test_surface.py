@@ -13,7 +13,7 @@ from PIL import Image
 
 import dfd
 from dfd.app.protocol.binaries import unpack
-from dfd.app.session.coarse import MOST_FACES
+from dfd.app.session.level_of_detail import MOST_FACES
 from dfd.app.session.surface import center_of, mesh_messages
 from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.mesh import Mesh

@@ -42,7 +42,7 @@ def shapes(run, chair, folder):
             (*BATCH, "--step", "edits", "--edit", "edit.json", "--made-on", "far.ply"),
             "far.field.safetensors, the field of far.ply, does not exist",
         ),
-        ((*BATCH, "--distill", "views"), "`distill` must be NAME=VALUE with one of batch"),
+        ((*BATCH, "--distill", "views"), "`distill` must be NAME=VALUE with one of background"),
         ((*BATCH, "--distill", "views=none"), "`views` must be a whole number"),
         ((*BATCH, "--step", "inspect", "--distill", "views=3"), "`distill` settings need the step distill"),
         ((*BATCH, "--rank", "2", "--world-size", "2"), "`--rank` must be below `--world-size`, got 2 of 2"),

@@ -18,7 +18,7 @@ DISTILL = sys.modules["dfd.cli.distill"]  # by its own name there is the command
 def test_demo_writes_where_it_is_told(run):
     with mock.patch("dfd.demo.run") as demo:
         assert worked(run("demo", "-o", "story"))
-        demo.assert_called_once_with(Path("story"))
+        demo.assert_called_once_with(Path("story"), preset="default")
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_a_mistake_of_ours_is_not_hidden(run):
 
 
 def test_a_warning_is_one_line(run, folder):
-    def warns(*_):
+    def warns(*_, **__):
         import warnings
 
         with warnings.catch_warnings():

@@ -40,9 +40,7 @@ def test_features_of_another_network_stand_for_a_field(run, folder, chair):
     export = ("export", "MESH", "--edit", "edit.json", "-o", "rig.glb", "--field")
     assert worked(run(*export, "rows.npy"))
     np.save("rows.npy", np.ones((len(chair.vertices) - 1, 4)))
-    assert failed(
-        run(*export, "rows.npy"), "`features` must have shape (2004, D), a row for each vertex, got (2003, 4)"
-    )
+    assert failed(run(*export, "rows.npy"), "`features` must have shape (2004, D), a row for each vertex, or")
 
 
 @pytest.mark.usefixtures("edited")

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import dfd
-from dfd.app.session.coarse import MOST_FACES, CoarseLevel, coarse_level
+from dfd.app.session.level_of_detail import MOST_FACES, CoarseLevel, coarse_level
 from dfd.mesh.mesh import Mesh
 
 Arrays = tuple[NDArray[np.float64], NDArray[np.int32]]

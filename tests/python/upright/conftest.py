@@ -1,0 +1,14 @@
+"""The network whose pictures the tests of up go by."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dfd.encoders.encode import Encoder, load_encoder
+
+
+@pytest.fixture(scope="module")
+def encoder(tiny_encoder: Path) -> Encoder:
+    return load_encoder(tiny_encoder, device="cpu", precision="float32")
