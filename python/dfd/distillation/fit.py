@@ -5,27 +5,28 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
+from torch.optim.adam import adam
 
-from dfd.common.parallel import share
 from dfd.common.progress import Stages
+from dfd.common.threads import get_num_threads
 from dfd.common.torch_threads import one_thread
 from dfd.field.architecture import Architecture
 from dfd.field.field import Field
 from dfd.field.network import Network
 
 if TYPE_CHECKING:
-    from torch.optim.lr_scheduler import LRScheduler
-
     from dfd.distillation.settings import DistillSettings
     from dfd.distillation.targets import Targets
 
-__all__ = ["fit", "widen"]
+__all__ = ["Adam", "fit", "schedule", "widen"]
 
 _LEAST_PART, _MOST_PARTS = 192, 8  # points of a batch that a thread takes, and how many such parts there are
 
@@ -63,14 +64,13 @@ def fit(
     generator = torch.Generator().manual_seed(settings.seed)
     network = Network(architecture).draw(generator).to(device)
     batches, steps = _batches(targets, settings, generator)
-    optimizer = torch.optim.Adam(network.parameters(), lr=settings.learning_rate, fused=True)
-    schedule = _schedule(optimizer, settings, steps)
-    losses: list[torch.Tensor] = []
-    with _exact_float32(), one_thread(), stages.stage("fit", steps) as advance:
-        for points, wanted in batches:
-            losses.append(_set_gradients(network, points.to(device), wanted.to(device)))
-            optimizer.step()
-            schedule.step()
+    optimizer = Adam(network)
+    losses: list[Tensor] = []
+    with _exact_float32(), one_thread(), _workers() as pool, stages.stage("fit", steps) as advance:
+        for (points, wanted), (rate, momentum) in zip(batches, schedule(settings, steps), strict=True):
+            loss, gradients = _gradients(network, points.to(device), wanted.to(device), pool)
+            optimizer.step(gradients, rate, momentum)
+            losses.append(loss)
             advance()
     parameters = network.arrays()
     if not all(np.isfinite(values).all() for values in parameters.values()):
@@ -80,35 +80,34 @@ def fit(
     return Field(parameters, octaves=settings.octaves, center=center, scale=scale, settings=told)
 
 
-def _set_gradients(network: Network, points: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
-    """Set the gradients of the mean of ‖Φ(P) − Z‖² over a batch, (B, 3) points and (B, d) targets; return that mean.
+def _gradients(network: Network, points: Tensor, wanted: Tensor, pool: Executor) -> tuple[Tensor, list[Tensor]]:
+    """Return the mean of ‖Φ(P) − Z‖² over a batch, (B, 3) points and (B, d) targets, and its gradients.
 
     On the CPU each thread takes parts of the batch, whose gradients are added in order: torch's own threads wait for
     each other many times in a step, which on a busy machine takes twenty times as long.
     """
     parameters = list(network.parameters())
+
+    def differentiate(part: tuple[Tensor, Tensor]) -> tuple[Tensor, ...]:
+        loss = (network(part[0]) - part[1]).square().sum() / len(points)
+        return loss.detach(), *torch.autograd.grad(loss, parameters)
+
     size = len(points) if points.is_cuda else max(_LEAST_PART, -(-len(points) // _MOST_PARTS))
     parts = [(points[begin : begin + size], wanted[begin : begin + size]) for begin in range(0, len(points), size)]
-    found: list[tuple[torch.Tensor, ...]] = [()] * len(parts)
-
-    def differentiate(begin: int, end: int) -> None:
-        torch.set_num_threads(1)  # it counts for each thread apart
-        for part in range(begin, end):
-            some, their = parts[part]
-            loss = (network(some) - their).square().sum() / len(points)
-            found[part] = (loss.detach(), *torch.autograd.grad(loss, parameters))
-
-    share(len(parts), 1, differentiate)
-    loss: torch.Tensor
+    found = pool.map(differentiate, parts)
+    loss: Tensor
     loss, *gradients = (functools.reduce(torch.add, each) for each in zip(*found, strict=True))
-    for parameter, gradient in zip(parameters, gradients, strict=True):
-        parameter.grad = gradient
-    return loss
+    return loss, gradients
+
+
+def _workers() -> Executor:
+    """As many threads as the kernels use, on each of which torch computes alone: it counts for each thread apart."""
+    return ThreadPoolExecutor(get_num_threads(), "dfd-fit", initializer=torch.set_num_threads, initargs=(1,))
 
 
 def _batches(
     targets: Targets, settings: DistillSettings, generator: torch.Generator
-) -> tuple[Iterator[tuple[torch.Tensor, torch.Tensor]], int]:
+) -> tuple[Iterator[tuple[Tensor, Tensor]], int]:
     """Points and targets of every step, and how many steps there are.
 
     Either so many `steps` of points drawn at random, or so many `epochs`, in each of which every point comes once.
@@ -117,7 +116,7 @@ def _batches(
     if settings.steps is not None:
         return (targets.draw(batch, generator) for _ in range(settings.steps)), settings.steps
 
-    def shuffled(epochs: int) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
+    def shuffled(epochs: int) -> Iterator[tuple[Tensor, Tensor]]:
         for _ in range(epochs):
             order = torch.randperm(len(targets.points), generator=generator)
             for chosen in order.split(batch):  # type: ignore[no-untyped-call]
@@ -127,11 +126,57 @@ def _batches(
     return shuffled(settings.epochs), settings.epochs * math.ceil(len(targets.points) / batch)
 
 
-def _schedule(optimizer: torch.optim.Optimizer, settings: DistillSettings, steps: int) -> LRScheduler:
-    """The rate of every step: constant, or up to its peak and down again (Smith and Topin 2019)."""
+class Adam:
+    """torch's fused Adam, by its function: its class imports torch's compiler, which takes two seconds."""
+
+    def __init__(self, network: Network) -> None:
+        self._parameters = [parameter.detach() for parameter in network.parameters()]
+        self._means = [torch.zeros_like(parameter) for parameter in self._parameters]
+        self._squares = [torch.zeros_like(parameter) for parameter in self._parameters]
+        self._steps = [torch.zeros((), device=parameter.device) for parameter in self._parameters]
+
+    def step(self, gradients: list[Tensor], rate: float, momentum: float) -> None:
+        """Move the parameters by one step at `rate`; `momentum` is β₁."""
+        adam(
+            self._parameters,
+            gradients,
+            self._means,
+            self._squares,
+            [],
+            self._steps,
+            fused=True,
+            amsgrad=False,
+            beta1=momentum,
+            beta2=0.999,
+            lr=rate,
+            weight_decay=0.0,
+            eps=1e-8,
+            maximize=False,
+        )
+
+
+def schedule(settings: DistillSettings, steps: int) -> Iterator[tuple[float, float]]:
+    """Rate and momentum of every step: constant, or one cycle.
+
+    In one cycle the rate rises for three tenths of the steps and then falls, along cosines, and the momentum goes the
+    other way: Smith and Topin, "Super-convergence" (2019), with the defaults of `torch.optim.lr_scheduler.OneCycleLR`.
+    """
+    peak = settings.learning_rate
     if settings.schedule == "constant":
-        return torch.optim.lr_scheduler.ConstantLR(optimizer, factor=1.0)
-    return torch.optim.lr_scheduler.OneCycleLR(optimizer, settings.learning_rate, total_steps=max(steps, 2))
+        return iter([(peak, 0.9)] * steps)
+    top, last = 0.3 * max(steps, 2) - 1, max(steps, 2) - 1
+
+    def between(start: float, end: float, share: float) -> float:
+        return end + (start - end) * (1 + math.cos(math.pi * share)) / 2
+
+    def at(step: int) -> tuple[float, float]:
+        if step <= top:
+            share = step / top if top > 0 else 1.0
+            return between(peak / 25, peak, share), between(0.95, 0.85, share)
+        share = (step - top) / (last - top)
+        return between(peak, peak / 25e4, share), between(0.85, 0.95, share)
+
+    return map(at, range(steps))
 
 
 @contextmanager

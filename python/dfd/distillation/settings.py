@@ -182,7 +182,7 @@ class DistillSettings(BaseModel):
     ] = 5
     width: Annotated[int, _whole(1, 8192), Field(description="Neurons of each hidden layer of the network.")] = 256
     layers: Annotated[int, _whole(1, 64), Field(description="Hidden layers of the network.")] = 4
-    steps: Annotated[int | None, _whole(1, or_none=True), Field(description="Length of the fit; or `epochs`.")] = 500
+    steps: Annotated[int | None, _whole(1, or_none=True), Field(description="Length of the fit; or `epochs`.")] = 350
     epochs: Annotated[
         int | None,
         _whole(1, or_none=True),

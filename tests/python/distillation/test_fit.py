@@ -13,10 +13,11 @@ from made_field import made_field, same
 import dfd
 from dfd import Field
 from dfd.common.progress import Stages
-from dfd.distillation.fit import fit, widen
+from dfd.distillation.fit import Adam, fit, schedule, widen
 from dfd.distillation.settings import DistillSettings
 from dfd.distillation.targets import PointTargets
 from dfd.field.architecture import Architecture
+from dfd.field.network import Network
 
 
 @pytest.fixture(autouse=True)
@@ -77,19 +78,19 @@ def test_an_epoch_has_every_point_once() -> None:
     assert not torch.equal(epochs[0], epochs[1])
 
 
-@pytest.mark.parametrize(("schedule", "rates"), [("constant", [0.01] * 10), ("one_cycle", [0.0004, 0.0052, 0.01])])
-def test_the_rate_of_every_step(schedule: str, rates: list[float], monkeypatch: pytest.MonkeyPatch) -> None:
-    taken, step = list[float](), torch.optim.Adam.step
+@pytest.mark.parametrize(("kind", "rates"), [("constant", [0.01] * 10), ("one_cycle", [0.0004, 0.0052, 0.01])])
+def test_the_rate_of_every_step(kind: str, rates: list[float], monkeypatch: pytest.MonkeyPatch) -> None:
+    taken, step = list[float](), Adam.step
 
-    def noted(self: torch.optim.Adam, *given: object) -> object:
-        taken.append(self.param_groups[0]["lr"])
-        return step(self, *given)
+    def noted(self: Adam, gradients: list[torch.Tensor], rate: float, momentum: float) -> None:
+        taken.append(rate)
+        step(self, gradients, rate, momentum)
 
-    monkeypatch.setattr(torch.optim.Adam, "step", noted)
-    fitted(DistillSettings(steps=10, batch=8, learning_rate=0.01, schedule=schedule))
+    monkeypatch.setattr(Adam, "step", noted)
+    fitted(DistillSettings(steps=10, batch=8, learning_rate=0.01, schedule=kind))
     np.testing.assert_allclose(taken[: len(rates)], rates, rtol=1e-5)
     assert len(taken) == 10
-    assert taken[-1] == (0.01 if schedule == "constant" else pytest.approx(0.01 / 25e4, rel=1e-3))
+    assert taken[-1] == (0.01 if kind == "constant" else pytest.approx(0.01 / 25e4, rel=1e-3))
 
 
 @pytest.mark.parametrize(("octaves", "width", "layers"), [(0, 256, 4), (0, 40, 2), (3, 7, 1)])
@@ -138,3 +139,30 @@ def test_a_widened_field_gives_features_times_directions() -> None:
     wide = widen(field, directions)
     assert (wide.architecture, wide.settings) == (Architecture(40, 16, 2, 2), {"seed": 3})
     np.testing.assert_allclose(wide(points), field(points) @ directions, atol=1e-6)
+
+
+@pytest.mark.parametrize("steps", [2, 3, 10, 350])
+def test_the_cycle_and_the_steps_are_those_of_torchs_classes(steps: int) -> None:
+    settings = DistillSettings(steps=steps, learning_rate=0.02)
+    ours, theirs = (Network(Architecture(4, width=8, layers=1)).draw(torch.Generator().manual_seed(1)) for _ in "ab")
+    optimizer, classes = Adam(ours), torch.optim.Adam(theirs.parameters(), lr=0.02)
+    cycle = torch.optim.lr_scheduler.OneCycleLR(classes, 0.02, total_steps=steps)
+    points = torch.rand(16, 3, generator=torch.Generator().manual_seed(2))
+    for rate, momentum in schedule(settings, steps):
+        group = classes.param_groups[0]
+        assert (rate, momentum) == (pytest.approx(group["lr"]), pytest.approx(group["betas"][0]))
+        optimizer.step(list(torch.autograd.grad(ours(points).sum(), list(ours.parameters()))), rate, momentum)
+        classes.zero_grad()
+        theirs(points).sum().backward()
+        classes.step()
+        if cycle.last_epoch + 1 < steps:
+            cycle.step()
+    for name, values in ours.arrays().items():
+        np.testing.assert_allclose(values, theirs.arrays()[name], atol=1e-5)
+
+
+def test_any_number_of_threads_gives_the_same_bits() -> None:
+    settings = DistillSettings(steps=8, batch=600)
+    alone, _, _ = fitted(settings)
+    dfd.set_num_threads(3)
+    assert same(fitted(settings)[0], alone)

@@ -13,6 +13,7 @@ from tiny_encoder import save_tiny_encoder
 
 import dfd
 import dfd.distillation.algorithm as algorithm
+from dfd.distillation.fit import Adam
 from dfd.distillation.settings import DistillSettings
 from dfd.distillation.targets import PixelTargets
 from dfd.encoders.encode import Encoder, load_encoder
@@ -28,7 +29,7 @@ def encoder(tmp_path: Path) -> Path:
 
 def test_the_paper_is_what_its_field_says(encoder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: dict[str, Any] = {"drawn": [], "rates": []}
-    render, encode, at, step = algorithm.render, Encoder.encode, PixelTargets.at, torch.optim.Adam.step
+    render, encode, at, step = algorithm.render, Encoder.encode, PixelTargets.at, Adam.step
 
     def rendering(mesh: dfd.Mesh, **given: Any) -> Any:
         seen["views"] = render(mesh, **given)
@@ -42,14 +43,14 @@ def test_the_paper_is_what_its_field_says(encoder: Path, monkeypatch: pytest.Mon
         seen["drawn"].append(chosen)
         return at(self, chosen)
 
-    def stepping(self: torch.optim.Adam, *given: Any) -> Any:
-        seen["rates"].append(self.param_groups[0]["lr"])
-        return step(self, *given)
+    def stepping(self: Adam, gradients: Any, rate: float, momentum: float) -> None:
+        seen["rates"].append(rate)
+        step(self, gradients, rate, momentum)
 
     monkeypatch.setattr(algorithm, "render", rendering)
     monkeypatch.setattr(Encoder, "encode", encoding)
     monkeypatch.setattr(PixelTargets, "at", choosing)
-    monkeypatch.setattr(torch.optim.Adam, "step", stepping)
+    monkeypatch.setattr(Adam, "step", stepping)
     mesh = dfd.samples.robot(60_000).mesh  # of several pieces, and with more faces than the paper renders
     # Pictures of 32² pixels instead of 512²: the rest is the paper's, and all that was said.
     field = dfd.distill(
