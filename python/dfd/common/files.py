@@ -12,8 +12,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-import platformdirs
-
 __all__ = ["atomic_write", "cache_directory"]
 
 _WRITERS = 16  # of one file at the same time; more of them get names that are never reused
@@ -126,13 +124,3 @@ if sys.platform != "win32":
             return os.path.samestat(path.stat(), os.fstat(held))
         except OSError:
             return False
-
-
-def cache_directory() -> Path:
-    """Return the user's cache folder for `dfd`; it need not exist yet.
-
-    The environment variable DFD_CACHE names it outright; otherwise it follows the habit of the platform, on Linux
-    XDG_CACHE_HOME or ~/.cache.
-    """
-    named = os.environ.get("DFD_CACHE")
-    return Path(named).expanduser() if named else platformdirs.user_cache_path("dfd", appauthor=False)

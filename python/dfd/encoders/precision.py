@@ -16,7 +16,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, cast, get_args
 
-from dfd.common.files import atomic_write, cache_directory
+from dfd.common.cache import cache_directory
+from dfd.common.files import atomic_write
 
 if TYPE_CHECKING:
     import torch
