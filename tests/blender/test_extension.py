@@ -122,8 +122,9 @@ def triangles(of: bpy.types.Object) -> np.ndarray:
 def test_a_file_that_blender_turned_finds_its_field(ball, field_file, tmp_path):
     """A glTF has y up and Blender z: the field knows the file's coordinates."""
     import dfd
+    from dfd.editing.presets import PRESETS
 
-    field = dfd.Field.load(field_file)
+    field, own = dfd.Field.load(field_file), PRESETS["default"]
     of_file = coordinates(ball)[:, [0, 2, 1]] * [1, 1, -1]
     low, high = of_file.min(axis=0), of_file.max(axis=0)
     turned = dfd.Field(field.parameters, octaves=4, center=(low + high) / 2, scale=2 / (high - low).max())
@@ -131,7 +132,7 @@ def test_a_file_that_blender_turned_finds_its_field(ball, field_file, tmp_path):
     ball.dfd.field = str(tmp_path / "turned.field.safetensors")
     select(ball, 11)
     bpy.ops.dfd.weigh()
-    wanted = dfd.bind(turned(of_file), [11])[:, 0]
+    wanted = dfd.bind(turned(of_file), [11], reach=own.reach, falloff=own.falloff)[:, 0]
     np.testing.assert_allclose(group_weights(ball, "dfd 11"), wanted, atol=1e-6)
 
 
