@@ -138,6 +138,8 @@ class Context:
     def distill_settings(self, preset: Preset) -> dict[str, Any]:
         """The keywords of `dfd.distill` for a preset."""
         shorter = {**QUICK, **(QUICK_PAPER if preset == "paper" else {})} if self.quick else {}
+        if "steps" in self.settings:  # one length of a fit at a time
+            shorter.pop("epochs", None)
         return {"preset": preset, **shorter, **self.settings}
 
     def loaded(self, preset: Preset, encoder: str | Path | Encoder | None = None, block: int | None = None) -> Encoder:
@@ -217,8 +219,8 @@ class Context:
             made, whole = DistillSettings(**self.distill_settings("paper")), DistillSettings(preset="paper")
             notes.append(
                 f"Made with --quick: {made.views} pictures of {made.resolution}² instead of {whole.views} of "
-                f"{whole.resolution}², {made.epochs} epochs instead of {whole.epochs} in the paper preset, and fewer "
-                "shapes. Weights are rougher than they would be."
+                f"{whole.resolution}², a shorter fit in the paper preset, and fewer shapes. Weights are rougher than "
+                "they would be."
             )
         return notes
 

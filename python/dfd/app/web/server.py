@@ -35,7 +35,7 @@ from dfd.app.web.uploads import FORMATS, MOST_FILES, UploadedFile, receive
 
 __all__ = ["MESSAGE_BYTES", "STATIC", "Limits", "create"]
 
-STATIC = Path(__file__).with_name("static")
+STATIC = Path(__file__).parents[1] / "static"
 MESSAGE_BYTES = 1 << 20  # the longest message of a page
 HELLO_SECONDS = 10.0
 FOREVER = "public, max-age=31536000, immutable"  # of files whose names change with what is in them
