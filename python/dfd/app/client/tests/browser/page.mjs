@@ -99,14 +99,18 @@ export async function learn(page) {
 /** The pixel, in the page, of a vertex that can be seen there. */
 export async function visibleVertex(page, among = null) {
   const found = await page.evaluate((wanted) => {
-    const canvas = document.querySelector("canvas").getBoundingClientRect();
+    const element = document.querySelector("canvas");
+    const canvas = element.getBoundingClientRect();
+    let covered = null; // by a panel: a click there does not reach the shape
     const count = window.dfd.store.get().mesh.vertices;
     const vertices = wanted ?? Array.from({ length: 60 }, (_, i) => Math.floor(((i + 0.5) / 60) * count));
     for (const vertex of vertices) {
       const at = window.dfd.project(vertex);
-      if (at && window.dfd.pick(at[0] - canvas.left, at[1] - canvas.top) === vertex) return { vertex, at };
+      if (!at || window.dfd.pick(at[0] - canvas.left, at[1] - canvas.top) !== vertex) continue;
+      if (document.elementFromPoint(...at) === element) return { vertex, at };
+      covered ??= { vertex, at };
     }
-    return null;
+    return covered;
   }, among);
   if (!found) throw new Error("No vertex can be seen.");
   return found;
