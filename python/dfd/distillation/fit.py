@@ -56,7 +56,7 @@ def fit(
     Raises
     ------
     ValueError
-        If the loss leaves the finite numbers.
+        If the fit diverges (NaN or infinity).
     """
     architecture = Architecture(
         targets.dimension, width=settings.width, layers=settings.layers, octaves=settings.octaves

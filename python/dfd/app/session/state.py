@@ -16,7 +16,7 @@ from dfd.app.protocol.parts import KeyPose, Plane, PoseTransform
 from dfd.app.session.columns import Columns, column_kind
 from dfd.app.session.surface import center_of, packed_normals
 from dfd.common.preset import Preset
-from dfd.editing.controls import Blend, Falloff, Instances, Overlap
+from dfd.editing.controls import CONTROL_NAMES, Blend, Falloff, Instances, Overlap
 from dfd.editing.edit import band_on, box_center
 from dfd.editing.edit_file import to_document
 from dfd.editing.influence.regions import members
@@ -43,19 +43,7 @@ __all__ = [
     "state_message",
 ]
 
-CONTROLS = (
-    "name",
-    "reach",
-    "falloff",
-    "locality",
-    "radius",
-    "strength",
-    "instances",
-    "level",
-    "without_instances",
-    "within",
-    "within_width",
-)
+CONTROLS = ("name", *CONTROL_NAMES)
 NO_FIELD = FieldState(status="none", origin=None, settings={})
 
 
