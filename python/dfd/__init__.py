@@ -22,7 +22,7 @@ if _typing.TYPE_CHECKING:
     from dfd.distillation.distill import distill
     from dfd.distillation.settings import DistillSettings
     from dfd.editing.deformer import Deformer
-    from dfd.editing.document import edit_schema
+    from dfd.editing.edit_file import edit_schema
     from dfd.export.export_rig import export_rig
     from dfd.export.export_weights import export_weights
     from dfd.export.key_poses import KeyPose
@@ -79,7 +79,7 @@ _LATER = {
     "SymmetryPlane": "dfd.symmetry.plane",
     "VertexField": "dfd.field.vertex_field",
     "distill": "dfd.distillation.distill",
-    "edit_schema": "dfd.editing.document",
+    "edit_schema": "dfd.editing.edit_file",
     "export_rig": "dfd.export.export_rig",
     "export_weights": "dfd.export.export_weights",
     "load": "dfd.mesh.mesh",
@@ -95,6 +95,8 @@ def __getattr__(name: str) -> _typing.Any:
         return _importlib.import_module(f"dfd.{name}")
     if name in _LATER:
         value = getattr(_importlib.import_module(_LATER[name]), name)
+        if name == "Deformer":  # no room below the app may know it
+            value.page = lambda session, **how: _importlib.import_module("dfd.app").show(session, **how)
         globals()[name] = value
         return value
     raise AttributeError(f"module 'dfd' has no attribute {name!r}")

@@ -147,7 +147,7 @@ def chosen_preset(preset: str | None) -> Preset | None:
     ValueError
         If there is none of that name.
     """
-    return None if preset is None else check.choice("dfd", "--preset", preset, Preset)
+    return None if preset is None else check.choice(None, "--preset", preset, Preset)
 
 
 def number_or(word: str, option: str, text: str, number: str) -> Any:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dfd.common.errors import ArgumentError
+
 # torch takes seconds to import; where it was not, it has raised nothing.
 if TYPE_CHECKING:
     import torch
@@ -28,7 +30,7 @@ def choose_device(function: str, device: str | torch.device | None) -> torch.dev
         torch.empty(0, device=target)
     except (RuntimeError, AssertionError, TypeError) as error:
         reason = (str(error).splitlines() or [""])[0]
-        raise ValueError(f"{function}: `device` must be one that torch can use, got {device!r}: {reason}") from None
+        raise ArgumentError("device", f"must be one that torch can use, got {device!r}: {reason}", function) from None
     return target
 
 

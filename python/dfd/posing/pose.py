@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 import dfd._core as _core
 from dfd.common import check, tensors, threads
+from dfd.common.errors import ArgumentError
 from dfd.posing.arguments import among, empty_like, read_affine, read_points, read_weights, standing, target
 from dfd.posing.overlap import interpolating
 
@@ -236,7 +237,7 @@ def _check_plane(function: str, plane: Any) -> None:
     from dfd.symmetry.plane import SymmetryPlane
 
     if not isinstance(plane, SymmetryPlane):
-        raise ValueError(f"{function}: `symmetry` must be a SymmetryPlane, got {type(plane).__name__}")
+        raise ArgumentError("symmetry", f"must be a SymmetryPlane, got {type(plane).__name__}", function)
 
 
 def _run(

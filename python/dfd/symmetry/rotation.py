@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from dfd.common import check
+from dfd.common.errors import ArgumentError
 from dfd.symmetry.evidence import Evidence, gather
 from dfd.symmetry.registration import registered
 
@@ -55,7 +56,7 @@ class RotationalSymmetry:
         """Refuse what is no axis, and an order below 2."""
         axis = check.array("RotationalSymmetry", "axis", self.axis, (3,), dtype=np.float64)
         if abs(np.linalg.norm(axis) - 1.0) > 1e-6:
-            raise ValueError(f"RotationalSymmetry: `axis` must have length 1, got {np.linalg.norm(axis):g}")
+            raise ArgumentError("axis", f"must have length 1, got {np.linalg.norm(axis):g}", "RotationalSymmetry")
         point = check.array("RotationalSymmetry", "point", self.point, (3,), dtype=np.float64)
         object.__setattr__(self, "axis", tuple(float(x) for x in axis))
         object.__setattr__(self, "point", tuple(float(x) for x in point))

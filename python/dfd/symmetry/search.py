@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import check
+from dfd.common.errors import ArgumentError
 from dfd.symmetry.evidence import Evidence, gather
 from dfd.symmetry.plane import AXES, DEFAULT_BAND, SymmetryPlane, axis_plane
 from dfd.symmetry.plane_search import candidate_planes, mirrored, same_plane
@@ -67,7 +68,7 @@ def symmetry_planes(
     if threshold != "relative":
         threshold = check.number("symmetry_planes", "threshold", threshold, minimum=0.0)
     if candidates not in ("any", "axes"):
-        raise ValueError(f"symmetry_planes: `candidates` must be any or axes, got {candidates!r}")
+        raise ArgumentError("candidates", f"must be any or axes, got {candidates!r}", "symmetry_planes")
     planes = scored_planes(field, mesh, candidates=candidates)
     if threshold != "relative":
         return [plane for plane in planes if plane.score < threshold]

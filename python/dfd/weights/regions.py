@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import check, tensors
+from dfd.common.errors import ArgumentError
 from dfd.weights.compact import CompactFeatures
 
 __all__ = ["MERGED", "MOST_MEMBERS", "Targets", "targets"]
@@ -110,7 +111,7 @@ def _points(name: str, array: NDArray[Any], source: Source) -> Targets:
 def _region(name: str, array: NDArray[Any], source: Source) -> Targets:
     """The members of one handle, which lie in the shape: their features are looked at here."""
     if len(array) == 0:
-        raise ValueError(f"bind: `{name}` must have at least one member")
+        raise ArgumentError(name, "must have at least one member", "bind")
     if array.ndim == 2:
         return _points(name, array, source)
     return Targets(check.vertex_indices("bind", name, array, source.shape[0]), None, None)

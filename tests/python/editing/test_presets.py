@@ -18,9 +18,8 @@ from dfd.app.session.state import Looks, empty_state, state_message
 from dfd.cli.options import FalloffOption, ReachOption
 from dfd.common.preset import Preset
 from dfd.editing.controls import Controls, controls_of
-from dfd.editing.document import edit_schema
 from dfd.editing.edit import Edit, Handle, empty_edit
-from dfd.editing.edit_file import from_document, to_document
+from dfd.editing.edit_file import edit_schema, from_document, to_document
 from dfd.editing.points import place_on
 from dfd.editing.presets import PRESETS, WHOLE_SHAPE
 from dfd.editing.transfer import transfer
@@ -69,7 +68,7 @@ def test_an_edit_file_means_its_preset_by_what_it_leaves_out(mesh, preset):
 def test_values_made_of_nothing_are_those_of_the_default():
     assert Controls() == controls_of("default")
     assert Edit() == empty_edit("default")
-    handle, shape = edit_schema()["$defs"]["HandleDocument"]["properties"], edit_schema()["properties"]
+    handle, shape = edit_schema()["$defs"]["Handle"]["properties"], edit_schema()["properties"]
     assert {name: handle[name]["default"] for name in PRESETS["default"].handle} == PRESETS["default"].handle
     assert {name: shape[name]["default"] for name in WHOLE_SHAPE} == PRESETS["default"].whole_shape
 

@@ -6,7 +6,6 @@ import base64
 import binascii
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,6 +30,7 @@ from dfd.app.session.state import feature_colors_message, positions_message
 from dfd.editing.edit import Fixed, empty_edit
 from dfd.editing.edit_file import from_document
 from dfd.editing.points import place_on
+from dfd.editing.presets import CONTROLS
 from dfd.editing.suggestions import suggest_handles
 from dfd.symmetry.plane import SymmetryPlane
 
@@ -119,14 +119,14 @@ def _instances(session: Session, message: requests.Instances) -> Answer:
 
 def _add(session: Session, message: requests.Add) -> Answer:
     at, parts = _at(session, message.at), _parts(message.transform)
-    controls = _controls(session, session.living().add, message.controls)
+    controls = _controls(session, message.controls)
     handle = session.change(lambda deformer: deformer.add(at, **parts, **controls))
     return DoneMessage(handle=handle)
 
 
 def _move(session: Session, message: requests.Move) -> None:
     parts = _parts(message.transform)
-    controls = _controls(session, session.living().change, message.controls)
+    controls = _controls(session, message.controls)
     if message.merge and not (message.settle or controls):
         session.living().move(message.handle, **parts, merge=True)
         session.note_drag(message.handle)
@@ -155,7 +155,7 @@ def _pose(session: Session, message: requests.Pose) -> None:
 
 
 def _change(session: Session, message: requests.Change) -> None:
-    options = _controls(session, session.living().change, message.controls)
+    options = _controls(session, message.controls)
     if message.at is not None:
         options["at"] = _at(session, message.at)
     topic = ("change", message.handle)
@@ -184,7 +184,6 @@ def _reset(session: Session, message: requests.Reset) -> None:
 def _fix(session: Session, message: requests.Fix) -> None:
     at = _at(session, message.at)
     given = {} if message.strength is None else {"strength": message.strength}
-    _known(session.living().fix, given)
     session.change(lambda deformer: deformer.fix(at, **given))
 
 
@@ -305,23 +304,17 @@ def _parts(transform: Transform) -> dict[str, Any]:
     return {name: value for name, value in given.items() if value is not None}
 
 
-def _controls(session: Session, method: Callable[..., object], controls: Controls) -> dict[str, Any]:
-    """The keywords of `method` that `controls` are."""
+def _controls(session: Session, controls: Controls) -> dict[str, Any]:
+    """What `Deformer.add` and `Deformer.change` are told of `controls`."""
     given = {name: value for name, value in controls if value is not None and name != "more"}
     if isinstance(controls.within, RegionPlace):
         given["within"] = _members(session, controls.within)
     if controls.without_instances is not None:
         given["without_instances"] = list(controls.without_instances)
-    return _known(method, {**(controls.more or {}), **given})
-
-
-def _known(method: Callable[..., object], given: dict[str, Any]) -> dict[str, Any]:
-    """`given`, once it is sure that all of it are keywords of `method`."""
-    known = [name for name, each in signature(method).parameters.items() if each.kind is each.KEYWORD_ONLY]
-    for name in given:
-        if name not in known or name in (*TRANSFORM_PARTS, "at", "merge"):
+    for name in controls.more or {}:
+        if name not in CONTROLS:
             raise ValueError(f"`{name}` is no control that this version has")
-    return given
+    return {**(controls.more or {}), **given}
 
 
 _DO: dict[type[requests.Request], Callable[[Session, Any], Answer | bytes | None]] = {

@@ -16,13 +16,14 @@ from dfd.app.protocol.parts import KeyPose, Plane, PoseTransform
 from dfd.app.session.columns import Columns, column_kind
 from dfd.app.session.surface import center_of, packed_normals
 from dfd.common.preset import Preset
-from dfd.editing.controls import CONTROL_NAMES, Blend, Falloff, Instances, Overlap
+from dfd.editing.controls import Falloff, Instances
 from dfd.editing.edit import band_on, box_center
 from dfd.editing.edit_file import to_document
 from dfd.editing.influence.regions import members
-from dfd.editing.presets import PRESETS
+from dfd.editing.presets import CONTROLS, PRESETS
 from dfd.mesh.normals import smooth_normals
 from dfd.pictures.colors import feature_colors
+from dfd.posing.pose import Blend, Overlap
 from dfd.symmetry.plane import axis_name
 from dfd.weights.compact import CompactFeatures
 
@@ -43,7 +44,6 @@ __all__ = [
     "state_message",
 ]
 
-CONTROLS = ("name", *CONTROL_NAMES)
 NO_FIELD = FieldState(status="none", origin=None, settings={})
 
 
@@ -121,7 +121,7 @@ def _state(looks: Looks, **fields: Any) -> StateMessage:
         "blends": get_args(Blend),
         "falloffs": get_args(Falloff),
         "instances": get_args(Instances),
-        "controls": CONTROLS,
+        "controls": ("name", *CONTROLS),
         "field": looks.field,
         "poses": looks.poses,
     }

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import check
+from dfd.common.errors import ArgumentError
 from dfd.editing.influence.regions import Region, distances_from, members
 from dfd.editing.points import Place
 from dfd.field.on_mesh import FieldOnMesh
@@ -174,5 +175,5 @@ def _checked(features: Any, shape: tuple[int, int]) -> Float32 | CompactFeatures
     if not isinstance(features, CompactFeatures):
         return check.array("Deformer", "features", features, shape)
     if features.shape != shape:
-        raise ValueError(f"Deformer: `features` must have shape {shape}, got {features.shape}")
+        raise ArgumentError("features", f"must have shape {shape}, got {features.shape}", "Deformer")
     return features

@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.errors import ArgumentError
 from dfd.editing.columns import Columns
-from dfd.editing.controls import Controls, Overlap
+from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Fixed, Handle
 from dfd.editing.influence.distances import Distances
 from dfd.editing.influence.handle_features import VertexRows
 from dfd.editing.influence.instance_weights import Column, InstanceColumns, followed_by, interpolating_columns
 from dfd.editing.influence.instances import Instance, SurfaceAxes
 from dfd.editing.points import Place
+from dfd.posing.pose import Overlap
 from dfd.posing.transforms import Along, Frame
 from dfd.weights.bind import bind
 from dfd.weights.compact import CompactFeatures
@@ -211,9 +213,10 @@ class HandleWeights:
         for handle in edit.handles:
             left = self.left(edit, handle)
             if left < LEAST_LEFT:
-                raise ValueError(
-                    f"`fixed` must leave something of handle {handle.id} at {handle.place}, but leaves {left:.2g}: "
-                    "what is fixed looks just like it; lower its strength, or fix something else"
+                raise ArgumentError(
+                    "fixed",
+                    f"must leave something of handle {handle.id} at {handle.place}, but leaves {left:.2g}: "
+                    "what is fixed looks just like it; lower its strength, or fix something else",
                 )
 
     def among(self, edit: Edit, weights: Float32) -> NDArray[np.float64]:
@@ -235,9 +238,10 @@ class HandleWeights:
         if sizes[-1] <= SINGULAR * sizes[0]:
             first, second = sorted(np.argsort(-np.abs(left[:, -1]), kind="stable")[:2].tolist())
             one, other = edit.handles[first], edit.handles[second]
-            raise ValueError(
-                f"`overlap` cannot be 'interpolate': handle {one.id} at {one.place} and handle {other.id} at "
-                f"{other.place} look the same and cannot both arrive"
+            raise ArgumentError(
+                "overlap",
+                f"cannot be 'interpolate': handle {one.id} at {one.place} and handle {other.id} at "
+                f"{other.place} look the same and cannot both arrive",
             )
 
     def _anchors(self, edit: Edit) -> NDArray[np.int64]:
