@@ -12,15 +12,13 @@ import trimesh
 from tiny_encoder import save_tiny_encoder
 
 import dfd
-from bench.paper import drawing, fig10_timing, methods, studies
+from bench.paper import compare, comparisons, drawing, resolution
 from bench.paper.__main__ import PAGES, make
 from bench.paper.context import Context, Shape
 from bench.paper.drawing import silhouettes
-from bench.paper.fig12_encoder_weights import correlation
-from bench.paper.fig17_topology import gap
-from bench.paper.fig18_high_resolution import subdivided
-from bench.paper.fig19_generalization import in_box_of
-from bench.paper.measures import defects, roughness, vertex_shares
+from bench.paper.encoders import correlation
+from bench.paper.features import in_box_of
+from bench.paper.measures import defects, gap, roughness, subdivided, vertex_shares
 from bench.paper.peers import peer
 from bench.paper.report import Page, Section, Table, write
 
@@ -49,9 +47,9 @@ def context(folder, tmp_path_factory) -> Context:
 @pytest.mark.parametrize("name", ALONE)
 def test_every_page_is_made(name, context, tmp_path, monkeypatch, one_thread):
     monkeypatch.setattr(drawing, "RESOLUTION", 48)
-    monkeypatch.setattr(fig10_timing, "FACES", (300, 3000))
-    monkeypatch.setattr(methods, "COMPARED", ("ARAP",))
-    monkeypatch.setattr(studies, "OTHERS", ("ARAP",))
+    monkeypatch.setattr(resolution, "FACES", (300, 3000))
+    monkeypatch.setattr(compare, "COMPARED", ("ARAP",))
+    monkeypatch.setattr(comparisons, "STUDY_PEERS", ("ARAP",))
     monkeypatch.setattr(peer, "in_child", lambda function, *given, **_: function(*given))
     page = make(name, context)
     if name.startswith("fig"):
@@ -71,11 +69,11 @@ def test_every_page_is_made(name, context, tmp_path, monkeypatch, one_thread):
 def test_meshes_are_looked_for_in_the_folder_then_in_dfd_meshes_then_among_samples(folder, tmp_path, monkeypatch):
     known = {"cow": 1, "quadruped": 2, "*": 3}
     monkeypatch.delenv("DFD_MESHES", raising=False)
-    assert [(shape.name, case) for shape, case in Context().cases(known, most=5)] == [("quadruped", 2)]
-    assert [(shape.name, case) for shape, case in Context(folder=folder).cases(known, most=5)] == [("thing", 3)]
+    assert [(shape.name, case) for shape, case in Context().cases(known, (5, 5))] == [("quadruped", 2)]
+    assert [(shape.name, case) for shape, case in Context(folder=folder).cases(known, (5, 5))] == [("thing", 3)]
     trimesh.creation.box().export(tmp_path / "cow.obj")
     monkeypatch.setenv("DFD_MESHES", str(tmp_path))
-    assert [(shape.name, case) for shape, case in Context().cases(known, most=1)] == [("cow", 1)]
+    assert [(shape.name, case) for shape, case in Context().cases(known, (1, 1))] == [("cow", 1)]
     assert Context(folder=folder).shape("cow", "quadruped").name == "cow"
 
 
@@ -117,10 +115,10 @@ def test_edges_and_vertices_that_are_no_manifold_are_counted():
 
 def test_subdividing_keeps_holes():
     ball = trimesh.creation.icosphere(subdivisions=2)
-    open_ball = Shape("ball", dfd.Mesh(ball.vertices, ball.faces[5:]))
-    finer = subdivided(open_ball, 1).mesh
-    assert len(finer.faces) == 4 * len(open_ball.mesh.faces)
-    assert defects(finer).holes == defects(open_ball.mesh).holes == 1
+    open_ball = dfd.Mesh(ball.vertices, ball.faces[5:])
+    finer = subdivided(open_ball, 1)
+    assert len(finer.faces) == 4 * len(open_ball.faces)
+    assert defects(finer).holes == defects(open_ball).holes == 1
 
 
 def test_roughness_is_the_mean_slope():
@@ -183,8 +181,8 @@ def test_a_page_is_written_with_its_numbers(tmp_path):
 @pytest.mark.slow
 def test_the_key_of_a_study_tells_which_option_is_which_and_the_sheet_does_not(context, tmp_path, monkeypatch):
     monkeypatch.setattr(drawing, "RESOLUTION", 48)
-    monkeypatch.setattr(studies, "OTHERS", ())
-    monkeypatch.setattr(studies, "SEED", 3)
+    monkeypatch.setattr(comparisons, "STUDY_PEERS", ())
+    monkeypatch.setattr(comparisons, "SEED", 3)
     told = write(make("study1", context), "study1", tmp_path, [], {}).read_text("utf-8")
     key = json.loads((tmp_path / "study1_key.json").read_text("utf-8"))
     options = {name: what for name, what in key["question 1"].items() if name != "shape"}
