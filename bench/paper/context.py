@@ -39,6 +39,7 @@ QUICK: dict[str, Any] = {"views": 8, "resolution": 196}
 QUICK_PAPER: dict[str, Any] = {"epochs": 5, "batch": 2_000}
 
 Value = TypeVar("Value")
+Number = TypeVar("Number", int, float)
 Point = tuple[float, float, float]
 
 
@@ -195,7 +196,7 @@ class Context:
         sample = next(name for name in names if name in SAMPLES)
         return Shape(sample, SAMPLES[sample]().mesh)
 
-    def of(self, most: tuple[int, int]) -> int:
+    def of(self, most: tuple[Number, Number]) -> Number:
         """The first of two numbers in a quick run, the second in a whole one."""
         return most[0 if self.quick else 1]
 

@@ -49,8 +49,8 @@ BOUNDARY, CROWDED, CLAY = (0.85, 0.15, 0.1), (0.1, 0.2, 0.9), (0.82, 0.81, 0.78)
 
 LARGE = {  # a handle, and how often every face is cut into four
     "koala": (BoxHandle((0.0, 0.95, 0.75), (-0.08, 0.08, 0.0)), 2),
-    "scorpion": (BoxHandle((0.0, 0.2, 1.0), (-0.05, 0.0, 0.1)), 1),
     "plane_holes": (BoxHandle((0.0, 0.2, 0.4), FORWARD), 1),
+    "scorpion": (BoxHandle((0.0, 0.2, 1.0), (-0.05, 0.0, 0.1)), 1),
     "quadruped": (BoxHandle((0.2, 1.0, 0.9), (0.0, 0.12, 0.0)), 2),
     "*": (BoxHandle((0.5, 1.0, 0.5), (0.0, 0.12, 0.0)), 0),
 }
@@ -124,7 +124,7 @@ def _dfd_seconds(context: Context, shape: Shape, preset: Preset) -> list[float]:
         lambda: dfd.bind(features, [vertex]),
         lambda: dfd.pose(mesh.vertices, weights, transform),
     )
-    return [preprocess, *(measure(call, seconds=0.3 if context.quick else 1.0, least=3).median for call in calls)]
+    return [preprocess, *(measure(call, seconds=context.of((0.1, 1.0)), least=3).median for call in calls)]
 
 
 def _peer_seconds(mesh: dfd.Mesh, name: str, patience: float) -> list[float | None]:
@@ -146,17 +146,22 @@ def resampled(shape: Shape, count: int) -> Shape:
 
 
 def plot(series: Mapping[str, Sequence[tuple[int, Mapping[str, float | None]]]]) -> Image.Image:
-    """Seconds over faces, both logarithmic, a panel for each phase and a line for each method."""
+    """Seconds over faces, both logarithmic, a panel for each phase and a line for each method's mean over shapes."""
     import matplotlib
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(12, 4), layout="constrained")
+    figure = Figure(figsize=(13, 4), layout="constrained")
     panels = figure.subplots(1, len(PHASES))
     for panel, phase in zip(panels, PHASES, strict=True):
+        shown = []
         for color, (name, points) in zip(matplotlib.colormaps["tab10"].colors, series.items(), strict=False):
-            known = sorted((faces, taken[phase]) for faces, taken in points if taken[phase] is not None)
-            panel.plot([faces for faces, _ in known], [seconds for _, seconds in known], "o-", color=color, label=name)
+            faces = sorted({faces for faces, taken in points if taken[phase] is not None})
+            means = [np.mean([taken[phase] for other, taken in points if other == each]) for each in faces]
+            panel.plot(faces, means, "o-", color=color, label=name)
+            shown += means
         panel.set(xscale="log", yscale="log", title=phase, xlabel="faces", ylabel="seconds")
+        if shown:  # whole decades, so that what hardly grows looks it
+            panel.set_ylim(10 ** np.floor(np.log10(min(shown)) - 0.1), 10 ** np.ceil(np.log10(max(shown)) + 0.1))
         panel.grid(visible=True, which="both", alpha=0.25)
     panels[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     stream = BytesIO()
@@ -220,7 +225,7 @@ def fig18(context: Context) -> Page:
             rows.append([shape.name, named(preset), *size, rendering, seconds - rendering, inference])
             deformer = session(mesh, field, preset, [handle])
             where = aim(mesh, mesh.vertices[[handle["at"]]], deformer.vertices)
-            told = "#V {:,}, #F {:,}, #NM {:,}, #H {:,}".format(*size)
+            told = "#V {:,}, #F {:,}, #NM {:,}, #H {:,}, R {:.1f} s, T {:.1f} s, I {:.1f} s".format(*rows[-1][2:])
             drawn.append((f"{shape.name}, {named(preset)}: {told}", before_after(deformer, where)))
     text = (
         "#NM: edges of more than two faces, and vertices around which faces form more than one fan; #H: holes. R: "

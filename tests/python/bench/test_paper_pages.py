@@ -13,13 +13,14 @@ from tiny_encoder import save_tiny_encoder
 
 import dfd
 from bench.paper import compare, comparisons, drawing, resolution
+from bench.paper import context as shared
 from bench.paper.__main__ import PAGES, make
 from bench.paper.context import Context, Shape
 from bench.paper.drawing import silhouettes
 from bench.paper.encoders import correlation
 from bench.paper.features import in_box_of
 from bench.paper.measures import defects, gap, roughness, subdivided, vertex_shares
-from bench.paper.peers import peer
+from bench.paper.peers.peer import Done
 from bench.paper.report import Page, Section, Table, write
 
 TINY = {"views": 4, "resolution": 32, "steps": 5, "batch": 64, "up": "file"}
@@ -30,7 +31,7 @@ ALONE = [name for name in PAGES if name != "handles"]  # without a folder of han
 def folder(tmp_path_factory) -> Path:
     """One file with a shape of two pieces."""
     made = tmp_path_factory.mktemp("meshes")
-    body = trimesh.creation.icosphere(subdivisions=3)
+    body = trimesh.creation.icosphere(subdivisions=2)
     body.vertices *= (0.6, 1, 0.8)
     foot = trimesh.creation.box((0.5, 0.2, 0.5)).subdivide().apply_translation((0, -1.05, 0.2))
     trimesh.util.concatenate([body, foot]).export(made / "thing.ply")
@@ -43,14 +44,21 @@ def context(folder, tmp_path_factory) -> Context:
     return Context(folder=folder, quick=True, encoder=encoder, settings=TINY)
 
 
+@pytest.fixture
+def small(monkeypatch) -> None:
+    """Small pictures of coarse shapes; other methods, and the search for planes, have tests of their own."""
+    seconds = dict.fromkeys(("tetrahedra", "prepare", "bind", "pose"), 0.5)
+    monkeypatch.setattr(drawing, "RESOLUTION", 48)
+    monkeypatch.setattr(shared, "LONGEST_EDGE", 0.2)
+    monkeypatch.setattr(resolution, "FACES", (300, 900))
+    monkeypatch.setattr("dfd.editing.influence.instance_weights.symmetry_planes", lambda field, mesh: [])
+    for module in (compare, resolution):
+        monkeypatch.setattr(module, "run", lambda make, mesh, jobs, **_: [Done(mesh.vertices, seconds) for _ in jobs])
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ALONE)
-def test_every_page_is_made(name, context, tmp_path, monkeypatch, one_thread):
-    monkeypatch.setattr(drawing, "RESOLUTION", 48)
-    monkeypatch.setattr(resolution, "FACES", (300, 3000))
-    monkeypatch.setattr(compare, "COMPARED", ("ARAP",))
-    monkeypatch.setattr(comparisons, "STUDY_PEERS", ("ARAP",))
-    monkeypatch.setattr(peer, "in_child", lambda function, *given, **_: function(*given))
+def test_every_page_is_made(name, context, tmp_path, small, one_thread):
     page = make(name, context)
     if name.startswith("fig"):
         assert page.title.startswith(f"Fig. {int(re.sub('[^0-9]', '', name))}:")
@@ -179,8 +187,7 @@ def test_a_page_is_written_with_its_numbers(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_key_of_a_study_tells_which_option_is_which_and_the_sheet_does_not(context, tmp_path, monkeypatch):
-    monkeypatch.setattr(drawing, "RESOLUTION", 48)
+def test_the_key_of_a_study_tells_which_option_is_which_and_the_sheet_does_not(context, tmp_path, small, monkeypatch):
     monkeypatch.setattr(comparisons, "STUDY_PEERS", ())
     monkeypatch.setattr(comparisons, "SEED", 3)
     told = write(make("study1", context), "study1", tmp_path, [], {}).read_text("utf-8")
@@ -193,5 +200,4 @@ def test_the_key_of_a_study_tells_which_option_is_which_and_the_sheet_does_not(c
     for name in kinds:
         assert name not in told
         assert name not in (tmp_path / "study1.json").read_text("utf-8")
-    again = make("study1", context)
-    assert json.loads(again.files["study1_key.json"]) == key
+    assert json.loads(make("study1", context).files["study1_key.json"]) == key
