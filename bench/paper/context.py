@@ -224,12 +224,13 @@ class Context:
 
     # --- fields
 
-    def distill_settings(self, preset: Preset) -> dict[str, Any]:
-        """The keywords of `dfd.distill` for a preset."""
+    def distill_settings(self, preset: Preset, **more: Any) -> dict[str, Any]:
+        """The keywords of `dfd.distill` for a preset, with `more` over those of this run."""
+        given = {**self.settings, **more}
         shorter = {**QUICK, **(QUICK_PAPER if preset == "paper" else {})} if self.quick else {}
-        if "steps" in self.settings:  # one length of a fit at a time
+        if "steps" in given:  # one length of a fit at a time
             shorter.pop("epochs", None)
-        return {"preset": preset, **shorter, **self.settings}
+        return {"preset": preset, **shorter, **given}
 
     def loaded(self, preset: Preset, encoder: str | Path | Encoder | None = None, block: int | None = None) -> Encoder:
         """The encoder; the paper's sees the background as well."""
@@ -246,7 +247,7 @@ class Context:
     ) -> dfd.Field:
         """The field of a shape, distilled through the user's cache; with `stages`, distilled in any case and timed."""
         model = encoder or self.loaded(preset)
-        settings = {**self.distill_settings(preset), **more}
+        settings = self.distill_settings(preset, **more)
         told = {**settings, **model.settings()}
         key = (shape.mesh.content_hash, *sorted((name, repr(value)) for name, value in told.items()))
         if stages is not None or key not in self.fields:

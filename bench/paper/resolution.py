@@ -225,8 +225,10 @@ def fig18(context: Context) -> Page:
             rows.append([shape.name, named(preset), *size, rendering, seconds - rendering, inference])
             deformer = session(mesh, field, preset, [handle])
             where = aim(mesh, mesh.vertices[[handle["at"]]], deformer.vertices)
-            told = "#V {:,}, #F {:,}, #NM {:,}, #H {:,}, R {:.1f} s, T {:.1f} s, I {:.1f} s".format(*rows[-1][2:])
-            drawn.append((f"{shape.name}, {named(preset)}: {told}", before_after(deformer, where)))
+            counted = "#V {:,}, #F {:,}, #NM {:,}, #H {:,}".format(*size)
+            (weighted, _), (moved, _) = before_after(deformer, where)
+            taken = "R {:.1f} s, T {:.1f} s, I {:.1f} s".format(*rows[-1][-3:])
+            drawn.append((f"{shape.name}, {named(preset)}: {counted}", [(weighted, "weights"), (moved, taken)]))
     text = (
         "#NM: edges of more than two faces, and vertices around which faces form more than one fan; #H: holes. R: "
         "seconds to simplify and render; T: the rest of the distillation; I: features of all vertices, weights of one "

@@ -22,6 +22,7 @@ from bench.paper.features import in_box_of
 from bench.paper.measures import defects, gap, roughness, subdivided, vertex_shares
 from bench.paper.peers.peer import Done
 from bench.paper.report import Page, Section, Table, write
+from dfd.distillation.settings import DistillSettings
 
 TINY = {"views": 4, "resolution": 32, "steps": 5, "batch": 64, "up": "file"}
 ALONE = [name for name in PAGES if name != "handles"]  # without a folder of handles
@@ -83,6 +84,13 @@ def test_meshes_are_looked_for_in_the_folder_then_in_dfd_meshes_then_among_sampl
     monkeypatch.setenv("DFD_MESHES", str(tmp_path))
     assert [(shape.name, case) for shape, case in Context().cases(known, (1, 1))] == [("cow", 1)]
     assert Context(folder=folder).shape("cow", "quadruped").name == "cow"
+
+
+@pytest.mark.parametrize("more", [{}, {"steps": 7}, {"supervision": "vertex", "steps": 7}])
+def test_a_fit_has_one_length(more):
+    for preset in ("paper", "default"):
+        settings = DistillSettings(**Context(quick=True).distill_settings(preset, **more))
+        assert (settings.steps, settings.epochs).count(None) == 1
 
 
 def test_places_are_given_along_the_box_and_large_faces_are_refined():
