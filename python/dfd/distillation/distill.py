@@ -11,7 +11,7 @@ from dfd.common.importing import importing
 from dfd.common.interrupts import heed_interrupts
 from dfd.common.progress import Stages
 from dfd.distillation.checkpoint import Checkpoint
-from dfd.distillation.settings import DistillOptions, DistillSettings
+from dfd.distillation.settings import DistillSettings
 from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.field import cache as field_cache
 from dfd.field.cache_key import recipe
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from concurrent.futures import Future
 
     from numpy.typing import ArrayLike
-    from typing_extensions import Unpack
 
     from dfd.encoders.encode import Encoder
     from dfd.field.cache_key import Content
@@ -53,7 +52,7 @@ def distill(
     progress: bool | Stages = True,
     cache: bool = True,
     checkpoint: str | PathLike[str] | None = None,
-    **settings: Unpack[DistillOptions],
+    **settings: Any,
 ) -> Field:
     """Distill the features of an image encoder, or features that are given, into a field around `mesh`.
 
