@@ -62,8 +62,8 @@ class DistillSettings(BaseModel):
     )
     simplify_to: int | None = _setting(
         None,
-        "Take the pictures of a copy of at most so many faces; none casts rays at the mesh itself, as fast below half a "
-        "million faces and faster above.",
+        "Take the pictures of a copy of at most so many faces; none casts rays at the mesh itself, as fast below half "
+        "a million faces and faster above.",
         paper=50_000,
         minimum=4,
     )
@@ -79,8 +79,8 @@ class DistillSettings(BaseModel):
     )
     mirrored: bool = _setting(
         True,
-        "Take the pictures in fours that mirror each other at the upright middle planes: the encoder's own sense of left "
-        "and right evens out.",
+        "Take the pictures in fours that mirror each other at the upright middle planes: the encoder's own sense of "
+        "left and right evens out.",
         paper=False,
     )
     background: bool = _setting(
@@ -93,7 +93,7 @@ class DistillSettings(BaseModel):
     )
     smoothing: float = _setting(
         0.3,
-        "How far features are smoothed along the surface before the fit, as a part of half the longest side of the box; "
+        "How far to smooth features along the surface before the fit, as a part of half the longest side of the box; "
         "0 fits the pixels as they are, as the paper does.",
         paper=0.0,
         minimum=0.0,
@@ -102,14 +102,14 @@ class DistillSettings(BaseModel):
     metric: Literal["learned", "none"] = _setting(
         "learned",
         "learned: distances that tell parts apart better, where some were learned for the encoder's weights and block; "
-        "none: the paper's, of what is seen alone. Without smoothing always none; what was not learned for an encoder is "
-        "in `field.settings` as encoder_lacks.",
+        "none: the paper's, of what is seen alone. Without smoothing always none; what was not learned for an encoder "
+        "is in `field.settings` as encoder_lacks.",
         paper="none",
     )
     pieces: bool = _setting(
         True,
-        "Keep what each of several unconnected pieces looks like, so that a helmet is told from the head in it. Without "
-        "smoothing never.",
+        "Keep what each of several unconnected pieces looks like, so that a helmet is told from the head in it. "
+        "Without smoothing never.",
         paper=False,
     )
     octaves: int = _setting(
