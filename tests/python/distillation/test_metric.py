@@ -116,11 +116,8 @@ def test_contrast_may_shrink_only_where_it_is_allowed(features: np.ndarray) -> N
 def test_kinds_are_what_the_twin_says(kinds: Kinds, features: np.ndarray) -> None:
     before = features.copy()
     rows = kinds.likely(features, features.mean(axis=0))
-    arrays = kinds.arrays()
-    names = ("kinds_hidden", "kinds_hidden_bias", "kinds_output", "kinds_output_bias")
-    twin = reference.kinds_of_parts(
-        features, features.mean(axis=0, dtype=np.float64), *(arrays[name] for name in names)
-    )
+    arrays = (kinds.hidden, kinds.hidden_bias, kinds.output, kinds.output_bias)
+    twin = reference.kinds_of_parts(features, features.mean(axis=0, dtype=np.float64), *arrays)
     np.testing.assert_allclose(rows, twin, atol=1e-5)
     np.testing.assert_allclose(np.square(twin).sum(axis=1), 1)
     np.testing.assert_array_equal(features, before)
