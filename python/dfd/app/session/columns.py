@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.app.protocol.binaries import (
+from dfd.app.protocol.binary_messages import (
     ColumnEntry,
     ColumnsMessage,
     HeatMessage,
@@ -66,9 +66,9 @@ class Columns:
         self._whole.clear()
 
     @property
-    def owes(self) -> bool:
+    def has_pending(self) -> bool:
         """Whether there are columns of the present edit whose instances the page has not got."""
-        return bool(self._owed())
+        return bool(self._pending())
 
     def message(self) -> bytes | None:
         """The columns of the present edit that the page has not got; None where it has them all.
@@ -98,10 +98,10 @@ class Columns:
 
     def instances_message(self) -> bytes | None:
         """The instances of one of the columns that were sent without; None where there are none such."""
-        owed = self._owed()
-        if not owed:
+        pending = self._pending()
+        if not pending:
             return None
-        number, index = next(iter(owed.items()))
+        number, index = next(iter(pending.items()))
         self._whole.add(number)  # also where it fails: once is enough
         arrays: Arrays = {}
         found = tuple(
@@ -123,7 +123,7 @@ class Columns:
             if column.handle == index and column.instance is not None
         ]
 
-    def _owed(self) -> dict[int, int]:
+    def _pending(self) -> dict[int, int]:
         """The handles whose instances are still to be sent, by the numbers of their columns."""
         numbers = {self.of_handle(handle): i for i, handle in enumerate(self._deformer.handles) if _instanced(handle)}
         return {number: i for number, i in numbers.items() if number in self._sent and number not in self._whole}
