@@ -133,9 +133,8 @@ def test_instances_act_as_the_kernel_poses_them(client: Client, level: bool, mod
     instances = client.entries[handle["column"]]["instances"]
     assert len(instances) >= 1
     for entry in instances:
-        frame, center = np.array(entry["frame"]), np.array(entry["pivot"])
-        if handle["own_pivot"]:
-            center = np.array(entry["position"]) + frame @ np.subtract(handle["pivot"], handle["position"])
+        frame = np.array(entry["frame"])
+        center = np.array(entry["position"]) + frame @ np.subtract(handle["pivot"], handle["position"])
         linear = frame @ transform.linear @ frame.T
         goal = (vertices - center) @ linear.T + center + frame @ transform.translation
         moved += np.minimum(entry["gain"] * entry["share"] * weights, 1)[:, None] * (goal - vertices)

@@ -88,9 +88,6 @@ class DetailMessage(Binary):
 class InstanceEntry(Model):
     """One of the places where a handle acts: `share` names the buffer uint16 (V,), how much of a vertex is its own."""
 
-    instance: int
-    on: bool
-    pivot: Vector
     frame: Frame  # rows of the matrix that turns or mirrors the handle's motion into its own
     position: Vector  # of its counterpart of the handle
     gain: float

@@ -104,11 +104,14 @@ class Columns:
         number, index = next(iter(pending.items()))
         self._whole.add(number)  # also where it fails: once is enough
         arrays: Arrays = {}
-        found = tuple(
-            self._instance(number, order, instance, gain, arrays)
-            for order, (instance, gain) in enumerate(self._acting(self._deformer.handles[index], index))
-        )
-        return pack(InstancesMessage, arrays, columns=(InstancesEntry(column=number, instances=found),))
+        found = []
+        for instance, gain in self._acting(self._deformer.handles[index], index):
+            share = f"share{len(found)}"
+            whole = instance.share is None
+            arrays[share] = _packed(np.ones(len(self._deformer.mesh.vertices)) if whole else instance.share, 1.0)
+            frame: Any = tuple(map(tuple, np.asarray(instance.frame).tolist()))
+            found.append(InstanceEntry(frame=frame, position=instance.position, gain=gain, share=share))
+        return pack(InstancesMessage, arrays, columns=(InstancesEntry(column=number, instances=tuple(found)),))
 
     def _acting(self, handle: Handle, index: int) -> list[tuple[Instance, float]]:
         """The instances through which the handle at `index` acts, and the gain of each."""
@@ -147,23 +150,6 @@ class Columns:
                 geodesic = f"geodesic{number}"
                 arrays[geodesic] = _packed(along, 1.0)
         return _entry(number, kind, geodesic)
-
-    def _instance(self, number: int, index: int, instance: Instance, gain: float, arrays: Arrays) -> InstanceEntry:
-        share = f"share{number}_{index}"
-        count = len(self._deformer.mesh.vertices)
-        found = instance.share
-        own = np.ones(count, np.float32) if found is None else found
-        arrays[share] = _packed(own, 1.0)
-        frame: Any = tuple(tuple(float(x) for x in row) for row in np.asarray(instance.frame))
-        return InstanceEntry(
-            instance=index,
-            on=True,
-            pivot=instance.position,
-            frame=frame,
-            position=instance.position,
-            gain=gain,
-            share=share,
-        )
 
     def _key(self, handle: Handle) -> Key:
         edit = self._deformer.edit
