@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 
-from dfd.app.protocol.binaries import HeatMessage, PositionsMessage, pack, unpack
+from dfd.app.protocol.binary_messages import HeatMessage, PositionsMessage, pack, unpack
 
 DTYPES = ["uint8", "int8", "uint16", "int16", "uint32", "int32", "float32"]
 

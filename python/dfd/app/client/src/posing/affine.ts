@@ -120,14 +120,6 @@ export function subtract(a: Vec3, b: Vec3): Vec3 {
   return [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
 }
 
-export function rests(transform: Transform): boolean {
-  return (
-    transform.translation.every((x) => x === 0) &&
-    transform.rotation.every((x) => x === 0) &&
-    transform.scale.every((x) => x === 1)
-  );
-}
-
 /** Between two transforms: lengths and factors linearly, turns along the shorter arc. */
 export function interpolate(a: Transform, b: Transform, t: number): Transform {
   const mix = (u: Vec3, v: Vec3): Vec3 => [
@@ -142,4 +134,11 @@ export function interpolate(a: Transform, b: Transform, t: number): Transform {
     pivot: a.pivot !== null && b.pivot !== null ? mix(a.pivot, b.pivot) : b.pivot,
     axes: b.axes,
   };
+}
+
+/** 1, 2 or 5 times a power of ten, near `step`. */
+export function niceStep(step: number): number {
+  const power = 10 ** Math.floor(Math.log10(step));
+  const digit = step / power;
+  return power * (digit < 1.5 ? 1 : digit < 3.5 ? 2 : digit < 7.5 ? 5 : 10);
 }

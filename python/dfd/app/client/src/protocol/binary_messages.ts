@@ -2,14 +2,10 @@
 
 import type { Buffer, Client, Server } from "./messages";
 
-export type ClientMessage = Client["message"];
 export type ServerMessage = Server["message"];
+type WithoutNumber<Message> = Message extends unknown ? Omit<Message, "id"> : never;
 /** A request before it has its number. */
-export type Request = ClientMessage extends infer Message
-  ? Message extends unknown
-    ? Omit<Message, "id">
-    : never
-  : never;
+export type Request = WithoutNumber<Client["message"]>;
 
 const ARRAYS = {
   uint8: Uint8Array,
@@ -50,23 +46,19 @@ export class Payload {
     }
     return new Kind(this.data, this.start + entry.offset, length) as InstanceType<Arrays[Type]>;
   }
-
-  /** Numbers of 16 bits; shares of 8 bits are widened, 255 to 65535. */
-  sixteen(name: string): Uint16Array {
-    if (this.entries.get(name)?.dtype !== "uint8") return this.get(name, "uint16");
-    return Uint16Array.from(this.get(name, "uint8"), (value) => value * 257);
-  }
 }
 
+/** A message and its arrays; one that is text has none. */
 export interface Received {
   readonly message: ServerMessage;
-  readonly payload: Payload | null;
+  readonly payload: Payload;
 }
 
 export function decode(data: string | ArrayBuffer): Received {
-  if (typeof data === "string") return { message: JSON.parse(data) as ServerMessage, payload: null };
-  if (data.byteLength < 4) throw new Error("The server's message was cut short.");
-  const length = new DataView(data).getUint32(0, true);
+  if (typeof data === "string") {
+    return { message: JSON.parse(data) as ServerMessage, payload: new Payload(new ArrayBuffer(0), 0, []) };
+  }
+  const length = data.byteLength < 4 ? Infinity : new DataView(data).getUint32(0, true);
   if (4 + length > data.byteLength) throw new Error("The server's message was cut short.");
   const message = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length))) as ServerMessage;
   const buffers = "buffers" in message ? message.buffers : [];

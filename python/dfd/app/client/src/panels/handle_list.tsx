@@ -1,34 +1,23 @@
 import { useState } from "preact/hooks";
 
-import { clear, remove, rename, select, toggleHidden } from "../../actions/edit";
-import type { HandleState } from "../../protocol/messages";
-import { alive, store } from "../../store/state";
-import { useStore } from "../../store/use";
-import { handleName } from "../../viewer/overlays/marks";
-import { IconButton, Menu, Panel } from "../../widgets/controls";
+import { send } from "../actions/connection";
+import { select } from "../actions/edit";
+import type { HandleState } from "../protocol/messages";
+import { handleName, ready, store } from "../store/state";
+import { useStore } from "../store/use";
+import { IconButton, Menu, Panel } from "../widgets/controls";
 
-const NONE: readonly HandleState[] = [];
+const CLEAR = ["Remove all handles and fixed points", "", () => send({ type: "clear" })] as const;
 
 export function HandleList() {
-  const handles = useStore(store, (state) => state.edit?.handles) ?? NONE;
-  const ready = useStore(store, alive);
-  const edited = useStore(store, (state) => (state.edit?.handles.length ?? 0) + (state.edit?.fixed.length ?? 0) > 0);
+  const [edit, alive] = useStore((state) => [state.edit, ready(state)] as const);
+  const handles = edit?.handles ?? [];
+  const edited = handles.length + (edit?.fixed.length ?? 0) > 0;
   return (
-    <Panel
-      title="Handles"
-      action={
-        edited && (
-          <Menu
-            icon="more"
-            label="All handles"
-            groups={[[{ text: "Remove all handles and fixed points", run: clear }]]}
-          />
-        )
-      }
-    >
+    <Panel title="Handles" action={edited && <Menu icon="more" label="All handles" groups={[[CLEAR]]} />}>
       {handles.length === 0 ? (
         <p class="empty">
-          {ready
+          {alive
             ? "Click a point of the shape to take hold of it. All that looks alike will follow."
             : "The shape can be held once its features are learned."}
         </p>
@@ -44,10 +33,15 @@ export function HandleList() {
 }
 
 function HandleRow({ handle }: { readonly handle: HandleState }) {
-  const selected = useStore(store, (state) => state.selected === handle.handle);
-  const hidden = useStore(store, (state) => state.hidden.has(handle.handle));
+  const id = handle.handle;
+  const [selected, hidden] = useStore((state) => [state.selected === id, state.hidden.has(id)] as const);
   const [naming, setNaming] = useState(false);
   const name = handleName(handle);
+  const toggleHidden = () => {
+    const all = new Set(store.get().hidden);
+    if (!all.delete(id)) all.add(id);
+    store.set({ hidden: all });
+  };
   return (
     <li class={selected ? "row selected" : "row"}>
       {naming ? (
@@ -58,14 +52,12 @@ function HandleRow({ handle }: { readonly handle: HandleState }) {
           ref={(input) => input?.focus()}
           onBlur={(event) => {
             setNaming(false);
-            if (event.currentTarget.value !== name) rename(handle.handle, event.currentTarget.value);
+            const typed = event.currentTarget.value.trim();
+            if (typed && typed !== name) send({ type: "change", handle: id, controls: { name: typed } });
           }}
           onKeyDown={(event) => {
-            if (event.key === "Enter") event.currentTarget.blur();
-            if (event.key === "Escape") {
-              event.currentTarget.value = name;
-              event.currentTarget.blur();
-            }
+            if (event.key === "Escape") event.currentTarget.value = name;
+            if (event.key === "Enter" || event.key === "Escape") event.currentTarget.blur();
             event.stopPropagation();
           }}
         />
@@ -75,7 +67,7 @@ function HandleRow({ handle }: { readonly handle: HandleState }) {
           class="row-name"
           aria-pressed={selected}
           title={`${name}: double-click or F2 to rename`}
-          onClick={() => select(selected ? null : handle.handle)}
+          onClick={() => select(selected ? null : id)}
           onDblClick={() => setNaming(true)}
           onKeyDown={(event) => {
             if (event.key === "F2") setNaming(true);
@@ -91,9 +83,9 @@ function HandleRow({ handle }: { readonly handle: HandleState }) {
       <IconButton
         icon={hidden ? "hidden" : "eye"}
         label={hidden ? `Show ${name}` : `Hide ${name}`}
-        onPress={() => toggleHidden(handle.handle)}
+        onPress={toggleHidden}
       />
-      <IconButton icon="remove" label={`Remove ${name}`} onPress={() => remove(handle.handle)} />
+      <IconButton icon="remove" label={`Remove ${name}`} onPress={() => send({ type: "remove", handle: id })} />
     </li>
   );
 }

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.app.protocol.answers import Answer
-from dfd.app.protocol.parts import Frame, Model, Number, Vector
+from dfd.app.protocol.parts import Frame, Model, Vector
 
 __all__ = ["pack", "unpack"]
 
@@ -33,12 +33,12 @@ class Binary(Answer):
 class MaterialEntry(Model):
     """What one kind of surface looks like; colors are display-referred (sRGB)."""
 
-    color: tuple[Number, Number, Number, Number]
+    color: tuple[float, float, float, float]
     texture: str | None  # name of the buffer that holds the picture's file
     media_type: str | None
     wrap: tuple[Literal["repeat", "mirror", "clamp"], Literal["repeat", "mirror", "clamp"]]
     alpha_mode: Literal["OPAQUE", "MASK", "BLEND"]
-    alpha_cutoff: Number
+    alpha_cutoff: float
 
 
 class Group(Model):
@@ -69,7 +69,7 @@ class MeshMessage(Binary):
     coarse: bool
     center: Vector
     bounds: tuple[Vector, Vector]
-    diagonal: Number
+    diagonal: float
     parts: tuple[str, ...]
     groups: tuple[Group, ...]
     materials: tuple[MaterialEntry, ...]
@@ -88,12 +88,9 @@ class DetailMessage(Binary):
 class InstanceEntry(Model):
     """One of the places where a handle acts: `share` names the buffer uint16 (V,), how much of a vertex is its own."""
 
-    instance: int
-    on: bool
-    pivot: Vector
     frame: Frame  # rows of the matrix that turns or mirrors the handle's motion into its own
     position: Vector  # of its counterpart of the handle
-    gain: Number
+    gain: float
     share: str
 
 
@@ -103,7 +100,7 @@ class ColumnEntry(Model):
     column: int
     kind: Literal["distance", "weight"]
     values: str
-    scale: Number
+    scale: float
     geodesic: str | None  # buffer uint16 (V,): 65535 is the largest distance along the surface
 
 
@@ -136,7 +133,7 @@ class HeatMessage(Binary):
 
     type: Literal["heat"] = "heat"
     vertex: int | None
-    scale: Number
+    scale: float
 
 
 class PositionsMessage(Binary):

@@ -1,15 +1,15 @@
 /** Pictures of the view: a screenshot, and a turntable as a film. */
 
+import { saveBlob, stem } from "../actions/files";
+import { note, problem } from "../actions/toasts";
 import { store } from "../store/state";
-import type { Stage } from "../viewer/stage";
-import { saveBlob, stem } from "./files";
-import { note, problem } from "./toasts";
+import type { Viewer } from "./viewer";
 
 const TURN_SECONDS = 6;
 const FRAMES_PER_SECOND = 30;
 
 /** Save what the view shows, without marks. */
-export async function screenshot(stage: Stage, helpers: readonly { visible: boolean }[]): Promise<void> {
+export async function screenshot({ stage, helpers }: Viewer): Promise<void> {
   const shown = helpers.map((helper) => helper.visible);
   helpers.forEach((helper) => (helper.visible = false));
   stage.draw();
@@ -23,7 +23,7 @@ export async function screenshot(stage: Stage, helpers: readonly { visible: bool
 }
 
 /** Turn once around the shape and save the film. */
-export async function turntable(stage: Stage, helpers: readonly { visible: boolean }[]): Promise<void> {
+export async function turntable({ stage, helpers }: Viewer): Promise<void> {
   const type = ["video/webm;codecs=vp9", "video/webm", "video/mp4"].find(
     (candidate) => typeof MediaRecorder !== "undefined" && MediaRecorder.isTypeSupported(candidate),
   );
@@ -79,13 +79,13 @@ function copied(canvas: HTMLCanvasElement): HTMLCanvasElement {
 }
 
 /** "Heat map of …" is what a person shares: switch to it, keep it for the picture, go back. */
-export async function heatPicture(stage: Stage, helpers: readonly { visible: boolean }[]): Promise<void> {
+export async function heatPicture(viewer: Viewer): Promise<void> {
   const { look, selected } = store.get();
   if (selected === null) {
     note("Select a handle first: the heat map is that of a handle.");
     return;
   }
   store.set({ look: "heat" });
-  await screenshot(stage, helpers);
+  await screenshot(viewer);
   store.set({ look });
 }
