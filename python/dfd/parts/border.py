@@ -25,7 +25,7 @@ def snapped(patches: Patches, inside: Mask) -> Mask:
     What borders cost is their length, less where the surface creases inwards; what lies farther from the border of the
     patches than `BAND` stays where it is.
     """
-    fine, start = patches.fine, inside[patches.of_node]
+    fine, start = patches.node_borders, inside[patches.of_node]
     one, other = fine.pairs.T
     at_border = fine.pairs[(start[one] != start[other])].ravel()
     if len(at_border) == 0:

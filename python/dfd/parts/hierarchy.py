@@ -25,6 +25,7 @@ CREASE = 0.1  # concavity across which e times less is passed on: about six degr
 STEP = 0.15  # difference of features likewise
 ROUNDS = 3  # of smoothing: what one round evens out lets the next tell borders better
 LEAST_AREA, MOST_AREA = 0.002, 0.95  # of the whole surface: of other sizes nothing is a part
+LEAST_SHOWN = 0.01  # likewise, for a part of a cut of the whole
 LEAST_CONCAVITY = 0.02  # counts for every border: some parts end without a crease
 
 Float64 = NDArray[np.float64]
@@ -79,8 +80,8 @@ class Hierarchy:
             first[one] = first[count + node]
             first[other] = first[one] + self._size[one]
         self._first, self._order = first, np.argsort(first[:count], kind="stable")
-        self.children = children
-        self.branch = lru_cache(maxsize=512)(self._branch)
+        self._children = children
+        self.branch = lru_cache(maxsize=None)(self._branch)
 
     def holding(self, patch: int) -> list[int]:
         """Nodes that hold a patch and are as large as a part may be, from the smallest on; at least one."""
@@ -88,6 +89,19 @@ class Hierarchy:
         while self._parent[path[-1]] >= 0:
             path.append(int(self._parent[path[-1]]))
         return [node for node in path if LEAST_AREA < self.branch(node).area < MOST_AREA] or path[-1:]
+
+    def clearest(self) -> list[int]:
+        """Nodes that share out all patches, those with the most clarity over the whole surface; the largest first."""
+        count = self._patches.borders.count
+        worth, chosen = np.zeros(len(self._height)), [[node] for node in range(count)]
+        for node, (one, other) in enumerate(self._children, start=count):
+            branch = self.branch(node)
+            own = branch.area * branch.clarity if LEAST_SHOWN < branch.area < MOST_AREA else 0.0
+            below = worth[one] + worth[other]
+            whole = own >= below
+            worth[node] = max(own, below)
+            chosen.append([node] if whole else chosen[one] + chosen[other])
+        return sorted(chosen[-1], key=lambda node: -self.branch(node).area)
 
     def _branch(self, node: int) -> Branch:
         """A node of the tree as a part."""

@@ -96,6 +96,29 @@ class Parts:
             inside = self._piece(inside, patch)
         return self._part(inside)
 
+    def cut(self) -> NDArray[np.int64]:
+        """Cut the whole shape: (V,) the part of every vertex, counted from 0, the largest first.
+
+        What looks alike is one part. Of all cuts of the tree it is the one whose parts end most clearly.
+
+        Raises
+        ------
+        ValueError
+            If the mesh has no face with an area.
+        """
+        patches, tree = self._patches, self._hierarchy
+        branches = [tree.branch(node).inside for node in tree.clearest()]
+        claims = np.array([snapped(patches, inside) for inside in branches])
+        part = np.argmax(branches, axis=0)[patches.of_node]
+        part = np.where(claims.sum(axis=0) == 1, claims.argmax(axis=0), part)
+        shares = patches.nodes.shares((part == np.arange(len(branches))[:, None]).astype(np.float64))
+        best, label = np.zeros(len(self._mesh.vertices), np.float32), np.zeros(len(self._mesh.vertices), np.int64)
+        for number, share in enumerate(shares):
+            here = share(slice(None))
+            label[here > best] = number
+            np.maximum(best, here, out=best)
+        return label
+
     def _branch(self, patch: int, level: Level) -> NDArray[np.bool_]:
         tree = self._hierarchy
         branches = [tree.branch(node) for node in tree.holding(patch)]
@@ -117,11 +140,9 @@ class Parts:
 
     def _part(self, inside: NDArray[np.bool_]) -> Part:
         patches = self._patches
-        nodes = snapped(patches, inside) if self.snap else inside[patches.of_node]
+        nodes = snapped(patches, inside)
         share, _ = patches.nodes.shares(np.array([nodes, ~nodes], np.float64))
         return Part(share(slice(None)) > 0.5, float(patches.area[inside].sum()))
-
-    snap = True
 
     def _vertex(self, at: Any) -> int:
         if np.ndim(at) == 0:
@@ -139,7 +160,7 @@ class Parts:
 
     @cached_property
     def _hierarchy(self) -> Hierarchy:
-        return Hierarchy(self._patches, self._features(self._patches.seed))
+        return Hierarchy(self._patches, self._patches.means(self._features))
 
 
 def parts(field: Field, mesh: Mesh) -> Parts:

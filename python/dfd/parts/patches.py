@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,7 @@ __all__ = ["Borders", "Patches"]
 COUNT = 2_000  # patches, about: more cost time with the square and find no other parts
 PACKING = 0.75  # distance that seeds keep, in sides of squares of a patch's area: so many fit at random
 TURNED = 0.6  # in those distances, what a turn of the normal by 1 counts: the two sides of a thin sheet have own seeds
+SAMPLES = 8  # vertices of a patch that its features are the mean of
 BRIDGE = 1.0  # the concavity of a small gap between components: nothing parts them more clearly
 
 Float64 = NDArray[np.float64]
@@ -63,16 +65,20 @@ class Patches:
 
     Attributes
     ----------
-    of_node, of_vertex
-        (N,) and (V,) the patch of each.
-    seed
-        (P,) a vertex near the middle of each patch.
-    area
-        (P,) as parts of the whole surface.
+    size
+        The diagonal of the mesh's box, mesh units.
     spacing
         Side of a square of a mean patch's area, in diagonals of the box.
-    borders, fine
-        Between patches and between nodes.
+    of_node, of_vertex
+        (N,) and (V,) the patch of each.
+    area
+        (P,) of the patches, as parts of the whole surface.
+    borders
+        Between patches.
+    node_area, twin
+        (N,) area of the nodes, in squared diagonals, and the node that stands for each where several have one position.
+    node_borders
+        Between nodes.
 
     Raises
     ------
@@ -92,12 +98,11 @@ class Patches:
         self.spacing = float(np.sqrt(area.sum() / COUNT))
         links = _links(nodes.graph, pairs)
         pairs, length = np.concatenate([pairs, links]), np.concatenate([length, np.zeros(len(links))])
-        self.fine = Borders(pairs, length, center, self._even(normal, pairs))
+        self.node_borders = Borders(pairs, length, center, self._even(normal, pairs))
         turned = TURNED * PACKING * self.spacing * _unit(normal)
         seeds = _spread(np.column_stack([center, turned]), PACKING * self.spacing)
         self.of_node = _nearest(nodes.graph, seeds, center)
         self.of_vertex = self.of_node[nodes.of_vertex]
-        self.seed = nodes.members[nodes.starts[seeds]].astype(np.int64)
         count = len(seeds)
         weight = np.maximum(area, 1e-9 * area.sum())
         self.area = np.bincount(self.of_node, weight, minlength=count) / weight.sum()
@@ -106,6 +111,17 @@ class Patches:
             *_contracted(self.of_node, pairs, length, count), middle, _unit(_summed(self.of_node, normal, count))
         )
 
+
+    def means(self, features: Callable[[Indices], NDArray[np.floating]]) -> Float64:
+        """(P, D) of what `features` gives for vertices (N,): means over at most `SAMPLES` of each patch."""
+        order = np.argsort(self.of_vertex, kind="stable")
+        size = np.bincount(self.of_vertex, minlength=len(self.area))
+        taken = np.minimum(size, SAMPLES)
+        patch = np.repeat(np.arange(len(size)), taken)
+        place = np.arange(len(patch)) - np.repeat(np.cumsum(taken) - taken, taken)
+        vertices = order[np.repeat(np.cumsum(size) - size, taken) + place * size[patch] // taken[patch]]
+        mean = csr_array((1 / taken[patch], (patch, np.arange(len(patch)))), shape=(len(size), len(patch)))
+        return np.asarray(mean @ features(vertices).astype(np.float64))
 
     def _even(self, normal: Float64, pairs: Indices) -> Float64:
         """(N, 3) unit normals of nodes, evened out over about a patch, so that they turn as surfaces do."""
