@@ -15,7 +15,7 @@ from scipy.cluster.hierarchy import linkage
 from scipy.sparse import diags_array
 from scipy.sparse.linalg import splu
 
-from dfd.parts.patches import Borders, Patches
+from dfd.parts.patches import Patches
 
 __all__ = ["Branch", "Hierarchy"]
 
@@ -64,10 +64,8 @@ class Hierarchy:
     def __init__(self, patches: Patches, features: NDArray[np.floating]) -> None:
         self._patches = patches
         count = len(features)
-        if count == 1:
-            merges = np.zeros((0, 4))
-        else:
-            merges = linkage(smoothed(patches, features.astype(np.float64)), "average")
+        values = smoothed(patches, features.astype(np.float64))
+        merges = linkage(values, "average") if count > 1 else np.zeros((0, 4))
         self._height = np.concatenate([np.zeros(count), merges[:, 2]])
         self._parent = np.full(2 * count - 1, -1)
         children = merges[:, :2].astype(np.int64)

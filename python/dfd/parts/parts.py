@@ -125,8 +125,9 @@ class Parts:
         area = np.array([branch.area for branch in branches])
         clarity = np.array([branch.clarity for branch in branches])
         best = int(clarity.argmax())
-        others = {"smaller": area * LARGER < area[best], "part": area == area[best], "larger": area > LARGER * area[best]}
-        among = np.flatnonzero(others[level])
+        if level == "part":
+            return branches[best].inside
+        among = np.flatnonzero(area * LARGER < area[best] if level == "smaller" else area > LARGER * area[best])
         return branches[best if len(among) == 0 else among[clarity[among].argmax()]].inside
 
     def _piece(self, inside: NDArray[np.bool_], patch: int) -> NDArray[np.bool_]:

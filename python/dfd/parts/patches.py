@@ -111,7 +111,6 @@ class Patches:
             *_contracted(self.of_node, pairs, length, count), middle, _unit(_summed(self.of_node, normal, count))
         )
 
-
     def means(self, features: Callable[[Indices], NDArray[np.floating]]) -> Float64:
         """(P, D) of what `features` gives for vertices (N,): means over at most `SAMPLES` of each patch."""
         order = np.argsort(self.of_vertex, kind="stable")
