@@ -209,7 +209,7 @@ class _Source:
     """Rows of features, from an array or from a field."""
 
     def __init__(self, features: Any, points: Any) -> None:
-        from dfd.field.on_mesh import FieldOnMesh  # `import dfd` needs no field
+        from dfd.field.field import FieldOnMesh  # `import dfd` needs no field
 
         self._field: Callable[[NDArray[Any]], Any] | None = None
         if isinstance(features, FieldOnMesh) and points is None:

@@ -12,7 +12,7 @@ from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.editing.influence.regions import Region, distances_from, members
 from dfd.editing.points import Place
-from dfd.field.on_mesh import FieldOnMesh
+from dfd.field.field import FieldOnMesh
 from dfd.weights.compact import CompactFeatures, compact
 
 if TYPE_CHECKING:
