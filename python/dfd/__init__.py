@@ -18,7 +18,7 @@ from dfd.weights.bind import bind
 from dfd.weights.compact import CompactFeatures, compact
 
 if _typing.TYPE_CHECKING:
-    from dfd import reference, samples
+    from dfd import samples
     from dfd.distillation.distill import distill
     from dfd.distillation.settings import DistillSettings
     from dfd.editing.deformer import Deformer
@@ -36,33 +36,36 @@ if _typing.TYPE_CHECKING:
     from dfd.symmetry.rotation import RotationalSymmetry, rotational_symmetries
     from dfd.symmetry.search import symmetry_planes
 
+# Stable: they change with a new major version alone.
 __all__ = [
     "CompactFeatures",
     "Deformer",
     "DistillSettings",
-    "Drag",
     "Field",
     "Geodesics",
-    "KeyPose",
     "Mesh",
-    "RotationalSymmetry",
     "SymmetryPlane",
-    "VertexField",
     "bind",
     "compact",
     "distill",
     "edit_schema",
-    "export_rig",
-    "export_weights",
     "get_num_threads",
     "load",
     "pose",
-    "reference",
-    "rotational_symmetries",
     "samples",
     "set_num_threads",
-    "show",
     "symmetry_planes",
+]
+# Experimental: they may change with any version.
+__all__ += [
+    "Drag",
+    "KeyPose",
+    "RotationalSymmetry",
+    "VertexField",
+    "export_rig",
+    "export_weights",
+    "rotational_symmetries",
+    "show",
     "weigh_skin",
 ]
 
@@ -91,7 +94,7 @@ _LATER = {
 
 
 def __getattr__(name: str) -> _typing.Any:
-    if name in ("reference", "samples"):
+    if name == "samples":
         return _importlib.import_module(f"dfd.{name}")
     if name in _LATER:
         value = getattr(_importlib.import_module(_LATER[name]), name)

@@ -30,6 +30,8 @@ class About:
         The bounds of a number; with `exclusive` it lies above the minimum.
     metavar
         What the command line shows in the place of its value; None for a switch.
+    repeated
+        Whether the command line takes one of them after the other.
     """
 
     text: str
@@ -37,6 +39,7 @@ class About:
     maximum: float | None = None
     exclusive: bool = False
     metavar: str | None = None
+    repeated: bool = False
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
         """The JSON schema of the field, with its description and bounds."""

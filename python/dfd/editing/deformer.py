@@ -65,12 +65,12 @@ class Deformer:
     """One editing session of one shape.
 
     Nothing is ever baked: every handle keeps the numbers it was given and can be changed or removed at any time, and
-    `vertices` always follows from the resting mesh. A new handle costs one column of weights, a frame of a drag what the
-    handles that move cost, however many others rest.
+    `vertices` always follows from the resting mesh. A new handle costs one column of weights, a frame of a drag what
+    the handles that move cost, however many others rest.
 
-    Every change is a step that `undo` takes back, without limit. With `merge`, a change joins the step before if that one
-    was about the same handle, place or setting: a drag is one plain move and then merged ones, and `undo` takes it back
-    whole.
+    Every change is a step that `undo` takes back, without limit. With `merge`, a change joins the step before if that
+    one was about the same handle, place or setting: a drag is one plain move and then merged ones, and `undo` takes it
+    back whole.
 
     Parameters
     ----------

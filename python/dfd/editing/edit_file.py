@@ -46,8 +46,8 @@ Required: `format`, `version`, and for every handle and fixed point a `vertex`, 
 be left out, and is then as the document's `preset` has it (`dfd.editing.presets`). Unknown keys, keys that are given
 twice, and numbers that are not finite are refused: a misspelt key is an error, never a default.
 
-A vertex counts where it lies at `position` (or where there is none and `mesh` fits); on another resolution, where it does
-not, the position does, and it is a point of space there. A handle has the keys of its place, its transform and its
+A vertex counts where it lies at `position` (or where there is none and `mesh` fits); on another resolution, where it
+does not, the position does, and it is a point of space there. A handle has the keys of its place, its transform and its
 controls side by side; otherwise a document is what pydantic makes of the fields of `Edit`.
 
 A version 2 document has none of `preset`, `mirrored_locality` and `bridges`, and what it leaves out is what `VERSION_2`
@@ -324,7 +324,7 @@ def _checked(document: Any, name: str) -> dict[str, Any]:
 
 
 def _completed(document: dict[str, Any], mesh: Mesh | None = None) -> dict[str, Any]:
-    """A document of any version as pydantic takes one: of the present version, with nothing left out or side by side."""
+    """A document of any version as pydantic takes one: of this version, with nothing left out or side by side."""
     version, known = document["version"], document.get("preset")
     known = known if known in get_args(Preset) else "default"
     meant = VERSION_2

@@ -38,18 +38,18 @@ CONTROLS = {
     ),
     "locality": About("λ of Eq. 7: 0 reaches all that looks alike, more stays nearer.", 0.0, LARGEST, metavar="λ"),
     "radius": About(
-        "In place of locality: distance over the surface at which the weight is smoothly 0, mesh units or % of the box.",
+        "In place of locality: distance along the surface where the weight is smoothly 0, mesh units or % of the box.",
         0.0,
         exclusive=True,
         metavar="R|P%",
     ),
     "strength": About("From 0 to 1: a factor for what follows.", 0.0, 1.0, metavar="S"),
     "instances": About(
-        "What looks alike moves about its own pivot, together about one (the paper), or not at all.",
+        "Look-alikes move about their own pivots (own), about the handle's (together, the paper), or not at all (only).",
         metavar="own|together|only",
     ),
     "level": About("Let all instances follow fully, however alike."),
-    "without_instances": About("A place on each instance that does not move along.", metavar="PLACE"),
+    "without_instances": About("A place on an instance that does not move along.", metavar="PLACE", repeated=True),
     "within": About(
         "Nothing follows beyond: part:NAME, group:NAME, 'x>0', ball:x,y,z,r or box:x,y,z,x,y,z.", metavar="REGION"
     ),

@@ -14,7 +14,7 @@ from dfd.common.errors import ArgumentError, public
 from dfd.common.linear_algebra import unit
 from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.influence.handle_features import VertexRows
+from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.regions import Ball, Box, Group, HalfSpace, Part, Region, VertexSet, members
 from dfd.editing.points import Place, place_on
 from dfd.geometry.topology import face_areas
@@ -109,7 +109,7 @@ class _Carrier:
         self.field_from, self.mesh, self.field_to = field_from, mesh, field_to
         self.mean_from, self.mean_to = _mean(mesh_from, field_from), _mean(mesh, field_to)
         self.center_from, self.center_to = (field.center for field in (field_from, field_to))
-        self.rows = VertexRows(mesh, field_to)
+        self.rows = HandleFeatures(mesh, field_to)
         self.ratio = float(field_from.scale) / float(field_to.scale)
 
     def carried(self, edit: Edit) -> Transferred:

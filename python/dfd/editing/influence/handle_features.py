@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["VertexRows"]
+__all__ = ["HandleFeatures"]
 
 # As many vertices as `compact` would judge by: up to there it takes longer than it saves.
 MOST_EXACT = 16_384
@@ -30,7 +30,7 @@ Float32 = NDArray[np.float32]
 Indices = NDArray[np.int64]
 
 
-class VertexRows:
+class HandleFeatures:
     """The features of one mesh's vertices, in full or compact, and of points and regions among them."""
 
     def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
