@@ -16,6 +16,7 @@ ROOMS = (
     "geometry",
     "views",
     "field",
+    "parts",
     "encoders",
     "upright",
     "distillation",

@@ -45,7 +45,7 @@ CONTROLS = {
     ),
     "strength": About("From 0 to 1: a factor for what follows.", 0.0, 1.0, metavar="S"),
     "instances": About(
-        "Look-alikes move about their own pivots (own), about the handle's (together, the paper), or not at all (only).",
+        "Look-alikes move about their own pivots (own), the handle's (together, the paper), or not at all (only).",
         metavar="own|together|only",
     ),
     "level": About("Let all instances follow fully, however alike."),
