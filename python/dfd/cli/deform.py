@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from dfd.cli.arguments import PLACE, Places, check_camera, check_output, given_besides, plane_text
-from dfd.cli.deform_many import Asked, deform_many, is_many
+from dfd.cli.deform_many import BatchOptions, deform_many, is_many
 from dfd.cli.handles import handles
 from dfd.cli.options import FixOption, PresetOption, chosen_preset, number_or, with_controls
 from dfd.encoders.known import DEFAULT_ENCODER
@@ -129,7 +129,9 @@ def deform(
             raise ValueError(f"`{others[0]}` is for one MESH: several shapes are deformed by `--edit` alone")
         if edit is None or output is None:
             raise ValueError(f"`--{'edit' if edit is None else 'output'}` must be given for several shapes")
-        deform_many(meshes, Asked(edit, output, field, made_on, encoder, chosen_preset(preset), threshold, picture))
+        deform_many(
+            meshes, BatchOptions(edit, output, field, made_on, encoder, chosen_preset(preset), threshold, picture)
+        )
         return
     mesh = Path(meshes[0])
     if not held and edit is None:

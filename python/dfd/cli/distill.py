@@ -10,7 +10,7 @@ import typer
 import dfd
 from dfd.cli.arguments import MeshArgument, check_output
 from dfd.cli.options import add_options, shown
-from dfd.common.importing import importing
+from dfd.common.interrupts import importing
 from dfd.common.progress import Stages
 from dfd.distillation.distill import distilling, find_distilled
 from dfd.distillation.settings import DistillSettings

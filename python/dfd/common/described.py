@@ -80,7 +80,7 @@ def _plain(value: Any) -> Any:
 
 
 @cache
-def about(owner: type) -> dict[str, tuple[Any, About | None]]:
+def about(owner: type[object]) -> dict[str, tuple[Any, About | None]]:
     """The type and the description of each field of a dataclass, by its name."""
     found: dict[str, tuple[Any, About | None]] = {}
     for name, hint in get_type_hints(owner, include_extras=True).items():
@@ -89,7 +89,7 @@ def about(owner: type) -> dict[str, tuple[Any, About | None]]:
     return found
 
 
-def check_fields(value: Any) -> None:
+def check_fields(value: object) -> None:
     """Refuse what the fields of a frozen dataclass may not be: numbers, names and switches, each once.
 
     Numbers become floats; what is None where a field may be None is left.
@@ -117,7 +117,9 @@ def check_fields(value: Any) -> None:
                 bound = f"above {said.minimum:g}" if said.exclusive else f"of at least {said.minimum:g}"
                 choices = " or ".join(f'"{word}"' for word in get_args(words))
                 raise ArgumentError(name, f"must be {choices} or a number {bound}, got {given!r}", function)
-            bounds = {"minimum": said.minimum, "maximum": said.maximum, "exclusive": said.exclusive}
-            object.__setattr__(value, name, check.number(function, name, given, **bounds))
+            number = check.number(
+                function, name, given, minimum=said.minimum, maximum=said.maximum, exclusive=said.exclusive
+            )
+            object.__setattr__(value, name, number)
         elif words is not None:
             check.choice(function, name, given, words)

@@ -52,7 +52,7 @@ class Setting(Generic[Value]):
 
     def __get__(self, session: Deformer, owner: type | None = None) -> Value:
         if session is None:
-            return self  # type: ignore[return-value]  # asked of the class, as help() does
+            return self  # asked of the class, as help() does
         value: Value = getattr(session.edit, self._name)
         return value
 

@@ -137,8 +137,8 @@ class MadeOn:
 class EditFile(Edit):
     """An edit of a shape, with what a file says besides."""
 
-    format: Literal["dfd-edit"] = FORMAT
-    version: Literal[3] = VERSION
+    format: Literal["dfd-edit"] = "dfd-edit"
+    version: Literal[3] = 3
     units: Units = field(default_factory=Units)
     mesh: MadeFor | None = None
     made_on: MadeOn | None = None
@@ -264,7 +264,7 @@ def to_document(edit: Edit, mesh: Mesh) -> dict[str, Any]:
     low, high = mesh.bounds.tolist()
     made_for = MadeFor(len(mesh.vertices), mesh.content_hash, (tuple(low), tuple(high)))
     written = _model().dump_python(EditFile(**_values(edit), mesh=made_for), mode="json")
-    document = {key: written.pop(key) for key in FIRST} | written
+    document: dict[str, Any] = {key: written.pop(key) for key in FIRST} | written
     document["handles"] = [_spread(handle) for handle in document["handles"]]
     document["fixed"] = [_spread(fixed) for fixed in document["fixed"]]
     if edit.symmetry is not None:
@@ -325,8 +325,8 @@ def _checked(document: Any, name: str) -> dict[str, Any]:
 
 def _completed(document: dict[str, Any], mesh: Mesh | None = None) -> dict[str, Any]:
     """A document of any version as pydantic takes one: of this version, with nothing left out or side by side."""
-    version, known = document["version"], document.get("preset")
-    known = known if known in get_args(Preset) else "default"
+    version = document["version"]
+    known: Preset = document["preset"] if document.get("preset") in tuple(PRESETS) else "default"
     meant = VERSION_2
     if version == VERSION:
         meant = {"handle": PRESETS[known].handle, "shape": PRESETS[known].whole_shape}

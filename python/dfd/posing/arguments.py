@@ -11,7 +11,15 @@ import dfd._core as _core
 from dfd.common import check, tensors
 from dfd.common.errors import ArgumentError
 
-__all__ = ["among", "empty_like", "read_affine", "read_points", "read_weights", "standing", "target"]
+__all__ = [
+    "empty_like",
+    "handle_positions",
+    "handle_weight_matrix",
+    "read_affine",
+    "read_points",
+    "read_weights",
+    "target",
+]
 
 Float64 = NDArray[np.float64]
 
@@ -67,7 +75,7 @@ def read_affine(function: str, name: str, value: Any, count: int | None) -> Floa
     return np.ascontiguousarray(result[:, :3])
 
 
-def standing(
+def handle_positions(
     function: str, handles: Any, vertices: NDArray[Any], weights: NDArray[np.float32]
 ) -> tuple[NDArray[np.int64] | None, Float64]:
     """(H,) the vertices at which handles stand, None for positions, and (H, 3) where that is."""
@@ -88,7 +96,7 @@ def standing(
     return indices, np.ascontiguousarray(vertices[indices], np.float64)
 
 
-def among(
+def handle_weight_matrix(
     function: str, handle_weights: Any, weights: NDArray[np.float32], indices: NDArray[np.int64] | None
 ) -> Float64:
     """(H, H) weights among handles, row j at the place of handle j."""

@@ -11,7 +11,7 @@ from torch.autograd.function import once_differentiable
 
 from dfd.common import tensors
 from dfd.common.errors import ArgumentError
-from dfd.posing.arguments import read_affine, standing
+from dfd.posing.arguments import handle_positions, read_affine
 
 if TYPE_CHECKING:
     from dfd.symmetry.plane import SymmetryPlane
@@ -107,7 +107,9 @@ def _posed(
     if plane is None:
         return moved(affine)
     normal = torch.tensor(plane.normal, dtype=torch.float64)
-    _, places = standing("pose", options["handles"], vertices.detach().numpy(), weights.detach().float().numpy())
+    _, places = handle_positions(
+        "pose", options["handles"], vertices.detach().numpy(), weights.detach().float().numpy()
+    )
     positive = torch.from_numpy(places @ np.asarray(plane.normal) >= plane.offset)[:, None, None]
     reflection = torch.from_numpy(plane.reflection)
     bottom = torch.tensor([0.0, 0.0, 0.0, 1.0], dtype=torch.float64).expand(len(affine), 1, 4)

@@ -12,7 +12,7 @@ import dfd._core as _core
 from dfd.common import check, tensors, threads
 from dfd.common.errors import ArgumentError
 from dfd.weights.compact import CompactFeatures
-from dfd.weights.regions import Targets, targets
+from dfd.weights.regions import Targets, resolve_points
 
 __all__ = ["Falloff", "bind"]
 
@@ -89,8 +89,8 @@ def bind(
         step = 1.0
         if source.shape[1] == 0 and len(source):
             raise ArgumentError("features", f"must have at least one dimension, got {source.shape}", "bind")
-    wanted = targets("handles", handles, source)
-    held = None if fixed is None else targets("fixed", fixed, source)
+    wanted = resolve_points("handles", handles, source)
+    held = None if fixed is None else resolve_points("fixed", fixed, source)
     shape = (source.shape[0], len(wanted))
     distances, exponents = _locality(geodesic, locality, shape)
     reaches, falloffs = _extents(reach, falloff, shape[1])

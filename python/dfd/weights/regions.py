@@ -13,7 +13,7 @@ from dfd.common import check, tensors
 from dfd.common.errors import ArgumentError
 from dfd.weights.compact import CompactFeatures
 
-__all__ = ["MERGED", "MOST_MEMBERS", "Targets", "targets"]
+__all__ = ["MERGED", "MOST_MEMBERS", "Targets", "resolve_points"]
 
 # What a region is thinned to: what lies closer to a kept member than this changes no weight that anyone sees, and so
 # many members that lie as far apart as they can leave little between them.
@@ -47,7 +47,7 @@ class Targets:
         return len(self.points if self.members is None else self.members)
 
 
-def targets(name: str, value: Any, source: Source) -> Targets:
+def resolve_points(name: str, value: Any, source: Source) -> Targets:
     """What `dfd.bind` was given as `name`, "handles" or "fixed".
 
     Raises
