@@ -98,6 +98,8 @@ class Deformer:
         If a part of the mesh lies far outside the box of the field's shape.
     """
 
+    page: Callable[..., Any] | None = None  # what shows a session: `dfd` puts the app's there
+
     @public
     def __init__(self, mesh: MeshLike, field: Field, *, preset: Preset = "default", features: Any = None) -> None:
         self.mesh = as_mesh(mesh)
@@ -112,8 +114,6 @@ class Deformer:
     def _start(self, edit: Edit) -> None:
         self._history = History(edit)
         self._next_id = 1 + max((handle.id for handle in edit.handles), default=0)
-
-    page: Callable[..., Any] | None = None  # what shows a session; `dfd.app` puts itself there
 
     def __repr__(self) -> str:
         """Say how much is being done to what."""
@@ -286,9 +286,8 @@ class Deformer:
         """
         held = self.edit.handle(handle)
         moved = self._transform(held.transform, held.place, translation, rotation, scale, pivot, axes)
-        self._history.commit(
-            self.edit.replaced(replace(held, transform=moved)), topic=("handle", handle), merge=merge
-        )  # no weight changes
+        edit = self.edit.replaced(replace(held, transform=moved))
+        self._history.commit(edit, topic=("handle", handle), merge=merge)  # no weight changes
 
     @public
     def change(
