@@ -13,7 +13,7 @@ from bench.paper.fig18_high_resolution import subdivided
 from bench.paper.measures import vertex_shares
 from bench.paper.report import Page, Section, Table
 from dfd.geometry.simplify import simplify
-from dfd.pictures.before_after import azimuth_towards
+from dfd.pictures.viewpoint import azimuth_towards
 
 __all__ = ["in_box_of", "page"]
 
