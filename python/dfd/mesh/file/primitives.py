@@ -26,6 +26,7 @@ MOST_INSTANCES = 100_000  # primitives that the scene of a glTF file places
 
 Float64 = NDArray[np.float64]
 IDENTITY = np.eye(4)  # of all that the scene shows where it is: found without a comparison
+IDENTITY.setflags(write=False)
 
 
 @dataclass(frozen=True, eq=False)
