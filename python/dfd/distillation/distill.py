@@ -134,7 +134,7 @@ def distilling(
 ) -> Iterator[Field]:
     """Do what `distill` does for a block that writes the field: the checkpoint stays if the block fails.
 
-    `loading` gives the `encoder` of that name, which somebody began to load before.
+    `loading` gives the `encoder` of that name, where it is being loaded already.
     """
     with stages.stage("load"), importing():
         known = _find_key(mesh, encoder, settings, device) if features is None else None
@@ -175,7 +175,7 @@ def find_distilled(
 
 
 def _find(key: Mapping[str, Any] | None, checkpoint: str | PathLike[str] | None) -> Field | None:
-    """The field that the user's cache has; what an earlier run left in `checkpoint` is of no use then, and goes."""
+    """The field in the user's cache; what an earlier run left in `checkpoint` is removed then."""
     found = field_cache.find(key) if key else None
     if found is not None and key and checkpoint is not None:
         Checkpoint.discard(checkpoint, key)
@@ -192,7 +192,7 @@ def _find_key(
     ValueError
         If `encoder` is none.
     """
-    from dfd.encoders.identity import find_identity
+    from dfd.encoders.sources import find_identity
 
     if not isinstance(encoder, str | PathLike) and not hasattr(encoder, "identity"):
         raise ValueError(f"distill: `encoder` must be a name, a folder or a loaded Encoder, got {encoder!r}")
@@ -213,7 +213,7 @@ def _of_pictures(
     with heed_interrupts(wait=True):
         from dfd.distillation.algorithm import distill_pictures
         from dfd.encoders.encode import Encoder, load_encoder
-        from dfd.encoders.identity import loaded_identity
+        from dfd.encoders.sources import loaded_identity
 
     if loading is not None:
         model = loading.result()
@@ -227,7 +227,7 @@ def _of_pictures(
 
 
 def _check_loaded(encoder: Encoder, settings: DistillSettings) -> None:
-    """Refuse settings that an encoder, which somebody has loaded, does not have.
+    """Refuse settings that contradict those of an encoder that is loaded already.
 
     Raises
     ------
