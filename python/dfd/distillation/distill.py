@@ -97,7 +97,7 @@ def distill(
     Warns
     -----
     RuntimeWarning
-        If the cache cannot be written, or what is done cannot be kept; the call goes on.
+        If the cache cannot be written, or tokens cannot be written to `checkpoint`; the call goes on.
     UserWarning
         If what `checkpoint` keeps is of other settings or damaged, and restarted.
 
@@ -149,14 +149,14 @@ def distilling(
     if found is not None:
         yield found
         return
-    kept = None if checkpoint is None or features is not None else Checkpoint(checkpoint, key)
-    with _guarded(stages, kept):
-        field = run(stages, kept)
+    store = None if checkpoint is None or features is not None else Checkpoint(checkpoint, key)
+    with _guarded(stages, store):
+        field = run(stages, store)
     if cache:
         field_cache.store(key, field)
     yield field
-    if kept is not None:
-        kept.remove()
+    if store is not None:
+        store.remove()
 
 
 def find_distilled(
@@ -192,7 +192,7 @@ def _find_key(
     ValueError
         If `encoder` is none.
     """
-    from dfd.encoders.sources import find_identity
+    from dfd.encoders.loading import find_identity
 
     if not isinstance(encoder, str | PathLike) and not hasattr(encoder, "identity"):
         raise ValueError(f"distill: `encoder` must be a name, a folder or a loaded Encoder, got {encoder!r}")
@@ -213,7 +213,7 @@ def _of_pictures(
     with heed_interrupts(wait=True):
         from dfd.distillation.algorithm import distill_pictures
         from dfd.encoders.encode import Encoder, load_encoder
-        from dfd.encoders.sources import loaded_identity
+        from dfd.encoders.loading import loaded_identity
 
     if loading is not None:
         model = loading.result()
@@ -223,7 +223,7 @@ def _of_pictures(
     else:
         model = load_encoder(encoder, device=device, **settings.of_encoder())
     key = cache_key(mesh, **settings.as_dict(), **loaded_identity(encoder, device, model))
-    return key, lambda stages, kept: distill_pictures(mesh, model, settings, stages=stages, store=kept)
+    return key, lambda stages, store: distill_pictures(mesh, model, settings, stages=stages, store=store)
 
 
 def _check_loaded(encoder: Encoder, settings: DistillSettings) -> None:
@@ -252,11 +252,11 @@ def _of_features(
     target = choose_device("distill", device)
     given = GivenFeatures(mesh, features)
     key = cache_key(mesh, **settings.of_fit(), features=given.kind, given=given.sha256(), device=str(target))
-    return key, lambda stages, kept: distill_features(given, settings, device=target, stages=stages)
+    return key, lambda stages, store: distill_features(given, settings, device=target, stages=stages)
 
 
 @contextmanager
-def _guarded(stages: Stages, kept: Checkpoint | None) -> Iterator[None]:
+def _guarded(stages: Stages, store: Checkpoint | None) -> Iterator[None]:
     """Watch over the work itself.
 
     Raises
@@ -269,8 +269,8 @@ def _guarded(stages: Stages, kept: Checkpoint | None) -> Iterator[None]:
     try:
         yield
     except ValueError:
-        if kept is not None:
-            kept.remove()
+        if store is not None:
+            store.remove()
         raise
     except (MemoryError, RuntimeError) as error:
         from dfd.common.devices import out_of_memory

@@ -60,10 +60,9 @@ class Camera:
         row, column = np.divmod(np.arange(resolution * resolution) if pixels is None else pixels, resolution)
         across = ((np.arange(resolution) + 0.5) / resolution * 2 - 1) * self.half_width
         x, y = across[column], -across[row]
-        local = np.stack([x, y, np.full(len(x), -1.0)], axis=1)
-        local /= np.sqrt(1 + x * x + y * y)[:, None]
-        directions: NDArray[np.float64] = local @ np.array([self.right, self.up, self.back])
-        return directions.astype(np.float32)
+        # NumPy is slow along axes of three: the long axis comes last until the end.
+        local = np.stack([x, y, np.full(len(x), -1.0)]) / np.sqrt(1 + x * x + y * y)
+        return np.ascontiguousarray((np.array([self.right, self.up, self.back]).T @ local).T, np.float32)
 
     def may_show(self, vertices: NDArray[np.float32], faces: NDArray[np.int32], resolution: int) -> NDArray[np.int64]:
         """Pixels (N,), ascending, that may show some of the `faces` (F, 3) of `vertices` (V, 3): no other one does.

@@ -22,7 +22,8 @@ from tiny_families import SIZES, tokens
 from dfd.encoders import sources
 from dfd.encoders.encode import load_encoder
 from dfd.encoders.known import DEFAULT_ENCODER
-from dfd.encoders.sources import find_weights, load_in_background
+from dfd.encoders.loading import load_in_background
+from dfd.encoders.sources import find_weights
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
