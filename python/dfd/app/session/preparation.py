@@ -157,7 +157,7 @@ class Preparation:
 
 # Seconds of each stage of a distillation with the default settings on two cores, in their order. Only their proportions
 # matter: how fast this machine is shows in the stages that it has done.
-USUAL = {"read": 0.5, "load": 5.0, "simplify": 1.0, "render": 1.0, "encode": 8.0, "spread": 1.5, "fit": 4.0}
+USUAL = {"read": 0.5, "load": 5.0, "simplify": 1.0, "render": 1.0, "encode": 8.0, "smooth": 1.5, "fit": 4.0}
 
 
 class TimeLeft:

@@ -1,25 +1,22 @@
 #pragma once
 
-// Rows of a matrix to one row per lane, and back.
+// From rows in memory to lanes of vectors, and back: rows of any width, and points (N, 3).
 
 #include "dfd/kernels/simd.hpp"
+
+#include <utility>
 
 namespace dfd {
 namespace {
 
-// Alternating entries of the first, and of the second, halves of two vectors.
-DFD_INLINE void interleave(Float a, Float b, Float& first, Float& second)
+// A vector whose entry i is entry Source(i) of two vectors laid end to end.
+template <auto Source, class V>
+DFD_INLINE V shuffle(V a, V b)
 {
-#if defined(__AVX512F__)
-    first = __builtin_shufflevector(a, b, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
-    second = __builtin_shufflevector(a, b, 8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31);
-#elif defined(__AVX2__)
-    first = __builtin_shufflevector(a, b, 0, 8, 1, 9, 2, 10, 3, 11);
-    second = __builtin_shufflevector(a, b, 4, 12, 5, 13, 6, 14, 7, 15);
-#else
-    first = __builtin_shufflevector(a, b, 0, 4, 1, 5);
-    second = __builtin_shufflevector(a, b, 2, 6, 3, 7);
-#endif
+    constexpr std::size_t size = sizeof(V) / sizeof a[0];
+    return [&]<std::size_t... I>(std::index_sequence<I...>) __attribute__((always_inline)) {
+        return (V)__builtin_shufflevector(a, b, Source(I)...);
+    }(std::make_index_sequence<size>());
 }
 
 // Rows become columns: each round of interleaving takes the next bit of the row's number to the lane's.
@@ -30,7 +27,10 @@ DFD_INLINE void transpose(Float (&v)[lanes<float>])
     for (std::size_t round = 1; round < size; round *= 2) {
         Float next[size];
 #pragma GCC unroll 8
-        for (std::size_t i = 0; i < size / 2; ++i) interleave(v[i], v[i + size / 2], next[2 * i], next[2 * i + 1]);
+        for (std::size_t i = 0; i < size / 2; ++i) {  // alternating entries of their first halves, and of their second
+            next[2 * i] = shuffle<[](std::size_t k) { return k / 2 + k % 2 * size; }>(v[i], v[i + size / 2]);
+            next[2 * i + 1] = shuffle<[](std::size_t k) { return (size + k) / 2 + k % 2 * size; }>(v[i], v[i + size / 2]);
+        }
 #pragma GCC unroll 16
         for (std::size_t i = 0; i < size; ++i) v[i] = next[i];
     }
@@ -94,24 +94,20 @@ constexpr std::size_t quads = lanes<float> / 4;  // of a vector
 // Within every quad of four vectors, rows become columns.
 DFD_INLINE void transpose_quads(Float (&v)[4])
 {
-#if defined(__AVX512F__)
-#define DFD_IN_QUADS(a, b, c, d) \
-    a, b, c, d, a + 4, b + 4, c + 4, d + 4, a + 8, b + 8, c + 8, d + 8, a + 12, b + 12, c + 12, d + 12
-#elif defined(__AVX2__)
-#define DFD_IN_QUADS(a, b, c, d) a, b, c, d, a + 4, b + 4, c + 4, d + 4
-#else
-#define DFD_IN_QUADS(a, b, c, d) a, b, c, d
-#endif
-    constexpr int other = lanes<float>;  // where the second vector's entries start
-    const Float a = __builtin_shufflevector(v[0], v[1], DFD_IN_QUADS(0, other, 1, other + 1));
-    const Float b = __builtin_shufflevector(v[0], v[1], DFD_IN_QUADS(2, other + 2, 3, other + 3));
-    const Float c = __builtin_shufflevector(v[2], v[3], DFD_IN_QUADS(0, other, 1, other + 1));
-    const Float d = __builtin_shufflevector(v[2], v[3], DFD_IN_QUADS(2, other + 2, 3, other + 3));
-    v[0] = __builtin_shufflevector(a, c, DFD_IN_QUADS(0, 1, other, other + 1));
-    v[1] = __builtin_shufflevector(a, c, DFD_IN_QUADS(2, 3, other + 2, other + 3));
-    v[2] = __builtin_shufflevector(b, d, DFD_IN_QUADS(0, 1, other, other + 1));
-    v[3] = __builtin_shufflevector(b, d, DFD_IN_QUADS(2, 3, other + 2, other + 3));
-#undef DFD_IN_QUADS
+    constexpr std::size_t size = lanes<float>;
+    // Entries First and First + 1 of a quad: of both vectors by turns, or side by side.
+    const auto turns = [&]<std::size_t First>(Float a, Float b) __attribute__((always_inline)) {
+        return shuffle<[](std::size_t k) { return k / 4 * 4 + First + k % 4 / 2 + k % 2 * size; }>(a, b);
+    };
+    const auto sides = [&]<std::size_t First>(Float a, Float b) __attribute__((always_inline)) {
+        return shuffle<[](std::size_t k) { return k / 4 * 4 + First + k % 2 + k % 4 / 2 * size; }>(a, b);
+    };
+    const Float a = turns.template operator()<0>(v[0], v[1]), b = turns.template operator()<2>(v[0], v[1]);
+    const Float c = turns.template operator()<0>(v[2], v[3]), d = turns.template operator()<2>(v[2], v[3]);
+    v[0] = sides.template operator()<0>(a, c);
+    v[1] = sides.template operator()<2>(a, c);
+    v[2] = sides.template operator()<0>(b, d);
+    v[3] = sides.template operator()<2>(b, d);
 }
 
 typedef float QuadFloat __attribute__((vector_size(16)));
@@ -160,6 +156,53 @@ DFD_INLINE void lanes_to_rows(const float* from, std::size_t columns, float* row
     default: return;
     }
 }
+
+template <class T>
+struct Vector3 {
+    Vector<T> x, y, z;
+};
+
+// The next 3 W coordinates of points (N, 3): coordinate Axis of point i is number 3 i + Axis of them.
+template <class T>
+struct Interleaved {
+    static constexpr std::size_t size = lanes<T>;
+
+    template <std::size_t Axis>
+    static DFD_INLINE Vector<T> axis(Vector<T> a, Vector<T> b, Vector<T> c)
+    {
+        const auto early = [](std::size_t i) { return 3 * i + Axis < 2 * size; };  // it lies in a or b
+        constexpr auto from_ab = [=](std::size_t i) { return early(i) ? 3 * i + Axis : 0; };
+        constexpr auto from_c = [=](std::size_t i) { return early(i) ? i : 3 * i + Axis - size; };
+        return shuffle<from_c>(shuffle<from_ab>(a, b), c);
+    }
+
+    static DFD_INLINE Vector3<T> read(const T* from)
+    {
+        const auto a = load<Vector<T>>(from), b = load<Vector<T>>(from + size), c = load<Vector<T>>(from + 2 * size);
+        return {axis<0>(a, b, c), axis<1>(a, b, c), axis<2>(a, b, c)};
+    }
+
+    template <std::size_t Number>
+    static DFD_INLINE Vector<T> coordinates(const Vector3<T>& p)
+    {
+        constexpr auto from_xy = [](std::size_t i) {
+            const std::size_t at = Number * size + i;
+            return at % 3 == 2 ? 0 : at % 3 * size + at / 3;
+        };
+        constexpr auto from_z = [](std::size_t i) {
+            const std::size_t at = Number * size + i;
+            return at % 3 == 2 ? size + at / 3 : i;
+        };
+        return shuffle<from_z>(shuffle<from_xy>(p.x, p.y), p.z);
+    }
+
+    static DFD_INLINE void write(T* to, const Vector3<T>& p)
+    {
+        store(to, coordinates<0>(p));
+        store(to + size, coordinates<1>(p));
+        store(to + 2 * size, coordinates<2>(p));
+    }
+};
 
 }  // namespace
 }  // namespace dfd

@@ -1,17 +1,22 @@
-"""Fig. 12: weights from the features of several image encoders."""
+"""Pages with the features of several image encoders: one deformation (Fig. 11) and weights (Fig. 12)."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.paper.context import PRESETS, Context, Shape, named
+import dfd
+from bench.paper.context import PRESETS, Context, Shape, named, session
 from bench.paper.drawing import aim, heat
 from bench.paper.measures import vertex_shares
 from bench.paper.report import Page, Section, Table
 from dfd.common.preset import Preset
+from dfd.geometry.metrics import surface_metrics
+from dfd.pictures.picture import picture
 
-__all__ = ["CASES", "Choice", "encoders", "missing", "page", "shapes"]
+__all__ = ["correlation"]
 
 Choice = tuple[str, int | None]  # an encoder's name, and the block whose tokens are taken; None is its own choice
 # Besides the blocks of the encoder that is at hand anyway, those that the paper names and what is like them.
@@ -24,16 +29,45 @@ CASES = {  # where each shape is taken hold of, from 0 to 1 along the sides of i
     "quadruped": (0.0, 0.0, 0.9),
     "*": (0.0, 0.0, 1.0),
 }
+OFFSET = np.array([0.0, -0.12, 0.0])  # of the diagonal
 
 
-def page(context: Context) -> Page:
+def fig11(context: Context) -> Page:
+    """One handle pulled down, with each encoder's features."""
+    drawn, rows = [], []
+    found, absent = encoders(context)
+    for shape, place in context.cases(CASES, (1, 3)):
+        at, offset = shape.at(place), OFFSET * shape.mesh.diagonal
+        for preset in PRESETS:
+            handle = {"at": at, "translation": offset}
+            moved = {name: _session(context, shape, handle, preset, each).vertices for name, each in found.items()}
+            source = shape.mesh.vertices[[at]]
+            where = aim(shape.mesh, source, *moved.values())
+            images = [(picture(shape.mesh, handles=source, **where), "source")]
+            for name, vertices in moved.items():
+                images.append((picture(shape.mesh, vertices=vertices, handles=source + offset, **where), name))
+                metrics = surface_metrics(shape.mesh, vertices)
+                change = [100 * metrics.area, metrics.angle, metrics.flipped_faces]
+                rows.append([shape.name, named(preset), name, *change])
+            drawn.append((f"{shape.name}, {named(preset)}", images))
+    text = "No fixed point, no regularization. In the table: mean changes over the surface." + missing(absent)
+    table = Table(["shape", "preset", "encoder", "area %", "angle °", "flipped faces"], rows)
+    look_for = "With every encoder what looks like the pulled part comes along, and the surface stays smooth."
+    title = "Fig. 11: deformations with other image models"
+    return Page(title, look_for, [Section("One pull", text, drawn, table)])
+
+
+def fig12(context: Context) -> Page:
     """The weights of one handle by each encoder."""
     drawn, rows = [], []
     found, absent = encoders(context)
-    for shape, at in shapes(context):
-        areas = vertex_shares(shape.mesh)
+    for shape, place in context.cases(CASES, (1, 3)):
+        at, areas = shape.at(place), vertex_shares(shape.mesh)
         for preset in PRESETS:
-            weights = {name: weights_of(context, shape, at, preset, encoder) for name, encoder in found.items()}
+            weights = {
+                name: _session(context, shape, {"at": at}, preset, encoder).weights[:, 0]
+                for name, encoder in found.items()
+            }
             where = aim(shape.mesh, shape.mesh.vertices[[at]])
             images = [(heat(shape.mesh, values, [at], **where), name) for name, values in weights.items()]
             drawn.append((f"{shape.name}, {named(preset)}", images))
@@ -49,9 +83,9 @@ def page(context: Context) -> Page:
     return Page("Fig. 12: different encoders", look_for, [Section("Weights of one handle", text, drawn, table)])
 
 
-def shapes(context: Context) -> list[tuple[Shape, int]]:
-    """The shapes of Fig. 11 and 12 with their handles."""
-    return [(shape, shape.at(at)) for shape, at in context.cases(CASES, most=1 if context.quick else 3)]
+def _session(context: Context, shape: Shape, handle: dict[str, Any], preset: Preset, encoder: Choice) -> dfd.Deformer:
+    field = context.field(shape, preset, encoder=context.loaded(preset, *encoder))
+    return session(shape.mesh, field, preset, [handle])
 
 
 def encoders(context: Context) -> tuple[dict[str, Choice], dict[str, str]]:
@@ -78,12 +112,6 @@ def missing(absent: dict[str, str]) -> str:
     if not absent:
         return ""
     return "\n\nNot available here: " + ", ".join(absent) + f". The first one: {next(iter(absent.values()))}"
-
-
-def weights_of(context: Context, shape: Shape, at: int, preset: Preset, encoder: Choice) -> NDArray[np.float32]:
-    """(V,) the weights of a handle with the features of `encoder`."""
-    field = context.field(shape, preset, encoder=context.loaded(preset, *encoder))
-    return context.session(shape, field, preset, [{"at": at}]).weights[:, 0]
 
 
 def correlation(first: NDArray[np.floating], second: NDArray[np.floating], areas: NDArray[np.float64]) -> float:
