@@ -20,6 +20,7 @@ ROOMS = (
     "upright",
     "distillation",
     "weights",
+    "parts",
     "symmetry",
     "posing",
     "editing",

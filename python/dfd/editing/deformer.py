@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -19,12 +20,13 @@ from dfd.editing.door import door
 from dfd.editing.edit import Edit, Handle, edit_on, empty_edit
 from dfd.editing.edit_file import read_edit, write_edit
 from dfd.editing.influence.handle_weights import HandleWeights
-from dfd.editing.influence.regions import Region
+from dfd.editing.influence.regions import Region, VertexSet
 from dfd.editing.points import Place, place_on
 from dfd.editing.report import Report, report
 from dfd.editing.shape import PosedShape
 from dfd.editing.whole_shape import WholeShape
 from dfd.mesh.mesh import MeshLike, as_mesh
+from dfd.parts.parts import Level, Parts, parts
 from dfd.posing.transforms import Along, Transform
 from dfd.weights.compact import CompactFeatures
 
@@ -106,7 +108,7 @@ class Deformer(WholeShape):
         instances: Instances | None = None,
         level: bool | None = None,
         without_instances: Sequence[Any] | None = None,
-        within: Region | ArrayLike | None = None,
+        within: Region | ArrayLike | str | None = None,
         within_width: float | str | None = None,
         name: str | None = None,
     ) -> int:
@@ -151,7 +153,7 @@ class Deformer(WholeShape):
             Those that do not move along: vertices, points or texts as `at` takes them, one on each. Of those
             that `instances` lists any but the first, the handle's own, which always moves.
         within
-            A region, as `at` takes one, beyond which nothing follows.
+            A region, as `at` takes one, beyond which nothing follows; "part" for the part that the handle is on.
         within_width
             How far beyond it the weight falls smoothly to 0, given as `radius` is; 0 if left out.
         name
@@ -166,6 +168,7 @@ class Deformer(WholeShape):
         """
         with door("Deformer.add"):
             place = place_on(self.mesh, at)
+            within = self._own_part(within, place)
             transform = self._transform(Transform(), place, translation, rotation, scale, pivot, axes)
             handle = Handle(
                 self._next_id,
@@ -226,7 +229,7 @@ class Deformer(WholeShape):
         instances: Instances | None = None,
         level: bool | None = None,
         without_instances: Sequence[Any] | None = None,
-        within: Region | ArrayLike | None = None,
+        within: Region | ArrayLike | str | None = None,
         within_width: float | str | None = None,
         name: str | None = None,
     ) -> None:
@@ -243,6 +246,7 @@ class Deformer(WholeShape):
         with door("Deformer.change"):
             held = self.edit.handle(handle)
             place = held.place if at is None else place_on(self.mesh, at)
+            within = self._own_part(within, place)
             transform, along = held.transform, held.transform.along
             if place != held.place and along is not None:
                 axes = self._weights.axes(place, along)
@@ -281,6 +285,32 @@ class Deformer(WholeShape):
         with door("Deformer.apply"):
             self._commit(edit_on(self.mesh, edit))
         self._next_id = max(self._next_id, 1 + max((handle.id for handle in edit.handles), default=0))
+
+    def part(self, at: Any, *, level: Level = "part", alike: bool = True) -> VertexSet:
+        """Find the part of the shape that holds a place: a region for `add`, `fix` and `within`.
+
+        Parameters
+        ----------
+        at
+            As in `add`; of a region, the part that its middle is on.
+        level, alike
+            As in `dfd.Parts.part`.
+
+        Raises
+        ------
+        ValueError
+            If `at` is no place, or the mesh has no face with an area.
+        """
+        with door("Deformer.part"):
+            vertex = self._weights.anchor(Handle(0, place_on(self.mesh, at)))
+            return VertexSet.of(self.mesh, self._parts.part(vertex, level, alike=alike).mask)
+
+    @cached_property
+    def _parts(self) -> Parts:
+        return parts(self.field, self.mesh)
+
+    def _own_part(self, within: Any, place: Place) -> Any:
+        return self.part(place) if isinstance(within, str) and within == "part" else within
 
     def _transform(
         self,

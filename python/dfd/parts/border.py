@@ -5,60 +5,64 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import breadth_first_order, dijkstra, maximum_flow
+from scipy.sparse.csgraph import breadth_first_order, connected_components, dijkstra, maximum_flow
 
-from dfd.parts.patches import Patches
+from dfd.parts.patches import Borders, Patches
 
-__all__ = ["snapped"]
+__all__ = ["pieces_of", "snapped"]
 
 BAND = 1.5  # so far from the border of patches, in their spacing, a crease is looked for
 CREASE = 0.1  # concavity over which a border costs e times less
 KEEP = 0.1  # what a node that changes sides costs, as a part of the border around a patch for one of its area
-UNITS = 1e6  # flows are whole numbers: what a border as long as the diagonal counts
+STEEPEST = 10.0  # of nodes so many times nearer to one another than patches, concavity is not scaled up further
+UNITS, MOST = 1e6, 2**28  # flows are whole numbers: what a border as long as the diagonal costs, and the most
 
 Mask = NDArray[np.bool_]
 
 
-def snapped(patches: Patches, inside: Mask) -> Mask:
+def snapped(patches: Patches, inside: Mask, held: int | None = None) -> Mask:
     """(N,) which nodes belong to the part of the patches `inside` (P,), after the cheapest cut near its border.
 
-    What borders cost is their length, less where the surface creases inwards; what lies farther from the border of the
-    patches than `BAND` stays where it is.
+    What borders cost is their length, less where the surface creases inwards. What lies deeper than `BAND`, or half as
+    deep as its connected piece goes, stays where it is, and so does the node `held`, which is a part's own.
     """
-    fine, start = patches.node_borders, inside[patches.of_node]
-    one, other = fine.pairs.T
-    at_border = fine.pairs[(start[one] != start[other])].ravel()
+    borders, start = patches.node_borders, inside[patches.of_node]
+    one, other = borders.pairs.T
+    at_border = np.unique(borders.pairs[start[one] != start[other]])
     if len(at_border) == 0:
         return start
-    reach = BAND * patches.spacing * patches.size
-    near = np.isfinite(dijkstra(patches.nodes.graph, indices=np.unique(at_border), min_only=True, limit=reach))
-    touched = near[one] | near[other]
-    count = fine.count
-    number = np.full(count, -1)
-    number[near] = np.arange(near.sum())
-    source, sink = int(near.sum()), int(near.sum()) + 1
-    number[~near] = np.where(start[~near], source, sink)
-    crease = fine.concavity[touched].clip(0) * np.minimum(patches.spacing / fine.apart[touched], 10.0)
-    cost = (UNITS * fine.length[touched] * np.exp(-crease / CREASE)).astype(np.int64) + 1
-    ends = number[fine.pairs[touched]]
-    keep = (UNITS * KEEP / patches.spacing * patches.node_area[near]).astype(np.int64)
-    own = np.flatnonzero(near)
-    terminal = np.where(start[own], source, sink)
-    row = np.concatenate([ends[:, 0], ends[:, 1], number[own], terminal])
-    column = np.concatenate([ends[:, 1], ends[:, 0], terminal, number[own]])
-    capacity = np.concatenate([cost, cost, keep, keep])
-    apart = row != column
-    graph = csr_array((capacity[apart], (row[apart], column[apart])), shape=(sink + 1, sink + 1))
-    graph.sum_duplicates()
-    graph.data = np.minimum(graph.data, np.iinfo(np.int32).max // 2).astype(np.int32)
-    flow = maximum_flow(graph, source, sink, method="dinic").flow
-    left = graph - flow
-    left.data = left.data * (left.data > 0)
+    band = BAND * patches.spacing * patches.size
+    depth = dijkstra(patches.nodes.graph, indices=at_border, min_only=True, limit=band)
+    deepest = np.zeros(borders.count)
+    piece = pieces_of(patches.borders, inside)[patches.of_node]
+    np.maximum.at(deepest, piece, np.minimum(depth, band))
+    free = depth < deepest[piece] / 2
+    if held is not None:
+        start[held], free[held] = True, False
+    # Nodes that may change sides, then all others of one side as the source, and those of the other as the sink.
+    count = int(free.sum())
+    number = np.where(start, count, count + 1)
+    number[free] = np.arange(count)
+    touched = free[one] | free[other]
+    crease = borders.concavity[touched].clip(0) * np.minimum(patches.spacing / borders.apart[touched], STEEPEST)
+    cost = UNITS * borders.length[touched] * np.exp(-crease / CREASE) + 1
+    keep = UNITS * KEEP / patches.spacing * patches.node_area[free]
+    ends = np.concatenate(
+        [number[borders.pairs[touched]], np.stack([number[free], np.where(start[free], count, count + 1)], axis=1)]
+    )
+    ends, capacity = np.concatenate([ends, ends[:, ::-1]]), np.tile(np.concatenate([cost, keep]), 2)
+    graph = csr_array((capacity.clip(0, MOST).astype(np.int32), tuple(ends.T)), shape=(count + 2, count + 2))
+    left = (graph - maximum_flow(graph, count, count + 1, method="dinic").flow).tocsr()
+    left.data[left.data < 0] = 0
     left.eliminate_zeros()
-    reached = breadth_first_order(left, source, return_predecessors=False)
-    result = start.copy()
-    result[own] = False
-    held = np.zeros(sink + 1, bool)
-    held[reached] = True
-    result[own] = held[number[own]]
-    return result[patches.twin]
+    on_side = np.zeros(count + 2, bool)
+    on_side[breadth_first_order(left, count, return_predecessors=False)] = True
+    return on_side[number][patches.twin]
+
+
+def pieces_of(borders: Borders, inside: Mask) -> NDArray[np.int32]:
+    """(N,) the connected piece of the part, or of what is left, that each piece of surface is on."""
+    one, other = borders.pairs.T
+    graph = borders.graph((inside[one] == inside[other]).astype(np.float64))
+    graph.eliminate_zeros()
+    return np.asarray(connected_components(graph, directed=False)[1], np.int32)

@@ -88,18 +88,30 @@ class Hierarchy:
             path.append(int(self._parent[path[-1]]))
         return [node for node in path if LEAST_AREA < self.branch(node).area < MOST_AREA] or path[-1:]
 
-    def clearest(self) -> list[int]:
-        """Nodes that share out all patches, those with the most clarity over the whole surface; the largest first."""
-        count = self._patches.borders.count
+    def clearest(self) -> NDArray[np.int64]:
+        """(P,) the part of each patch in the cut of the tree that has the most clarity over the whole surface.
+
+        What is too small to be shown goes to the part with which it has the longest border.
+        """
+        borders, area = self._patches.borders, self._patches.area
+        count = borders.count
         worth, chosen = np.zeros(len(self._height)), [[node] for node in range(count)]
         for node, (one, other) in enumerate(self._children, start=count):
             branch = self.branch(node)
             own = branch.area * branch.clarity if LEAST_SHOWN < branch.area < MOST_AREA else 0.0
             below = worth[one] + worth[other]
-            whole = own >= below
             worth[node] = max(own, below)
-            chosen.append([node] if whole else chosen[one] + chosen[other])
-        return sorted(chosen[-1], key=lambda node: -self.branch(node).area)
+            chosen.append([node] if own >= below else chosen[one] + chosen[other])
+        part = np.argmax([self.branch(node).inside for node in chosen[-1]], axis=0)
+        for small in sorted(set(part.tolist()), key=lambda number: area[part == number].sum()):
+            if area[part == small].sum() >= LEAST_SHOWN:
+                break
+            ends = part[borders.pairs]
+            between = (ends == small).any(axis=1) & (ends[:, 0] != ends[:, 1])
+            if between.any():
+                beside = ends[between].sum(axis=1) - small
+                part[part == small] = np.bincount(beside, borders.length[between] + 1e-9).argmax()
+        return part
 
     def _branch(self, node: int) -> Branch:
         """A node of the tree as a part."""

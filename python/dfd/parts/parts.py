@@ -2,28 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from dfd.common import check
-from dfd.parts.border import snapped
+from dfd.field.on_mesh import FieldOnMesh
+from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
+from dfd.parts.border import pieces_of, snapped
 from dfd.parts.hierarchy import Hierarchy
 from dfd.parts.patches import Patches
 
 if TYPE_CHECKING:
     from dfd.field.field import Field
-    from dfd.geometry.coarse import Nodes
-    from dfd.mesh.mesh import Mesh
 
 __all__ = ["Level", "Parts", "parts"]
 
 Level = Literal["smaller", "part", "larger"]
+CRUMB = 0.1  # of a part's largest piece: a smaller one is none of its instances
 LARGER = 1.25  # times the area is the least by which two levels differ
 
 
@@ -44,10 +46,16 @@ class Part:
         (V,) which vertices belong to it.
     share
         Its part of the surface.
+    pieces
+        How many connected pieces it has, besides crumbs.
+    vertex
+        One that lies well in it, or the one that was asked for.
     """
 
     mask: NDArray[np.bool_]
     share: float
+    pieces: int
+    vertex: int
 
     @property
     def vertices(self) -> NDArray[np.int64]:
@@ -64,12 +72,10 @@ class Parts:
         The shape.
     features
         Called with vertices (N,), it gives their features (N, D).
-    nodes
-        Of the mesh, where somebody has made them.
     """
 
-    def __init__(self, mesh: Mesh, features: Features, *, nodes: Nodes | None = None) -> None:
-        self._mesh, self._features, self._given = mesh, features, nodes
+    def __init__(self, mesh: Mesh, features: Features) -> None:
+        self._mesh, self._features = mesh, features
 
     def part(self, at: Any, level: Level = "part", *, alike: bool = True) -> Part:
         """Find the part that holds a place.
@@ -90,14 +96,18 @@ class Parts:
             If `at` is neither, `level` is unknown, or the mesh has no face with an area.
         """
         check.choice("Parts.part", "level", level, Level)
-        patch = int(self._patches.of_vertex[self._vertex(at)])
+        vertex = self._vertex(at)
+        patch = int(self._patches.of_vertex[vertex])
         inside = self._branch(patch, level)
-        if not alike:
-            inside = self._piece(inside, patch)
-        return self._part(inside)
+        node = int(self._patches.twin[self._patches.nodes.of_vertex[vertex]])
+        nodes = snapped(self._patches, inside, node)
+        if not alike:  # told apart after the cut, which ends narrow ways between instances
+            piece = pieces_of(self._patches.node_borders, nodes)
+            nodes = (piece == piece[node])[self._patches.twin]
+        return self._part(nodes, self._carried([~nodes, nodes]) == 1, vertex)
 
-    def cut(self) -> NDArray[np.int64]:
-        """Cut the whole shape: (V,) the part of every vertex, counted from 0, the largest first.
+    def cut(self) -> list[Part]:
+        """Cut the whole shape into parts, the largest first; every vertex belongs to one.
 
         What looks alike is one part. Of all cuts of the tree it is the one whose parts end most clearly.
 
@@ -106,18 +116,23 @@ class Parts:
         ValueError
             If the mesh has no face with an area.
         """
-        patches, tree = self._patches, self._hierarchy
-        branches = [tree.branch(node).inside for node in tree.clearest()]
+        patches, part = self._patches, self._hierarchy.clearest()
+        branches = part == np.unique(part)[:, None]
         claims = np.array([snapped(patches, inside) for inside in branches])
-        part = np.argmax(branches, axis=0)[patches.of_node]
-        part = np.where(claims.sum(axis=0) == 1, claims.argmax(axis=0), part)
-        shares = patches.nodes.shares((part == np.arange(len(branches))[:, None]).astype(np.float64))
-        best, label = np.zeros(len(self._mesh.vertices), np.float32), np.zeros(len(self._mesh.vertices), np.int64)
-        for number, share in enumerate(shares):
-            here = share(slice(None))
-            label[here > best] = number
-            np.maximum(best, here, out=best)
-        return label
+        # What several claim, or none, stays with the part that its patch is of.
+        of_node = np.where(claims.sum(axis=0) == 1, claims.argmax(axis=0), branches.argmax(axis=0)[patches.of_node])
+        sides = [of_node == number for number in range(len(branches))]
+        label = self._carried(sides)
+        found = [
+            self._part(side, label == number, self._middle(branches[number]))
+            for number, side in enumerate(sides)
+            if (label == number).any()
+        ]
+        return sorted(found, key=lambda each: -each.share)
+
+    def prepare(self) -> None:
+        """Do now what the first question would have to wait for: half a second, and seconds for a million faces."""
+        _ = self._hierarchy
 
     def _branch(self, patch: int, level: Level) -> NDArray[np.bool_]:
         tree = self._hierarchy
@@ -130,20 +145,32 @@ class Parts:
         among = np.flatnonzero(area * LARGER < area[best] if level == "smaller" else area > LARGER * area[best])
         return branches[best if len(among) == 0 else among[clarity[among].argmax()]].inside
 
-    def _piece(self, inside: NDArray[np.bool_], patch: int) -> NDArray[np.bool_]:
-        """The connected piece of patches `inside` (P,) that holds one of them."""
-        graph = self._patches.borders.graph(np.ones(len(self._patches.borders.pairs)))
-        own = np.flatnonzero(inside)
-        label = connected_components(graph[own][:, own], directed=False)[1]
-        piece = np.zeros_like(inside)
-        piece[own[label == label[np.searchsorted(own, patch)]]] = True
-        return piece
+    def _carried(self, sides: Sequence[NDArray[np.bool_]]) -> NDArray[np.int64]:
+        """(V,) which of `sides`, of the nodes (N,), most of the nodes around each vertex are on."""
+        shares = self._patches.nodes.shares(np.array(sides, np.float64))
+        best = np.zeros(len(self._mesh.vertices), np.float32)
+        label = np.zeros(len(best), np.int64)
+        for number, share in enumerate(shares):
+            here = share(slice(None))
+            label[here > best] = number
+            np.maximum(best, here, out=best)
+        return label
 
-    def _part(self, inside: NDArray[np.bool_]) -> Part:
-        patches = self._patches
-        nodes = snapped(patches, inside)
-        share, _ = patches.nodes.shares(np.array([nodes, ~nodes], np.float64))
-        return Part(share(slice(None)) > 0.5, float(patches.area[inside].sum()))
+    def _part(self, nodes: NDArray[np.bool_], mask: NDArray[np.bool_], vertex: int) -> Part:
+        own = self._patches.node_area * nodes
+        area = np.bincount(pieces_of(self._patches.node_borders, nodes), own)
+        share = own.sum() / self._patches.node_area.sum()
+        return Part(mask, float(share), int((area > CRUMB * area.max()).sum()), vertex)
+
+    def _middle(self, inside: NDArray[np.bool_]) -> int:
+        """A vertex of the patch of `inside` (P,) that lies the farthest from where the part ends."""
+        borders = self._patches.borders
+        ends = np.unique(borders.pairs[np.not_equal(*inside[borders.pairs.T])])
+        depth = (
+            dijkstra(borders.graph(borders.apart), indices=ends, min_only=True) if len(ends) else np.zeros(len(inside))
+        )
+        depth = np.where(inside & np.isfinite(depth), depth, -1.0)
+        return int(np.flatnonzero(self._patches.of_vertex == depth.argmax())[0])
 
     def _vertex(self, at: Any) -> int:
         if np.ndim(at) == 0:
@@ -157,13 +184,14 @@ class Parts:
 
     @cached_property
     def _patches(self) -> Patches:
-        return Patches(self._mesh, self._given)
+        return Patches(self._mesh)
 
     @cached_property
     def _hierarchy(self) -> Hierarchy:
         return Hierarchy(self._patches, self._patches.means(self._features))
 
 
-def parts(field: Field, mesh: Mesh) -> Parts:
-    """The parts of `mesh`, whose features `field` gives."""
-    return Parts(mesh, field.on(mesh).rows)
+def parts(field: Field, mesh: MeshLike) -> Parts:
+    """Find the parts of `mesh`, or of whatever `dfd.load` makes one of, by the features that `field` gives there."""
+    shape = as_mesh(mesh)
+    return Parts(shape, FieldOnMesh(field, shape).rows)

@@ -86,8 +86,8 @@ class Patches:
         If no face of the mesh has an area.
     """
 
-    def __init__(self, mesh: Mesh, nodes: Nodes | None = None) -> None:
-        self.nodes = nodes = Nodes(mesh) if nodes is None else nodes
+    def __init__(self, mesh: Mesh) -> None:
+        self.nodes = nodes = Nodes(mesh)
         self.size = size = max(mesh.diagonal, np.finfo(float).tiny)
         center = (nodes.center - mesh.bounds.mean(axis=0)) / size
         area, normal, pairs, length = _surface(mesh, nodes, size)
