@@ -20,7 +20,7 @@ ROOMS = (
     "upright",
     "distillation",
     "weights",
-    "parts",
+    "segmentation",
     "symmetry",
     "posing",
     "editing",

@@ -35,7 +35,7 @@ def parts(
     from dfd import Field, distill, load
     from dfd.common.files import atomic_write
     from dfd.common.progress import Stages
-    from dfd.parts.parts import parts as parts_of
+    from dfd.segmentation.parts import parts as parts_of
 
     stages = Stages()
     with stages.stage("read"):

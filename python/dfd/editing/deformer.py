@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -26,12 +25,12 @@ from dfd.editing.report import Report, report
 from dfd.editing.shape import PosedShape
 from dfd.editing.whole_shape import WholeShape
 from dfd.mesh.mesh import MeshLike, as_mesh
-from dfd.parts.parts import Level, Parts, parts
 from dfd.posing.transforms import Along, Transform
 from dfd.weights.compact import CompactFeatures
 
 if TYPE_CHECKING:
     from dfd.field.field import Field
+    from dfd.segmentation.parts import Level
 
 __all__ = ["Deformer"]
 
@@ -119,7 +118,8 @@ class Deformer(WholeShape):
         at
             A vertex index; any point (3,) in mesh units, on the surface or off it; an array of vertex indices or a
             mask (V,), or a region of `dfd.editing.influence.regions`, all of which is held; a text, see
-            `dfd.editing.points.find`.
+            `dfd.editing.points.find`, or "part@1,2,3" for the part that holds a place, "piece@812" for that part
+            without its look-alikes.
         translation
             (3,) in mesh units.
         rotation
@@ -134,7 +134,8 @@ class Deformer(WholeShape):
             (1.5, 1.5, 1) makes it thicker and not longer, each instance along its own; the mesh's own if left out.
         reach
             Feature distance at which the weight is 0; less takes fewer look-alikes along, "auto" stops at the largest
-            gap of the distances. If left out the preset's, as those of `falloff` and `instances`.
+            gap of the distances, "part" holds the part that the handle is on. If left out the preset's, as those of
+            `falloff` and `instances`.
         falloff
             The curve from the handle to the end of its reach, by the names of `dfd.bind`.
         locality
@@ -167,8 +168,8 @@ class Deformer(WholeShape):
             nothing of the handle.
         """
         with door("Deformer.add"):
-            place = place_on(self.mesh, at)
-            within = self._own_part(within, place)
+            place = place_on(self.mesh, self._part_named(at))
+            within = self._part_named(within, place)
             transform = self._transform(Transform(), place, translation, rotation, scale, pivot, axes)
             handle = Handle(
                 self._next_id,
@@ -245,8 +246,8 @@ class Deformer(WholeShape):
         """
         with door("Deformer.change"):
             held = self.edit.handle(handle)
-            place = held.place if at is None else place_on(self.mesh, at)
-            within = self._own_part(within, place)
+            place = held.place if at is None else place_on(self.mesh, self._part_named(at))
+            within = self._part_named(within, place)
             transform, along = held.transform, held.transform.along
             if place != held.place and along is not None:
                 axes = self._weights.axes(place, along)
@@ -303,14 +304,16 @@ class Deformer(WholeShape):
         """
         with door("Deformer.part"):
             vertex = self._weights.anchor(Handle(0, place_on(self.mesh, at)))
-            return VertexSet.of(self.mesh, self._parts.part(vertex, level, alike=alike).mask)
+            return VertexSet.of(self.mesh, self._weights.parts.part(vertex, level, alike=alike).mask)
 
-    @cached_property
-    def _parts(self) -> Parts:
-        return parts(self.field, self.mesh)
-
-    def _own_part(self, within: Any, place: Place) -> Any:
-        return self.part(place) if isinstance(within, str) and within == "part" else within
+    def _part_named(self, at: Any, own: Place | None = None) -> Any:
+        """`at`, or the part that it names: "part@1,2,3", "piece@812" without look-alikes, "part" for that of `own`."""
+        if not isinstance(at, str):
+            return at
+        if at == "part" and own is not None:
+            return self.part(own)
+        kind, _, where = at.partition("@")
+        return self.part(where, alike=kind == "part") if where and kind in ("part", "piece") else at
 
     def _transform(
         self,

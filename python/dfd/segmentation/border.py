@@ -7,10 +7,12 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, dijkstra, maximum_flow
 
-from dfd.parts.patches import Borders, Patches
+from dfd.segmentation.patches import Patches
 
 __all__ = ["pieces_of", "snapped"]
 
+NECK = 1.5  # in the spacing of patches: pieces that meet only within that of the border are pieces of their own
+CRUMB = 0.1  # of the largest piece: what is smaller goes with another
 BAND = 1.5  # so far from the border of patches, in their spacing, a crease is looked for
 CREASE = 0.1  # concavity over which a border costs e times less
 KEEP = 0.1  # what a node that changes sides costs, as a part of the border around a patch for one of its area
@@ -34,7 +36,9 @@ def snapped(patches: Patches, inside: Mask, held: int | None = None) -> Mask:
     band = BAND * patches.spacing * patches.size
     depth = dijkstra(patches.nodes.graph, indices=at_border, min_only=True, limit=band)
     deepest = np.zeros(borders.count)
-    piece = pieces_of(patches.borders, inside)[patches.of_node]
+    one_side = patches.borders.graph(np.equal(*inside[patches.borders.pairs.T]).astype(np.float64))
+    one_side.eliminate_zeros()
+    piece = connected_components(one_side, directed=False)[1][patches.of_node]
     np.maximum.at(deepest, piece, np.minimum(depth, band))
     free = depth < deepest[piece] / 2
     if held is not None:
@@ -60,9 +64,31 @@ def snapped(patches: Patches, inside: Mask, held: int | None = None) -> Mask:
     return on_side[number][patches.twin]
 
 
-def pieces_of(borders: Borders, inside: Mask) -> NDArray[np.int32]:
-    """(N,) the connected piece of the part, or of what is left, that each piece of surface is on."""
-    one, other = borders.pairs.T
-    graph = borders.graph((inside[one] == inside[other]).astype(np.float64))
-    graph.eliminate_zeros()
-    return np.asarray(connected_components(graph, directed=False)[1], np.int32)
+def pieces_of(patches: Patches, inside: Mask) -> NDArray[np.int64]:
+    """(P,) the piece of a part `inside` (P,) that each patch is on, counted from 0; −1 beyond the part.
+
+    Legs that meet in a narrow web are pieces all the same: what lies deep in the part tells them apart, and what does
+    not belongs to the piece nearest to it along the surface.
+    """
+    borders = patches.borders
+    own = np.flatnonzero(inside)
+    graph = borders.graph(borders.apart)[own][:, own]
+    ends = np.unique(borders.pairs[np.not_equal(*inside[borders.pairs.T])])
+    depth = dijkstra(borders.graph(borders.apart), indices=ends, min_only=True) if len(ends) else None
+    piece = np.asarray(connected_components(graph, directed=False)[1], np.int64)
+    if depth is not None:
+        deep = np.flatnonzero(depth[own] > NECK * patches.spacing)
+        core = connected_components(graph[deep][:, deep], directed=False)[1] if len(deep) else deep
+        area = np.bincount(core, patches.area[own[deep]])
+        large = (area > CRUMB * area.max(initial=0))[core]
+        # A piece without a deep place stays one.
+        whole = np.isin(piece, piece[deep[large]])
+        seeds = deep[large]
+        if len(seeds):
+            source = dijkstra(graph, indices=seeds, min_only=True, return_predecessors=True)[2]
+            name = np.zeros(len(own), np.int64)
+            name[seeds] = core[large] + 1
+            piece = np.where(whole, name[np.where(whole, source, 0)], -piece - 1)
+    result = np.full(borders.count, -1)
+    result[own] = np.unique(piece, return_inverse=True)[1]
+    return result

@@ -15,9 +15,9 @@ from scipy.spatial import cKDTree
 from dfd.common import check
 from dfd.field.on_mesh import FieldOnMesh
 from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
-from dfd.parts.border import pieces_of, snapped
-from dfd.parts.hierarchy import Hierarchy
-from dfd.parts.patches import Patches
+from dfd.segmentation.border import CRUMB, pieces_of, snapped
+from dfd.segmentation.hierarchy import Hierarchy
+from dfd.segmentation.patches import Patches
 
 if TYPE_CHECKING:
     from dfd.field.field import Field
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 __all__ = ["Level", "Parts", "parts"]
 
 Level = Literal["smaller", "part", "larger"]
-CRUMB = 0.1  # of a part's largest piece: a smaller one is none of its instances
 LARGER = 1.25  # times the area is the least by which two levels differ
 
 
@@ -85,8 +84,8 @@ class Parts:
         at
             A vertex index, or a point (3,) in mesh units, which stands for the vertex nearest to it.
         level
-            "part" is what a person would most likely call one, "smaller" lies in it, "larger" holds it. Where nothing
-            ends there, they are the same.
+            "part" is the one of the clearest cut of the whole shape, "smaller" lies in it, "larger" holds it. Where
+            nothing ends there, they are the same.
         alike
             Whether all that looks alike belongs to it, such as the other legs, or the one connected piece alone.
 
@@ -99,12 +98,12 @@ class Parts:
         vertex = self._vertex(at)
         patch = int(self._patches.of_vertex[vertex])
         inside = self._branch(patch, level)
+        if not alike:
+            piece = pieces_of(self._patches, inside)
+            inside = piece == piece[patch]
         node = int(self._patches.twin[self._patches.nodes.of_vertex[vertex]])
         nodes = snapped(self._patches, inside, node)
-        if not alike:  # told apart after the cut, which ends narrow ways between instances
-            piece = pieces_of(self._patches.node_borders, nodes)
-            nodes = (piece == piece[node])[self._patches.twin]
-        return self._part(nodes, self._carried([~nodes, nodes]) == 1, vertex)
+        return self._part(inside, self._carried([~nodes, nodes]) == 1, vertex)
 
     def cut(self) -> list[Part]:
         """Cut the whole shape into parts, the largest first; every vertex belongs to one.
@@ -116,7 +115,7 @@ class Parts:
         ValueError
             If the mesh has no face with an area.
         """
-        patches, part = self._patches, self._hierarchy.clearest()
+        patches, part = self._patches, self._hierarchy.shown()
         branches = part == np.unique(part)[:, None]
         claims = np.array([snapped(patches, inside) for inside in branches])
         # What several claim, or none, stays with the part that its patch is of.
@@ -124,8 +123,8 @@ class Parts:
         sides = [of_node == number for number in range(len(branches))]
         label = self._carried(sides)
         found = [
-            self._part(side, label == number, self._middle(branches[number]))
-            for number, side in enumerate(sides)
+            self._part(inside, label == number, self._middle(inside))
+            for number, inside in enumerate(branches)
             if (label == number).any()
         ]
         return sorted(found, key=lambda each: -each.share)
@@ -136,10 +135,12 @@ class Parts:
 
     def _branch(self, patch: int, level: Level) -> NDArray[np.bool_]:
         tree = self._hierarchy
-        branches = [tree.branch(node) for node in tree.holding(patch)]
+        nodes = tree.holding(patch)
+        branches = [tree.branch(node) for node in nodes]
         area = np.array([branch.area for branch in branches])
         clarity = np.array([branch.clarity for branch in branches])
-        best = int(clarity.argmax())
+        in_cut = np.isin(nodes, tree.cut)
+        best = int((in_cut if in_cut.any() else clarity).argmax())
         if level == "part":
             return branches[best].inside
         among = np.flatnonzero(area * LARGER < area[best] if level == "smaller" else area > LARGER * area[best])
@@ -156,11 +157,10 @@ class Parts:
             np.maximum(best, here, out=best)
         return label
 
-    def _part(self, nodes: NDArray[np.bool_], mask: NDArray[np.bool_], vertex: int) -> Part:
-        own = self._patches.node_area * nodes
-        area = np.bincount(pieces_of(self._patches.node_borders, nodes), own)
-        share = own.sum() / self._patches.node_area.sum()
-        return Part(mask, float(share), int((area > CRUMB * area.max()).sum()), vertex)
+    def _part(self, inside: NDArray[np.bool_], mask: NDArray[np.bool_], vertex: int) -> Part:
+        piece, area = pieces_of(self._patches, inside)[inside], self._patches.area[inside]
+        sizes = np.bincount(piece, area)
+        return Part(mask, float(area.sum()), int((sizes > CRUMB * sizes.max()).sum()), vertex)
 
     def _middle(self, inside: NDArray[np.bool_]) -> int:
         """A vertex of the patch of `inside` (P,) that lies the farthest from where the part ends."""
