@@ -197,6 +197,7 @@ def deform(
         opened = distill(shape, encoder, progress=stages, **chosen)
     deformer = Deformer.load(edit, shape, opened) if edit else Deformer(shape, opened)
     places = Places(shape)
+    places.session = deformer
 
     def set_rules(**rules: Any) -> None:
         for rule, value in rules.items():

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from dfd.common import check
 from dfd.mesh.appearance import linear, srgb
 
-__all__ = ["CLAY", "feature_colors", "ratio_colors", "weight_colors"]
+__all__ = ["CLAY", "feature_colors", "part_colors", "ratio_colors", "weight_colors"]
 
 CLAY = (0.85, 0.84, 0.82)  # sRGB of a surface about which nothing is shown; also of weight 0
 # sRGB stops from weight 0 to 1. They darken all the way, so that the map also reads in grey and to the color-blind.
@@ -87,6 +87,24 @@ def feature_colors(features: ArrayLike) -> NDArray[np.float32]:
     colors[:, : axes.shape[1]] = np.where(told_apart, scaled.clip(0, 1), 0.5)
     # Pure primaries hide the shading of the surface.
     return np.float32(0.06) + np.float32(0.88) * colors
+
+
+def part_colors(labels: ArrayLike) -> NDArray[np.float32]:
+    """Return sRGB colors (V, 3) in [0, 1] of part numbers (V,): hues by the golden ratio, so that none are alike.
+
+    Raises
+    ------
+    ValueError
+        If `labels` is not a row of numbers of at least 0.
+    """
+    numbers = check.array("part_colors", "labels", labels, ("V",), dtype=np.int64)
+    if (numbers < 0).any():
+        raise ValueError(f"part_colors: `labels` must be at least 0, got {numbers.min()}")
+    number = np.arange(numbers.max(initial=0) + 1)
+    hue = 2 * np.pi * (number * 0.618034 % 1)
+    lightness = np.array([0.72, 0.6, 0.82])[number % 3]
+    table = _from_oklab(np.stack([lightness, 0.13 * np.cos(hue), 0.13 * np.sin(hue)], axis=1))
+    return table[numbers].astype(np.float32)
 
 
 def oklab(colors: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
