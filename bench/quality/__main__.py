@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import ast
 import os
+import sys
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -14,6 +15,7 @@ from typing import Any
 from rich.console import Console
 
 import dfd
+from bench.quality import labelled as labelled_bench
 from bench.quality import shapes, sheet, studies
 from bench.quality.evaluate import Draw
 from bench.quality.fields import SETTINGS, Lab
@@ -30,9 +32,13 @@ FEW_FACES, SOME_FACES, MANY_FACES = 4_000, 20_000, 100_000
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the studies that the command line asks for."""
+    """Run the studies that the command line asks for, or `bench.quality.labelled`."""
+    given = sys.argv[1:] if arguments is None else list(arguments)
+    if given[:1] in (["labelled"], ["grip"]):
+        labelled_bench.main(given)
+        return
     parser = _parser()
-    options = parser.parse_args(arguments)
+    options = parser.parse_args(given)
     console = Console(stderr=True, highlight=False)
     start = time.perf_counter()
 

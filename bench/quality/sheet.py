@@ -42,8 +42,8 @@ def row(bench: Bench, shape: Shape) -> tuple[str, Sequence[Picture]]:
         baseline = geodesic(geodesics, handle)
         name = shape.parts[part]
         ranked = float(handle_precision(baseline, labels, handle)[0])
-        pictures.append((_heat(mesh, weights[:, column], handle), f"{word}: {name}, precision {precision[column]:.2f}"))
-        pictures.append((_heat(mesh, baseline[:, 0], handle), f"{name} by geodesic distance, {ranked:.2f}"))
+        pictures.append((heat(mesh, weights[:, column], handle), f"{word}: {name}, precision {precision[column]:.2f}"))
+        pictures.append((heat(mesh, baseline[:, 0], handle), f"{name} by geodesic distance, {ranked:.2f}"))
     pictures.append((heat_bar(RESOLUTION), ""))
     return f"{shape.name}: part precision {np.mean(list(by_part.values())):.2f}", pictures
 
@@ -63,7 +63,7 @@ def worst(bench: Bench, shapes: Sequence[Shape], count: int = 10) -> tuple[str, 
             found.append((mean, shape, shape.parts[part], weights[:, column], chosen[column : column + 1]))
     found.sort(key=lambda each: each[0])
     pictures: list[Picture] = [
-        (_heat(shape.mesh, weights, handle), f"{shape.name}, {part}: {mean:.2f}")
+        (heat(shape.mesh, weights, handle), f"{shape.name}, {part}: {mean:.2f}")
         for mean, shape, part, weights, handle in found[:count]
     ]
     return f"The {len(pictures)} parts that weights tell apart the least", pictures
@@ -75,8 +75,8 @@ def _typical(precision: NDArray[np.float64], among: NDArray[np.bool_]) -> int:
     return int(columns[np.abs(precision[columns] - precision[columns].mean()).argmin()])
 
 
-def _heat(mesh: dfd.Mesh, weights: NDArray[np.floating], handle: NDArray[np.int64]) -> NDArray[np.uint8]:
-    """Weights of one handle, seen from the side that it is on."""
+def heat(mesh: dfd.Mesh, weights: NDArray[np.floating], handle: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """Draw weights of one handle, seen from the side that it is on."""
     x, _, z = mesh.normals[handle[0]]
     azimuth = float(np.degrees(np.arctan2(x, z))) if np.hypot(x, z) > 0.3 else 35.0
     return picture(mesh, weights=weights, handles=handle, azimuth=azimuth, resolution=RESOLUTION)

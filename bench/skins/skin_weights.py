@@ -69,7 +69,7 @@ def compared(path: Path, mesh: dfd.Mesh, bones: Bones, fields: Path | None) -> F
     """For each method the share of weight elsewhere and far, and the mean distance in diagonals, NaN without motion."""
     stored = None if fields is None else fields / f"{path.stem}.field.safetensors"
     field = dfd.Field.load(stored) if stored is not None and stored.is_file() else dfd.distill(mesh, progress=False)
-    distances = BoneDistances(mesh, bones)
+    distances = BoneDistances(bones)
     joints = np.flatnonzero(bones.weights.any(axis=0))
     artist = bones.weights / np.maximum(bones.weights.sum(axis=1, keepdims=True), 1e-30)
     methods: tuple[Callable[[], Float64], ...] = (

@@ -18,7 +18,7 @@ ROUNDS = 3
 class Distill:
     """The usual network; few and small pictures and a short fit, for each stage's time at any commit."""
 
-    params = ("up", "render", "encode", "spread", "fit")
+    params = ("up", "render", "encode", "smooth", "fit")
     param_names = ("stage",)
     unit = "s"
 

@@ -14,11 +14,11 @@ import dfd
 from dfd.common.files import atomic_write
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
-from dfd.distillation.smoothing import spread
+from dfd.distillation.smoothing import smooth_along_surface
 from dfd.distillation.targets import PixelTargets, unit
 from dfd.distillation.thickness import thickness_bands
 from dfd.encoders.encode import Encoder
-from dfd.upright.find_up import said_or_found
+from dfd.upright.find_up import resolve_up
 from dfd.views.render import render
 
 __all__ = ["Looks", "kept_looks", "looks"]
@@ -52,10 +52,10 @@ def looks(mesh: dfd.Mesh, encoder: Encoder, **changes: Any) -> Looks:
     `changes` are settings of `dfd.distill` that are not its defaults.
     """
     settings, stages = DistillSettings(up="file", **changes), Stages(show=False)
-    frames = said_or_found(mesh, encoder, settings.up, stages=stages).frames
+    frames = resolve_up(mesh, encoder, settings.up, stages=stages).frames
     views = render(mesh, **settings.of_pictures(), frame=frames, stages=stages)
     pixels = PixelTargets(views, encoder.encode(views.images, covered=views.covered))
-    targets = spread(views, pixels, smoothing=settings.smoothing, seed=settings.seed, stages=stages)
+    targets = smooth_along_surface(views, pixels, smoothing=settings.smoothing, seed=settings.seed, stages=stages)
     vertices = (mesh.vertices - views.center) * views.scale
     distance, near = cKDTree(targets.points).query(vertices, NEAREST)
     shares = 1 / np.square(distance + 1e-6)

@@ -115,7 +115,7 @@ def weigh_skin(mesh: Mesh, field: Field, path: str | os.PathLike[str], *, influe
         raise ValueError(f"weigh_skin: `path` must end in .glb, .gltf, got {target}")
     most = check.whole("weigh_skin", "influences", influences, minimum=1)
     bones = bones_of(mesh)
-    distances = BoneDistances(mesh, bones)
+    distances = BoneDistances(bones)
     wanted = np.flatnonzero(bones.weights.any(axis=0)) if bones.weights.any() else np.arange(len(bones.names))
     inside = distances.straight[bones.skinned].min(axis=0) <= OUTSIDE
     joints = wanted[inside[wanted]]

@@ -12,7 +12,7 @@ import trimesh
 from PIL import Image
 
 import dfd
-from dfd.app.protocol.binaries import unpack
+from dfd.app.protocol.binary_messages import unpack
 from dfd.app.session.level_of_detail import MOST_FACES
 from dfd.app.session.surface import center_of, mesh_messages
 from dfd.mesh.appearance import Appearance, Material

@@ -34,8 +34,8 @@ from bench.training.up_lessons import (
 )
 from dfd.samples import quadruped, robot
 from dfd.upright.probe import FORMS, TERMS
-from dfd.upright.probe_views import Seen
-from dfd.upright.stability import EVIDENCE, Standing
+from dfd.upright.probe_views import ViewTokens
+from dfd.upright.stability import EVIDENCE, StabilityCues
 
 
 @pytest.mark.parametrize(
@@ -169,12 +169,12 @@ def lessons(count):
     def seen(axes, up):
         tokens = generator.normal(size=(len(axes), 2, WIDTH)).astype(np.float32)
         tokens[:, 0, 0] += 4 * (axes[:, 1] @ up)
-        return Seen(tokens, axes)
+        return ViewTokens(tokens, axes)
 
     for number in range(count):
         around = tuple(seen(Rotation.random(4, rng=generator).as_matrix(), UPS[TRUE]) for _ in FRAMES)
         rotation = Rotation.random(rng=generator).as_matrix()
-        standing = Standing(mesh.vertices @ rotation.T, mesh.faces)
+        standing = StabilityCues(mesh.vertices @ rotation.T, mesh.faces)
         tilted = Tilted(seen(Rotation.random(24, rng=generator).as_matrix(), rotation @ UPS[TRUE]), rotation, standing)
         evidence = generator.normal(size=(len(FRAMES), len(EVIDENCE)))
         evidence[TRUE, EVIDENCE.index("middle")] += 3

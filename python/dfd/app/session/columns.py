@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.app.protocol.binaries import (
+from dfd.app.protocol.binary_messages import (
     ColumnEntry,
     ColumnsMessage,
     HeatMessage,
@@ -66,9 +66,9 @@ class Columns:
         self._whole.clear()
 
     @property
-    def owes(self) -> bool:
+    def has_pending(self) -> bool:
         """Whether there are columns of the present edit whose instances the page has not got."""
-        return bool(self._owed())
+        return bool(self._pending())
 
     def message(self) -> bytes | None:
         """The columns of the present edit that the page has not got; None where it has them all.
@@ -98,17 +98,20 @@ class Columns:
 
     def instances_message(self) -> bytes | None:
         """The instances of one of the columns that were sent without; None where there are none such."""
-        owed = self._owed()
-        if not owed:
+        pending = self._pending()
+        if not pending:
             return None
-        number, index = next(iter(owed.items()))
+        number, index = next(iter(pending.items()))
         self._whole.add(number)  # also where it fails: once is enough
         arrays: Arrays = {}
-        found = tuple(
-            self._instance(number, order, instance, gain, arrays)
-            for order, (instance, gain) in enumerate(self._acting(self._deformer.handles[index], index))
-        )
-        return pack(InstancesMessage, arrays, columns=(InstancesEntry(column=number, instances=found),))
+        found = []
+        for instance, gain in self._acting(self._deformer.handles[index], index):
+            share = f"share{len(found)}"
+            whole = instance.share is None
+            arrays[share] = _packed(np.ones(len(self._deformer.mesh.vertices)) if whole else instance.share, 1.0)
+            frame: Any = tuple(map(tuple, np.asarray(instance.frame).tolist()))
+            found.append(InstanceEntry(frame=frame, position=instance.position, gain=gain, share=share))
+        return pack(InstancesMessage, arrays, columns=(InstancesEntry(column=number, instances=tuple(found)),))
 
     def _acting(self, handle: Handle, index: int) -> list[tuple[Instance, float]]:
         """The instances through which the handle at `index` acts, and the gain of each."""
@@ -123,7 +126,7 @@ class Columns:
             if column.handle == index and column.instance is not None
         ]
 
-    def _owed(self) -> dict[int, int]:
+    def _pending(self) -> dict[int, int]:
         """The handles whose instances are still to be sent, by the numbers of their columns."""
         numbers = {self.of_handle(handle): i for i, handle in enumerate(self._deformer.handles) if _instanced(handle)}
         return {number: i for number, i in numbers.items() if number in self._sent and number not in self._whole}
@@ -147,23 +150,6 @@ class Columns:
                 geodesic = f"geodesic{number}"
                 arrays[geodesic] = _packed(along, 1.0)
         return _entry(number, kind, geodesic)
-
-    def _instance(self, number: int, index: int, instance: Instance, gain: float, arrays: Arrays) -> InstanceEntry:
-        share = f"share{number}_{index}"
-        count = len(self._deformer.mesh.vertices)
-        found = instance.share
-        own = np.ones(count, np.float32) if found is None else found
-        arrays[share] = _packed(own, 1.0)
-        frame: Any = tuple(tuple(float(x) for x in row) for row in np.asarray(instance.frame))
-        return InstanceEntry(
-            instance=index,
-            on=True,
-            pivot=instance.position,
-            frame=frame,
-            position=instance.position,
-            gain=gain,
-            share=share,
-        )
 
     def _key(self, handle: Handle) -> Key:
         edit = self._deformer.edit

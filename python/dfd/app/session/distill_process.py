@@ -23,7 +23,7 @@ from dfd.app.options import SessionOptions, Source
 from dfd.app.session.shapes import read_shape
 from dfd.common.progress import Stages
 
-__all__ = ["DistillProcess"]
+__all__ = ["DistillProcess", "try_lock"]
 
 INTERVAL = 0.1  # seconds between two lines about one stage
 
@@ -170,15 +170,15 @@ def _alone(lock: str | None, stages: TellingStages) -> Iterator[None]:
         yield
         return
     with Path(lock).open("w") as stream:
-        if not _locked(stream):
+        if not try_lock(stream):
             stages.tell(stage="wait", done=0, total=None)
-            while not _locked(stream):
+            while not try_lock(stream):
                 time.sleep(INTERVAL)
         yield
 
 
-def _locked(stream: IO[str]) -> bool:
-    """Whether the file is ours now; the system gives it back when the process ends, however that is."""
+def try_lock(stream: IO[str]) -> bool:
+    """Whether this process holds the file's lock now; the system releases it when the process ends, however that is."""
     try:
         if sys.platform == "win32":
             import msvcrt

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from dfd.app.protocol.binaries import DetailMessage, Group, MaterialEntry, MeshMessage, pack
+from dfd.app.protocol.binary_messages import DetailMessage, Group, MaterialEntry, MeshMessage, pack
 from dfd.app.session.level_of_detail import CoarseLevel, coarse_level
 from dfd.mesh.appearance import Material
 from dfd.mesh.mesh import Mesh

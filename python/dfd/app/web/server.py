@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from pydantic import ValidationError
 from starlette.applications import Starlette
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
@@ -24,13 +23,12 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from dfd.app.protocol import VERSION, client_message
-from dfd.app.protocol.answers import FailureMessage, SessionMessage
+from dfd.app.protocol.answers import VERSION, FailureMessage, SessionMessage
 from dfd.app.protocol.requests import Hello
 from dfd.app.session.exports import EXPORTS
 from dfd.app.session.shapes import SAMPLES
 from dfd.app.web.safety import Guard, Rules
-from dfd.app.web.tabs import NAME, SESSION_ENDED, Tab, Tabs, TooManyTabs
+from dfd.app.web.tabs import NAME, SESSION_ENDED, Tab, Tabs
 from dfd.app.web.uploads import FORMATS, MOST_FILES, UploadedFile, receive
 
 __all__ = ["MESSAGE_BYTES", "STATIC", "Limits", "create"]
@@ -103,8 +101,8 @@ class _Server:
                 text = message.get("text")
                 if text is None:
                     await tab.tell(FailureMessage(message="Messages of the page must be text").model_dump_json())
-                else:
-                    await tab.send(text)
+                elif tab.link is not None:
+                    await tab.link.send(text)
         except WebSocketDisconnect:
             pass
         finally:
@@ -116,16 +114,14 @@ class _Server:
         number = 0
         try:
             text = await asyncio.wait_for(page.receive_text(), HELLO_SECONDS)
-            message = client_message(text)
-            number = message.id
-            if not isinstance(message, Hello):
-                raise ValueError("The first message must be hello")
-            if message.version != VERSION:
+            hello = Hello.model_validate_json(text)
+            number = hello.id
+            if hello.version != VERSION:
                 raise ValueError("The page and the server are of different versions: reload the page")
-            tab, resumed = await self._tabs.open(message.session)
-        except (ValueError, KeyError, TooManyTabs, asyncio.TimeoutError) as error:
-            sentence = "The first message must be hello" if isinstance(error, ValidationError) else str(error)
-            await page.send_text(FailureMessage(id=number, message=sentence, fatal=True).model_dump_json())
+            tab, resumed = await self._tabs.open(hello.session)
+        except (ValueError, KeyError, asyncio.TimeoutError) as error:
+            reason = str(error) if number else "The first message must be hello"
+            await page.send_text(FailureMessage(id=number, message=reason, fatal=True).model_dump_json())
             await page.close(SESSION_ENDED)
             return None
         answer = SessionMessage(
@@ -165,15 +161,15 @@ class _Server:
             ]
             if not files:
                 return _refusal(400, "An upload must hold at least one file")
-            order, kind = await run_in_threadpool(receive, files, tab.folder, self._limits.upload_bytes)
+            upload = await run_in_threadpool(receive, files, tab.folder, self._limits.upload_bytes)
         except ValueError as error:
             return _refusal(400, str(error))
         except OSError as error:
             return _refusal(507, f"The files could not be kept: {error.strerror}")
         finally:
             await form.close()
-        await tab.order(order)
-        return JSONResponse({"kind": kind})
+        await tab.order("open_files", mesh=upload.mesh, field=upload.field, edit=upload.edit)
+        return JSONResponse({})
 
     async def download(self, request: Request) -> Response:
         """Give away an export, once."""

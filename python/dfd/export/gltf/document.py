@@ -101,24 +101,16 @@ class GltfDocument:
 
     def values(self, node: int, primitive: int, name: str) -> NDArray[Any] | None:
         """Return an attribute of a primitive of the file, (rows, components), None where it has none of that name."""
-        mesh = int(self._source.header["nodes"][node]["mesh"])
-        content = self._source.header["meshes"][mesh]["primitives"][primitive]
-        packed = self._source.data.draco(content)
-        if packed is not None and name in packed:
-            return packed[name]
-        index = content["attributes"].get(name)
-        return None if index is None else self._source.data.accessor(index)
+        return self._source.data.attribute(self._primitive(node, primitive), name)
 
     def corners(self, node: int, primitive: int) -> NDArray[Any]:
         """Return the rows (N,) that a primitive of the file draws, one after the other."""
+        return self._source.data.corners(self._primitive(node, primitive))
+
+    def _primitive(self, node: int, number: int) -> Header:
         mesh = int(self._source.header["nodes"][node]["mesh"])
-        content = self._source.header["meshes"][mesh]["primitives"][primitive]
-        packed = self._source.data.draco(content)
-        if packed is not None:
-            return packed["indices"].ravel()
-        if "indices" in content:
-            return self._source.data.accessor(content["indices"]).ravel()
-        return np.arange(len(self._source.data.accessor(content["attributes"]["POSITION"])))
+        content: Header = self._source.header["meshes"][mesh]["primitives"][number]
+        return content
 
     def stored(self, index: int) -> NDArray[Any]:
         """Return the values of an accessor of the file."""

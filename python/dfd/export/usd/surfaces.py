@@ -187,12 +187,8 @@ class _Reader:
     def _places(self, primitive: Primitive, reference: Any) -> NDArray[np.float64] | None:
         """(rows, 2) where the rows of a primitive lie on a texture; None where the file does not say."""
         number, transform = coordinates(reference)
-        content, name = self._primitive(primitive), f"TEXCOORD_{number}"
-        packed = self._data.draco(content) or {}
-        if name not in packed and name not in content["attributes"]:
-            return None
-        found = packed[name] if name in packed else self._data.accessor(content["attributes"][name])
-        if found.shape != (primitive.rows.stop - primitive.rows.start, 2):
+        found = self._data.attribute(self._primitive(primitive), f"TEXCOORD_{number}")
+        if found is None or found.shape != (primitive.rows.stop - primitive.rows.start, 2):
             return None
         return from_below(found, transform)
 

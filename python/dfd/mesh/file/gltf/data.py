@@ -45,7 +45,7 @@ class GltfData:
         self._assets = assets
         self._buffers: dict[int, bytes] = {}
         self._views: dict[int, bytes] = {}
-        self._draco: dict[int, Any] = {}
+        self._draco: dict[int, tuple[dict[int, NDArray[Any]], NDArray[Any]]] = {}
         self._compressed = self._decompressed = 0
 
     def buffer(self, index: int) -> bytes:
@@ -114,6 +114,22 @@ class GltfData:
             raise ValueError(f"accessor {shortened(index)}, of indices, must hold unsigned whole numbers, got {kinds}")
         return self.accessor(index).ravel()
 
+    def attribute(self, primitive: Header, name: str) -> NDArray[Any] | None:
+        """Return an attribute (rows, components) of a primitive, None where it has none of that name."""
+        packed = self.draco(primitive) or {}
+        if name in packed:
+            return packed[name]
+        return self.accessor(primitive["attributes"][name]) if name in primitive["attributes"] else None
+
+    def corners(self, primitive: Header) -> NDArray[Any]:
+        """Return the rows (N,) that a primitive draws, one after the other."""
+        packed = self.draco(primitive)
+        if packed is not None:
+            return packed["indices"].ravel()
+        if "indices" in primitive:
+            return self.indices(primitive["indices"])
+        return np.arange(len(self.accessor(primitive["attributes"]["POSITION"])))
+
     def draco(self, primitive: Header) -> dict[str, NDArray[Any]] | None:
         """Return the attributes of a primitive that is compressed with Draco by name, and its faces as `indices`.
 
@@ -126,8 +142,7 @@ class GltfData:
         views = self._header.get("bufferViews", [])
         if not isinstance(names, dict) or not isinstance(view, int) or not is_index(view, len(views)):
             raise ValueError(f"its {DRACO} does not say where the data is")
-        decoded = self._draco_mesh(view)
-        by_id = {each["unique_id"]: np.asarray(each["data"]) for each in decoded.attributes}
+        by_id, faces = self._draco_mesh(view)
         found: dict[str, NDArray[Any]] = {}
         for name, number in names.items():
             accessor = item(self._header, "accessors", primitive["attributes"].get(name))
@@ -137,7 +152,7 @@ class GltfData:
                 found[name] = _as_numbers(values, bool(accessor.get("normalized")))
         if "POSITION" not in found:
             raise ValueError(f"its {DRACO} holds no positions")
-        found["indices"] = np.asarray(decoded.faces).reshape(-1, 1)
+        found["indices"] = faces
         if "indices" in primitive and primitive.get("mode", 4) == 4:
             self._require_count(primitive["indices"], len(found["indices"]))
         return found
@@ -147,15 +162,17 @@ class GltfData:
         if stated != count:
             raise ValueError(f"accessor {shortened(index)} has {shortened(stated)} items, but {DRACO} holds {count}")
 
-    def _draco_mesh(self, view: int) -> Any:
+    def _draco_mesh(self, view: int) -> tuple[dict[int, NDArray[Any]], NDArray[Any]]:
+        """Return the attributes of a compressed stream by their ids, and its corners (N, 1)."""
         if view not in self._draco:
             try:
                 import DracoPy
             except ImportError as error:
                 raise ValueError(f"it is compressed with {DRACO}, which needs `pip install dfd[gltf]`") from error
             try:
-                self._draco[view] = DracoPy.decode(bytes(self.view(view)))
-                self._draco[view].faces  # noqa: B018  # a cloud of points has none
+                decoded = DracoPy.decode(bytes(self.view(view)))
+                by_id = {each["unique_id"]: np.asarray(each["data"]) for each in decoded.attributes}
+                self._draco[view] = by_id, np.asarray(decoded.faces).reshape(-1, 1)  # a cloud of points has no faces
             except Exception as error:  # the library raises types of its own, and KeyError, ValueError, …
                 raise ValueError(f"its {DRACO} cannot be decoded: {_said(error)}") from error
         return self._draco[view]

@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from dfd.common.linear_algebra import unit
 from dfd.mesh.appearance import srgb
@@ -95,27 +96,19 @@ def _skinned(
 def _geometry(
     primitive: Header, data: GltfData, materials: GltfMaterials, morph_weights: tuple[float, ...]
 ) -> Geometry:
-    attributes = primitive["attributes"]
-    packed = data.draco(primitive) or {}
+    positions = data.attribute(primitive, "POSITION")
+    assert positions is not None
+    if positions.shape[1] != 3:
+        raise ValueError(f"the positions of a primitive have {positions.shape[1]} coordinates")
+    vertices = positions.astype(np.float64)
 
     def values(name: str, width: int) -> NDArray[Any] | None:
         """Return an attribute, None where there is none of that width for every vertex."""
-        if name not in packed and name not in attributes:
+        found = data.attribute(primitive, name)
+        if found is None or len(found) != len(vertices) or width not in (0, found.shape[1]):
             return None
-        found = packed[name] if name in packed else data.accessor(attributes[name])
-        fits = found.shape == (len(vertices), width) if width else len(found) == len(vertices)
-        return found if fits else None
+        return found
 
-    vertices = packed["POSITION"] if packed else data.accessor(attributes["POSITION"])
-    if vertices.shape[1] != 3:
-        raise ValueError(f"the positions of a primitive have {vertices.shape[1]} coordinates")
-    vertices = vertices.astype(np.float64)
-    if "indices" in packed:
-        indices = packed["indices"].ravel()
-    elif "indices" in primitive:
-        indices = data.indices(primitive["indices"])
-    else:
-        indices = np.arange(len(vertices))
     surface = materials.of(primitive)
     uv = None if surface is None else values(f"TEXCOORD_{surface.uv_set}", 2)
     color, colors = values("COLOR_0", 0), None
@@ -127,11 +120,11 @@ def _geometry(
         normals = normals.astype(np.float64)
         if (turned := morphed(normals, "NORMAL", primitive, morph_weights, data)) is not normals:
             normals = unit(turned)
-    own = {name: values(name, 0) for name in attributes if name.startswith("_")}
+    own = {name: values(name, 0) for name in primitive["attributes"] if name.startswith("_")}
     shown = morphed(vertices, "POSITION", primitive, morph_weights, data)
     return Geometry(
         shown,
-        triangles(indices, primitive.get("mode", 4)),
+        triangles(data.corners(primitive), primitive.get("mode", 4)),
         normals,
         None if surface is None or uv is None else from_below(uv, surface.uv_transform),
         colors,
@@ -226,21 +219,9 @@ def _local_transform(node: Header, index: int) -> NDArray[np.float64] | None:
         return cast("NDArray[np.float64]", numbers("matrix", [0.0] * 16).reshape(4, 4).T)
     result = np.eye(4)
     if "rotation" in node or "scale" in node:
-        result[:3, :3] = _rotation(numbers("rotation", [0.0, 0.0, 0.0, 1.0])) * numbers("scale", [1.0, 1.0, 1.0])
+        turn = numbers("rotation", [0.0, 0.0, 0.0, 1.0])
+        if not 0 < np.linalg.norm(turn) < np.inf:
+            turn = np.array([0.0, 0.0, 0.0, 1.0])
+        result[:3, :3] = Rotation.from_quat(turn).as_matrix() * numbers("scale", [1.0, 1.0, 1.0])
     result[:3, 3] = numbers("translation", [0.0, 0.0, 0.0])
     return result
-
-
-def _rotation(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the matrix (3, 3) of a quaternion x, y, z, w of any length; the identity for one of none."""
-    length = float(np.linalg.norm(quaternion))
-    if not 0 < length < np.inf:
-        return np.eye(3)
-    x, y, z, w = quaternion / length
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )

@@ -1,0 +1,246 @@
+"""`python -m bench.quality labelled` and `grip`: weights, parts and handles judged by the names that people gave.
+
+All numbers are means over the handles of a label, the labels of a shape, the shapes of a category, and the categories.
+Constants may be chosen on the first half of each category; the second half judges.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import os
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from scipy.spatial import cKDTree
+
+import dfd
+from bench.quality.baselines import euclidean, geodesic
+from bench.quality.labelled_shapes import LabelledShape, labelled_shapes
+from bench.quality.measures import draw_handles, handle_precision
+from bench.quality.sheet import heat
+from dfd.common.files import atomic_write
+from dfd.parts.parts import Parts
+from dfd.pictures.picture import contact_sheet, save_png
+
+__all__ = ["main"]
+
+OUTPUT = Path(__file__).resolve().parents[1] / "results" / "quality"
+EACH = 4  # handles in every label
+NEAR = 0.05  # of the diagonal: an instance that near to a landmark is on it
+FOLLOWS = 0.35  # of the handle's own weight: an instance that follows less is no like of it to people
+WORST = 10  # parts that are drawn
+
+Mask = NDArray[np.bool_]
+Verdict = dict[str, float]
+
+LEGEND = {
+    "precision": "mean average precision with which a handle's weights rank its own label first",
+    "threshold": "IoU with the label of all vertices above the best threshold of a handle's weights",
+    "part": "IoU with the label of the part at a click, with its look-alikes",
+    "best of three": "of that part, the smaller one in it and the larger one around it, the best",
+    "instance": "IoU of the connected piece of the part with that of the label",
+    "grip": "Σ min(w, t) / Σ max(w, t) over the surface, for a session's weights w and the label t",
+    "coverage": "weight that the label has, of all that it could have",
+    "leak": "weight beyond the label, of all weight",
+    "counterparts": "counterparts of landmarks within 5 % of the diagonal of an instance of the landmark's handle",
+    "too many": "instances of such a handle that are at no counterpart",
+}
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What came out for one shape, and its worst part: the IoU, what it is called, its handle and what was found."""
+
+    on: LabelledShape
+    verdict: Verdict
+    worst: tuple[float, str, int, Mask]
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Judge a folder of labelled meshes."""
+    options = _parser().parse_args(arguments)
+    console = Console(stderr=True, highlight=False)
+    start = time.perf_counter()
+
+    def say(text: str) -> None:
+        console.print(f"[dim]{time.perf_counter() - start:5.0f} s[/dim]  {text}", soft_wrap=True)
+
+    os.environ["HF_HUB_OFFLINE"] = "1"
+    if options.cache is not None:
+        os.environ["DFD_CACHE"] = str(options.cache.absolute())
+    found: list[Judged] = []
+    for on in labelled_shapes(options.folder, quick=options.quick):
+        say(on.shape.name)
+        field = dfd.distill(on.shape.mesh, progress=False)
+        found.append(_grips(on, field) if options.verb == "grip" else _judged(on, field))
+        _write(options.output / options.verb, found)
+    if options.verb == "labelled":
+        found.sort(key=lambda each: each.worst[0])
+        pictures = [
+            (heat(each.on.shape.mesh, each.worst[3].astype(np.float32), np.array([each.worst[2]])), each.worst[1])
+            for each in found[:WORST]
+        ]
+        save_png(options.output / "labelled_worst.png", contact_sheet([("", pictures)], title="The worst parts"))
+    Console().print(f"{options.output / options.verb}.md", highlight=False, soft_wrap=True)
+
+
+def _judged(on: LabelledShape, field: dfd.Field) -> Judged:
+    mesh = on.shape.mesh
+    features = field.features(mesh)
+    handles = draw_handles(on.labels, EACH)
+    verdict: Verdict = {}
+    for name, method in (
+        ("", partial(dfd.bind, features)),
+        ("Euclidean ", partial(euclidean, mesh.vertices)),
+        ("geodesic ", partial(geodesic, dfd.Geodesics(mesh))),
+    ):
+        weights = method(handles)
+        verdict[f"{name}precision"] = _mean(on, handles, handle_precision(weights, on.labels, handles))
+        truths = [on.labels == on.labels[handle] for handle in handles]
+        best = [threshold_iou(on, column, truth) for truth, column in zip(truths, weights.T, strict=True)]
+        verdict[f"{name}threshold"] = _mean(on, handles, best)
+    parts = Parts(mesh, field.on(mesh).rows)
+    overlaps, masks = [], []
+    for handle in handles.tolist():
+        truth, instance = on.labels == on.labels[handle], on.instances == on.instances[handle]
+        levels = [parts.part(handle, level).mask for level in ("part", "smaller", "larger")]
+        first, *others = (soft_iou(on, mask, truth) for mask in levels)
+        alone = soft_iou(on, parts.part(handle, alike=False).mask, instance)
+        overlaps.append((first, max(first, *others), alone))
+        masks.append(levels[0])
+    for name, values in zip(("part", "best of three", "instance"), np.transpose(overlaps), strict=True):
+        verdict[name] = _mean(on, handles, values)
+    verdict |= {**_grip(on, field, features, handles, {}), **_counterparts(on, field, features)}
+    at = int(np.argmin([first for first, *_ in overlaps]))
+    name = on.shape.parts[on.labels[handles[at]]]
+    caption = f"{on.shape.name}, {name}: {overlaps[at][0]:.2f}"
+    return Judged(on, verdict, (overlaps[at][0], caption, int(handles[at]), masks[at]))
+
+
+def _grips(on: LabelledShape, field: dfd.Field) -> Judged:
+    """The grip of sessions that are set up in several ways."""
+    features, handles = field.features(on.shape.mesh), draw_handles(on.labels, EACH)
+    verdict: Verdict = {}
+    for name, how in GRIPS.items():
+        verdict |= {f"{name}: {key}": value for key, value in _grip(on, field, features, handles, how).items()}
+    return Judged(on, verdict, (0.0, "", 0, np.zeros(0, bool)))
+
+
+GRIPS: Mapping[str, Mapping[str, Any]] = {"default": {}, "auto": {"reach": "auto"}, "paper": {"preset": "paper"}}
+
+
+def _grip(
+    on: LabelledShape,
+    field: dfd.Field,
+    features: NDArray[np.float32],
+    handles: NDArray[np.int64],
+    how: Mapping[str, Any],
+) -> Verdict:
+    """What a handle holds of its label, and beyond it."""
+    settings = dict(how)
+    session = dfd.Deformer(on.shape.mesh, field, preset=settings.pop("preset", "default"), features=features)
+    found = []
+    for handle in handles.tolist():
+        held = session.add(handle, **settings)
+        weights, truth = session.following[:, 0].astype(np.float64), on.labels == on.labels[handle]
+        inside, whole = on.areas[truth] @ weights[truth], on.areas @ weights
+        found.append((soft_iou(on, weights, truth), inside / on.areas[truth].sum(), 1 - inside / whole))
+        session.remove(held)
+    values = (_mean(on, handles, each) for each in np.transpose(found))
+    return dict(zip(("grip", "coverage", "leak"), values, strict=True))
+
+
+def _counterparts(on: LabelledShape, field: dfd.Field, features: NDArray[np.float32]) -> Verdict:
+    """Whether the instances of a handle on a landmark are where its counterparts are; nothing where there are none."""
+    mesh, hits, wrong = on.shape.mesh, [], []
+    session = dfd.Deformer(mesh, field, features=features)
+    for group in on.counterparts:
+        present = [int(on.landmarks[number]) for number in group if number < len(on.landmarks)]
+        for vertex in present if len(present) > 1 else ():
+            held = session.add(vertex)
+            handle = session.edit.handles[0]
+            instances = [one for one, _ in session.bound.instances(session.edit, handle) if one.weight >= FOLLOWS]
+            places = [one.position for one in instances] or [handle.place.position]
+            others = mesh.vertices[[other for other in present if other != vertex]]
+            hits.append((cKDTree(places).query(others)[0] <= NEAR * mesh.diagonal).mean())
+            wrong.append((cKDTree(mesh.vertices[present]).query(places)[0] > NEAR * mesh.diagonal).sum())
+            session.remove(held)
+    return {"counterparts": float(np.mean(hits)), "too many": float(np.mean(wrong))} if hits else {}
+
+
+def soft_iou(on: LabelledShape, weights: NDArray[Any], truth: Mask) -> float:
+    """Σ min(w, t) / Σ max(w, t) over the surface."""
+    return float(on.areas @ np.minimum(weights, truth) / (on.areas @ np.maximum(weights, truth)))
+
+
+def threshold_iou(on: LabelledShape, weights: NDArray[np.floating], truth: Mask) -> float:
+    """The best IoU of all vertices above some weight; equal weights are above it together."""
+    order = np.argsort(-weights, kind="stable")
+    last = np.append(np.diff(weights[order]) != 0, True)
+    inside, outside = (np.cumsum((on.areas * side)[order])[last] for side in (truth, ~truth))
+    return float((inside / (on.areas[truth].sum() + outside)).max())
+
+
+def _mean(on: LabelledShape, handles: NDArray[np.int64], values: Sequence[float] | NDArray[np.floating]) -> float:
+    """Of one number a handle, over those of each label and over the labels."""
+    own, known = on.labels[handles], np.asarray(values, np.float64)
+    return float(
+        np.mean([known[(own == label) & ~np.isnan(known)].mean() for label in np.unique(own[~np.isnan(known)])])
+    )
+
+
+def by_category(found: Sequence[Judged], judged: bool | None = None) -> dict[str, Verdict]:
+    """The mean verdict of each category, and "mean" over them; `judged` takes one half of the shapes."""
+    table: dict[str, Verdict] = {}
+    for category in dict.fromkeys(each.on.category for each in found):
+        rows = [each.verdict for each in found if each.on.category == category and judged in (None, each.on.judged)]
+        if rows:
+            table[category] = {name: float(np.mean([row[name] for row in rows])) for name in rows[0]}
+    names = dict.fromkeys(name for row in table.values() for name in row)
+    means = {name: float(np.mean([row[name] for row in table.values() if name in row])) for name in names}
+    return {**table, "mean": means}
+
+
+def _write(path: Path, found: Sequence[Judged]) -> None:
+    """Whole files after every shape: a long run that is cut short has told what it knew."""
+    text = io.StringIO()
+    names = list(dict.fromkeys(name for each in found for name in each.verdict))
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(["category", "shape", "half", *names])
+    for each in found:
+        values = (f"{each.verdict[name]:.6g}" if name in each.verdict else "" for name in names)
+        table.writerow([each.on.category, each.on.shape.name, "judged" if each.on.judged else "chosen on", *values])
+    lines = ["# Weights, parts and handles against people's labels", ""]
+    for heading, judged in (("All shapes", None), ("Constants were chosen on these", False), ("Judged on these", True)):
+        half = [each for each in found if judged in (None, each.on.judged)]
+        if half:
+            lines += [f"## {heading}", "", f"{len(half)} shapes.", ""]
+            lines += [f"| category | {' | '.join(names)} |", "|---|" + "---:|" * len(names)]
+            for category, row in by_category(half).items():
+                values = (f"{row[name]:.3f}" if name in row else "" for name in names)
+                lines.append(f"| {category} | {' | '.join(values)} |")
+            lines.append("")
+    lines += ["## What the words mean", "", *(f"- **{word}**: {meaning}." for word, meaning in LEGEND.items())]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    for ending, content in ((".csv", text.getvalue()), (".md", "\n".join(lines) + "\n")):
+        with atomic_write(path.with_suffix(ending)) as temporary:
+            temporary.write_text(content, "utf-8")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser("python -m bench.quality", description=__doc__)
+    parser.add_argument("verb", choices=("labelled", "grip"), help="everything, or handles as sessions make them")
+    parser.add_argument("folder", type=Path, help="folder with a folder a category")
+    parser.add_argument("--quick", action="store_true", help="one mesh a category")
+    parser.add_argument("--cache", type=Path, help="folder that keeps fields, in place of the user's cache")
+    parser.add_argument("--output", type=Path, default=OUTPUT, help="folder to write to (%(default)s)")
+    return parser

@@ -1,0 +1,126 @@
+"""Meshes whose faces other people have named, in the layout of the Labeled Princeton Segmentation Benchmark.
+
+A folder a category with `N.off` and `N_labels.txt` (a line with a name, and a line with its faces, counted from 1) of
+Kalogerakis, Hertzmann and Singh 2010, and of Kim, Lipman and Funkhouser 2011 landmarks in `N.vts` (a vertex and its
+position a line) and `counterparts.info` (each line the landmarks that are each other's mirror images).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+import dfd
+from bench.quality.shapes import Shape
+from dfd.geometry.topology import face_areas
+
+__all__ = ["LabelledShape", "labelled_shapes"]
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledShape:
+    """A mesh with the parts that people see in it.
+
+    Attributes
+    ----------
+    category
+        Its kind, such as "Ant".
+    judged
+        Whether constants are never chosen on it: half of each category.
+    shape
+        Mesh, and labels of vertices: of the faces around one the most, by area.
+    landmarks
+        (L,) vertices, −1 where one is missing.
+    counterparts
+        Groups of numbers of landmarks that mirror one another.
+    """
+
+    category: str
+    judged: bool
+    shape: Shape
+    landmarks: NDArray[np.int64]
+    counterparts: tuple[tuple[int, ...], ...]
+
+    @property
+    def labels(self) -> NDArray[np.integer]:
+        """(V,) index into the parts' names."""
+        assert self.shape.labels is not None
+        return self.shape.labels
+
+    @cached_property
+    def areas(self) -> NDArray[np.float64]:
+        """(V,) a third of the faces around each vertex."""
+        mesh = self.shape.mesh
+        thirds = np.repeat(face_areas(mesh.vertices, mesh.faces) / 3, 3)
+        return np.bincount(mesh.faces.ravel(), thirds, minlength=len(mesh.vertices))
+
+    @cached_property
+    def instances(self) -> NDArray[np.int32]:
+        """(V,) the connected piece of its part that each vertex is on: one leg of all legs."""
+        one, other = self.shape.mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).T
+        same = self.labels[one] == self.labels[other]
+        count = len(self.labels)
+        graph = coo_array((np.ones(same.sum(), bool), (one[same], other[same])), shape=(count, count))
+        return np.asarray(connected_components(graph, directed=False)[1], np.int32)
+
+
+def labelled_shapes(folder: Path, *, quick: bool = False) -> Iterator[LabelledShape]:
+    """Read every labelled mesh of `folder`; with `quick` the first of each category that is judged.
+
+    Raises
+    ------
+    ValueError
+        If there is none, or its files are not of that layout.
+    """
+    categories = sorted(path for path in folder.iterdir() if any(path.glob("*_labels.txt")))
+    if not categories:
+        raise ValueError(f"labelled: there is no CATEGORY/N_labels.txt in {folder}")
+    for category in categories:
+        paths = sorted(category.glob("*.off"), key=lambda path: (len(path.stem), path.stem))
+        half = len(paths) // 2
+        for number, path in enumerate(paths):
+            if not quick or number == half:
+                yield _read(path, judged=number >= half)
+
+
+def _read(path: Path, *, judged: bool) -> LabelledShape:
+    mesh = dfd.load(path)
+    names, of_face = _face_labels(path.with_name(f"{path.stem}_labels.txt"), len(mesh.faces))
+    votes = np.zeros((len(mesh.vertices), len(names)))
+    areas = face_areas(mesh.vertices, mesh.faces)
+    for corner in mesh.faces.T:
+        np.add.at(votes, (corner, of_face), areas)
+    shape = Shape(f"{path.parent.name} {path.stem}", mesh, votes.argmax(axis=1), names)
+    landmarks = np.full(0, -1)
+    if (points := path.with_suffix(".vts")).is_file():
+        lines = (line.split() for line in points.read_text("utf-8").splitlines() if line.strip())
+        landmarks = np.array([int(line[0]) for line in lines], np.int64)
+    return LabelledShape(path.parent.name, judged, shape, landmarks, _counterparts(path.parent / "counterparts.info"))
+
+
+def _face_labels(path: Path, count: int) -> tuple[tuple[str, ...], NDArray[np.int64]]:
+    """The parts' names, and (F,) which of them each face has."""
+    lines = [line.strip() for line in path.read_text("utf-8").splitlines() if line.strip()]
+    labels = np.full(count, -1)
+    for number, faces in enumerate(lines[1::2]):
+        chosen = np.array(faces.split(), np.int64) - 1
+        if chosen.min() < 0 or chosen.max() >= count:
+            raise ValueError(f"labelled: {path} names a face that the mesh does not have")
+        labels[chosen] = number
+    if len(lines) % 2 or (labels < 0).any():
+        raise ValueError(f"labelled: {path} leaves faces without a name")
+    return tuple(lines[::2]), labels
+
+
+def _counterparts(path: Path) -> tuple[tuple[int, ...], ...]:
+    if not path.is_file():
+        return ()
+    groups = (tuple(int(number) for number in line.split()) for line in path.read_text("utf-8").splitlines())
+    return tuple(group for group in groups if len(group) > 1)

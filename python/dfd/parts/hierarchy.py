@@ -1,0 +1,134 @@
+"""The tree of a shape's parts: patches joined by likeness of features that are smooth over the surface but at creases.
+
+Each node of the tree is a part with its look-alikes. Which of those that hold a place a person would call a part shows
+at their borders: they run along creases, and the next larger part differs much from it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.cluster.hierarchy import linkage
+from scipy.sparse import diags_array
+from scipy.sparse.linalg import splu
+
+from dfd.parts.patches import Patches
+
+__all__ = ["Branch", "Hierarchy"]
+
+DIMENSIONS = 24  # main directions of the features that are kept: the others hold noise
+DIFFUSION = 0.005  # area over which features are smoothed, as a part of the surface
+CREASE = 0.1  # concavity across which e times less is passed on: about six degrees a patch
+STEP = 0.15  # difference of features likewise
+ROUNDS = 3  # of smoothing: what one round evens out lets the next tell borders better
+LEAST_AREA, MOST_AREA = 0.002, 0.95  # of the whole surface: of other sizes nothing is a part
+LEAST_SHOWN = 0.01  # likewise, for a part of a cut of the whole
+LEAST_CONCAVITY = 0.02  # counts for every border: some parts end without a crease
+
+Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """A part with its look-alikes.
+
+    Attributes
+    ----------
+    inside
+        (P,) which patches belong to it.
+    area
+        As a part of the whole surface.
+    clarity
+        How clearly it ends where it does; compared with that of other branches alone.
+    """
+
+    inside: NDArray[np.bool_]
+    area: float
+    clarity: float
+
+
+class Hierarchy:
+    """Every part of one shape, from single patches to the whole.
+
+    Parameters
+    ----------
+    patches
+        Of the shape.
+    features
+        (P, D) of the patches.
+    """
+
+    def __init__(self, patches: Patches, features: NDArray[np.floating]) -> None:
+        self._patches = patches
+        count = len(features)
+        values = smoothed(patches, features.astype(np.float64))
+        merges = linkage(values, "average") if count > 1 else np.zeros((0, 4))
+        self._height = np.concatenate([np.zeros(count), merges[:, 2]])
+        self._parent = np.full(2 * count - 1, -1)
+        children = merges[:, :2].astype(np.int64)
+        self._parent[children] = np.arange(count, 2 * count - 1)[:, None]
+        self._size = np.concatenate([np.ones(count, np.int64), merges[:, 3].astype(np.int64)])
+        # Patches in an order in which those of every node stand side by side, from `first` on.
+        first = np.zeros(2 * count - 1, np.int64)
+        for node in range(count - 2, -1, -1):
+            one, other = children[node]
+            first[one] = first[count + node]
+            first[other] = first[one] + self._size[one]
+        self._first, self._order = first, np.argsort(first[:count], kind="stable")
+        self._children = children
+        self.branch = lru_cache(maxsize=None)(self._branch)
+
+    def holding(self, patch: int) -> list[int]:
+        """Nodes that hold a patch and are as large as a part may be, from the smallest on; at least one."""
+        path = [patch]
+        while self._parent[path[-1]] >= 0:
+            path.append(int(self._parent[path[-1]]))
+        return [node for node in path if LEAST_AREA < self.branch(node).area < MOST_AREA] or path[-1:]
+
+    def clearest(self) -> list[int]:
+        """Nodes that share out all patches, those with the most clarity over the whole surface; the largest first."""
+        count = self._patches.borders.count
+        worth, chosen = np.zeros(len(self._height)), [[node] for node in range(count)]
+        for node, (one, other) in enumerate(self._children, start=count):
+            branch = self.branch(node)
+            own = branch.area * branch.clarity if LEAST_SHOWN < branch.area < MOST_AREA else 0.0
+            below = worth[one] + worth[other]
+            whole = own >= below
+            worth[node] = max(own, below)
+            chosen.append([node] if whole else chosen[one] + chosen[other])
+        return sorted(chosen[-1], key=lambda node: -self.branch(node).area)
+
+    def _branch(self, node: int) -> Branch:
+        """A node of the tree as a part."""
+        patches, borders = self._patches, self._patches.borders
+        inside = np.zeros(borders.count, bool)
+        inside[self._order[self._first[node] : self._first[node] + self._size[node]]] = True
+        border = np.not_equal(*inside[borders.pairs.T])
+        weight = borders.length[border] + 1e-6
+        concavity = borders.concavity[border].clip(0) @ weight / weight.sum() if border.any() else 1.0
+        above = self._height[self._parent[node]] if self._parent[node] >= 0 else self._height[node]
+        step = (above - self._height[node]) / above if above > 0 else 0.0
+        clarity = (concavity + LEAST_CONCAVITY) * np.sqrt(step)
+        return Branch(inside, float(patches.area[inside].sum()), float(clarity))
+
+
+def smoothed(patches: Patches, features: Float64) -> Float64:
+    """(P, ≤ 24) main directions of features, evened out over the surface by diffusion that creases and steps hold back.
+
+    Source: Perona and Malik, "Scale-space and edge detection using anisotropic diffusion", 1990, on a surface and with
+    the crease as a second edge stopper; each round is one implicit step.
+    """
+    borders, area = patches.borders, diags_array(patches.area)
+    values = features - patches.area @ features
+    values = values @ np.linalg.eigh(values.T @ values)[1][:, : -DIMENSIONS - 1 : -1]
+    ease = borders.length / borders.apart * np.exp(-borders.concavity.clip(0) / CREASE)
+    one, other = borders.pairs.T
+    for _ in range(ROUNDS):
+        steps = np.square(values[one] - values[other]).sum(axis=1)
+        conductance = borders.graph(ease * np.exp(-steps / STEP**2))
+        laplacian = diags_array(np.asarray(conductance.sum(axis=1)).ravel()) - conductance
+        values = splu((area + DIFFUSION * laplacian).tocsc()).solve(area @ values)
+    return values

@@ -1,0 +1,203 @@
+"""A surface as about two thousand patches: what parts are put together from, and how patches border on one another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
+
+from dfd.geometry.coarse import Nodes
+from dfd.geometry.topology import first_at_place
+
+if TYPE_CHECKING:
+    from dfd.mesh.mesh import Mesh
+
+__all__ = ["Borders", "Patches"]
+
+COUNT = 2_000  # patches, about: more cost time with the square and find no other parts
+PACKING = 0.75  # distance that seeds keep, in sides of squares of a patch's area: so many fit at random
+TURNED = 0.6  # in those distances, what a turn of the normal by 1 counts: the two sides of a thin sheet have own seeds
+SAMPLES = 8  # vertices of a patch that its features are the mean of
+BRIDGE = 1.0  # the concavity of a small gap between components: nothing parts them more clearly
+
+Float64 = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+class Borders:
+    """A graph of pieces of surface, each with a center and a normal, and what lies between two that touch.
+
+    Attributes
+    ----------
+    pairs
+        (E, 2) pieces that touch, the lower number first.
+    length
+        (E,) of the border between them, in diagonals of the box; 0 across small gaps.
+    concavity
+        (E,) how far normals turn towards each other across it, in [−2, 2]; above 0 in a crease.
+    apart
+        (E,) distances of the centers, in diagonals of the box.
+    """
+
+    def __init__(self, pairs: Indices, length: Float64, center: Float64, normal: Float64) -> None:
+        self.count = len(center)
+        self.pairs, self.length = pairs, length
+        one, other = pairs.T
+        across = center[other] - center[one]
+        self.apart = np.maximum(np.linalg.norm(across, axis=1), 1e-9)
+        self.concavity = ((normal[one] - normal[other]) * across).sum(axis=1) / self.apart
+        self.concavity[length == 0] = BRIDGE
+
+    def graph(self, values: Float64) -> csr_array:
+        """Make the symmetric matrix (N, N) with `values` (E,) of the pairs."""
+        one, other = self.pairs.T
+        ends = np.concatenate([one, other]), np.concatenate([other, one])
+        return csr_array((np.concatenate([values, values]), ends), shape=(self.count, self.count))
+
+
+class Patches:
+    """The patches of one mesh, gathered from the nodes of `dfd.geometry.coarse`.
+
+    Attributes
+    ----------
+    size
+        The diagonal of the mesh's box, mesh units.
+    spacing
+        Side of a square of a mean patch's area, in diagonals of the box.
+    of_node, of_vertex
+        (N,) and (V,) the patch of each.
+    area
+        (P,) of the patches, as parts of the whole surface.
+    borders
+        Between patches.
+    node_area, twin
+        (N,) area of the nodes, in squared diagonals, and the node that stands for each where several have one position.
+    node_borders
+        Between nodes.
+
+    Raises
+    ------
+    ValueError
+        If no face of the mesh has an area.
+    """
+
+    def __init__(self, mesh: Mesh, nodes: Nodes | None = None) -> None:
+        self.nodes = nodes = Nodes(mesh) if nodes is None else nodes
+        self.size = size = max(mesh.diagonal, np.finfo(float).tiny)
+        center = (nodes.center - mesh.bounds.mean(axis=0)) / size
+        area, normal, pairs, length = _surface(mesh, nodes, size)
+        if not area.sum() > 0:
+            raise ValueError("parts: `mesh` must have a face with an area, got none")
+        self.node_area = area
+        self.twin = nodes.of_vertex[first_at_place(mesh)][nodes.members[nodes.starts]]
+        self.spacing = float(np.sqrt(area.sum() / COUNT))
+        links = _links(nodes.graph, pairs)
+        pairs, length = np.concatenate([pairs, links]), np.concatenate([length, np.zeros(len(links))])
+        self.node_borders = Borders(pairs, length, center, self._even(normal, pairs))
+        turned = TURNED * PACKING * self.spacing * _unit(normal)
+        seeds = _spread(np.column_stack([center, turned]), PACKING * self.spacing)
+        self.of_node = _nearest(nodes.graph, seeds, center)
+        self.of_vertex = self.of_node[nodes.of_vertex]
+        count = len(seeds)
+        weight = np.maximum(area, 1e-9 * area.sum())
+        self.area = np.bincount(self.of_node, weight, minlength=count) / weight.sum()
+        middle = _summed(self.of_node, center * weight[:, None], count) / (self.area * weight.sum())[:, None]
+        self.borders = Borders(
+            *_contracted(self.of_node, pairs, length, count), middle, _unit(_summed(self.of_node, normal, count))
+        )
+
+    def means(self, features: Callable[[Indices], NDArray[np.floating]]) -> Float64:
+        """(P, D) of what `features` gives for vertices (N,): means over at most `SAMPLES` of each patch."""
+        order = np.argsort(self.of_vertex, kind="stable")
+        size = np.bincount(self.of_vertex, minlength=len(self.area))
+        taken = np.minimum(size, SAMPLES)
+        patch = np.repeat(np.arange(len(size)), taken)
+        place = np.arange(len(patch)) - np.repeat(np.cumsum(taken) - taken, taken)
+        vertices = order[np.repeat(np.cumsum(size) - size, taken) + place * size[patch] // taken[patch]]
+        mean = csr_array((1 / taken[patch], (patch, np.arange(len(patch)))), shape=(len(size), len(patch)))
+        return np.asarray(mean @ features(vertices).astype(np.float64))
+
+    def _even(self, normal: Float64, pairs: Indices) -> Float64:
+        """(N, 3) unit normals of nodes, evened out over about a patch, so that they turn as surfaces do."""
+        count = len(normal)
+        ends = np.concatenate([pairs, pairs[:, ::-1], np.repeat(np.arange(count), 2).reshape(-1, 2)])
+        near = csr_array((np.ones(len(ends)), tuple(ends.T)), shape=(count, count))
+        for _ in range(min(round(np.sqrt(count / COUNT)), 6)):
+            normal = near @ normal
+        return _unit(normal)
+
+
+def _surface(mesh: Mesh, nodes: Nodes, size: float) -> tuple[Float64, Float64, Indices, Float64]:
+    """Area (N,), normal (N, 3) times area, pairs (E, 2) of nodes that share edges of faces, and the borders (E,)."""
+    faces = first_at_place(mesh)[mesh.faces]
+    corners = mesh.vertices[faces] / size
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    area = np.linalg.norm(normal, axis=1)
+    node = nodes.of_vertex[faces]
+    count = len(nodes.center)
+    areas = np.bincount(node.ravel(), np.repeat(area / 3, 3), minlength=count)
+    normals = np.stack([np.bincount(node.ravel(), np.repeat(axis, 3), minlength=count) for axis in normal.T], axis=1)
+    pairs, lengths = [], []
+    for one, other in ((0, 1), (1, 2), (2, 0)):
+        between = node[:, one] != node[:, other]
+        side = np.linalg.norm(corners[between, one] - corners[between, other], axis=1)
+        pairs.append(np.stack([node[between, one], node[between, other]], axis=1))
+        # From the middle of a side to that of its face runs a third of the height.
+        lengths.append(2 / 3 * area[between] / np.maximum(side, 1e-12))
+    joined = _contracted(np.arange(count), np.concatenate(pairs), np.concatenate(lengths), count)
+    return areas, normals, *joined
+
+
+def _contracted(
+    of: NDArray[np.integer], pairs: NDArray[np.integer], length: Float64, count: int
+) -> tuple[Indices, Float64]:
+    """Pairs (E, 2) of what nodes belong to, once each, with the sums of the borders."""
+    ends = np.sort(of[pairs].astype(np.int64), axis=1)
+    apart = ends[:, 0] != ends[:, 1]
+    key, which = np.unique(ends[apart] @ [count, 1], return_inverse=True)
+    return np.stack(np.divmod(key, count), axis=1), np.bincount(which, length[apart], minlength=len(key))
+
+
+def _links(graph: csr_array, pairs: Indices) -> Indices:
+    """Pairs (L, 2) of nodes that `graph` joins though no face does: across small gaps, and at one position."""
+    count = graph.shape[0]
+    row = np.repeat(np.arange(count, dtype=np.int64), np.diff(graph.indptr))
+    key = np.setdiff1d((row * count + graph.indices)[row < graph.indices], pairs @ [count, 1])
+    return np.stack(np.divmod(key, count), axis=1)
+
+
+def _spread(points: Float64, near: float) -> Indices:
+    """Indices of `points` (N, 6) at random, none nearer to another than `near`."""
+    tree = cKDTree(points)
+    free = np.ones(len(points), bool)
+    chosen = []
+    for point in np.random.default_rng(0).permutation(len(points)).tolist():
+        if free[point]:
+            chosen.append(point)
+            free[tree.query_ball_point(points[point], near)] = False
+    return np.array(chosen, np.int64)
+
+
+def _nearest(graph: csr_array, seeds: Indices, center: Float64) -> Indices:
+    """(N,) the number of the seed nearest to each node along the surface, or in space where no way leads to one."""
+    _, _, source = dijkstra(graph, indices=seeds, min_only=True, return_predecessors=True)
+    number = np.full(len(center) + 1, -1)
+    number[seeds] = np.arange(len(seeds))
+    found: Indices = np.where(source >= 0, number[source], -1)
+    lost = found < 0
+    if lost.any():
+        found[lost] = cKDTree(center[seeds]).query(center[lost])[1]
+    return found
+
+
+def _summed(group: Indices, values: Float64, count: int) -> Float64:
+    return np.stack([np.bincount(group, axis, minlength=count) for axis in values.T], axis=1)
+
+
+def _unit(vectors: Float64) -> Float64:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
