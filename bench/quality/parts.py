@@ -121,12 +121,12 @@ def strongest_joints(mesh: dfd.Mesh) -> list[str | None]:
         node, of_mesh, number = part.source
         if "skin" not in nodes[node]:
             continue
-        attributes = header["meshes"][of_mesh]["primitives"][number]["attributes"]
-        sets = sorted(name for name in attributes if name.startswith("WEIGHTS_"))
+        primitive = header["meshes"][of_mesh]["primitives"][number]
+        sets = sorted(name for name in primitive["attributes"] if name.startswith("WEIGHTS_"))
         if not sets:
             raise ValueError(f"strongest_joints: the skinned part {part.part!r} has no WEIGHTS_0")
         weights, joints = (
-            np.concatenate([data.accessor(attributes[name.replace("WEIGHTS", kind)]) for name in sets], axis=1)
+            np.concatenate([data.attribute(primitive, name.replace("WEIGHTS", kind)) for name in sets], axis=1)
             for kind in ("WEIGHTS", "JOINTS")
         )
         strongest = np.take_along_axis(joints, weights.argmax(axis=1)[:, None], axis=1)[:, 0]

@@ -29,6 +29,7 @@ from dfd.export.influences import heaviest
 from dfd.export.weigh_skin import bleed
 from dfd.mesh.file.gltf.header import objects
 from dfd.mesh.file.gltf.read import world_transforms
+from dfd.mesh.file.gltf.rest import inverse_binds
 
 MOMENTS = 8  # of every animation
 INFLUENCES = 4
@@ -102,7 +103,7 @@ def motions(mesh: dfd.Mesh, bones: Bones) -> list[Float64]:
     header, data = mesh.scene.gltf.header, mesh.scene.gltf.data
     nodes = objects(header, "nodes")
     skin = header["skins"][nodes[bones.primitives[0].source[0]]["skin"]]
-    binds = data.accessor(skin["inverseBindMatrices"]).astype(np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)
+    binds = inverse_binds(skin, data)
     back = np.linalg.inv(bones.primitives[0].transform)  # joints act on the mesh's own coordinates
     found = []
     for animation in objects(header, "animations"):
