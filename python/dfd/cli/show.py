@@ -116,6 +116,7 @@ def _rows(
 
     deformer = Deformer(shape, Field.load(field, mesh=shape))
     deformer.set(**whole)
+    places.session = deformer
     for text in handles:
         deformer.add(places.find("--handle", text), **given)
     for text in fix:

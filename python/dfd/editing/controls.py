@@ -37,7 +37,7 @@ class Controls:
         If a number is out of its bounds, a name is unknown, or a place or a region is none.
     """
 
-    reach: Annotated[float | Literal["auto"], CONTROLS["reach"]] = DEFAULTS.reach
+    reach: Annotated[float | Literal["auto", "part"], CONTROLS["reach"]] = DEFAULTS.reach
     falloff: Annotated[Falloff, CONTROLS["falloff"]] = DEFAULTS.falloff
     locality: Annotated[float, CONTROLS["locality"]] = 0.0
     radius: Annotated[float | None, CONTROLS["radius"]] = None

@@ -20,6 +20,7 @@ from dfd.editing.edit import Edit, Fixed, Handle, box_center, edit_on, empty_edi
 from dfd.editing.edit_file import read_edit, write_edit
 from dfd.editing.history import History
 from dfd.editing.influence.handle_weights import HandleWeights
+from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import Place, place_on
 from dfd.editing.presets import SymmetryCandidates
 from dfd.editing.report import Report, report
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 
     from dfd.editing.influence.instances import Instance
     from dfd.field.field import Field
+    from dfd.segmentation.parts import Level
 
 __all__ = ["Deformer"]
 
@@ -214,7 +216,8 @@ class Deformer:
         at
             A vertex index; any point (3,) in mesh units, on the surface or off it; an array of vertex indices or a
             mask (V,), or a region of `dfd.editing.influence.regions`, all of which is held; a text, see
-            `dfd.editing.points.find`.
+            `dfd.editing.points.find`, or "part@1,2,3" for the part that holds a place, "piece@812" for that part
+            without its look-alikes.
         translation
             (3,) in mesh units.
         rotation
@@ -232,7 +235,7 @@ class Deformer:
         **controls
             What follows it, as `dfd.editing.presets.CONTROLS` and docs/controls.md say: `reach`, `falloff`, `locality`,
             `radius`, `strength`, `instances`, `level`, `without_instances`, `within` and `within_width`. What is left
-            out, or None, is as the preset has it.
+            out, or None, is as the preset has it. `within="part"` is the part that the handle is on.
 
         Raises
         ------
@@ -241,7 +244,8 @@ class Deformer:
             point lies farther from the shape than the diagonal of its box, the place is taken, or fixed points leave
             nothing of the handle.
         """
-        place = place_on(self.mesh, at)
+        place = place_on(self.mesh, self._part_named(at))
+        controls["within"] = self._part_named(controls.get("within"), place)
         transform = self._transform(Transform(), place, translation, rotation, scale, pivot, axes)
         handle = Handle(
             self._next_id,
@@ -310,7 +314,8 @@ class Deformer:
             As in `add`, or if there is no such handle.
         """
         held = self.edit.handle(handle)
-        place = held.place if at is None else place_on(self.mesh, at)
+        place = held.place if at is None else place_on(self.mesh, self._part_named(at))
+        controls["within"] = self._part_named(controls.get("within"), place)
         transform, along = held.transform, held.transform.along
         if place != held.place and along is not None:
             axes = self._weights.axes(place, along)
@@ -350,6 +355,34 @@ class Deformer:
         """
         self._commit(edit_on(self.mesh, edit), "edit", merge)
         self._next_id = max(self._next_id, 1 + max((handle.id for handle in edit.handles), default=0))
+
+    @public
+    def part(self, at: Any, *, level: Level = "part", alike: bool = True) -> VertexSet:
+        """Find the part of the shape that holds a place: a region for `add`, `fix` and `within`.
+
+        Parameters
+        ----------
+        at
+            As in `add`; of a region, the part that its middle is on.
+        level, alike
+            As in `dfd.Parts.part`.
+
+        Raises
+        ------
+        ValueError
+            If `at` is no place, or the mesh has no face with an area.
+        """
+        vertex = self._weights.anchor(Handle(1, place_on(self.mesh, at)))
+        return VertexSet.of(self.mesh, self._weights.parts.part(vertex, level, alike=alike).mask)
+
+    def _part_named(self, at: Any, own: Place | None = None) -> Any:
+        """`at`, or the part that it names: "part@1,2,3", "piece@812" without look-alikes, "part" for that of `own`."""
+        if not isinstance(at, str):
+            return at
+        if at == "part" and own is not None:
+            return self.part(own)
+        kind, _, where = at.partition("@")
+        return self.part(where, alike=kind == "part") if where and kind in ("part", "piece") else at
 
     def _transform(
         self,

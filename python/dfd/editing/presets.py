@@ -26,11 +26,11 @@ SymmetryCandidates = Literal["any", "axes"]
 # What a handle takes hold of besides where it is: the fields of `dfd.editing.controls.Controls`.
 CONTROLS = {
     "reach": About(
-        'Feature distance at which the weight is 0: 1 is Eq. 5; "auto" stops at the largest gap of the distances.',
+        'Feature distance at which the weight is 0: 1 is Eq. 5; "auto" ends at the largest gap, "part" with the part.',
         0.0,
         LARGEST,
         exclusive=True,
-        metavar="R|auto",
+        metavar="R|auto|part",
     ),
     "falloff": About(
         "Curve from 1 at the handle to 0 at its reach: linear (Eq. 5), smooth, sharp, root, sphere or constant.",

@@ -143,6 +143,12 @@ class Field:
         """
         if tensors.is_tensor(points):
             return self._of_tensor(points)
+        array = self._checked_points(points)
+        features: NDArray[np.float32] = _core.empty_float32(len(array), self.dimension)
+        self._kernel.evaluate(array, features, threads.get_num_threads())
+        return features
+
+    def _checked_points(self, points: Any) -> NDArray[np.float64]:
         array = check.array("Field", "points", points, ("N", 3), dtype=np.float64)
         with np.errstate(over="ignore"):
             farthest = float(np.abs((array - self.center) * self.scale).max(initial=0.0))
@@ -150,9 +156,7 @@ class Field:
             raise ArgumentError(
                 "points", f"must lie near the shape, got one {farthest:.3g} times as far as its box", "Field"
             )
-        features: NDArray[np.float32] = _core.empty_float32(len(array), self.dimension)
-        self._kernel.evaluate(array, features, threads.get_num_threads())
-        return features
+        return array
 
     def with_settings(self, settings: Mapping[str, Any]) -> Field:
         """The same field, said to have come to be by other `settings`."""
