@@ -15,7 +15,7 @@ from dfd.encoders.known import DEFAULT_ENCODER
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "paper"
 
-# Every page: the module of `bench.paper` that has a function of its name, `page(context)`, and what it shows.
+# Every page: the module of `bench.paper` that has a function of its name, of a context, and what it shows.
 PAGES: dict[str, tuple[str, str]] = {
     "fig4": ("features", "pixels that teach a field, and the field of a shape reduced by 99 %"),
     "fig5": ("controls", "planes of symmetry that are seen, and edits of one side"),

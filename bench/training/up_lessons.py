@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from bench.quality.families import family_of
+from bench.quality.parts import family_of
 from dfd.upright.candidates import axis_frames
 from dfd.upright.find_up import candidates
 from dfd.upright.probe import FORM_TOKENS, FORMS, TERMS, VECTOR_TOKENS, VECTORS, UpProbe

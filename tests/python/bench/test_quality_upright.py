@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bench.quality.families import family_of
-from bench.quality.parts import kind_of_part, without_few
+from bench.quality.parts import family_of, kind_of_part, without_few
 from bench.quality.shapes import Shape, rigs
-from bench.quality.studies import Row
-from bench.quality.upright import EUCLIDEAN, STUDY, TURNS, turned
-from bench.quality.upright import by_family as table
+from bench.quality.studies import EUCLIDEAN, FAMILIES_STUDY, TURNS, Row, turned
+from bench.quality.studies import by_family as table
 from bench.training.learn_up import LYING, decided, least_priors, raised, upright_shapes
 from bench.training.up_lessons import (
     FRAMES,
@@ -93,10 +91,10 @@ def test_turned_shapes_keep_their_parts_and_lengths():
 
 def test_table_by_family_says_where_distance_is_as_good():
     rows = [
-        Row(STUDY, "horse", "dfd", {"precision": 0.8}),
-        Row(STUDY, "horse", EUCLIDEAN, {"precision": 0.6}),
-        Row(STUDY, "wolf", "dfd", {"precision": 0.6}),
-        Row(STUDY, "wolf", EUCLIDEAN, {"precision": 0.7}),
+        Row(FAMILIES_STUDY, "horse", "dfd", {"precision": 0.8}),
+        Row(FAMILIES_STUDY, "horse", EUCLIDEAN, {"precision": 0.6}),
+        Row(FAMILIES_STUDY, "wolf", "dfd", {"precision": 0.6}),
+        Row(FAMILIES_STUDY, "wolf", EUCLIDEAN, {"precision": 0.7}),
     ]
     text = table(rows)
     assert "| four-legged | 2 | 0.700 (2) | 0.650 (2) |" in text
