@@ -111,6 +111,6 @@ def fig7(context: Context) -> Page:
         for value, session in sessions.items():
             rows.append([*subject.label, value, 100 * float(areas[session.following[:, 0] > FOLLOWS].sum())])
     text = f"In the table: how much of the surface has a weight above {FOLLOWS}."
-    look_for = "Without locality the whole head turns; the larger λ, the nearer to the tip of the horn it ends."
+    look_for = "Without locality all that looks alike turns; the larger λ, the nearer to the tip of the horn it ends."
     table = Table(["shape", "preset", "λ", "follows, % of the area"], rows)
     return Page("Fig. 7: locality weighting", look_for, [Section("One rotation", text, drawn, table)])
