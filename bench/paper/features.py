@@ -16,9 +16,9 @@ from bench.paper.measures import roughness, subdivided, vertex_shares
 from bench.paper.report import Page, Section, Table
 from dfd.common.preset import Preset
 from dfd.geometry.simplify import simplify
-from dfd.pictures.before_after import azimuth_towards
 from dfd.pictures.colors import feature_colors
 from dfd.pictures.picture import picture
+from dfd.pictures.viewpoint import azimuth_towards
 from dfd.views.render import Supervision, Views, render
 
 __all__ = ["in_box_of"]

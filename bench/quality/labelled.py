@@ -28,8 +28,8 @@ from bench.quality.labelled_shapes import LabelledShape, labelled_shapes
 from bench.quality.measures import draw_handles, handle_precision
 from bench.quality.sheet import heat
 from dfd.common.files import atomic_write
-from dfd.parts.parts import Parts
 from dfd.pictures.picture import contact_sheet, save_png
+from dfd.segmentation.parts import Parts
 
 __all__ = ["main"]
 
@@ -135,7 +135,12 @@ def _grips(on: LabelledShape, field: dfd.Field) -> Judged:
     return Judged(on, verdict, (0.0, "", 0, np.zeros(0, bool)))
 
 
-GRIPS: Mapping[str, Mapping[str, Any]] = {"default": {}, "auto": {"reach": "auto"}, "paper": {"preset": "paper"}}
+GRIPS: Mapping[str, Mapping[str, Any]] = {
+    "default": {},
+    "auto": {"reach": "auto"},
+    "paper": {"preset": "paper"},
+    "part": {"reach": "part"},
+}
 
 
 def _grip(

@@ -32,6 +32,7 @@ if _typing.TYPE_CHECKING:
     from dfd.geometry.geodesics import Geodesics
     from dfd.mesh.mesh import Mesh, load
     from dfd.pictures.notebook import show
+    from dfd.segmentation.parts import Parts, parts
     from dfd.symmetry.plane import SymmetryPlane
     from dfd.symmetry.rotation import RotationalSymmetry, rotational_symmetries
     from dfd.symmetry.search import symmetry_planes
@@ -45,6 +46,7 @@ __all__ = [
     "Geodesics",
     "KeyPose",
     "Mesh",
+    "Parts",
     "RotationalSymmetry",
     "SymmetryPlane",
     "VertexField",
@@ -56,6 +58,7 @@ __all__ = [
     "export_weights",
     "get_num_threads",
     "load",
+    "parts",
     "pose",
     "reference",
     "rotational_symmetries",
@@ -75,6 +78,7 @@ _LATER = {
     "Geodesics": "dfd.geometry.geodesics",
     "KeyPose": "dfd.export.key_poses",
     "Mesh": "dfd.mesh.mesh",
+    "Parts": "dfd.segmentation.parts",
     "RotationalSymmetry": "dfd.symmetry.rotation",
     "SymmetryPlane": "dfd.symmetry.plane",
     "VertexField": "dfd.field.vertex_field",
@@ -83,6 +87,7 @@ _LATER = {
     "export_rig": "dfd.export.export_rig",
     "export_weights": "dfd.export.export_weights",
     "load": "dfd.mesh.mesh",
+    "parts": "dfd.segmentation.parts",
     "rotational_symmetries": "dfd.symmetry.rotation",
     "show": "dfd.pictures.notebook",
     "symmetry_planes": "dfd.symmetry.search",

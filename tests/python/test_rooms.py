@@ -20,6 +20,7 @@ ROOMS = (
     "upright",
     "distillation",
     "weights",
+    "segmentation",
     "symmetry",
     "posing",
     "editing",

@@ -22,6 +22,7 @@ from dfd.cli.errors import CommandGroup
 from dfd.cli.export import export, rig
 from dfd.cli.handles import HandlesCommand
 from dfd.cli.inspect import inspect
+from dfd.cli.parts import parts
 from dfd.cli.show import pick, show
 
 __all__ = ["app", "main"]
@@ -59,6 +60,7 @@ app.command()(distill)
 app.command(cls=HandlesCommand)(deform)
 app.command()(show)
 app.command()(inspect)
+app.command()(parts)
 app.command()(pick)
 app.command()(export)
 app.command()(rig)

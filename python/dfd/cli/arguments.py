@@ -14,6 +14,7 @@ from dfd.cli.handles import is_number
 from dfd.common import check
 
 if TYPE_CHECKING:
+    from dfd.editing.deformer import Deformer
     from dfd.editing.points import Place
     from dfd.mesh.mesh import Mesh
 
@@ -29,7 +30,7 @@ __all__ = [
 ]
 
 # What a handle or a fixed point may be, in the help of every command.
-PLACE = "VERTEX|X,Y,Z|top|part:NAME|group:NAME|…"
+PLACE = "VERTEX|X,Y,Z|top|part:NAME|group:NAME|part@X,Y,Z|…"
 
 MeshArgument = Annotated[Path, typer.Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file.")]
 FieldOption = Annotated[
@@ -47,18 +48,26 @@ class Places:
 
     def __init__(self, mesh: Mesh) -> None:
         self._mesh = mesh
+        self.session: Deformer | None = None  # knows parts
         self.notes: list[str] = []  # lines for people: what a text that is no vertex index meant
 
     def find(self, option: str, text: str) -> Place:
-        """What of the shape `text` names, as `dfd.editing.points.find` reads it.
+        """What of the shape `text` names, as `dfd.editing.points.find` reads it, or with a session a part.
 
         Raises
         ------
         ValueError
             In the name of `option`, if it names nothing there.
         """
-        from dfd.editing.points import find
+        from dfd.editing.points import find, place_on
 
+        kind, _, where = text.strip().partition("@")
+        if where and kind in ("part", "piece"):
+            if self.session is None:
+                raise ValueError(f"`{option}` cannot be {text!r} without `--field`: features tell parts")
+            part = self.session.part(self.find(option, where), alike=kind == "part")
+            self.notes.append(f"{option} {text} is {part}")
+            return place_on(self._mesh, part)
         try:
             found = find(self._mesh, text)
         except ValueError as error:

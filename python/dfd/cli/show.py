@@ -144,6 +144,7 @@ def _rows(
     for rule, value in whole.items():
         if value is not None:
             setattr(deformer, rule, value)
+    places.session = deformer
     for text in handles:
         deformer.add(places.find("--handle", text), **given)
     for text in fix:

@@ -85,7 +85,7 @@ class Checkpoint:
 
     @staticmethod
     def discard(folder: str | os.PathLike[str], key: Mapping[str, Any]) -> None:
-        """Take away what an earlier run of `key` left in `folder`; anything else stays."""
+        """Remove what an earlier run of `key` left in `folder`; other files stay."""
         if _read_key(Path(folder)) == dict(key):
             Checkpoint(folder, key).remove()
 
@@ -126,7 +126,7 @@ class Checkpoint:
                 )
 
     def remove(self) -> None:
-        """Take the folder away; what else somebody put into it stays."""
+        """Remove the run's files, and the folder if nothing else is in it."""
         self._remove_files()
         with contextlib.suppress(OSError):
             self.folder.rmdir()

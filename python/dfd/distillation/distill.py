@@ -97,7 +97,7 @@ def distill(
     Warns
     -----
     RuntimeWarning
-        If the cache cannot be written, or what is done cannot be kept; the call goes on.
+        If the cache cannot be written, or tokens cannot be written to `checkpoint`; the call goes on.
     UserWarning
         If what `checkpoint` keeps is of other settings or damaged, and restarted.
 
@@ -134,7 +134,7 @@ def distilling(
 ) -> Iterator[Field]:
     """Do what `distill` does for a block that writes the field: the checkpoint stays if the block fails.
 
-    `loading` gives the `encoder` of that name, which somebody began to load before.
+    `loading` gives the `encoder` of that name, where it is being loaded already.
     """
     with stages.stage("load"), importing():
         known = _find_key(mesh, encoder, settings, device) if features is None else None
@@ -149,14 +149,14 @@ def distilling(
     if found is not None:
         yield found
         return
-    kept = None if checkpoint is None or features is not None else Checkpoint(checkpoint, key)
-    with _guarded(stages, kept):
-        field = run(stages, kept)
+    store = None if checkpoint is None or features is not None else Checkpoint(checkpoint, key)
+    with _guarded(stages, store):
+        field = run(stages, store)
     if cache:
         field_cache.store(key, field)
     yield field
-    if kept is not None:
-        kept.remove()
+    if store is not None:
+        store.remove()
 
 
 def find_distilled(
@@ -175,7 +175,7 @@ def find_distilled(
 
 
 def _find(key: Mapping[str, Any] | None, checkpoint: str | PathLike[str] | None) -> Field | None:
-    """The field that the user's cache has; what an earlier run left in `checkpoint` is of no use then, and goes."""
+    """The field in the user's cache; what an earlier run left in `checkpoint` is removed then."""
     found = field_cache.find(key) if key else None
     if found is not None and key and checkpoint is not None:
         Checkpoint.discard(checkpoint, key)
@@ -192,7 +192,7 @@ def _find_key(
     ValueError
         If `encoder` is none.
     """
-    from dfd.encoders.identity import find_identity
+    from dfd.encoders.loading import find_identity
 
     if not isinstance(encoder, str | PathLike) and not hasattr(encoder, "identity"):
         raise ValueError(f"distill: `encoder` must be a name, a folder or a loaded Encoder, got {encoder!r}")
@@ -213,7 +213,7 @@ def _of_pictures(
     with heed_interrupts(wait=True):
         from dfd.distillation.algorithm import distill_pictures
         from dfd.encoders.encode import Encoder, load_encoder
-        from dfd.encoders.identity import loaded_identity
+        from dfd.encoders.loading import loaded_identity
 
     if loading is not None:
         model = loading.result()
@@ -223,11 +223,11 @@ def _of_pictures(
     else:
         model = load_encoder(encoder, device=device, **settings.of_encoder())
     key = cache_key(mesh, **settings.as_dict(), **loaded_identity(encoder, device, model))
-    return key, lambda stages, kept: distill_pictures(mesh, model, settings, stages=stages, store=kept)
+    return key, lambda stages, store: distill_pictures(mesh, model, settings, stages=stages, store=store)
 
 
 def _check_loaded(encoder: Encoder, settings: DistillSettings) -> None:
-    """Refuse settings that an encoder, which somebody has loaded, does not have.
+    """Refuse settings that contradict those of an encoder that is loaded already.
 
     Raises
     ------
@@ -252,11 +252,11 @@ def _of_features(
     target = choose_device("distill", device)
     given = GivenFeatures(mesh, features)
     key = cache_key(mesh, **settings.of_fit(), features=given.kind, given=given.sha256(), device=str(target))
-    return key, lambda stages, kept: distill_features(given, settings, device=target, stages=stages)
+    return key, lambda stages, store: distill_features(given, settings, device=target, stages=stages)
 
 
 @contextmanager
-def _guarded(stages: Stages, kept: Checkpoint | None) -> Iterator[None]:
+def _guarded(stages: Stages, store: Checkpoint | None) -> Iterator[None]:
     """Watch over the work itself.
 
     Raises
@@ -269,8 +269,8 @@ def _guarded(stages: Stages, kept: Checkpoint | None) -> Iterator[None]:
     try:
         yield
     except ValueError:
-        if kept is not None:
-            kept.remove()
+        if store is not None:
+            store.remove()
         raise
     except (MemoryError, RuntimeError) as error:
         from dfd.common.devices import out_of_memory

@@ -43,7 +43,8 @@ class Controls:
     ----------
     reach
         Feature distance at which the weight is 0, above 0: W = max(1 − d / reach, 0); 1 is Eq. 5. "auto" stops at the
-        largest gap of the handle's own distances (`dfd.weights.reach`).
+        largest gap of the handle's own distances (`dfd.weights.reach`), "part" takes the part that the handle is on,
+        with its look-alikes, and hardly anything beyond it (`dfd.segmentation`).
     falloff
         The curve from 1 at the handle to 0 at `reach`, by the names of `dfd.bind`.
     locality
@@ -79,9 +80,9 @@ class Controls:
     def __post_init__(self) -> None:
         """Check them, once."""
         keep = object.__setattr__
-        if isinstance(self.reach, str) and self.reach != "auto":
-            raise ValueError(f'Controls: `reach` must be "auto" or a number above 0, got {self.reach!r}')
-        if self.reach != "auto":
+        if isinstance(self.reach, str) and self.reach not in ("auto", "part"):
+            raise ValueError(f'Controls: `reach` must be "auto", "part" or a number above 0, got {self.reach!r}')
+        if not isinstance(self.reach, str):
             reach = check.number("Controls", "reach", self.reach, minimum=0.0, maximum=LARGEST, exclusive=True)
             keep(self, "reach", reach)
         check.choice("Controls", "falloff", self.falloff, Falloff)

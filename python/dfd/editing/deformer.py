@@ -19,7 +19,7 @@ from dfd.editing.door import door
 from dfd.editing.edit import Edit, Handle, edit_on, empty_edit
 from dfd.editing.edit_file import read_edit, write_edit
 from dfd.editing.influence.handle_weights import HandleWeights
-from dfd.editing.influence.regions import Region
+from dfd.editing.influence.regions import Region, VertexSet
 from dfd.editing.points import Place, place_on
 from dfd.editing.report import Report, report
 from dfd.editing.shape import PosedShape
@@ -30,6 +30,7 @@ from dfd.weights.compact import CompactFeatures
 
 if TYPE_CHECKING:
     from dfd.field.field import Field
+    from dfd.segmentation.parts import Level
 
 __all__ = ["Deformer"]
 
@@ -106,7 +107,7 @@ class Deformer(WholeShape):
         instances: Instances | None = None,
         level: bool | None = None,
         without_instances: Sequence[Any] | None = None,
-        within: Region | ArrayLike | None = None,
+        within: Region | ArrayLike | str | None = None,
         within_width: float | str | None = None,
         name: str | None = None,
     ) -> int:
@@ -117,7 +118,8 @@ class Deformer(WholeShape):
         at
             A vertex index; any point (3,) in mesh units, on the surface or off it; an array of vertex indices or a
             mask (V,), or a region of `dfd.editing.influence.regions`, all of which is held; a text, see
-            `dfd.editing.points.find`.
+            `dfd.editing.points.find`, or "part@1,2,3" for the part that holds a place, "piece@812" for that part
+            without its look-alikes.
         translation
             (3,) in mesh units.
         rotation
@@ -132,7 +134,8 @@ class Deformer(WholeShape):
             (1.5, 1.5, 1) makes it thicker and not longer, each instance along its own; the mesh's own if left out.
         reach
             Feature distance at which the weight is 0; less takes fewer look-alikes along, "auto" stops at the largest
-            gap of the distances. If left out the preset's, as those of `falloff` and `instances`.
+            gap of the distances, "part" holds the part that the handle is on. If left out the preset's, as those of
+            `falloff` and `instances`.
         falloff
             The curve from the handle to the end of its reach, by the names of `dfd.bind`.
         locality
@@ -151,7 +154,7 @@ class Deformer(WholeShape):
             Those that do not move along: vertices, points or texts as `at` takes them, one on each. Of those
             that `instances` lists any but the first, the handle's own, which always moves.
         within
-            A region, as `at` takes one, beyond which nothing follows.
+            A region, as `at` takes one, beyond which nothing follows; "part" for the part that the handle is on.
         within_width
             How far beyond it the weight falls smoothly to 0, given as `radius` is; 0 if left out.
         name
@@ -165,7 +168,8 @@ class Deformer(WholeShape):
             nothing of the handle.
         """
         with door("Deformer.add"):
-            place = place_on(self.mesh, at)
+            place = place_on(self.mesh, self._part_named(at))
+            within = self._part_named(within, place)
             transform = self._transform(Transform(), place, translation, rotation, scale, pivot, axes)
             handle = Handle(
                 self._next_id,
@@ -226,7 +230,7 @@ class Deformer(WholeShape):
         instances: Instances | None = None,
         level: bool | None = None,
         without_instances: Sequence[Any] | None = None,
-        within: Region | ArrayLike | None = None,
+        within: Region | ArrayLike | str | None = None,
         within_width: float | str | None = None,
         name: str | None = None,
     ) -> None:
@@ -242,7 +246,8 @@ class Deformer(WholeShape):
         """
         with door("Deformer.change"):
             held = self.edit.handle(handle)
-            place = held.place if at is None else place_on(self.mesh, at)
+            place = held.place if at is None else place_on(self.mesh, self._part_named(at))
+            within = self._part_named(within, place)
             transform, along = held.transform, held.transform.along
             if place != held.place and along is not None:
                 axes = self._weights.axes(place, along)
@@ -281,6 +286,34 @@ class Deformer(WholeShape):
         with door("Deformer.apply"):
             self._commit(edit_on(self.mesh, edit))
         self._next_id = max(self._next_id, 1 + max((handle.id for handle in edit.handles), default=0))
+
+    def part(self, at: Any, *, level: Level = "part", alike: bool = True) -> VertexSet:
+        """Find the part of the shape that holds a place: a region for `add`, `fix` and `within`.
+
+        Parameters
+        ----------
+        at
+            As in `add`; of a region, the part that its middle is on.
+        level, alike
+            As in `dfd.Parts.part`.
+
+        Raises
+        ------
+        ValueError
+            If `at` is no place, or the mesh has no face with an area.
+        """
+        with door("Deformer.part"):
+            vertex = self._weights.anchor(Handle(0, place_on(self.mesh, at)))
+            return VertexSet.of(self.mesh, self._weights.parts.part(vertex, level, alike=alike).mask)
+
+    def _part_named(self, at: Any, own: Place | None = None) -> Any:
+        """`at`, or the part that it names: "part@1,2,3", "piece@812" without look-alikes, "part" for that of `own`."""
+        if not isinstance(at, str):
+            return at
+        if at == "part" and own is not None:
+            return self.part(own)
+        kind, _, where = at.partition("@")
+        return self.part(where, alike=kind == "part") if where and kind in ("part", "piece") else at
 
     def _transform(
         self,

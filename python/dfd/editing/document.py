@@ -242,7 +242,8 @@ class HandleDocument(PlaceDocument, DefaultDocument):
     name: str | None = Field(None, min_length=1)
     along: Along | None = Field(None, description="What the third of `axes` runs along; each instance has its own.")
     reach: Annotated[
-        Annotated[float, Field(gt=0), Tag("number")] | Annotated[Literal["auto"], Tag("text")], _text_or("number")
+        Annotated[float, Field(gt=0), Tag("number")] | Annotated[Literal["auto", "part"], Tag("text")],
+        _text_or("number"),
     ] = NEW.reach
     falloff: Falloff = NEW.falloff
     locality: float = Field(0.0, ge=0, description="λ of Eq. 7.")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.mesh.file.gltf.header import Header, is_index, objects
+from dfd.mesh.file.gltf.header import Header, is_index, objects, parents
 from dfd.mesh.file.gltf.read import world_transforms
 from dfd.mesh.file.gltf.rest import inverse_binds, joints_and_weights
 from dfd.mesh.mesh import Mesh
@@ -43,10 +43,8 @@ class Bones:
 def bones_of(mesh: Mesh) -> Bones:
     """The bones of the skin of a mesh's file.
 
-    Raises
-    ------
-    ValueError
-        If the mesh is from no glTF file, its file has no skin, several with other joints, or one that is broken.
+    Raises ValueError if the mesh is from no glTF file, its file has no skin, several with other joints, or one that is
+    broken.
     """
     source = None if mesh.scene is None else mesh.scene.gltf
     if mesh.scene is None or source is None:
@@ -91,14 +89,14 @@ def bones_of(mesh: Mesh) -> Bones:
         places = np.full((len(joints), 3), np.nan)
     if not np.isfinite(places).all():
         raise ValueError("weigh_skin: `mesh` has a skin with an inverse bind that cannot be inverted")
-    starts, ends, joint = _lines(places, _parents(nodes, joints))
+    starts, ends, joint = _lines(places, _parents(header, joints))
     names = tuple(str(nodes[each].get("name") or f"node {each}") for each in joints)
     return Bones(Mesh(vertices, mesh.faces), names, starts, ends, joint, weights, followed, skinned)
 
 
-def _parents(nodes: list[Header], joints: list[int]) -> list[int]:
+def _parents(header: Header, joints: list[int]) -> list[int]:
     """(J) the joint that is next above each, -1 for none."""
-    above = {child: index for index, node in enumerate(nodes) for child in node.get("children", [])}
+    above = parents(header)
     number = {node: index for index, node in enumerate(joints)}
     found = []
     for node in joints:

@@ -30,13 +30,13 @@ if TYPE_CHECKING:
 __all__ = ["KnownMesh", "find", "hash_file", "note", "recall", "store"]
 
 LIMIT = 2 << 30  # bytes of all entries together; the ones longest unused go first
-_ABANDONED = 3600.0  # seconds after which a file that nobody finished is litter
+_ABANDONED = 3600.0  # seconds after which an unfinished file is removed
 
 
 def find(key: Mapping[str, Any]) -> Field | None:
     """Return the field that `key` made, or None where no entry has it whole."""
     for path in _entries(f"{hash_key(key)}-"):
-        with contextlib.suppress(OSError, ValueError):  # tidied up by another process, or of no use
+        with contextlib.suppress(OSError, ValueError):  # removed by another process, or damaged
             if not _is_of(path, path.read_bytes()):
                 continue
             found = Field.load(path)
@@ -68,7 +68,7 @@ def store(key: Mapping[str, Any], field: Field) -> None:
 
 
 def _tidy(newest: Path) -> None:
-    """Let go of damaged twins of the `newest` entry, of litter, and of the oldest entries beyond the limit."""
+    """Remove damaged copies of the `newest` entry, unfinished files, and the oldest entries beyond the limit."""
     for path in _entries(f"{newest.name.partition('-')[0]}-"):
         with contextlib.suppress(OSError):
             if not _is_of(path, path.read_bytes()):

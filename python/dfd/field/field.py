@@ -33,7 +33,7 @@ __all__ = ["Field", "FieldOnMesh", "FieldSource"]
 
 # Farther from the middle of the shape, in halves of its box, a network of float32 has nothing to say.
 FARTHEST = 1e6
-# What reads features of vertices: it builds on this file, and is looked up by name when somebody has such.
+# What reads features of vertices imports this file, so it is imported by name when it is needed.
 OF_VERTICES = "dfd.field.vertex_field"
 
 
@@ -143,14 +143,18 @@ class Field:
         """
         if tensors.is_tensor(points):
             return self._of_tensor(points)
+        array = self._checked_points(points)
+        features: NDArray[np.float32] = _core.empty_float32(len(array), self.dimension)
+        self._kernel.evaluate(array, features, threads.get_num_threads())
+        return features
+
+    def _checked_points(self, points: Any) -> NDArray[np.float64]:
         array = check.array("Field", "points", points, ("N", 3), dtype=np.float64)
         with np.errstate(over="ignore"):
             farthest = float(np.abs((array - self.center) * self.scale).max(initial=0.0))
         if not farthest <= FARTHEST:
             raise ValueError(f"Field: `points` must lie near the shape, got one {farthest:.3g} times as far as its box")
-        features: NDArray[np.float32] = _core.empty_float32(len(array), self.dimension)
-        self._kernel.evaluate(array, features, threads.get_num_threads())
-        return features
+        return array
 
     def with_settings(self, settings: Mapping[str, Any]) -> Field:
         """The same field, said to have come to be by other `settings`."""

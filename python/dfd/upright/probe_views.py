@@ -97,9 +97,7 @@ class ProbeCameras:
         with ThreadPoolExecutor(get_num_threads()) as threads:
             list(threads.map(take, range(len(cameras))))
         if not covered.any():
-            raise ValueError(
-                "find_up: `mesh` is seen by no camera: its faces are without area, or smaller than a pixel"
-            )
+            raise ValueError("find_up: no camera ray hits `mesh`: its faces are without area, or smaller than a pixel")
         covered = covered.reshape(images.shape[:3])
         tokens = self._encoder.encode(images, covered=covered)
         axes = np.stack([[camera.right, camera.up, camera.back] for camera in cameras])

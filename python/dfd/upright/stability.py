@@ -13,6 +13,7 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from dfd.common.threads import get_num_threads
 from dfd.geometry.topology import face_areas
+from dfd.views.cameras import fibonacci_directions
 
 __all__ = ["EVIDENCE", "StabilityCues"]
 
@@ -105,10 +106,7 @@ class StabilityCues:
     def mirror_normal(self) -> NDArray[np.float64]:
         """The unit normal (3,) of the plane across which the shape is most nearly its own mirror image."""
         spread = self.points - self.middle
-        index = np.arange(DIRECTIONS) + 0.5
-        height, angle = 1 - index / DIRECTIONS, np.pi * (1 + np.sqrt(5)) * index
-        ring = np.sqrt(1 - height**2)
-        around = np.stack([ring * np.cos(angle), height, ring * np.sin(angle)], axis=1)
+        around = fibonacci_directions(2 * DIRECTIONS)[:DIRECTIONS]
         # The normal of an exact mirror plane is a principal axis.
         candidates = np.concatenate([np.linalg.eigh(spread.T @ spread)[1].T, around])
         self._measure(candidates)

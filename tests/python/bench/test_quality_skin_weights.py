@@ -106,7 +106,7 @@ def tube():
     starts = np.array([(0, 2.0, 0), (0.4, 0.1, 0)])
     ends = np.array([(0, 0.1, 0), (0.4, 2.0, 0)])
     mesh = dfd.Mesh(vertices, faces)
-    part = Primitive("tube", "tube", None, np.eye(4), (0, 0, 0), slice(0, len(vertices)), slice(0, len(faces)))
+    part = Primitive("tube", "tube", None, rows=slice(0, len(vertices)), faces=slice(0, len(faces)))
     skinned = np.ones(len(vertices), bool)
     return mesh, Bones(mesh, ("one", "other"), starts, ends, np.array([0, 1]), np.eye(2)[:1].repeat(len(vertices), 0),
                        skinned, (part,))  # fmt: skip
@@ -129,11 +129,11 @@ def test_a_bone_that_no_way_leads_to_has_no_weight(tube):
     mesh, bones = tube
     apart = np.concatenate([mesh.vertices, mesh.vertices + (9, 0, 0)])
     faces = np.concatenate([mesh.faces, mesh.faces + len(mesh.vertices)])
-    part = Primitive("two", "two", None, np.eye(4), (0, 0, 0), slice(0, len(apart)), slice(0, len(faces)))
-    two = dfd.Mesh(apart, faces)
-    both = Bones(two, bones.names, bones.starts, bones.ends, bones.joint, np.ones((len(apart), 2)),
+    part = Primitive("two", "two", None, rows=slice(0, len(apart)), faces=slice(0, len(faces)))
+    wide = dfd.Mesh(apart, faces)
+    both = Bones(wide, bones.names, bones.starts, bones.ends, bones.joint, np.ones((len(apart), 2)),
                  np.ones(len(apart), bool), (part,))  # fmt: skip
-    weights = geodesic_voxels(two, both, np.array([0, 1]))
+    weights = geodesic_voxels(wide, both, np.array([0, 1]))
     np.testing.assert_array_equal(weights[len(mesh.vertices) :], np.eye(2)[[1]].repeat(len(mesh.vertices), 0))
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import JsonValue
-
 from dfd.app.protocol.parts import Frame, Identifier, KeyPose, Model, Plane, PoseTransform, Vector
 from dfd.common.preset import Preset
 from dfd.editing.controls import Blend, Falloff, Instances, Overlap
@@ -95,11 +93,10 @@ class FixedState(Model):
 
 
 class FieldState(Model):
-    """Whether the shape has a field, where it came from, and what its distillation does."""
+    """Whether the shape has a field, and where it came from."""
 
     status: Literal["none", "distilling", "preparing", "ready"]
     origin: str | None  # "file", "cache", "distilled"
-    settings: dict[str, JsonValue]
 
 
 class StateMessage(Answer):
@@ -155,8 +152,6 @@ class ReportMessage(Answer):
 
     type: Literal["report"] = "report"
     moved: float  # part of the vertices, in [0, 1]
-    largest: float  # mesh units
-    missed: float  # largest distance between where a handle was sent and where it landed, mesh units
     text: str
 
 
@@ -166,8 +161,6 @@ class Suggestion(Model):
     vertex: int
     position: Vector
     name: str
-    group: int  # look-alikes share one
-    share: float  # part of the vertices that it would hold
 
 
 class SuggestionsMessage(Answer):

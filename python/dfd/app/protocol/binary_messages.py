@@ -42,9 +42,8 @@ class MaterialEntry(Model):
 
 
 class Group(Model):
-    """A run of triangles of one part and one material."""
+    """A run of triangles of one material."""
 
-    part: int  # index into `parts`
     material: int  # index into `materials`
     start: int  # first triangle
     count: int
@@ -65,12 +64,10 @@ class MeshMessage(Binary):
     name: str
     vertices: int
     faces: int
-    rows: int
+    parts: int
     coarse: bool
     center: Vector
-    bounds: tuple[Vector, Vector]
     diagonal: float
-    parts: tuple[str, ...]
     groups: tuple[Group, ...]
     materials: tuple[MaterialEntry, ...]
     warnings: tuple[str, ...]  # of reading the file, sentences
@@ -81,7 +78,6 @@ class DetailMessage(Binary):
 
     type: Literal["detail"] = "detail"
     mesh: int
-    rows: int
     groups: tuple[Group, ...]
 
 

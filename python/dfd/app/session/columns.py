@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -34,14 +33,6 @@ STEPS = 65535  # that a column's numbers have
 Arrays = dict[str, NDArray[Any]]
 
 
-@dataclass(frozen=True)
-class Key:
-    """What a column depends on besides mesh and field; equal keys are the same column."""
-
-    of: Literal["distance", "weight", "fixed"]
-    about: Hashable
-
-
 class Columns:
     """The columns of one session, numbered, and which of them the page has, with or without their instances."""
 
@@ -58,7 +49,7 @@ class Columns:
     def of_fixed(self) -> int:
         """The number of the column of fixed places; 0 where nothing is fixed."""
         fixed = self._deformer.fixed
-        return self._number(Key("fixed", fixed)) if fixed else 0
+        return self._number(("fixed", fixed)) if fixed else 0
 
     def forget(self) -> None:
         """Know of a page that has none."""
@@ -104,11 +95,11 @@ class Columns:
         number, index = next(iter(pending.items()))
         self._whole.add(number)  # also where it fails: once is enough
         arrays: Arrays = {}
-        found = []
+        found: list[InstanceEntry] = []
         for instance, gain in self._acting(self._deformer.handles[index], index):
             share = f"share{len(found)}"
-            whole = instance.share is None
-            arrays[share] = _packed(np.ones(len(self._deformer.mesh.vertices)) if whole else instance.share, 1.0)
+            own = np.ones(len(self._deformer.mesh.vertices), np.float32) if instance.share is None else instance.share
+            arrays[share] = _packed(own, 1.0)
             frame: Any = tuple(map(tuple, np.asarray(instance.frame).tolist()))
             found.append(InstanceEntry(frame=frame, position=instance.position, gain=gain, share=share))
         return pack(InstancesMessage, arrays, columns=(InstancesEntry(column=number, instances=tuple(found)),))
@@ -151,7 +142,8 @@ class Columns:
                 arrays[geodesic] = _packed(along, 1.0)
         return _entry(number, kind, geodesic)
 
-    def _key(self, handle: Handle) -> Key:
+    def _key(self, handle: Handle) -> Hashable:
+        """What the handle's column depends on besides mesh and field; equal keys are the same column."""
         edit = self._deformer.edit
         controls = handle.controls
         sources, _, _ = self._deformer.bound.locality(edit, handle)
@@ -162,9 +154,9 @@ class Columns:
             if _instanced(handle):
                 axes = handle.transform.axes if handle.transform.along is not None else None
                 instances = (controls.instances, controls.without_instances, edit.symmetry, axes)
-            return Key(kind, (handle.place, sources, edit.bridges, controls.radius, instances))
+            return (kind, handle.place, sources, edit.bridges, controls.radius, instances)
         # What weights are when they are sent as such, or are at the counterparts, depends on all that shapes them.
-        return Key(kind, (handle.place, sources, edit.bridges, controls, edit.fixed, edit.arrive, edit.symmetry))
+        return (kind, handle.place, sources, edit.bridges, controls, edit.fixed, edit.arrive, edit.symmetry)
 
     def _number(self, key: Hashable) -> int:
         return self._numbers.setdefault(key, len(self._numbers) + 1)

@@ -122,17 +122,11 @@ def suggest(session: Session, count: Annotated[int, Field(ge=1, le=64)] = 12) ->
     """Good places for handles, one for each kind of part. Answer: `suggestions`."""
     deformer, planes = session.require_deformer(), session.view_state.planes.get("default", ())
     mesh, finder = deformer.mesh, deformer.bound.finder
-    found = []
-    for index, each in enumerate(
-        suggest_handles(mesh, deformer.features, count=count, planes=planes, finder=finder), start=1
-    ):
+    found: list[Suggestion] = []
+    for each in suggest_handles(mesh, deformer.features, count=count, planes=planes, finder=finder):
         similar = f", {len(each.instances)} alike" if len(each.instances) > 1 else ""
         x, y, z = mesh.vertices[each.vertex].tolist()
-        found.append(
-            Suggestion(
-                vertex=each.vertex, position=(x, y, z), name=f"Part {index}{similar}", group=index, share=each.share
-            )
-        )
+        found.append(Suggestion(vertex=each.vertex, position=(x, y, z), name=f"Part {len(found) + 1}{similar}"))
     return SuggestionsMessage(suggestions=tuple(found))
 
 

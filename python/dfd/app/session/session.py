@@ -224,8 +224,7 @@ class Session:
         self._ready = path is None
         if path is not None:
             self._autosave.save_opened(Saved(source=self.source, field=OpenedFile(name="field", path=path)))
-        settings = {key: value for key, value in deformer.field.settings.items() if key != "losses"}
-        self.view_state.field = FieldState(status="ready", origin=origin, settings=settings)
+        self.view_state.field = FieldState(status="ready", origin=origin)
         self._tell_progress("prepare", "done")
         for warning in told:
             self.fail(0, warning)

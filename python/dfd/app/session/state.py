@@ -40,7 +40,7 @@ __all__ = [
     "state_message",
 ]
 
-NO_FIELD = FieldState(status="none", origin=None, settings={})
+NO_FIELD = FieldState(status="none", origin=None)
 
 
 @dataclass
@@ -182,12 +182,10 @@ def check_drawable(deformer: Deformer) -> None:
 def report(deformer: Deformer) -> ReportMessage:
     """How much moved, how far, and whether the handles arrived where they were sent."""
     if not deformer.handles and deformer.default is None:
-        return ReportMessage(moved=0.0, largest=0.0, missed=0.0, text="Nothing has moved")
+        return ReportMessage(moved=0.0, text="Nothing has moved")
     found = deformer.report()
     text = str(found)
     return ReportMessage(
         moved=found.moved,
-        largest=found.farthest,
-        missed=max((handle.missing for handle in found.handles), default=0.0),
         text=text[:1].upper() + text[1:],
     )

@@ -23,7 +23,7 @@ from dfd.app.options import SessionOptions
 from dfd.app.session.distill_process import try_lock
 from dfd.app.web.link import Link, ThreadLink
 from dfd.app.web.safety import Rules, loopback
-from dfd.app.web.server import MESSAGE_BYTES, STATIC, Limits, create
+from dfd.app.web.server import MESSAGE_BYTES, STATIC, UPLOAD_BYTES, create
 from dfd.app.web.tabs import Tabs
 
 if TYPE_CHECKING:
@@ -51,8 +51,8 @@ class RunningApp:
         How sessions are reached where they are no processes of their own.
     frames
         Origins whose pages may show this one in a frame.
-    limits
-        What it takes.
+    upload_bytes
+        The largest upload, its files together, unpacked.
     static
         The built page.
 
@@ -70,7 +70,7 @@ class RunningApp:
         port: int = 0,
         make_link: Callable[[], Link] | None = None,
         frames: tuple[str, ...] = (),
-        limits: Limits = Limits(),  # noqa: B008  # it never changes
+        upload_bytes: int = UPLOAD_BYTES,
         static: Path = STATIC,
     ) -> None:
         self._socket = _listen(host, port)
@@ -82,7 +82,7 @@ class RunningApp:
         try_lock(self._running)
         self.tabs = Tabs(self._root, options, make_link)
         config = uvicorn.Config(
-            create(self.tabs, self.rules, limits=limits, static=static),
+            create(self.tabs, self.rules, upload_bytes=upload_bytes, static=static),
             ws="websockets-sansio",
             ws_max_size=MESSAGE_BYTES,
             ws_per_message_deflate=False,  # meshes would be compressed on the event loop, for seconds

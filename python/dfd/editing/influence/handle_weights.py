@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from dfd.editing.influence.distances import Distances
 from dfd.editing.influence.handle_features import VertexRows
 from dfd.editing.influence.instance_weights import Column, InstanceColumns, followed_by, interpolating_columns
 from dfd.editing.influence.instances import Instance, SurfaceAxes
+from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import Place
 from dfd.posing.transforms import Along, Frame
 from dfd.weights.bind import bind
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from dfd.editing.influence.instances import InstanceFinder
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
+    from dfd.segmentation.parts import Parts
     from dfd.symmetry.plane import SymmetryPlane
 
 __all__ = ["HandleWeights"]
@@ -34,6 +37,8 @@ LEAST_LEFT = 0.01
 LEAST_COUNTED = 0.35  # of the most that the handle itself moves: what follows less is no like of it to people
 # Of the largest singular value of the weights among handles: below, they no longer say which handle moves what.
 SINGULAR = 1e-4
+# Of `reach="part"`: where the weights would end by features alone, and of the diagonal how wide the seam beyond is.
+WITHIN_PART, SEAM = 3.0, 0.01
 
 Float32 = NDArray[np.float32]
 
@@ -80,6 +85,8 @@ class HandleWeights:
         self._held: Float32 | None = None  # (V,) what the fixed points take away, as long as they stay
         self._mixed: tuple[Float32, Float32] | None = None  # columns, and what makes their handles land exactly
         self._reaches: dict[Place, float] = {}
+        self._held_parts: dict[Place, Float32] = {}
+        self._field = field
 
     @property
     def features(self) -> Float32 | CompactFeatures:
@@ -93,6 +100,13 @@ class HandleWeights:
     def asked(self, place: Place) -> Any:
         """What `dfd.bind` takes for a place: a vertex, a row of features, or a region."""
         return self._rows.points([place])
+
+    @cached_property
+    def parts(self) -> Parts:
+        """What finds parts on the mesh."""
+        from dfd.segmentation.parts import parts  # for those who ask for parts, and for nobody else
+
+        return parts(self._field, self._mesh)
 
     @property
     def finder(self) -> InstanceFinder:
@@ -310,8 +324,17 @@ class HandleWeights:
                 np.minimum(column / np.float32(left), 1.0, out=column)
         if key.controls.strength < 1.0:
             column *= np.float32(key.controls.strength)
+        if key.controls.reach == "part":
+            column *= self._part(key.place)
         if key.controls.within is not None:
             column *= self._rows.inside(key.controls.within, key.controls.within_width)
+
+    def _part(self, place: Place) -> Float32:
+        """(V,) 1 on the part that a place is on, with its look-alikes, falling smoothly to 0 over its seam."""
+        if place not in self._held_parts:
+            part = VertexSet.of(self._mesh, self.parts.part(self._rows.anchor(place)).mask)
+            self._held_parts[place] = self._rows.inside(part, SEAM * self._mesh.diagonal)
+        return self._held_parts[place]
 
     def _left_of(self, key: Key, column: Float32) -> float:
         """What is left at the handle of its own column."""
@@ -337,6 +360,8 @@ class HandleWeights:
     def _reach(self, place: Place, controls: Controls) -> float:
         if not isinstance(controls.reach, str):
             return controls.reach
+        if controls.reach == "part":
+            return WITHIN_PART
         if place not in self._reaches:
             # With twice the paper's reach, no distance of unit features is cut off.
             weights = bind(self.features, self._rows.points([place]), reach=2.0)

@@ -150,7 +150,7 @@ def _encode_ply(
     if len(moved) == 1 and (first.geometry.uv is None or (material.texture is None and not material.is_default)):
         normals = None if moved[0].normals is None else first.normals_to_scene(moved[0].normals)
         turned = replace(first.geometry, faces=scene.local_faces(first).astype(np.int64))
-        placed = first.to_scene(moved[0].vertices)  # rows that no face uses have no vertex of the mesh
+        placed = first.to_scene(moved[0].vertices).copy()  # rows that no face uses have no vertex of the mesh
         used = scene.vertex >= 0
         placed[used] = vertices[scene.vertex[used]]
         geometry = to_trimesh(turned, placed, normals, gltf=False, written={})

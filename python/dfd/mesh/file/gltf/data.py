@@ -23,13 +23,14 @@ from dfd.mesh.file.gltf.header import (
     is_index,
     item,
     objects,
+    reference,
     whole,
 )
 
 __all__ = ["GltfData", "data_uri"]
 
 _MOST_DECOMPRESSED = 64  # bytes for each byte of compressed data, all views together
-_SMALL = 2**26  # bytes that nobody misses
+_SMALL = 2**26  # bytes, below which the ratio does not matter
 _DATA_ENDINGS = (".bin", ".glbin", ".glbuf")
 _ALIGNMENT = 4  # bytes to whose multiples data may be filled up
 _UNSIGNED = (5121, 5123, 5125)  # component types
@@ -174,7 +175,7 @@ class GltfData:
                 by_id = {each["unique_id"]: np.asarray(each["data"]) for each in decoded.attributes}
                 self._draco[view] = by_id, np.asarray(decoded.faces).reshape(-1, 1)  # a cloud of points has no faces
             except Exception as error:  # the library raises types of its own, and KeyError, ValueError, …
-                raise ValueError(f"its {DRACO} cannot be decoded: {_said(error)}") from error
+                raise ValueError(f"its {DRACO} cannot be decoded: {_message(error)}") from error
         return self._draco[view]
 
     def _decompress(self, index: int, name: str, packed: Header, length: int) -> bytes:
@@ -184,11 +185,10 @@ class GltfData:
         except ImportError as error:
             raise ValueError(f"it is compressed with {name}, which needs `pip install dfd[gltf]`") from error
         what = f"bufferView {index}, of {name},"
-        buffer, size = whole(packed, "buffer", what), whole(packed, "byteLength", what)
+        buffer = reference(packed, "buffer", len(objects(self._header, "buffers")), what)
+        size = whole(packed, "byteLength", what)
         start = whole(packed, "byteOffset", what, default=0)
         count, stride = whole(packed, "count", what), whole(packed, "byteStride", what)
-        if not is_index(buffer, len(objects(self._header, "buffers"))):
-            raise ValueError(f"{what} names buffer {buffer}, which is not there")
         if count * stride != length:
             raise ValueError(f"{what} should have {length} bytes, but says {count} times {stride}")
         data = self.buffer(buffer)[start : start + size]
@@ -200,7 +200,7 @@ class GltfData:
         try:
             plain = meshopt.decode_gltf_buffer(data, count, stride, packed.get("mode"), packed.get("filter", "NONE"))
         except Exception as error:
-            raise ValueError(f"{what} cannot be decoded: {_said(error)}") from error
+            raise ValueError(f"{what} cannot be decoded: {_message(error)}") from error
         return np.ascontiguousarray(plain).tobytes()
 
     def _stored(self, accessor: Header) -> NDArray[Any]:
@@ -235,10 +235,8 @@ class GltfData:
         for part, dtype, width in zip(
             parts, (np.dtype(COMPONENT_TYPES[kind]), values.dtype), (1, values.shape[1]), strict=True
         ):
-            view, start = whole(part, "bufferView", what), whole(part, "byteOffset", what, default=0)
-            if view >= len(self._header.get("bufferViews", [])):
-                raise ValueError(f"{what} is sparse, but names bufferView {view}")
-            data = self.view(view)
+            start = whole(part, "byteOffset", what, default=0)
+            data = self.view(reference(part, "bufferView", len(self._header.get("bufferViews", [])), what))
             if start + count * width * dtype.itemsize > len(data):
                 raise ValueError(f"{what} has {count} sparse items beyond byte {len(data)}")
             found.append(np.frombuffer(data, dtype, count * width, start).reshape(count, width))
@@ -252,10 +250,7 @@ class GltfData:
 def data_uri(uri: str) -> bytes:
     """Return what a data URI holds.
 
-    Raises
-    ------
-    ValueError
-        If it is not in base 64.
+    Raises ValueError if it is not in base 64.
     """
     head, _, body = uri.partition(",")
     if not head.endswith(";base64"):
@@ -266,7 +261,7 @@ def data_uri(uri: str) -> bytes:
         raise ValueError(f"{shortened(uri)} is not in base 64: {error}") from error
 
 
-def _said(error: Exception) -> str:
+def _message(error: Exception) -> str:
     return str(error) or type(error).__name__
 
 

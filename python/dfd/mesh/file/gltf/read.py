@@ -15,12 +15,19 @@ from dfd.common.linear_algebra import unit
 from dfd.mesh.appearance import srgb
 from dfd.mesh.file.assets import AssetFolder, shortened
 from dfd.mesh.file.gltf.data import GltfData
-from dfd.mesh.file.gltf.header import Header, is_index, objects, primitives
+from dfd.mesh.file.gltf.header import Header, is_index, objects, parents, primitives
 from dfd.mesh.file.gltf.materials import GltfMaterials
 from dfd.mesh.file.gltf.rest import closed_seams, joint_matrices, morph_weights, morphed, skin_transforms
 from dfd.mesh.file.images import ImageCache
 from dfd.mesh.file.materials import rgba
-from dfd.mesh.file.primitives import MOST_INSTANCES, MOST_PRIMITIVES, Geometry, MeshInstance, UniqueNames
+from dfd.mesh.file.primitives import (
+    IDENTITY,
+    MOST_INSTANCES,
+    MOST_PRIMITIVES,
+    Geometry,
+    MeshInstance,
+    UniqueNames,
+)
 
 __all__ = ["from_below", "read", "shown_nodes", "triangles", "world_transforms"]
 
@@ -32,10 +39,7 @@ def read(header: Header, data: GltfData, assets: AssetFolder, *, at_rest: bool =
 
     Skins and morph targets are posed as the file has them where it is shown `at_rest`, and left out otherwise.
 
-    Raises
-    ------
-    ValueError, OSError
-        If a primitive that is shown cannot be read.
+    Raises ValueError, OSError if a primitive that is shown cannot be read.
     """
     world, shown = world_transforms(header), shown_nodes(header)
     materials = GltfMaterials(header, data, ImageCache(), assets.unreadable)
@@ -47,7 +51,6 @@ def read(header: Header, data: GltfData, assets: AssetFolder, *, at_rest: bool =
         of_mesh.setdefault(mesh, []).append((number, primitive))
     instances: list[MeshInstance] = []
     read_count = 0
-    identity = np.eye(4)
     for node in sorted(shown):
         content = header["nodes"][node]
         mesh = content.get("mesh")
@@ -67,7 +70,7 @@ def read(header: Header, data: GltfData, assets: AssetFolder, *, at_rest: bool =
         skin = content.get("skin") if at_rest else None
         if skin is not None and skin not in joints:
             joints[skin] = joint_matrices(header, skin, data, world)
-        placed = None if world[node] is identity or np.array_equal(world[node], identity) else world[node]
+        placed = IDENTITY if np.array_equal(world[node], IDENTITY) else world[node]
         matrices = joints[skin] if skin is not None else None
         skinned = {} if matrices is None else _skinned(geometries[mesh, weights], meshes[mesh], data, matrices)
         for number, name, geometry in geometries[mesh, weights]:
@@ -174,16 +177,14 @@ def shown_nodes(header: Header) -> set[int]:
 
 def world_transforms(header: Header) -> dict[int, NDArray[np.float64]]:
     """Return the transforms (4, 4) of all nodes: joints need not be in the scene."""
-    nodes = objects(header, "nodes")
-    below = {child for node in nodes for child in node.get("children", [])}
-    identity = np.eye(4)
+    nodes, below = objects(header, "nodes"), parents(header)
     found: dict[int, NDArray[np.float64]] = {}
-    layer = [(i, identity) for i in range(len(nodes)) if i not in below]
+    layer = [(i, IDENTITY) for i in range(len(nodes)) if i not in below]
     with np.errstate(over="ignore", invalid="ignore"):  # judged where something is shown
         while layer:
             node, parent = layer.pop()
             own = _local_transform(nodes[node], node)
-            found[node] = parent if own is None else own if parent is identity else parent @ own
+            found[node] = parent if own is None else own if parent is IDENTITY else parent @ own
             layer.extend((child, found[node]) for child in nodes[node].get("children", []))
     return found
 
@@ -191,7 +192,7 @@ def world_transforms(header: Header) -> dict[int, NDArray[np.float64]]:
 def _roots(header: Header) -> list[int]:
     nodes, scenes = objects(header, "nodes"), objects(header, "scenes")
     if not scenes:
-        below = {child for node in nodes for child in node.get("children", [])}
+        below = parents(header)
         return [i for i in range(len(nodes)) if i not in below]
     index = header.get("scene", 0)
     if not is_index(index, len(scenes)):

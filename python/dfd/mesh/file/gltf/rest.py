@@ -77,10 +77,7 @@ def joints_and_weights(
 ) -> list[tuple[NDArray[np.int64], Float64]]:
     """Return the joints and weights (rows, 4) of each pair of attributes; weights that are not positive are 0.
 
-    Raises
-    ------
-    ValueError
-        If there are other counts, or a vertex follows a joint that is not there.
+    Raises ValueError if there are other counts, or a vertex follows a joint that is not there.
     """
     found = []
     for name in sorted(each for each in primitive["attributes"] if each.startswith("WEIGHTS_")):

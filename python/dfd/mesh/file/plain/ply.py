@@ -20,29 +20,16 @@ from dfd.mesh.file.assets import AssetFolder, shortened
 from dfd.mesh.file.images import ImageCache
 from dfd.mesh.file.materials import rgba
 from dfd.mesh.file.obj.text import decoded
-from dfd.mesh.file.polygons import ranges, triangulate
+from dfd.mesh.file.polygons import check_corners, ranges, triangulate
 from dfd.mesh.file.primitives import Geometry
 
 __all__ = ["read"]
 
-_TYPES = {
-    "char": "i1",
-    "uchar": "u1",
-    "short": "i2",
-    "ushort": "u2",
-    "int": "i4",
-    "uint": "u4",
-    "float": "f4",
-    "double": "f8",
-    "int8": "i1",
-    "uint8": "u1",
-    "int16": "i2",
-    "uint16": "u2",
-    "int32": "i4",
-    "uint32": "u4",
-    "float32": "f4",
-    "float64": "f8",
-}
+_NAMES = (
+    *("char", "uchar", "short", "ushort", "int", "uint", "float", "double"),
+    *("int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "float64"),
+)
+_TYPES = dict(zip(_NAMES, ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8") * 2, strict=True))
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
 _KNOWN = {
@@ -146,9 +133,7 @@ def _polygons(
         triangles = _strip_triangles(strips)
         corners = np.concatenate([corners, triangles.ravel()])
         sizes = np.concatenate([sizes, np.full(len(triangles), 3)])
-    if len(corners) and not 0 <= corners.min() <= corners.max() < count:
-        wrong = corners.min() if corners.min() < 0 else corners.max()
-        raise ValueError(f"a face names vertex {wrong}, but there are {count}")
+    check_corners(corners, count)
     return corners, sizes, kept
 
 

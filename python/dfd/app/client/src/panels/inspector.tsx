@@ -171,7 +171,7 @@ function ShapePanel({ known }: { readonly known: StateMessage }) {
     ? [
         ["Faces", mesh.faces],
         ["Vertices", mesh.vertices],
-        ["Parts", Math.max(mesh.parts.length, 1)],
+        ["Parts", Math.max(mesh.parts, 1)],
       ]
     : [];
   return (

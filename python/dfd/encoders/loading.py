@@ -1,20 +1,23 @@
-"""What tells an encoder from any other, as far as that is known before it is loaded."""
+"""What tells an encoder from any other before it is loaded, and loading it on a thread of its own.
+
+torch takes seconds to import, and is not needed to look.
+"""
 
 from __future__ import annotations
 
 import os
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 from dfd.encoders.precision import saved_device, saved_precision
-from dfd.encoders.sources import find_fingerprint
+from dfd.encoders.sources import find_fingerprint, is_cached
 
-# torch takes seconds to import, and is not needed to look.
 if TYPE_CHECKING:
     import torch
 
     from dfd.encoders.encode import Encoder
 
-__all__ = ["find_identity", "loaded_identity"]
+__all__ = ["find_identity", "load_in_background", "loaded_identity"]
 
 
 def find_identity(
@@ -53,3 +56,24 @@ def loaded_identity(
         return identity
     same = all(known[name] == identity[name] for name in ("encoder_precision", "device"))
     return known if same else identity
+
+
+def load_in_background(
+    encoder: str | os.PathLike[str], *, device: str | torch.device | None = None, **options: Any
+) -> Future[Encoder] | None:
+    """Load what `dfd.encoders.encode.load_encoder` loads on a thread of its own; the result raises what that raises.
+
+    None where it would have to be downloaded first, which is waited for, or interrupted, where its result is wanted.
+    """
+    if not is_cached(encoder):
+        return None
+
+    def load() -> Encoder:
+        from dfd.encoders.encode import load_encoder
+
+        return load_encoder(encoder, device=device, **options)
+
+    pool = ThreadPoolExecutor(1, "dfd-encoder")
+    loading = pool.submit(load)
+    pool.shutdown(wait=False)
+    return loading

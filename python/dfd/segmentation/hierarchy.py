@@ -7,7 +7,7 @@ at their borders: they run along creases, and the next larger part differs much 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from scipy.cluster.hierarchy import linkage
 from scipy.sparse import diags_array
 from scipy.sparse.linalg import splu
 
-from dfd.parts.patches import Patches
+from dfd.segmentation.patches import BRIDGE, Patches
 
 __all__ = ["Branch", "Hierarchy"]
 
@@ -25,7 +25,8 @@ CREASE = 0.1  # concavity across which e times less is passed on: about six degr
 STEP = 0.15  # difference of features likewise
 ROUNDS = 3  # of smoothing: what one round evens out lets the next tell borders better
 LEAST_AREA, MOST_AREA = 0.002, 0.95  # of the whole surface: of other sizes nothing is a part
-LEAST_SHOWN = 0.01  # likewise, for a part of a cut of the whole
+LEAST_SHOWN = 0.005  # likewise, for a part of the whole cut
+SHORT = 0.2  # diagonals: a border that is not much longer has to crease more, since chance creases short ones
 LEAST_CONCAVITY = 0.02  # counts for every border: some parts end without a crease
 
 Float64 = NDArray[np.float64]
@@ -88,18 +89,32 @@ class Hierarchy:
             path.append(int(self._parent[path[-1]]))
         return [node for node in path if LEAST_AREA < self.branch(node).area < MOST_AREA] or path[-1:]
 
-    def clearest(self) -> list[int]:
-        """Nodes that share out all patches, those with the most clarity over the whole surface; the largest first."""
+    @cached_property
+    def cut(self) -> list[int]:
+        """Nodes that share out all patches: of all such cuts the one with the most clarity over the whole surface."""
         count = self._patches.borders.count
         worth, chosen = np.zeros(len(self._height)), [[node] for node in range(count)]
         for node, (one, other) in enumerate(self._children, start=count):
             branch = self.branch(node)
-            own = branch.area * branch.clarity if LEAST_SHOWN < branch.area < MOST_AREA else 0.0
+            own = branch.area * branch.clarity if LEAST_AREA < branch.area < MOST_AREA else 0.0
             below = worth[one] + worth[other]
-            whole = own >= below
             worth[node] = max(own, below)
-            chosen.append([node] if whole else chosen[one] + chosen[other])
-        return sorted(chosen[-1], key=lambda node: -self.branch(node).area)
+            chosen.append([node] if own >= below and own > 0 else chosen[one] + chosen[other])
+        return chosen[-1]
+
+    def shown(self) -> NDArray[np.int64]:
+        """(P,) the part of each patch in `cut`; what is too small for one goes where its border is the longest."""
+        borders, area = self._patches.borders, self._patches.area
+        part = np.argmax([self.branch(node).inside for node in self.cut], axis=0)
+        for small in sorted(set(part.tolist()), key=lambda number: area[part == number].sum()):
+            if area[part == small].sum() >= LEAST_SHOWN:
+                break
+            ends = part[borders.pairs]
+            between = (ends == small).any(axis=1) & (ends[:, 0] != ends[:, 1])
+            if between.any():
+                beside = ends[between].sum(axis=1) - small
+                part[part == small] = np.bincount(beside, borders.length[between] + 1e-9).argmax()
+        return part
 
     def _branch(self, node: int) -> Branch:
         """A node of the tree as a part."""
@@ -107,8 +122,10 @@ class Hierarchy:
         inside = np.zeros(borders.count, bool)
         inside[self._order[self._first[node] : self._first[node] + self._size[node]]] = True
         border = np.not_equal(*inside[borders.pairs.T])
-        weight = borders.length[border] + 1e-6
-        concavity = borders.concavity[border].clip(0) @ weight / weight.sum() if border.any() else 1.0
+        length = borders.length[border]
+        concavity = borders.concavity[border].clip(0) @ length / (length.sum() + SHORT)
+        if length.sum() == 0:  # nothing but small gaps, or the whole component
+            concavity = BRIDGE
         above = self._height[self._parent[node]] if self._parent[node] >= 0 else self._height[node]
         step = (above - self._height[node]) / above if above > 0 else 0.0
         clarity = (concavity + LEAST_CONCAVITY) * np.sqrt(step)

@@ -17,7 +17,7 @@ from dfd.geometry.topology import first_at_place
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Borders", "Patches"]
+__all__ = ["BRIDGE", "Borders", "Patches"]
 
 COUNT = 2_000  # patches, about: more cost time with the square and find no other parts
 PACKING = 0.75  # distance that seeds keep, in sides of squares of a patch's area: so many fit at random
@@ -86,8 +86,8 @@ class Patches:
         If no face of the mesh has an area.
     """
 
-    def __init__(self, mesh: Mesh, nodes: Nodes | None = None) -> None:
-        self.nodes = nodes = Nodes(mesh) if nodes is None else nodes
+    def __init__(self, mesh: Mesh) -> None:
+        self.nodes = nodes = Nodes(mesh)
         self.size = size = max(mesh.diagonal, np.finfo(float).tiny)
         center = (nodes.center - mesh.bounds.mean(axis=0)) / size
         area, normal, pairs, length = _surface(mesh, nodes, size)
@@ -99,17 +99,17 @@ class Patches:
         links = _links(nodes.graph, pairs)
         pairs, length = np.concatenate([pairs, links]), np.concatenate([length, np.zeros(len(links))])
         self.node_borders = Borders(pairs, length, center, self._even(normal, pairs))
-        turned = TURNED * PACKING * self.spacing * _unit(normal)
-        seeds = _spread(np.column_stack([center, turned]), PACKING * self.spacing)
+        aside = TURNED * PACKING * self.spacing * _unit(normal)
+        seeds = _spread(np.column_stack([center, aside]), PACKING * self.spacing)
         self.of_node = _nearest(nodes.graph, seeds, center)
         self.of_vertex = self.of_node[nodes.of_vertex]
         count = len(seeds)
         weight = np.maximum(area, 1e-9 * area.sum())
         self.area = np.bincount(self.of_node, weight, minlength=count) / weight.sum()
         middle = _summed(self.of_node, center * weight[:, None], count) / (self.area * weight.sum())[:, None]
-        self.borders = Borders(
-            *_contracted(self.of_node, pairs, length, count), middle, _unit(_summed(self.of_node, normal, count))
-        )
+        # Not of unit length: around a thin limb normals cancel, and their noise is no crease.
+        turned = _summed(self.of_node, normal, count) / (self.area * weight.sum())[:, None]
+        self.borders = Borders(*_contracted(self.of_node, pairs, length, count), middle, turned)
 
     def means(self, features: Callable[[Indices], NDArray[np.floating]]) -> Float64:
         """(P, D) of what `features` gives for vertices (N,): means over at most `SAMPLES` of each patch."""

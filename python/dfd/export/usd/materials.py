@@ -1,22 +1,21 @@
-"""What surfaces look like in USD: UsdPreviewSurface, and the pictures that it names."""
+"""Materials in USD: UsdPreviewSurface, and the textures that it names."""
 
 from __future__ import annotations
 
-import io
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from dfd.export.usd.surfaces import BASE, Picture, Surface, Surfaces
 from dfd.mesh.appearance import Appearance, Material, linear
+from dfd.mesh.file.images import as_png
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import MeshPart
 
-__all__ = ["PictureFiles", "add_looks", "add_materials"]
+__all__ = ["TextureFiles", "add_materials", "bind_materials"]
 
 _TYPES = {
     "r": Sdf.ValueTypeNames.Float,
@@ -29,14 +28,8 @@ _TYPES = {
 Four = tuple[float, float, float, float]
 
 
-class PictureFiles:
-    """PNG files beside a USD file, one for each picture.
-
-    Attributes
-    ----------
-    files
-        Their content, by their names.
-    """
+class TextureFiles:
+    """PNG files beside a USD file, one for each texture: `files` has their content, by their names."""
 
     def __init__(self, stem: str) -> None:
         self.files: dict[str, bytes] = {}
@@ -45,31 +38,32 @@ class PictureFiles:
         self._kept: list[NDArray[np.uint8]] = []  # so that no other array takes the place of one that is known
 
     def name(self, texels: NDArray[np.uint8], *, opaque: bool = False) -> str:
-        """The path, from the USD file, of a picture (rows, columns, 4), with its fourth channel unless `opaque`."""
+        """The path, from the USD file, of a texture (rows, columns, 4), with its fourth channel unless `opaque`."""
         opaque = opaque or bool((texels[..., 3] == 255).all())
         key = (id(texels), opaque)
         if key not in self._names:
-            stream = io.BytesIO()
-            Image.fromarray(texels[..., :3] if opaque else texels).save(stream, "PNG")
             self._names[key] = f"{self._stem}_texture_{len(self._names)}.png"
             self._kept.append(texels)
-            self.files[self._names[key]] = stream.getvalue()
+            self.files[self._names[key]] = as_png(texels, opaque=opaque)
         return f"./{self._names[key]}"
 
 
 def add_materials(
-    stage: Usd.Stage, scope: str, appearance: Appearance, surfaces: Surfaces, files: PictureFiles
+    stage: Usd.Stage, scope: str, appearance: Appearance, surfaces: Surfaces, files: TextureFiles
 ) -> list[Any]:
-    """Define a UsdPreviewSurface for each material, and have `files` keep its pictures."""
+    """Define a UsdPreviewSurface for each material, and have `files` keep its textures."""
     UsdGeom.Scope.Define(stage, scope)
-    painted = {number for number, _ in enumerate(appearance.materials) if _is_painted(appearance, number)}
+    # colors of vertices show where no texture hides them, since USD multiplies nothing
+    has_colors = appearance.colors is not None
     return [
-        _Preview(stage, f"{scope}/material_{number}", files).of(look, surface, painted=number in painted)
-        for number, (look, surface) in enumerate(zip(appearance.materials, surfaces.of_material, strict=True))
+        _Preview(stage, f"{scope}/material_{number}", files).of(
+            material, surface, painted=has_colors and material.texture is None
+        )
+        for number, (material, surface) in enumerate(zip(appearance.materials, surfaces.of_material, strict=True))
     ]
 
 
-def add_looks(
+def bind_materials(
     mesh: UsdGeom.Mesh, part: MeshPart, appearance: Appearance, surfaces: Surfaces, materials: list[Any]
 ) -> None:
     """Give a part texture coordinates and colors at its corners, and each of its faces its material."""
@@ -93,11 +87,6 @@ def add_looks(
         subset = binding.CreateMaterialBindSubset(f"material_{number}", Vt.IntArray.FromNumpy(faces))
         UsdShade.MaterialBindingAPI.Apply(subset.GetPrim()).Bind(materials[number])
     binding.SetMaterialBindSubsetsFamilyType(UsdGeom.Tokens.partition)
-
-
-def _is_painted(appearance: Appearance, number: int) -> bool:
-    """Whether the colors of a material are those of vertices: a texture hides them, since USD multiplies nothing."""
-    return appearance.colors is not None and appearance.materials[number].texture is None
 
 
 def _add_coordinates(mesh: UsdGeom.Mesh, name: str, places: NDArray[np.float32]) -> None:
@@ -125,50 +114,50 @@ def _add_colors(
 class _Preview:
     """One UsdPreviewSurface, and the shaders that feed it."""
 
-    def __init__(self, stage: Usd.Stage, path: str, files: PictureFiles) -> None:
+    def __init__(self, stage: Usd.Stage, path: str, files: TextureFiles) -> None:
         self._stage, self._path, self._files = stage, path, files
         self._material = UsdShade.Material.Define(stage, path)
         self._surface = self._shader("surface", "UsdPreviewSurface")
         self._readers: dict[str, Any] = {}
 
-    def of(self, look: Material, surface: Surface, *, painted: bool) -> Any:
-        """Make it `look` like that; `painted` takes the color of the mesh's vertices."""
-        self._color(look, painted)
+    def of(self, material: Material, surface: Surface, *, painted: bool) -> Any:
+        """Give it the values of a material; `painted` takes the color of the mesh's vertices."""
+        self._color(material, painted)
         rough = surface.metallic_roughness
         if rough is None:
             self._set("metallic", surface.metallic)
             self._set("roughness", surface.roughness)
         else:
             scale = (1.0, surface.roughness, surface.metallic, 1.0)
-            node = self._picture("metallic_roughness", rough, scale=scale)
+            node = self._texture("metallic_roughness", rough, scale=scale)
             self._connect("metallic", node, "b")
             self._connect("roughness", node, "g")
         if surface.glow is not None:
-            self._connect("emissiveColor", self._picture("glow", surface.glow, "sRGB", (*surface.emissive, 1.0)), "rgb")
+            self._connect("emissiveColor", self._texture("glow", surface.glow, "sRGB", (*surface.emissive, 1.0)), "rgb")
         elif any(surface.emissive):
             self._set("emissiveColor", Gf.Vec3f(*surface.emissive))
         if surface.normal is not None:
             # from [0, 1] to [−1, 1], as USD asks of pictures with eight bits
             spread: tuple[Four, Four] = ((2.0, 2.0, 2.0, 1.0), (-1.0, -1.0, -1.0, 0.0))
-            self._connect("normal", self._picture("normal", surface.normal, "raw", *spread), "rgb")
+            self._connect("normal", self._texture("normal", surface.normal, "raw", *spread), "rgb")
         if surface.occlusion is not None:
             part = surface.occlusion_strength
             rest = 1.0 - part
-            node = self._picture(
+            node = self._texture(
                 "occlusion", surface.occlusion, "raw", (part, part, part, 1.0), (rest, rest, rest, 0.0)
             )
             self._connect("occlusion", node, "r")
         self._material.CreateSurfaceOutput().ConnectToSource(self._surface.ConnectableAPI(), "surface")
         return self._material
 
-    def _color(self, look: Material, painted: bool) -> None:
-        factor = _linear(look)
-        clear = look.alpha_mode != "OPAQUE"
-        if look.alpha_mode == "MASK":
-            self._set("opacityThreshold", look.alpha_cutoff)
-        if look.texture is not None:
-            name = self._files.name(look.texture)
-            node = self._texture("texture", name, look.wrap, BASE, "sRGB", factor)
+    def _color(self, material: Material, painted: bool) -> None:
+        factor = _linear(material)
+        clear = material.alpha_mode != "OPAQUE"
+        if material.alpha_mode == "MASK":
+            self._set("opacityThreshold", material.alpha_cutoff)
+        if material.texture is not None:
+            base = Picture(material.texture, material.wrap, BASE)
+            node = self._texture("texture", base, "sRGB", factor, opaque=False)
             self._connect("diffuseColor", node, "rgb")
             if clear:
                 self._connect("opacity", node, "a")
@@ -184,27 +173,17 @@ class _Preview:
         if not clear:
             self._set("opacity", 1.0)
 
-    def _picture(
+    def _texture(
         self,
         name: str,
         picture: Picture,
         space: str = "raw",
         scale: Four = (1.0, 1.0, 1.0, 1.0),
         bias: Four = (0.0, 0.0, 0.0, 0.0),
+        *,
+        opaque: bool = True,
     ) -> Any:
-        file = self._files.name(picture.texels, opaque=True)
-        return self._texture(name, file, picture.wrap, picture.coordinates, space, scale, bias)
-
-    def _texture(
-        self,
-        name: str,
-        file: str,
-        wrap: tuple[str, str],
-        coordinates: str,
-        space: str,
-        scale: Four,
-        bias: Four = (0.0, 0.0, 0.0, 0.0),
-    ) -> Any:
+        file, coordinates = self._files.name(picture.texels, opaque=opaque), picture.coordinates
         texture = self._shader(name, "UsdUVTexture")
         texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(file)
         if coordinates not in self._readers:
@@ -215,7 +194,7 @@ class _Preview:
         texture.CreateInput("scale", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*scale))
         if any(bias):
             texture.CreateInput("bias", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*bias))
-        for side, each in zip(("wrapS", "wrapT"), wrap, strict=True):
+        for side, each in zip(("wrapS", "wrapT"), picture.wrap, strict=True):
             texture.CreateInput(side, Sdf.ValueTypeNames.Token).Set(each)
         return texture
 
@@ -245,7 +224,7 @@ class _Preview:
         return self._surface.CreateInput(name, kinds.get(name, Sdf.ValueTypeNames.Float))
 
 
-def _linear(look: Material) -> Four:
+def _linear(material: Material) -> Four:
     """The factor of the color, which is linear in USD, and of the opacity."""
-    red, green, blue = (float(value) for value in linear(np.array(look.color[:3])))
-    return red, green, blue, float(look.color[3])
+    red, green, blue = (float(value) for value in linear(np.array(material.color[:3])))
+    return red, green, blue, float(material.color[3])

@@ -1,0 +1,94 @@
+"""Where a part ends among the nodes of the surface: its border snaps to the crease near it, by a minimal cut."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components, dijkstra, maximum_flow
+
+from dfd.segmentation.patches import Patches
+
+__all__ = ["pieces_of", "snapped"]
+
+NECK = 1.5  # in the spacing of patches: pieces that meet only within that of the border are pieces of their own
+CRUMB = 0.1  # of the largest piece: what is smaller goes with another
+BAND = 1.5  # so far from the border of patches, in their spacing, a crease is looked for
+CREASE = 0.1  # concavity over which a border costs e times less
+KEEP = 0.1  # what a node that changes sides costs, as a part of the border around a patch for one of its area
+STEEPEST = 10.0  # of nodes so many times nearer to one another than patches, concavity is not scaled up further
+UNITS, MOST = 1e6, 2**28  # flows are whole numbers: what a border as long as the diagonal costs, and the most
+
+Mask = NDArray[np.bool_]
+
+
+def snapped(patches: Patches, inside: Mask, held: int | None = None) -> Mask:
+    """(N,) which nodes belong to the part of the patches `inside` (P,), after the cheapest cut near its border.
+
+    What borders cost is their length, less where the surface creases inwards. What lies deeper than `BAND`, or half as
+    deep as its connected piece goes, stays where it is, and so does the node `held`, which is a part's own.
+    """
+    borders, start = patches.node_borders, inside[patches.of_node]
+    one, other = borders.pairs.T
+    at_border = np.unique(borders.pairs[start[one] != start[other]])
+    if len(at_border) == 0:
+        return start
+    band = BAND * patches.spacing * patches.size
+    depth = dijkstra(patches.nodes.graph, indices=at_border, min_only=True, limit=band)
+    deepest = np.zeros(borders.count)
+    one_side = patches.borders.graph(np.equal(*inside[patches.borders.pairs.T]).astype(np.float64))
+    one_side.eliminate_zeros()
+    piece = connected_components(one_side, directed=False)[1][patches.of_node]
+    np.maximum.at(deepest, piece, np.minimum(depth, band))
+    free = depth < deepest[piece] / 2
+    if held is not None:
+        start[held], free[held] = True, False
+    # Nodes that may change sides, then all others of one side as the source, and those of the other as the sink.
+    count = int(free.sum())
+    number = np.where(start, count, count + 1)
+    number[free] = np.arange(count)
+    touched = free[one] | free[other]
+    crease = borders.concavity[touched].clip(0) * np.minimum(patches.spacing / borders.apart[touched], STEEPEST)
+    cost = UNITS * borders.length[touched] * np.exp(-crease / CREASE) + 1
+    keep = UNITS * KEEP / patches.spacing * patches.node_area[free]
+    ends = np.concatenate(
+        [number[borders.pairs[touched]], np.stack([number[free], np.where(start[free], count, count + 1)], axis=1)]
+    )
+    ends, capacity = np.concatenate([ends, ends[:, ::-1]]), np.tile(np.concatenate([cost, keep]), 2)
+    graph = csr_array((capacity.clip(0, MOST).astype(np.int32), tuple(ends.T)), shape=(count + 2, count + 2))
+    left = (graph - maximum_flow(graph, count, count + 1, method="dinic").flow).tocsr()
+    left.data[left.data < 0] = 0
+    left.eliminate_zeros()
+    on_side = np.zeros(count + 2, bool)
+    on_side[breadth_first_order(left, count, return_predecessors=False)] = True
+    return on_side[number][patches.twin]
+
+
+def pieces_of(patches: Patches, inside: Mask) -> NDArray[np.int64]:
+    """(P,) the piece of a part `inside` (P,) that each patch is on, counted from 0; −1 beyond the part.
+
+    Legs that meet in a narrow web are pieces all the same: what lies deep in the part tells them apart, and what does
+    not belongs to the piece nearest to it along the surface.
+    """
+    borders = patches.borders
+    own = np.flatnonzero(inside)
+    graph = borders.graph(borders.apart)[own][:, own]
+    ends = np.unique(borders.pairs[np.not_equal(*inside[borders.pairs.T])])
+    depth = dijkstra(borders.graph(borders.apart), indices=ends, min_only=True) if len(ends) else None
+    piece = np.asarray(connected_components(graph, directed=False)[1], np.int64)
+    if depth is not None:
+        deep = np.flatnonzero(depth[own] > NECK * patches.spacing)
+        core = connected_components(graph[deep][:, deep], directed=False)[1] if len(deep) else deep
+        area = np.bincount(core, patches.area[own[deep]])
+        large = (area > CRUMB * area.max(initial=0))[core]
+        # A piece without a deep place stays one.
+        whole = np.isin(piece, piece[deep[large]])
+        seeds = deep[large]
+        if len(seeds):
+            source = dijkstra(graph, indices=seeds, min_only=True, return_predecessors=True)[2]
+            name = np.zeros(len(own), np.int64)
+            name[seeds] = core[large] + 1
+            piece = np.where(whole, name[np.where(whole, source, 0)], -piece - 1)
+    result = np.full(borders.count, -1)
+    result[own] = np.unique(piece, return_inverse=True)[1]
+    return result

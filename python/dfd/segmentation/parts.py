@@ -1,0 +1,197 @@
+"""Parts at a click: the part of a shape that holds a place, with its look-alikes or alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
+
+from dfd.common import check
+from dfd.field.on_mesh import FieldOnMesh
+from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
+from dfd.segmentation.border import CRUMB, pieces_of, snapped
+from dfd.segmentation.hierarchy import Hierarchy
+from dfd.segmentation.patches import Patches
+
+if TYPE_CHECKING:
+    from dfd.field.field import Field
+
+__all__ = ["Level", "Parts", "parts"]
+
+Level = Literal["smaller", "part", "larger"]
+LARGER = 1.25  # times the area is the least by which two levels differ
+
+
+class Features(Protocol):
+    """What gives features of a mesh's vertices: `field.on(mesh)`, or the rows that a session has."""
+
+    def __call__(self, vertices: NDArray[np.int64]) -> NDArray[np.float32]:
+        """Features (N, D) of vertices (N,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A part of a shape.
+
+    Attributes
+    ----------
+    mask
+        (V,) which vertices belong to it.
+    share
+        Its part of the surface.
+    pieces
+        How many connected pieces it has, besides crumbs.
+    vertex
+        One that lies well in it, or the one that was asked for.
+    """
+
+    mask: NDArray[np.bool_]
+    share: float
+    pieces: int
+    vertex: int
+
+    @property
+    def vertices(self) -> NDArray[np.int64]:
+        """(N,) its vertices, ascending."""
+        return np.flatnonzero(self.mask)
+
+
+class Parts:
+    """The parts of one shape; nothing is computed before the first question.
+
+    Parameters
+    ----------
+    mesh
+        The shape.
+    features
+        Called with vertices (N,), it gives their features (N, D).
+    """
+
+    def __init__(self, mesh: Mesh, features: Features) -> None:
+        self._mesh, self._features = mesh, features
+
+    def part(self, at: Any, level: Level = "part", *, alike: bool = True) -> Part:
+        """Find the part that holds a place.
+
+        Parameters
+        ----------
+        at
+            A vertex index, or a point (3,) in mesh units, which stands for the vertex nearest to it.
+        level
+            "part" is the one of the clearest cut of the whole shape, "smaller" lies in it, "larger" holds it. Where
+            nothing ends there, they are the same.
+        alike
+            Whether all that looks alike belongs to it, such as the other legs, or the one connected piece alone.
+
+        Raises
+        ------
+        ValueError
+            If `at` is neither, `level` is unknown, or the mesh has no face with an area.
+        """
+        check.choice("Parts.part", "level", level, Level)
+        vertex = self._vertex(at)
+        patch = int(self._patches.of_vertex[vertex])
+        inside = self._branch(patch, level)
+        if not alike:
+            piece = pieces_of(self._patches, inside)
+            inside = piece == piece[patch]
+        node = int(self._patches.twin[self._patches.nodes.of_vertex[vertex]])
+        nodes = snapped(self._patches, inside, node)
+        return self._part(inside, self._carried([~nodes, nodes]) == 1, vertex)
+
+    def cut(self) -> list[Part]:
+        """Cut the whole shape into parts, the largest first; every vertex belongs to one.
+
+        What looks alike is one part. Of all cuts of the tree it is the one whose parts end most clearly.
+
+        Raises
+        ------
+        ValueError
+            If the mesh has no face with an area.
+        """
+        patches, part = self._patches, self._hierarchy.shown()
+        branches = part == np.unique(part)[:, None]
+        claims = np.array([snapped(patches, inside) for inside in branches])
+        # What several claim, or none, stays with the part that its patch is of.
+        of_node = np.where(claims.sum(axis=0) == 1, claims.argmax(axis=0), branches.argmax(axis=0)[patches.of_node])
+        sides = [of_node == number for number in range(len(branches))]
+        label = self._carried(sides)
+        found = [
+            self._part(inside, label == number, self._middle(inside))
+            for number, inside in enumerate(branches)
+            if (label == number).any()
+        ]
+        return sorted(found, key=lambda each: -each.share)
+
+    def prepare(self) -> None:
+        """Do now what the first question would have to wait for: half a second, and seconds for a million faces."""
+        _ = self._hierarchy
+
+    def _branch(self, patch: int, level: Level) -> NDArray[np.bool_]:
+        tree = self._hierarchy
+        nodes = tree.holding(patch)
+        branches = [tree.branch(node) for node in nodes]
+        area = np.array([branch.area for branch in branches])
+        clarity = np.array([branch.clarity for branch in branches])
+        in_cut = np.isin(nodes, tree.cut)
+        best = int((in_cut if in_cut.any() else clarity).argmax())
+        if level == "part":
+            return branches[best].inside
+        among = np.flatnonzero(area * LARGER < area[best] if level == "smaller" else area > LARGER * area[best])
+        return branches[best if len(among) == 0 else among[clarity[among].argmax()]].inside
+
+    def _carried(self, sides: Sequence[NDArray[np.bool_]]) -> NDArray[np.int64]:
+        """(V,) which of `sides`, of the nodes (N,), most of the nodes around each vertex are on."""
+        shares = self._patches.nodes.shares(np.array(sides, np.float64))
+        best = np.zeros(len(self._mesh.vertices), np.float32)
+        label = np.zeros(len(best), np.int64)
+        for number, share in enumerate(shares):
+            here = share(slice(None))
+            label[here > best] = number
+            np.maximum(best, here, out=best)
+        return label
+
+    def _part(self, inside: NDArray[np.bool_], mask: NDArray[np.bool_], vertex: int) -> Part:
+        piece, area = pieces_of(self._patches, inside)[inside], self._patches.area[inside]
+        sizes = np.bincount(piece, area)
+        return Part(mask, float(area.sum()), int((sizes > CRUMB * sizes.max()).sum()), vertex)
+
+    def _middle(self, inside: NDArray[np.bool_]) -> int:
+        """A vertex of the patch of `inside` (P,) that lies the farthest from where the part ends."""
+        borders = self._patches.borders
+        ends = np.unique(borders.pairs[np.not_equal(*inside[borders.pairs.T])])
+        depth = (
+            dijkstra(borders.graph(borders.apart), indices=ends, min_only=True) if len(ends) else np.zeros(len(inside))
+        )
+        depth = np.where(inside & np.isfinite(depth), depth, -1.0)
+        return int(np.flatnonzero(self._patches.of_vertex == depth.argmax())[0])
+
+    def _vertex(self, at: Any) -> int:
+        if np.ndim(at) == 0:
+            return int(check.vertex_indices("Parts.part", "at", [at], len(self._mesh.vertices))[0])
+        point = check.array("Parts.part", "at", at, (3,), dtype=np.float64)
+        return int(self._tree.query(point)[1])
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self._mesh.vertices)
+
+    @cached_property
+    def _patches(self) -> Patches:
+        return Patches(self._mesh)
+
+    @cached_property
+    def _hierarchy(self) -> Hierarchy:
+        return Hierarchy(self._patches, self._patches.means(self._features))
+
+
+def parts(field: Field, mesh: MeshLike) -> Parts:
+    """Find the parts of `mesh`, or of whatever `dfd.load` makes one of, by the features that `field` gives there."""
+    shape = as_mesh(mesh)
+    return Parts(shape, FieldOnMesh(field, shape).rows)

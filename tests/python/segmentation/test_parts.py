@@ -1,0 +1,176 @@
+"""Parts at a click, on samples whose parts are known, with features that tell them apart but for noise."""
+
+import numpy as np
+import pytest
+from made_field import field_of
+
+import dfd
+from dfd.geometry.topology import face_areas
+from dfd.segmentation.border import pieces_of, snapped
+from dfd.segmentation.parts import Parts
+from dfd.segmentation.patches import Patches
+
+
+def noisy(sample, seed=0):
+    """Features of a sample's vertices: a direction a part, and noise half as large."""
+    random = np.random.default_rng(seed)
+    directions = random.normal(size=(len(sample.parts), 16))
+    rows = directions[sample.labels] + 0.5 * random.normal(size=(len(sample.labels), 16))
+    return (rows / np.linalg.norm(rows, axis=1, keepdims=True)).astype(np.float32)
+
+
+def parts_of(sample):
+    rows = noisy(sample)
+    return Parts(sample.mesh, lambda vertices: rows[vertices])
+
+
+def foot_of(chair):
+    """A vertex at the end of a leg."""
+    leg = chair.vertices_of("leg", 0)
+    return int(leg[chair.mesh.vertices[leg, 1].argmin()])
+
+
+def overlap(one, other):
+    return (one & other).sum() / (one | other).sum()
+
+
+@pytest.fixture(scope="module")
+def chair():
+    return dfd.samples.chair(4_000)
+
+
+@pytest.fixture(scope="module")
+def chair_parts(chair):
+    return parts_of(chair)
+
+
+def test_a_click_finds_the_part_with_its_look_alikes_or_one_piece_of_it(chair, chair_parts):
+    legs = chair.labels == chair.parts.index("leg")
+    one_leg, tip = chair.vertices_of("leg", 0), foot_of(chair)
+    found = chair_parts.part(tip)
+    assert overlap(found.mask, legs) > 0.85
+    assert found.pieces == 4
+    assert found.mask[tip]
+    assert found.vertex == tip
+    alone = chair_parts.part(tip, alike=False)
+    assert overlap(alone.mask, np.isin(np.arange(len(legs)), one_leg)) > 0.85
+    assert alone.pieces == 1
+    assert alone.share == pytest.approx(found.share / 4, rel=0.1)
+
+
+def test_a_point_stands_for_the_vertex_nearest_to_it(chair, chair_parts):
+    at = chair_parts.part(chair.mesh.vertices[100] + 1e-6)
+    assert np.array_equal(at.mask, chair_parts.part(100).mask)
+    assert at.vertex == 100
+    assert np.array_equal(at.vertices, np.flatnonzero(at.mask))
+
+
+def test_the_smaller_part_lies_in_the_part_and_the_larger_one_around_it(chair, chair_parts):
+    for vertex in range(0, len(chair.mesh.vertices), 211):
+        smaller, part, larger = (chair_parts.part(vertex, level) for level in ("smaller", "part", "larger"))
+        assert smaller.share <= part.share <= larger.share
+        assert overlap(smaller.mask & part.mask, smaller.mask) > 0.8
+        assert overlap(part.mask & larger.mask, part.mask) > 0.8
+
+
+def test_a_cut_gives_every_vertex_one_part_the_largest_first(chair, chair_parts):
+    cut = chair_parts.cut()
+    assert (np.sum([part.mask for part in cut], axis=0) == 1).all()
+    assert [part.share for part in cut] == sorted((part.share for part in cut), reverse=True)
+    assert sum(part.share for part in cut) == pytest.approx(1)
+    for part in cut:
+        assert part.mask[part.vertex]
+    labels = np.argmax([part.mask for part in cut], axis=0)
+    agreed = sum(np.bincount(chair.labels[labels == number]).max() for number in range(len(cut)))
+    assert agreed / len(labels) > 0.85
+
+
+def test_the_same_parts_are_found_again_and_after_a_turn(chair):
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    rows = noisy(chair)
+    turned = dfd.Mesh(3 * chair.mesh.vertices @ turn.T, chair.mesh.faces)
+    vertex = foot_of(chair)
+    masks = [Parts(mesh, lambda some: rows[some]).part(vertex).mask for mesh in (chair.mesh, chair.mesh, turned)]
+    assert np.array_equal(masks[0], masks[1])
+    assert overlap(masks[0], masks[2]) > 0.95
+
+
+def test_a_fine_mesh_has_the_same_parts():
+    chair = dfd.samples.chair(60_000)
+    assert len(chair.mesh.vertices) > 20_000  # it is gathered into nodes
+    vertex = foot_of(chair)
+    assert overlap(parts_of(chair).part(vertex).mask, chair.labels == chair.labels[vertex]) > 0.85
+
+
+def test_vertices_at_one_position_belong_to_one_part(chair):
+    """A file with seams of textures has each of them several times."""
+    corners = chair.mesh.faces.ravel()
+    torn = dfd.Mesh(chair.mesh.vertices[corners], np.arange(len(corners)).reshape(-1, 3))
+    rows = noisy(chair)
+    vertex = foot_of(chair)
+    found = Parts(torn, lambda some: rows[corners[some]]).part(int(np.flatnonzero(corners == vertex)[0])).mask
+    assert overlap(found, (chair.labels == chair.labels[vertex])[corners]) > 0.85
+    for position in range(0, len(rows), 97):
+        assert len(set(found[corners == position].tolist())) == 1
+
+
+def test_a_border_snaps_to_the_crease_beside_it(chair):
+    """Two patches too many or too few around the legs: the crease under the seat says where they end."""
+    patches = Patches(chair.mesh)
+    legs = chair.labels == chair.parts.index("leg")
+    inside = np.bincount(patches.of_vertex, legs) > np.bincount(patches.of_vertex) / 2
+    one, other = patches.borders.pairs.T
+    grown = inside.copy()
+    grown[one[inside[other]]] = grown[other[inside[one]]] = True
+    before, after = grown[patches.of_vertex], snapped(patches, grown)[patches.nodes.of_vertex]
+    assert overlap(after, legs) > overlap(before, legs) + 0.05
+
+
+def test_pieces_that_meet_in_a_narrow_web_are_told_apart(chair):
+    patches = Patches(chair.mesh)
+    legs = chair.labels == chair.parts.index("leg")
+    inside = np.bincount(patches.of_vertex, legs) > np.bincount(patches.of_vertex) / 2
+    pieces = pieces_of(patches, inside)
+    assert len(np.unique(pieces[inside])) == 4
+    assert (pieces[~inside] == -1).all()
+
+
+def test_loose_shapes_of_few_faces_have_parts():
+    triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    mesh = dfd.Mesh(np.concatenate([triangle, triangle + 5]), np.arange(6).reshape(2, 3))
+    found = Parts(mesh, lambda some: np.eye(6, dtype=np.float32)[some])
+    assert found.part(0).mask[0]
+    assert sum(part.mask for part in found.cut()).tolist() == [1] * 6
+
+
+def test_a_field_gives_the_features(chair):
+    field = field_of(chair.mesh)
+    rows = field.features(chair.mesh)
+    by_field = dfd.parts(field, chair.mesh).part(0)
+    assert np.array_equal(by_field.mask, Parts(chair.mesh, lambda some: rows[some]).part(0).mask)
+
+
+def test_share_is_of_the_surface(chair, chair_parts):
+    found = chair_parts.part(0)
+    areas = face_areas(chair.mesh.vertices, chair.mesh.faces)
+    own = found.mask[chair.mesh.faces].mean(axis=1)
+    assert found.share == pytest.approx(own @ areas / areas.sum(), abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("at", "level", "message"),
+    [
+        (-1, "part", "Parts.part: `at`"),
+        ([0.0, np.nan, 0.0], "part", "Parts.part: `at` must be finite"),
+        (0, "huge", "Parts.part: `level` must be"),
+    ],
+)
+def test_what_is_no_place_or_level_is_refused(chair_parts, at, level, message):
+    with pytest.raises(ValueError, match=message):
+        chair_parts.part(at, level)
+
+
+def test_a_mesh_without_area_has_no_parts():
+    flat = dfd.Mesh(np.zeros((3, 3)), [[0, 1, 2]])
+    with pytest.raises(ValueError, match="parts: `mesh` must have a face with an area, got none"):
+        Parts(flat, lambda some: np.ones((len(some), 4), np.float32)).part(0)
