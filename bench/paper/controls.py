@@ -78,16 +78,17 @@ def fig6(context: Context) -> Page:
         free, fixed = (subject.session([handle], fixed=some) for some in ([], held))
         where = aim(mesh, mesh.vertices[[handle["at"]]], free.vertices, fixed.vertices)
         source = picture(mesh, handles=[handle["at"]], fixed=held, **where)
-        images = [(source, "handle and fixed point"), *before_after(free, where), *before_after(fixed, where)]
-        drawn.append((subject.heading, images))
+        images = [(source, "handle and fixed point")]
         alike = dfd.bind(subject.field.features(mesh), held)[:, 0] >= ALIKE
         for name, session in (("free", free), ("fixed", fixed)):
+            images += [(image, f"{what}, {name}") for image, what in before_after(session, where)]
             moved = np.linalg.norm(session.vertices - mesh.vertices, axis=1) / mesh.diagonal
             means = [100 * float(moved[each].mean()) if each.any() else None for each in (alike, ~alike)]
             rows.append([*subject.label, name, *means])
+        drawn.append((subject.heading, images))
     columns = ["shape", "preset", "", "alike to the fixed point: moved %", "all else: moved %"]
     text = (
-        "Left to right: the shape, weights and result without the fixed point, weights and result with it. In the "
+        "Weights and result without the fixed point and with it. In the "
         f"table: mean distances moved, of the diagonal of the box; alike is what has a weight of at least {ALIKE} for "
         "the fixed point. dfd lets handles arrive at their targets in spite of fixed points, the paper does not."
     )
@@ -111,6 +112,6 @@ def fig7(context: Context) -> Page:
         for value, session in sessions.items():
             rows.append([*subject.label, value, 100 * float(areas[session.following[:, 0] > FOLLOWS].sum())])
     text = f"In the table: how much of the surface has a weight above {FOLLOWS}."
-    look_for = "Without locality the whole head turns; the larger λ, the nearer to the tip of the horn it ends."
+    look_for = "Without locality all that looks alike turns; the larger λ, the nearer to the tip of the horn it ends."
     table = Table(["shape", "preset", "λ", "follows, % of the area"], rows)
     return Page("Fig. 7: locality weighting", look_for, [Section("One rotation", text, drawn, table)])

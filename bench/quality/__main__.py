@@ -23,7 +23,8 @@ from bench.quality.report import to_csv, to_markdown
 from bench.quality.shapes import Shape
 from bench.quality.studies import Bench, Row, Settings
 from dfd.common.files import atomic_write
-from dfd.pictures.picture import contact_sheet, save_png
+from dfd.pictures.contact_sheet import contact_sheet
+from dfd.pictures.picture import save_png
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "quality"
 QUICK: Settings = {"views": 12, "resolution": 280}

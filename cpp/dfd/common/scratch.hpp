@@ -24,10 +24,12 @@ inline AlignedMemory take_memory(std::size_t bytes)
 {
     constexpr std::size_t line = 64, large_page = std::size_t{1} << 21;
     const bool large = bytes >= 2 * large_page;
-    const FreeAligned free{std::align_val_t{large ? large_page : line}};
-    AlignedMemory memory(::operator new(bytes, free.alignment), free);
+    const std::size_t alignment = large ? large_page : line;
+    const std::size_t size = (bytes + alignment - 1) / alignment * alignment;  // whole pages: the last one counts too
+    const FreeAligned free{std::align_val_t{alignment}};
+    AlignedMemory memory(::operator new(size, free.alignment), free);
 #ifdef __linux__
-    if (large) madvise(memory.get(), bytes / large_page * large_page, MADV_HUGEPAGE);
+    if (large) madvise(memory.get(), size, MADV_HUGEPAGE);
 #endif
     return memory;
 }

@@ -93,11 +93,11 @@ def controls(values: Mapping[str, Any]) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        If `--reach` is neither auto nor a number.
+        If `--reach` is neither auto, nor part, nor a number.
     """
     given = {name: values[name] for name in CONTROLS if values[name] not in (None, [], ())}
-    if "reach" in given and given["reach"] != "part":
-        given["reach"] = number_or("auto", "--reach", given["reach"], "part, or a number above 0")
+    if "reach" in given and given["reach"] not in ("auto", "part"):
+        given["reach"] = number_or("auto, part", "--reach", given["reach"], "a number above 0")
     return given
 
 

@@ -7,7 +7,6 @@ at their borders: they run along creases, and the next larger part differs much 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +53,15 @@ class Branch:
 class Hierarchy:
     """Every part of one shape, from single patches to the whole.
 
+    Attributes
+    ----------
+    branches
+        (N,) the nodes of the tree: patches first, then what joins two earlier ones.
+    cut
+        Nodes that share out all patches: of all such cuts the one with the most clarity over the whole surface.
+    clear
+        (N,) which nodes end more clearly than any cut of them.
+
     Parameters
     ----------
     patches
@@ -80,32 +88,33 @@ class Hierarchy:
             first[other] = first[one] + self._size[one]
         self._first, self._order = first, np.argsort(first[:count], kind="stable")
         self._children = children
-        self.branch = lru_cache(maxsize=None)(self._branch)
+        self.branches = [self._branch(node) for node in range(2 * count - 1)]
+        self.cut, self.clear = self._clearest_cut()
 
     def holding(self, patch: int) -> list[int]:
         """Nodes that hold a patch and are as large as a part may be, from the smallest on; at least one."""
         path = [patch]
         while self._parent[path[-1]] >= 0:
             path.append(int(self._parent[path[-1]]))
-        return [node for node in path if LEAST_AREA < self.branch(node).area < MOST_AREA] or path[-1:]
+        return [node for node in path if LEAST_AREA < self.branches[node].area < MOST_AREA] or path[-1:]
 
-    @cached_property
-    def cut(self) -> list[int]:
-        """Nodes that share out all patches: of all such cuts the one with the most clarity over the whole surface."""
+    def _clearest_cut(self) -> tuple[list[int], NDArray[np.bool_]]:
+        """What `cut` and `clear` are: the best cut of a node is the node itself, or those of what it joins."""
         count = self._patches.borders.count
-        worth, chosen = np.zeros(len(self._height)), [[node] for node in range(count)]
+        worth, clear = np.zeros(len(self._height)), np.zeros(len(self._height), bool)
+        cuts = [[node] for node in range(count)]
         for node, (one, other) in enumerate(self._children, start=count):
-            branch = self.branch(node)
+            branch = self.branches[node]
             own = branch.area * branch.clarity if LEAST_AREA < branch.area < MOST_AREA else 0.0
             below = worth[one] + worth[other]
-            worth[node] = max(own, below)
-            chosen.append([node] if own >= below and own > 0 else chosen[one] + chosen[other])
-        return chosen[-1]
+            worth[node], clear[node] = max(own, below), own > 0 and own >= below
+            cuts.append([node] if clear[node] else cuts[one] + cuts[other])
+        return cuts[-1], clear
 
     def shown(self) -> NDArray[np.int64]:
         """(P,) the part of each patch in `cut`; what is too small for one goes where its border is the longest."""
         borders, area = self._patches.borders, self._patches.area
-        part = np.argmax([self.branch(node).inside for node in self.cut], axis=0)
+        part = np.argmax([self.branches[node].inside for node in self.cut], axis=0)
         for small in sorted(set(part.tolist()), key=lambda number: area[part == number].sum()):
             if area[part == small].sum() >= LEAST_SHOWN:
                 break

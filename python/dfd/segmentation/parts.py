@@ -135,16 +135,18 @@ class Parts:
 
     def _branch(self, patch: int, level: Level) -> NDArray[np.bool_]:
         tree = self._hierarchy
+        in_cut = set(tree.cut)
         nodes = tree.holding(patch)
-        branches = [tree.branch(node) for node in nodes]
-        area = np.array([branch.area for branch in branches])
-        clarity = np.array([branch.clarity for branch in branches])
-        in_cut = np.isin(nodes, tree.cut)
-        best = int((in_cut if in_cut.any() else clarity).argmax())
-        if level == "part":
-            return branches[best].inside
-        among = np.flatnonzero(area * LARGER < area[best] if level == "smaller" else area > LARGER * area[best])
-        return branches[best if len(among) == 0 else among[clarity[among].argmax()]].inside
+        area = np.array([tree.branches[node].area for node in nodes])
+        clarity = np.array([tree.branches[node].clarity for node in nodes])
+        best = next((i for i, node in enumerate(nodes) if node in in_cut), int(clarity.argmax()))
+        among = np.array([best])
+        if level == "larger":
+            among = np.flatnonzero(area > LARGER * area[best])
+        elif level == "smaller":  # the clearest cut of the part itself
+            among = np.flatnonzero(tree.clear[nodes] & (LARGER * area < area[best]))[-1:]
+        chosen = among[clarity[among].argmax()] if len(among) else best
+        return tree.branches[nodes[chosen]].inside
 
     def _carried(self, sides: Sequence[NDArray[np.bool_]]) -> NDArray[np.int64]:
         """(V,) which of `sides`, of the nodes (N,), most of the nodes around each vertex are on."""

@@ -41,7 +41,7 @@ DEFORM = ("deform", "MESH", "--field", "FIELD")
         (("--handle", "500,500,500"), "`--handle` must lie near the shape, but 500,500,500 is"),
         (("--handle", "part:seat"), "must be"),
         (("--handle", 1, "--reach", 0), "`reach` must be above 0"),
-        (("--handle", 1, "--reach", "far"), "`--reach` must be auto or a number above 0, got 'far'"),
+        (("--handle", 1, "--reach", "far"), "`--reach` must be auto, part or a number above 0, got 'far'"),
         (("--handle", 1, "--falloff", "cubic"), "`falloff` must be one of linear, smooth"),
         (("--handle", 1, "--radius", "far"), "`radius` must be a length or a percentage such as 20%, got 'far'"),
         (("--handle", 1, "--radius", 1, "--locality", 1), "`radius` and `locality` must not be given both"),

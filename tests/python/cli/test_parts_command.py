@@ -1,0 +1,34 @@
+"""`dfd parts`, and parts as places of other commands."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_runs import drawn, failed, worked
+
+import dfd
+
+
+def test_parts_are_written_drawn_and_listed(run, chair):
+    done = run("parts", "MESH", "--field", "FIELD", "-o", "parts.json", "--picture", "parts.png", "--resolution", 64)
+    assert worked(done)
+    found = json.loads(Path("parts.json").read_text())
+    assert len(found["part_of_vertex"]) == len(chair.vertices)
+    assert sorted(set(found["part_of_vertex"])) == [row["part"] for row in found["parts"]]
+    assert sum(row["share"] for row in found["parts"]) == pytest.approx(1, abs=0.01)
+    for row in found["parts"]:
+        assert found["part_of_vertex"][row["vertex"]] == row["part"]
+        assert f"at vertex {row['vertex']}" in done.stdout
+    assert drawn("parts.png").ndim == 3
+
+
+def test_a_handle_and_what_is_fixed_may_be_the_part_that_a_place_is_on(run, chair, folder):
+    low = int(chair.vertices[:, 1].argmin())
+    move = ("--translate", 0, 0.2, 0, "--reach", 1e-6, "-o", "out.ply")
+    assert worked(run("deform", "MESH", "--field", "FIELD", "--handle", f"part@{low}", *move))
+    session = dfd.Deformer(chair, dfd.Field.load(folder / "chair.field.safetensors"))
+    moved = np.abs(dfd.load("out.ply").vertices - chair.vertices).max(axis=1) > 0.1
+    assert moved[session.part(low).indices].all()
+    refused = run("show", "MESH", "--handle", f"part@{low}", "-o", "out.png")
+    assert failed(refused, f"`--handle` cannot be 'part@{low}' without `--field`: features tell parts")

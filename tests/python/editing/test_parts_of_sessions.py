@@ -1,0 +1,57 @@
+"""Parts in a session: as handles, as limits, and as what a handle reaches."""
+
+import numpy as np
+import pytest
+from made_field import field_of
+
+import dfd
+from dfd.editing.influence.regions import VertexSet
+
+
+@pytest.fixture(scope="module")
+def legged():
+    """A chair, and a field that has learnt nothing."""
+    sample = dfd.samples.chair(4_000)
+    return sample.mesh, field_of(sample.mesh, seed=1)
+
+
+def test_a_part_is_a_region_that_holds_the_place(legged):
+    session = dfd.Deformer(*legged)
+    part = session.part(100)
+    assert isinstance(part, VertexSet)
+    assert 100 in part.indices
+    assert np.array_equal(part.indices, dfd.parts(legged[1], legged[0]).part(100).vertices)
+    assert len(session.part(100, alike=False).indices) <= len(part.indices)
+    with pytest.raises(ValueError, match="Deformer.part: `level` must be"):
+        session.part(100, level="huge")
+
+
+def test_what_is_said_of_parts_is_held_and_limits(legged):
+    session = dfd.Deformer(*legged)
+    part, piece = session.part(100), session.part(100, alike=False)
+    for text, region in (("part@100", part), ("piece@100", piece)):
+        held = session.add(text)
+        assert session.handles[-1].place.region == region
+        session.remove(held)
+    session.add(100, within="part", reach=2)
+    assert session.handles[-1].controls.within == part
+    inside = np.isin(np.arange(len(session.mesh.vertices)), part.indices)
+    assert (session.weights[~inside, 0] == 0).all()
+    session.change(session.handles[-1].id, within="piece@100")
+    assert session.handles[-1].controls.within == piece
+
+
+def test_a_reach_by_the_part_holds_it_with_a_seam_and_nothing_beyond(legged, tmp_path):
+    mesh, field = legged
+    session = dfd.Deformer(mesh, field)
+    session.add(100, reach="part", instances="together")
+    weights = session.weights[:, 0]
+    inside = np.isin(np.arange(len(weights)), session.part(100).indices)
+    away = np.linalg.norm(mesh.vertices[:, None] - mesh.vertices[inside][None], axis=2).min(axis=1)
+    assert weights[100] == 1
+    assert weights[inside].min() > 0.2
+    assert (weights[away > 0.011 * mesh.diagonal] == 0).all()
+    session.save(tmp_path / "edit.json")
+    again = dfd.Deformer.load(tmp_path / "edit.json", mesh, field)
+    assert again.handles[0].controls.reach == "part"
+    assert np.array_equal(again.weights, session.weights)
