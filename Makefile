@@ -49,13 +49,15 @@ lint: $(VENV)/installed-test
 	$(BIN)/mypy
 
 # The app's page is built, checked and tested once after each change; in a browser it is tested by pytest.
-CLIENT_SOURCES := $(shell find $(CLIENT) -name node_modules -prune -o -type f -print)
+CLIENT_SOURCES := $(shell find $(CLIENT) \( -name node_modules -o -name messages.ts \) -prune -o -type f -print)
+MESSAGES := $(wildcard python/dfd/app/protocol/*.py) python/dfd/app/session/requests.py python/dfd/editing/controls.py
 PAGE := python/dfd/app/static/index.html
 ifneq ($(shell command -v npm),)
 client: build/client-checked
 
-build/client-checked: $(CLIENT)/node_modules/.package-lock.json $(CLIENT_SOURCES)
-	cd $(CLIENT) && npm run --silent check
+# The types of messages are made from the Python that sends and reads them.
+build/client-checked: $(CLIENT)/node_modules/.package-lock.json $(CLIENT_SOURCES) $(MESSAGES) $(VENV)/installed-test
+	cd $(CLIENT) && DFD_PYTHON=$(abspath $(BIN)/python) npm run --silent check
 	mkdir -p build && touch $@
 
 $(PAGE): $(CLIENT)/node_modules/.package-lock.json $(CLIENT_SOURCES)

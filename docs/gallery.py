@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 import dfd
-from dfd.pictures.before_after import azimuth_towards
 from dfd.pictures.picture import picture, save_png
+from dfd.pictures.viewpoint import azimuth_towards
 
 CELL = 380
 Session = dfd.Deformer

@@ -24,7 +24,7 @@ from websockets.typing import Origin
 import dfd
 from bench.app import page
 from dfd.app.options import OpenedFile, SessionOptions, Source
-from dfd.app.protocol import VERSION
+from dfd.app.protocol.answers import VERSION
 from dfd.app.web.launch import RunningApp
 from dfd.field.architecture import Architecture
 from dfd.field.field import Field

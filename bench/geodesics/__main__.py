@@ -7,7 +7,6 @@ the mesh itself, at its own vertices: subdivision at the middles of edges moves 
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 import os
 from functools import cache
 from pathlib import Path
@@ -20,7 +19,8 @@ from rich.console import Console
 from rich.table import Table
 
 import dfd
-from bench.geodesics.heat import shortest_seconds, solve_heat
+from bench.geodesics.heat import heat_seconds, shortest_seconds
+from bench.quality.baselines import PeerError, in_child
 
 MESHES = (("spot.obj", 0), ("koala.obj", 0), ("scorpion.obj", 0), ("koala.obj", 2))
 COLUMNS = (
@@ -95,22 +95,12 @@ def _exact(path: Path, handles: tuple[int, ...]) -> NDArray[np.float64]:
 def _heat(mesh: dfd.Mesh, handle: int, seconds: float, limit: float) -> list[str]:
     """Return the times of the heat method on the full mesh, and how many times as fast ours is.
 
-    It runs in a process of its own: on a million faces the factorization takes minutes and cannot be interrupted.
+    On a million faces its factorization takes minutes and cannot be interrupted.
     """
-    spawn = multiprocessing.get_context("spawn")
-    receiver, sender = spawn.Pipe(duplex=False)
-    process = spawn.Process(target=solve_heat, args=(mesh.vertices, mesh.faces, handle, sender))
-    process.start()
-    sender.close()
     try:
-        times = receiver.recv() if receiver.poll(limit) else None
-    except EOFError:
-        raise SystemExit("the heat method ended without a result: see above") from None
-    process.terminate()
-    process.join()
-    if times is None:
-        return [f"> {limit:.0f}", "", ""]
-    factor, solve = times
+        factor, solve = in_child(heat_seconds, mesh.vertices, mesh.faces, handle, seconds=limit)
+    except PeerError as error:
+        return [str(error), "", ""]
     return [f"{factor:.1f}", f"{1e3 * solve:.0f}", f"{solve / seconds:.0f}"]
 
 

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import potpourri3d
 from numpy.typing import NDArray
 
-__all__ = ["shortest_seconds", "solve_heat"]
+__all__ = ["heat_seconds", "shortest_seconds"]
 
 
-def solve_heat(vertices: NDArray[np.float64], faces: NDArray[np.int32], handle: int, sender: Any) -> None:
-    """Send the seconds that factoring takes, and the shortest of a solve."""
+def heat_seconds(vertices: NDArray[np.float64], faces: NDArray[np.int32], handle: int) -> tuple[float, float]:
+    """The seconds that factoring takes, and the shortest of a solve."""
     started = time.perf_counter()
     solver = potpourri3d.MeshHeatMethodDistanceSolver(vertices, faces)
     factor = time.perf_counter() - started
-    sender.send((factor, shortest_seconds(lambda: solver.compute_distance(handle), 2)))
+    return factor, shortest_seconds(lambda: solver.compute_distance(handle), 2)
 
 
 def shortest_seconds(call: Callable[[], object], repeats: int) -> float:

@@ -9,37 +9,36 @@ from pathlib import Path
 
 from rich.console import Console
 
-from bench.paper.context import Context
-from bench.paper.methods import BALL
+from bench.paper.context import BALL, Context
 from bench.paper.report import Page, write
 from dfd.encoders.known import DEFAULT_ENCODER
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "paper"
 
-# Every page: the module of `bench.paper` whose `page(context)` makes it, or MODULE:FUNCTION, and what it shows.
+# Every page: the module of `bench.paper` that has a function of its name, of a context, and what it shows.
 PAGES: dict[str, tuple[str, str]] = {
-    "fig4": ("fig04_distillation", "pixels that teach a field, and the field of a shape reduced by 99 %"),
-    "fig5": ("fig05_symmetry", "planes of symmetry that are seen, and edits of one side"),
-    "fig6": ("fig06_constraints", "feature space constraints: what looks like a fixed point stays"),
-    "fig7": ("fig07_locality", "locality: one deformation, less and less of the shape"),
-    "fig8": ("fig08_translations", "one handle translated, beside methods that need fixed points"),
-    "fig9": ("fig09_dense", "layouts of DeepMetaHandles by every method (Fig. 16 too)"),
-    "fig10": ("fig10_timing", "seconds to preprocess, bind and pose over the number of faces"),
-    "fig11": ("fig11_encoders", "one deformation with the features of several image encoders"),
-    "fig12": ("fig12_encoder_weights", "weights of several image encoders"),
-    "fig13": ("fig13_ablation", "barycentric distillation against vertices alone, from coarse to fine"),
-    "fig14": ("fig14_translations", "one handle by every method, others with the neighbors of their constraints"),
-    "fig15": ("fig14_translations:page_without_neighbors", "the same without neighbors"),
-    "fig17": ("fig17_topology", "shapes with holes, loose components and non-manifold edges"),
-    "fig18": ("fig18_high_resolution", "large meshes: defects, holes, and seconds of each stage"),
-    "fig19": ("fig19_generalization", "one field on other tessellations and on another animal"),
-    "fig20": ("fig20_consistency", "the same parts on different shapes of one class"),
-    "fig21": ("fig09_dense:page_dense", "DFD with fifty handles"),
-    "fig22": ("fig22_metrics", "what every method does to the surface, in numbers"),
-    "table3": ("table3_rebinding", "seconds to bind 1, 10 and 100 new handles, beside OptCtrlPoints"),
-    "study1": ("studies:desirable", "sheets of the first user study: the best two of anonymous options"),
-    "study2": ("studies:realistic", "sheets of the second user study: the most realistic"),
-    "handles": ("handle_sets", "sets of handles as APAP-Bench 3D and DeepMetaHandles have them, by every method"),
+    "fig4": ("features", "pixels that teach a field, and the field of a shape reduced by 99 %"),
+    "fig5": ("controls", "planes of symmetry that are seen, and edits of one side"),
+    "fig6": ("controls", "feature space constraints: what looks like a fixed point stays"),
+    "fig7": ("controls", "locality: one deformation, less and less of the shape"),
+    "fig8": ("comparisons", "one handle translated, with its weights, beside methods that need fixed points"),
+    "fig9": ("comparisons", "layouts of DeepMetaHandles by every method (Fig. 16 too)"),
+    "fig10": ("resolution", "seconds of every method to preprocess, bind and pose over the number of faces"),
+    "fig11": ("encoders", "one deformation with the features of several image encoders"),
+    "fig12": ("encoders", "weights of several image encoders"),
+    "fig13": ("features", "barycentric distillation against vertices alone, from coarse to fine"),
+    "fig14": ("comparisons", "one handle by every method, others with the neighbors of their constraints"),
+    "fig15": ("comparisons", "the same without neighbors"),
+    "fig17": ("resolution", "shapes with holes, loose components and non-manifold edges"),
+    "fig18": ("resolution", "large meshes: defects, holes, and seconds of each stage"),
+    "fig19": ("features", "one field on other tessellations and on another animal"),
+    "fig20": ("features", "the same parts on different shapes of one class"),
+    "fig21": ("comparisons", "DFD with fifty handles"),
+    "fig22": ("comparisons", "what every method does to the surface, in numbers"),
+    "table3": ("resolution", "seconds to bind 1, 10 and 100 new handles, beside OptCtrlPoints"),
+    "study1": ("comparisons", "sheets of the first user study: the best two of anonymous options"),
+    "study2": ("comparisons", "sheets of the second user study: the most realistic"),
+    "handles": ("comparisons", "sets of handles as APAP-Bench 3D and DeepMetaHandles have them, by every method"),
 }
 
 
@@ -76,8 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def make(name: str, context: Context) -> Page:
     """The page called `name`; ValueError or OSError if it cannot be made."""
-    module, _, function = PAGES[name][0].partition(":")
-    made: Page = getattr(import_module(f"bench.paper.{module}"), function or "page")(context)
+    made: Page = getattr(import_module(f"bench.paper.{PAGES[name][0]}"), name)(context)
     return made
 
 

@@ -8,14 +8,13 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 import dfd
-from bench.paper.handles import Case
-from bench.paper.methods import BALL
+from dfd.batch.inputs import MESH_ENDINGS
 from dfd.common.preset import Preset
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
@@ -23,12 +22,12 @@ from dfd.encoders.encode import Encoder, load_encoder
 from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.geometry.refine import split_long_edges
 
-__all__ = ["PRESETS", "Context", "Shape", "named"]
+__all__ = ["BALL", "PRESETS", "BoxHandle", "Context", "Shape", "Subject", "named", "session"]
 
 PRESETS: tuple[Preset, ...] = ("paper", "default")
 NAMES: dict[Preset, str] = {"paper": "paper preset", "default": "dfd default"}
 
-ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
+BALL = 0.01  # of the longest side: the radius in which the paper gives other methods the neighbors of a point as well
 SAMPLES: dict[str, Callable[[], dfd.samples.Sample]] = {
     "chair": dfd.samples.chair,
     "quadruped": dfd.samples.quadruped,
@@ -40,6 +39,8 @@ QUICK: dict[str, Any] = {"views": 8, "resolution": 196}
 QUICK_PAPER: dict[str, Any] = {"epochs": 5, "batch": 2_000}
 
 Value = TypeVar("Value")
+Number = TypeVar("Number", int, float)
+Point = tuple[float, float, float]
 
 
 def named(preset: Preset) -> str:
@@ -70,6 +71,81 @@ class Shape:
         longest = LONGEST_EDGE * self.mesh.diagonal
         vertices, faces = split_long_edges(self.mesh.vertices, self.mesh.faces, longest, most=50_000)
         return self if len(faces) == len(self.mesh.faces) else Shape(self.name, dfd.Mesh(vertices, faces))
+
+
+@dataclass(frozen=True)
+class BoxHandle:
+    """A handle and what it does, places from 0 to 1 along the sides of a shape's box: it fits any mesh of the shape."""
+
+    at: Point
+    offset: Point = (0.0, 0.0, 0.0)  # of the diagonal
+    rotation: Point | None = None  # degrees
+    pivot: Point | None = None
+    fixed: tuple[Point, ...] = ()
+    azimuth: float | None = None  # degrees, from where it is seen
+
+    def on(self, shape: Shape) -> dict[str, Any]:
+        """What `Deformer.add` takes by name."""
+        handle: dict[str, Any] = {
+            "at": shape.at(self.at),
+            "translation": np.array(self.offset) * shape.mesh.diagonal,
+        }
+        if self.rotation is not None:
+            handle["rotation"] = self.rotation
+        if self.pivot is not None:
+            low, high = shape.mesh.bounds
+            handle["pivot"] = low + np.array(self.pivot) * (high - low)
+        return handle
+
+
+@dataclass(frozen=True)
+class Subject(Generic[Value]):
+    """A shape, what a page knows of it, and its field by one preset."""
+
+    shape: Shape
+    case: Value
+    preset: Preset
+    field: dfd.Field
+
+    @property
+    def label(self) -> list[str]:
+        """The first two columns of every table."""
+        return [self.shape.name, named(self.preset)]
+
+    @property
+    def heading(self) -> str:
+        """That of its row of pictures."""
+        return ", ".join(self.label)
+
+    def session(self, handles: Sequence[Mapping[str, Any]], **more: Any) -> dfd.Deformer:
+        """See `session`."""
+        return session(self.shape.mesh, self.field, self.preset, handles, **more)
+
+
+def session(
+    mesh: dfd.Mesh,
+    field: dfd.Field,
+    preset: Preset,
+    handles: Sequence[Mapping[str, Any]],
+    *,
+    fixed: Sequence[Any] = (),
+    symmetric: bool = False,
+    features: NDArray[np.float32] | None = None,
+) -> dfd.Deformer:
+    """A session with `handles`, each what `Deformer.add` takes by name, and `fixed` points.
+
+    `symmetric` lets handles act on both sides of the plane that `"auto"` finds by the preset: across an axis, with a
+    score below ε, in the paper's. Where there is none, none is used.
+    """
+    deformer = dfd.Deformer(mesh, field, preset=preset, features=features)
+    if symmetric:
+        with suppress(ValueError):  # looks alike across no plane
+            deformer.set_symmetry("auto")
+    for point in fixed:
+        deformer.fix(point)
+    for handle in handles:
+        deformer.add(**handle)
+    return deformer
 
 
 @dataclass
@@ -120,8 +196,12 @@ class Context:
         sample = next(name for name in names if name in SAMPLES)
         return Shape(sample, SAMPLES[sample]().mesh)
 
-    def cases(self, known: Mapping[str, Value], *, most: int) -> list[tuple[Shape, Value]]:
-        """At most `most` shapes and what is known of each by its name.
+    def of(self, most: tuple[Number, Number]) -> Number:
+        """The first of two numbers in a quick run, the second in a whole one."""
+        return most[0 if self.quick else 1]
+
+    def cases(self, known: Mapping[str, Value], most: tuple[int, int]) -> list[tuple[Shape, Value]]:
+        """At most so many shapes, in a quick and in a whole run, and what is known of each by its name.
 
         Of a folder that was given: its meshes, the known ones first, the others with the case that is called "*". Else
         the known ones among files and samples, in their order.
@@ -131,16 +211,26 @@ class Context:
             names = sorted(dict.fromkeys(stems), key=lambda name: (name not in known, name))
         else:
             names = [name for name in known if name in self.files or name in SAMPLES]
-        return [(self.shape(name), known.get(name, known["*"])) for name in names[:most]]
+        return [(self.shape(name), known.get(name, known["*"])) for name in names[: self.of(most)]]
+
+    def subjects(
+        self, known: Mapping[str, Value], most: tuple[int, int], *, refined: bool = False
+    ) -> Iterator[Subject[Value]]:
+        """The shapes of `cases`, with long edges halved where `refined`, each with its fields of both presets."""
+        for found, case in self.cases(known, most):
+            shape = found.refined() if refined else found
+            for preset in PRESETS:
+                yield Subject(shape, case, preset, self.field(shape, preset))
 
     # --- fields
 
-    def distill_settings(self, preset: Preset) -> dict[str, Any]:
-        """The keywords of `dfd.distill` for a preset."""
+    def distill_settings(self, preset: Preset, **more: Any) -> dict[str, Any]:
+        """The keywords of `dfd.distill` for a preset, with `more` over those of this run."""
+        given = {**self.settings, **more}
         shorter = {**QUICK, **(QUICK_PAPER if preset == "paper" else {})} if self.quick else {}
-        if "steps" in self.settings:  # one length of a fit at a time
+        if "steps" in given:  # one length of a fit at a time
             shorter.pop("epochs", None)
-        return {"preset": preset, **shorter, **self.settings}
+        return {"preset": preset, **shorter, **given}
 
     def loaded(self, preset: Preset, encoder: str | Path | Encoder | None = None, block: int | None = None) -> Encoder:
         """The encoder; the paper's sees the background as well."""
@@ -157,7 +247,7 @@ class Context:
     ) -> dfd.Field:
         """The field of a shape, distilled through the user's cache; with `stages`, distilled in any case and timed."""
         model = encoder or self.loaded(preset)
-        settings = {**self.distill_settings(preset), **more}
+        settings = self.distill_settings(preset, **more)
         told = {**settings, **model.settings()}
         key = (shape.mesh.content_hash, *sorted((name, repr(value)) for name, value in told.items()))
         if stages is not None or key not in self.fields:
@@ -168,42 +258,6 @@ class Context:
         distilled = {name: value for name, value in self.fields[key].settings.items() if name != "losses"}
         self.used.setdefault(named(preset), distilled)
         return self.fields[key]
-
-    # --- sessions
-
-    def session(
-        self,
-        shape: Shape,
-        field: dfd.Field,
-        preset: Preset,
-        handles: Sequence[Mapping[str, Any]],
-        *,
-        fixed: Sequence[Any] = (),
-        symmetric: bool = False,
-        features: NDArray[np.float32] | None = None,
-    ) -> dfd.Deformer:
-        """A session with `handles`, each what `Deformer.add` takes by name, and `fixed` points.
-
-        `symmetric` lets handles act on both sides of the plane that `"auto"` finds by the preset: across an axis, with
-        a score below ε, in the paper's. Where there is none, none is used.
-        """
-        deformer = dfd.Deformer(shape.mesh, field, preset=preset, features=features)
-        if symmetric:
-            with suppress(ValueError):  # looks alike across no plane
-                deformer.set_symmetry("auto")
-        for point in fixed:
-            deformer.fix(point)
-        for handle in handles:
-            deformer.add(**handle)
-        return deformer
-
-    def solve(self, case: Case, preset: Preset, *, fixed: bool = False) -> NDArray[np.float64]:
-        """Where the vertices of a case go (V, 3): every handle moved to its target, fixed points held if asked to."""
-        shape = Shape("", case.mesh)
-        moves = case.targets - case.mesh.vertices[case.handles]
-        handles = [{"at": int(at), "translation": move} for at, move in zip(case.handles, moves, strict=True)]
-        held = [int(vertex) for vertex in case.fixed] if fixed else []
-        return self.session(shape, self.field(shape, preset), preset, handles, fixed=held).vertices
 
     # --- about the run
 
@@ -226,4 +280,4 @@ class Context:
 
 
 def _mesh_files(folder: Path) -> Iterator[Path]:
-    return (path for path in sorted(folder.rglob("*")) if path.suffix.lower() in ENDINGS)
+    return (path for path in sorted(folder.rglob("*")) if path.suffix.lower() in MESH_ENDINGS)

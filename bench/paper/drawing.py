@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import dfd
-from dfd.pictures.before_after import azimuth_towards
 from dfd.pictures.picture import picture
+from dfd.pictures.viewpoint import azimuth_towards
 
 __all__ = ["RESOLUTION", "aim", "before_after", "blank", "heat", "silhouettes"]
 

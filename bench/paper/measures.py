@@ -1,18 +1,22 @@
-"""Numbers about shapes that several pages have."""
+"""Numbers about shapes, and finer copies of them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
 import dfd
-from dfd.geometry.topology import face_areas, first_at_place
+from dfd.geometry.topology import face_areas, face_components, first_at_place
 
-__all__ = ["Defects", "defects", "edges", "holes", "roughness", "vertex_shares"]
+__all__ = ["NEAR", "Defects", "defects", "gap", "roughness", "subdivided", "vertex_shares"]
+
+NEAR = 0.005  # of the diagonal: vertices of two components as near as that belong together
 
 
 def vertex_shares(mesh: dfd.Mesh) -> NDArray[np.float64]:
@@ -108,3 +112,25 @@ def roughness(mesh: dfd.Mesh, weights: NDArray[np.floating]) -> float:
     some = squared > 0
     length = np.linalg.norm(gradient[some], axis=1) / squared[some]
     return float((length * area[some]).sum() / area.sum() * mesh.diagonal)
+
+
+def gap(mesh: dfd.Mesh, moved: NDArray[np.floating]) -> float | None:
+    """The mean change of distance, mesh units, between near vertices of different components; None without any."""
+    faces = first_at_place(mesh)[mesh.faces]
+    component = np.full(len(mesh.vertices), -1)
+    component[faces] = face_components(faces.astype(np.int32))[:, None]
+    used = np.flatnonzero(component >= 0)
+    pairs = used[KDTree(mesh.vertices[used]).query_pairs(NEAR * mesh.diagonal, output_type="ndarray")]
+    first, second = pairs[component[pairs[:, 0]] != component[pairs[:, 1]]].T
+    if len(first) == 0:
+        return None
+    before, after = mesh.vertices[first] - mesh.vertices[second], moved[first] - moved[second]
+    return float(np.linalg.norm(after - before, axis=1).mean())
+
+
+def subdivided(mesh: dfd.Mesh, times: int) -> dfd.Mesh:
+    """The mesh with every face cut into four, `times` times over; holes stay, looks go."""
+    vertices, faces = mesh.vertices, mesh.faces
+    for _ in range(times):
+        vertices, faces = trimesh.remesh.subdivide(vertices, faces)
+    return mesh if times == 0 else dfd.Mesh(vertices, faces)

@@ -16,14 +16,15 @@ from rich.console import Console
 
 import dfd
 from bench.quality import labelled as labelled_bench
-from bench.quality import shapes, sheet, studies, upright
+from bench.quality import shapes, sheet, studies
 from bench.quality.evaluate import Draw
 from bench.quality.fields import SETTINGS, Lab
 from bench.quality.report import to_csv, to_markdown
 from bench.quality.shapes import Shape
 from bench.quality.studies import Bench, Row, Settings
 from dfd.common.files import atomic_write
-from dfd.pictures.picture import contact_sheet, save_png
+from dfd.pictures.contact_sheet import contact_sheet
+from dfd.pictures.picture import save_png
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "quality"
 QUICK: Settings = {"views": 12, "resolution": 280}
@@ -67,10 +68,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rows: list[Row] = []
     plan = _plan(bench, labelled, folder, options.quick, variants)
     plan["families"] = partial(
-        upright.families,
+        studies.families,
         bench,
         [*animals, *(shape for shape in labelled if "rig names" not in shape.name)],
-        turns={} if options.as_they_come else upright.TURNS,
+        turns={} if options.as_they_come else studies.TURNS,
     )
     unknown = set(options.study) - plan.keys()
     if unknown:
@@ -167,7 +168,7 @@ def _write(output: Path, rows: Sequence[Row], bench: Bench, quick: bool) -> None
     if bench.lab.settings["metric"] == "learned":
         heading += " The metric was learned from rigs and samples; `bench.training.learn_metric` leaves families out."
     output.mkdir(parents=True, exist_ok=True)
-    told_by_family = upright.by_family(rows) if any(row.study == upright.STUDY for row in rows) else ""
+    told_by_family = studies.by_family(rows) if any(row.study == studies.FAMILIES_STUDY for row in rows) else ""
     for name, text in (("quality.csv", to_csv(rows)), ("quality.md", to_markdown(rows, heading) + told_by_family)):
         with atomic_write(output / name) as temporary:
             temporary.write_text(text, "utf-8")

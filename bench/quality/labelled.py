@@ -28,7 +28,8 @@ from bench.quality.labelled_shapes import LabelledShape, labelled_shapes
 from bench.quality.measures import draw_handles, handle_precision
 from bench.quality.sheet import heat
 from dfd.common.files import atomic_write
-from dfd.pictures.picture import contact_sheet, save_png
+from dfd.pictures.contact_sheet import contact_sheet
+from dfd.pictures.picture import save_png
 from dfd.segmentation.parts import Parts
 
 __all__ = ["main"]

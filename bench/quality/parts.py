@@ -1,4 +1,4 @@
-"""Which kind of part a vertex of a character belongs to, from the name of the joint that moves it."""
+"""What names say: a vertex's kind of part, by the joint that moves it, and a shape's family, by its file."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 import dfd
+from dfd.mesh.file.gltf.header import objects
 
 # How a rig's joint names fall into the parts that every character has; the first match counts.
 MERGED = (
@@ -38,7 +38,39 @@ KINDS = (
     ("head", r"head|mouth|jaw|chin|nose|eye|tongue|brow|face"),
 )
 FEWEST = 20  # vertices of a kind of part that is judged
-TOUCHES = 1e-4  # of the diagonal: a vertex that far from every skinned one has no joint
+# Shapes of one family: what is learned from some of them is judged on the others only.
+# By words in a file's name; the first one found counts.
+FAMILIES = (
+    ("people", "fisherman"),
+    ("fish", "fish shark whale tuna"),
+    ("four-legged", "alpaca dog fox horse shibainu wolf spot koala quadruped stegosaurus cow bull pig sheep elephant"),
+    (
+        "four-legged",
+        "bear boar bull zebu camel deer donkey giraffe goat hippo lion mastiff rabbit rhino sanga tiger zebra",
+    ),
+    ("four-legged", "wildebeest crocodile"),
+    ("dinosaurs", "kaiju velociraptor"),
+    ("seats", "chair couch bench bed"),
+    ("people", "man knight robot archer axe mage guard mummy pharao prince shaman slave technician thor valk statue"),
+    ("people", "behemoth daemon fakir genie ghost golem initiate intro magician anubis cudgel sphinx totem pilot"),
+    ("people", "sword spear wartime general calvary tribune drake"),
+    ("cabinets", "shelf nightstand oven table chest"),
+    ("lights", "light"),
+    ("plants", "houseplant tree palm pine cact birke baum fir cypress tanne willow mallorn papyrus farn"),
+    ("vehicles", "truck plane boat ship bus dauphin f-15 locomotive tender lcm lha ferry trawler barge carrier humvee"),
+    (
+        "vehicles",
+        "hoskosh ice3 tanker forklift sail airtrain van wagon catapult crossbow ornith aerodrome machine raft",
+    ),
+    ("birds", "bird duck chicken ibis phoenix dragon crow hawk seagull peacock"),
+    ("insects", "wasp scorpion scarab"),
+    ("snakes", "snake"),
+    ("houses", "house well apartment tower farm building barn shed office temple palace tent tipi church factory"),
+    ("houses", "pyramid school library smith barrack minaret obelisk techno camp med_bar silo station shop -ba pizza"),
+    ("houses", "industrial foursquare lasnamae medium farm terrace toilet detached walhalla iceberg"),
+    ("buoys", "buoy"),
+    ("vessels", "sink cauldron"),
+)
 
 
 def sides_as_one(joint: str) -> str:
@@ -72,31 +104,59 @@ def without_few(
     return number[labels], tuple(parts[part] for part in kept)
 
 
+def strongest_joints(mesh: dfd.Mesh) -> list[str | None]:
+    """(V,) the name of the joint that moves each vertex of a glTF file the most; None where nothing is skinned.
+
+    Raises
+    ------
+    ValueError
+        If a skin's numbers cannot be read.
+    """
+    found: list[str | None] = [None] * len(mesh.vertices)
+    if mesh.scene is None or mesh.scene.gltf is None:
+        return found
+    header, data = mesh.scene.gltf.header, mesh.scene.gltf.data
+    nodes = objects(header, "nodes")
+    for part in mesh.scene.primitives:
+        node, of_mesh, number = part.source
+        if "skin" not in nodes[node]:
+            continue
+        primitive = header["meshes"][of_mesh]["primitives"][number]
+        sets = sorted(name for name in primitive["attributes"] if name.startswith("WEIGHTS_"))
+        if not sets:
+            raise ValueError(f"strongest_joints: the skinned part {part.part!r} has no WEIGHTS_0")
+        weights, joints = (
+            np.concatenate([data.attribute(primitive, name.replace("WEIGHTS", kind)) for name in sets], axis=1)
+            for kind in ("WEIGHTS", "JOINTS")
+        )
+        strongest = np.take_along_axis(joints, weights.argmax(axis=1)[:, None], axis=1)[:, 0]
+        of_skin = header["skins"][nodes[node]["skin"]]["joints"]
+        for vertex, joint in zip(mesh.scene.vertex[part.rows], strongest, strict=True):
+            if vertex >= 0:
+                found[vertex] = nodes[of_skin[int(joint)]].get("name", "")
+    return found
+
+
 def label_vertices(
-    mesh: dfd.Mesh,
-    places: NDArray[np.float64],
-    joints: Sequence[str],
-    kind: Callable[[str], str | None],
+    joints: Sequence[str | None], kind: Callable[[str], str | None]
 ) -> tuple[NDArray[np.int64], tuple[str, ...]]:
-    """Give every vertex of `mesh` the kind of the joint at its place.
+    """Give every vertex the kind of the joint that moves it the most.
 
     Parameters
     ----------
-    places, joints
-        (N, 3) positions of skinned vertices in mesh units, and the joint that moves each the most.
+    joints
+        (V,) see `strongest_joints`.
     kind
         From a joint's name to its part; None leaves its vertices without one.
 
     Returns
     -------
     labels, parts
-        (V,) index into `parts`; −1 where nothing skinned is near: a sword or a cape is no part of its bearer.
+        (V,) index into `parts`; −1 for none: a sword or a cape is no part of its bearer.
     """
-    kinds = [kind(joint) for joint in joints]
+    kinds = [None if joint is None else kind(joint) for joint in joints]
     parts = tuple(sorted({each for each in kinds if each is not None}))
-    numbers = np.array([-1 if each is None else parts.index(each) for each in kinds])
-    distance, nearest = cKDTree(places).query(mesh.vertices)
-    return np.where(distance < TOUCHES * mesh.diagonal, numbers[nearest], -1), parts
+    return np.array([-1 if each is None else parts.index(each) for each in kinds], np.int64), parts
 
 
 def only(mesh: dfd.Mesh, vertices: NDArray[np.bool_]) -> tuple[dfd.Mesh, NDArray[np.int64]]:
@@ -122,3 +182,8 @@ def only(mesh: dfd.Mesh, vertices: NDArray[np.bool_]) -> tuple[dfd.Mesh, NDArray
             face_material=looks.face_material[kept],
         )
     return dfd.Mesh(mesh.vertices[old], new[mesh.faces[kept]], appearance=looks), old
+
+
+def family_of(name: str) -> str:
+    """The family of a file's stem or a sample's name; of a stranger its own name."""
+    return next((family for family, words in FAMILIES if any(word in name.lower() for word in words.split())), name)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,12 +12,12 @@ from numpy.typing import NDArray
 
 import dfd
 from bench.quality.measures import mirror_image
-from bench.quality.parts import kind_of_part, label_vertices, merged, only, sides_as_one, without_few
-from bench.skins.skins import strongest_joints
+from bench.quality.parts import kind_of_part, label_vertices, merged, only, sides_as_one, strongest_joints, without_few
 
 # A shape is its own mirror image when so many vertices have another one that near to their images, of the longest side:
 # the surface may be the same on both sides where the triangles are not.
 MOST, NEAR = 0.95, 0.01
+UNREADABLE = (ValueError, OSError, KeyError, IndexError, TypeError)  # what a file with a broken skin raises
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,25 +58,19 @@ def characters(folder: Path, say: Callable[[str], None]) -> Iterator[Shape]:
 
     What cannot be read is told to `say` and left out.
     """
-    if importlib.util.find_spec("pygltflib") is None:
-        say("skinned shapes are left out: pygltflib is not installed")
-        return
     for path in sorted(folder.glob("*.glb")):
         try:
-            places, joints = strongest_joints(path)
-        except (ValueError, OSError, KeyError, IndexError, TypeError) as error:
+            whole = dfd.load(path, pose="bind")
+            joints = strongest_joints(whole)
+        except UNREADABLE as error:
             say(f"{path.name}: {error}")
             continue
-        if not joints:
-            continue
-        whole = dfd.load(path, pose="bind")
-        skinned = label_vertices(whole, places, joints, lambda _: "skinned")[0] >= 0
-        if skinned.mean() < 0.05:
-            say(f"{path.name}: its skin does not lie on its surface")
+        skinned = np.array([joint is not None for joint in joints])
+        if not skinned.any():
             continue
         bare, old = only(whole, skinned)
         for naming, kind in (("merged", merged), ("rig", sides_as_one)):
-            labels, parts = label_vertices(whole, places, joints, kind)
+            labels, parts = label_vertices(joints, kind)
             yield Shape(f"{path.stem}, {naming} names", whole, labels, parts)
             if len(old) < len(whole.vertices):
                 yield Shape(f"{path.stem} without accessories, {naming} names", bare, labels[old], parts)
@@ -91,7 +84,7 @@ def rigs(folder: Path, say: Callable[[str], None], *, under: str = "rigs") -> It
     for path in sorted((folder / under).glob("*.glb")):
         try:
             yield rig(path)
-        except (ValueError, OSError, KeyError, IndexError, TypeError) as error:
+        except UNREADABLE as error:
             say(f"{path.name}: {error}")
 
 
@@ -103,13 +96,13 @@ def rig(path: Path) -> Shape:
     ValueError
         If nothing in it is skinned, its joints have no names, or fewer than two kinds of parts are found.
     """
-    places, joints = strongest_joints(path)
-    if not joints:
+    mesh = dfd.load(path, pose="bind")
+    joints = strongest_joints(mesh)
+    if all(joint is None for joint in joints):
         raise ValueError("rig: nothing is skinned")
     if not any(joints):
         raise ValueError("rig: no joint has a name")
-    mesh = dfd.load(path, pose="bind")
-    labels, parts = without_few(*label_vertices(mesh, places, joints, kind_of_part))
+    labels, parts = without_few(*label_vertices(joints, kind_of_part))
     if len(parts) < 2:
         raise ValueError(f"rig: fewer than two kinds of parts, got {', '.join(parts) or 'none'}")
     return Shape(path.stem, mesh, labels, parts)

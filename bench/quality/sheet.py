@@ -14,7 +14,8 @@ from bench.quality.measures import handle_precision
 from bench.quality.shapes import Shape
 from bench.quality.studies import Bench
 from dfd.pictures.colors import feature_colors
-from dfd.pictures.picture import heat_bar, picture
+from dfd.pictures.contact_sheet import heat_bar
+from dfd.pictures.picture import picture
 
 RESOLUTION = 320
 

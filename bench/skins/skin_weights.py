@@ -23,11 +23,13 @@ from scipy.spatial.transform import Rotation, Slerp
 import dfd
 from bench.quality.baselines import PeerError
 from bench.skins.skin_peers import bounded_biharmonic, geodesic_voxels
-from bench.skins.skins import nodes_in_place, read
 from dfd.export.bone_weights import BoneDistances, bone_weights, straight_weights
 from dfd.export.bones import Bones, bones_of
 from dfd.export.influences import heaviest
 from dfd.export.weigh_skin import bleed
+from dfd.mesh.file.gltf.header import objects
+from dfd.mesh.file.gltf.read import world_transforms
+from dfd.mesh.file.gltf.rest import inverse_binds
 
 MOMENTS = 8  # of every animation
 INFLUENCES = 4
@@ -50,20 +52,25 @@ def main() -> None:
     print("|---" * (1 + len(columns)) + "|")
     rows = []
     for path in sorted((*folder.glob("*.glb"), *(folder / "rigs").glob("*.glb")), key=lambda path: path.stem):
-        if (options.rigs and path.stem not in options.rigs) or not _has_skin(path):
+        if options.rigs and path.stem not in options.rigs:
             continue
-        rows.append(compared(path, options.fields))
+        mesh = dfd.load(path, pose="bind")
+        try:
+            bones = bones_of(mesh)
+        except ValueError as error:
+            if options.rigs or "got none" not in str(error):
+                print(f"{path.stem}: {error}", file=sys.stderr, flush=True)
+            continue
+        rows.append(compared(path, mesh, bones, options.fields))
         print(f"| {path.stem} | " + " | ".join(map(_shown, rows[-1])) + " |", flush=True)
     print("| mean | " + " | ".join(map(_shown, np.nanmean(rows, axis=0))) + " |")
 
 
-def compared(path: Path, fields: Path | None) -> Float64:
+def compared(path: Path, mesh: dfd.Mesh, bones: Bones, fields: Path | None) -> Float64:
     """For each method the share of weight elsewhere and far, and the mean distance in diagonals, NaN without motion."""
-    mesh = dfd.load(path, pose="bind")
     stored = None if fields is None else fields / f"{path.stem}.field.safetensors"
     field = dfd.Field.load(stored) if stored is not None and stored.is_file() else dfd.distill(mesh, progress=False)
-    bones = bones_of(mesh)
-    distances = BoneDistances(mesh, bones)
+    distances = BoneDistances(bones)
     joints = np.flatnonzero(bones.weights.any(axis=0))
     artist = bones.weights / np.maximum(bones.weights.sum(axis=1, keepdims=True), 1e-30)
     methods: tuple[Callable[[], Float64], ...] = (
@@ -73,7 +80,7 @@ def compared(path: Path, fields: Path | None) -> Float64:
         lambda: _four(bounded_biharmonic(mesh, bones, joints)),
         lambda: _four(bone_weights(mesh, field, distances, joints)),
     )
-    moves = motions(path, mesh, bones)
+    moves = motions(mesh, bones)
     found = []
     for name, method in zip(METHODS, methods, strict=True):
         try:
@@ -89,40 +96,30 @@ def compared(path: Path, fields: Path | None) -> Float64:
     return np.array(found)
 
 
-def _has_skin(path: Path) -> bool:
-    import pygltflib
-
-    return bool(pygltflib.GLTF2().load_binary(str(path)).skins)
-
-
-def motions(path: Path, mesh: dfd.Mesh, bones: Bones) -> list[Float64]:
-    """At moments of the file's animations, (J, 4, 4) what each joint does to the mesh at rest."""
-    import pygltflib
-
-    document = pygltflib.GLTF2().load_binary(str(path))
-    node = document.nodes[bones.primitives[0].source[0]]
-    skin = document.skins[node.skin]
-    binds = read(document, skin.inverseBindMatrices).astype(np.float64).reshape(-1, 4, 4).transpose(0, 2, 1)
+def motions(mesh: dfd.Mesh, bones: Bones) -> list[Float64]:
+    """At moments of the animations of a mesh's file, (J, 4, 4) what each joint does to the mesh at rest."""
+    assert mesh.scene is not None
+    assert mesh.scene.gltf is not None
+    header, data = mesh.scene.gltf.header, mesh.scene.gltf.data
+    nodes = objects(header, "nodes")
+    skin = header["skins"][nodes[bones.primitives[0].source[0]]["skin"]]
+    binds = inverse_binds(skin, data)
     back = np.linalg.inv(bones.primitives[0].transform)  # joints act on the mesh's own coordinates
-    own = [(each.translation, each.rotation, each.scale) for each in document.nodes]
     found = []
-    for animation in document.animations or []:
+    for animation in objects(header, "animations"):
         tracks = []
-        for channel in animation.channels:
-            sampler = animation.samplers[channel.sampler]
-            times = read(document, sampler.input)[:, 0].astype(np.float64)
-            values = read(document, sampler.output).astype(np.float64)
-            if sampler.interpolation != "CUBICSPLINE" and channel.target.path != "weights":
-                tracks.append((channel.target.node, channel.target.path, times, values))
-        end = max((track[2][-1] for track in tracks), default=0.0)
+        for channel in animation["channels"]:
+            sampler, target = animation["samplers"][channel["sampler"]], channel["target"]
+            times, values = (data.accessor(sampler[name]).astype(np.float64) for name in ("input", "output"))
+            if sampler.get("interpolation") != "CUBICSPLINE" and target["path"] != "weights":
+                tracks.append((target["node"], target["path"], times.ravel(), values))
+        end = max((times[-1] for _, _, times, _ in tracks), default=0.0)
         for seconds in np.linspace(0, end, MOMENTS, endpoint=False):
-            for index, name, times, values in tracks:
-                setattr(document.nodes[index], name, _at(name, times, values, seconds).tolist())
-            place = {id(each): transform for transform, each in nodes_in_place(document)}
-            world = np.array([place[id(document.nodes[joint])] for joint in skin.joints])
-            found.append(world @ binds @ back)
-            for each, (translation, rotation, scale) in zip(document.nodes, own, strict=True):
-                each.translation, each.rotation, each.scale = translation, rotation, scale
+            moved = [dict(node) for node in nodes]
+            for node, name, times, values in tracks:
+                moved[node][name] = _at(name, times, values, seconds).tolist()
+            world = world_transforms({**header, "nodes": moved})
+            found.append(np.array([world[joint] for joint in skin["joints"]]) @ binds @ back)
     return found
 
 

@@ -1,4 +1,4 @@
-"""`python -m bench.speed`: the table of targets, and with `figures` the paper's figures, in bench/results/speed."""
+"""`python -m bench.speed`: the table of targets, and `figures` over handles and threads, in bench/results/speed."""
 
 from __future__ import annotations
 
@@ -29,10 +29,6 @@ def main() -> None:
     parser.add_argument("what", nargs="*", metavar="table|figures", help="what to measure (default: table)")
     parser.add_argument("--vertices", type=int, default=500_000, help="of the table (default: %(default)s)")
     parser.add_argument("--threads", type=int, default=dfd.get_num_threads(), help="default: %(default)s")
-    parser.add_argument("--largest", type=int, default=10**7, help="faces in the figures (default: %(default)s)")
-    parser.add_argument(
-        "--distill", type=int, default=0, metavar="FACES", help="distil up to so many faces for Fig. 10"
-    )
     options = parser.parse_args()
     wanted = options.what or ["table"]
     if unknown := set(wanted) - {"table", "figures"}:
@@ -50,7 +46,7 @@ def main() -> None:
     if "figures" in wanted:
         from .figures import draw
 
-        for path in draw(OUTPUT, options.largest, options.distill):
+        for path in draw(OUTPUT):
             console.print(f"wrote {path}")
 
 

@@ -1,4 +1,4 @@
-"""Suite for asv: binding."""
+"""Suite for asv: binding, and the compact features that it reads."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import numpy as np
 
 import dfd
 
-from .machine import reading
 from .made_input import MadeInput, make_input
+from .measure import reading
 
 VERTICES = 500_000
 
@@ -67,3 +67,18 @@ class Full:
     def time_bind(self, made: MadeInput, handles: int) -> None:
         """Weights into an array that is there already."""
         dfd.bind(self.features, self.handles, out=self.out)
+
+
+class Compact:
+    """Full features of so many vertices."""
+
+    params = (20_000, 100_000)
+    param_names = ("vertices",)
+
+    def setup(self, made: MadeInput, vertices: int) -> None:
+        """Make the features."""
+        self.features = made.features(vertices)
+
+    def time_compact(self, made: MadeInput, vertices: int) -> None:
+        """Choose dimensions, project and round."""
+        dfd.compact(self.features)

@@ -1,4 +1,4 @@
-"""Suite for asv: the stages of a distillation."""
+"""Suite for asv: the stages of a distillation, and its pictures by themselves."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ os.environ.setdefault("HF_HUB_OFFLINE", "1")  # the network that is installed is
 
 import dfd
 from dfd.common.progress import Stages
+from dfd.views.render import render
+
+from .made_input import torus
 
 ROUNDS = 3
 
@@ -15,7 +18,7 @@ ROUNDS = 3
 class Distill:
     """The usual network; few and small pictures and a short fit, for each stage's time at any commit."""
 
-    params = ("up", "render", "encode", "spread", "fit")
+    params = ("up", "render", "encode", "smooth", "fit")
     param_names = ("stage",)
     unit = "s"
 
@@ -32,3 +35,18 @@ class Distill:
     def track_seconds(self, best: dict[str, float], stage: str) -> float:
         """What the stage took."""
         return best[stage]
+
+
+class Render:
+    """As many pictures of as many pixels as a distillation takes."""
+
+    params = (20_000, 200_000)
+    param_names = ("faces",)
+
+    def setup(self, faces: int) -> None:
+        """Make the mesh."""
+        self.mesh = dfd.Mesh(*torus(faces))
+
+    def time_render(self, faces: int) -> None:
+        """Pictures, and the surface points behind their pixels."""
+        render(self.mesh, views=24, resolution=518)

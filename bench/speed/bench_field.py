@@ -1,10 +1,12 @@
-"""Suite for asv: evaluating a field."""
+"""Suite for asv: evaluating a field, and what it says of symmetry."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from .made_input import mirrored_field
+import dfd
+
+from .made_input import mirrored_field, torus
 
 
 class Evaluate:
@@ -21,3 +23,20 @@ class Evaluate:
     def time_evaluate(self, points: int) -> None:
         """Features of all points."""
         self.field(self.points)
+
+
+class Symmetry:
+    """A surface that is its own mirror image."""
+
+    def setup(self) -> None:
+        """Make the mesh and a field that sees both sides alike."""
+        self.mesh = dfd.Mesh(*torus(20_000))
+        self.field = mirrored_field()
+
+    def time_planes(self) -> None:
+        """All mirror planes."""
+        dfd.symmetry_planes(self.field, self.mesh)
+
+    def time_rotations(self) -> None:
+        """All rotations."""
+        dfd.rotational_symmetries(self.field, self.mesh)

@@ -6,8 +6,8 @@ import numpy as np
 
 import dfd
 
-from .machine import copying
 from .made_input import MadeInput, make_input
+from .measure import copying
 
 VERTICES = 500_000
 

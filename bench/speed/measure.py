@@ -1,16 +1,23 @@
-"""Seconds of a call: warmed up, repeated, with the best and the middle of them."""
+"""Seconds of a call: warmed up, repeated, with the best and the middle of them; and what the machine allows.
+
+That is bytes read and written, and float32 products, on as many threads as the kernels get.
+"""
 
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import torch
+from numpy.typing import NDArray
 
 import dfd
 
-__all__ = ["Timing", "clock", "measure", "together"]
+__all__ = ["Timing", "clock", "copying", "measure", "moving", "product", "reading", "together"]
 
 
 @dataclass(frozen=True)
@@ -55,3 +62,38 @@ def together(
 def _timing(times: list[float]) -> Timing:
     low, middle, high = (float(value) for value in np.quantile(times, [0.25, 0.5, 0.75]))
     return Timing(min(times), middle, high - low, len(times))
+
+
+# --- ceilings
+
+
+def reading(array: NDArray[Any]) -> Callable[[], object]:
+    """A call that reads a contiguous array, of a multiple of 8 bytes."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # that the array is read-only, which is all that is asked of it
+        return torch.from_numpy(array.reshape(-1).view(np.int64)).sum
+
+
+def moving(sources: list[NDArray[Any]], target: NDArray[Any]) -> Callable[[], object]:
+    """A call that reads some arrays and writes another."""
+    reads, into = [reading(source) for source in sources], torch.from_numpy(target)
+
+    def call() -> None:
+        for read in reads:
+            read()
+        into.fill_(1.0)
+
+    return call
+
+
+def copying(byte_count: int) -> Callable[[], object]:
+    """A call that reads half of so many bytes and writes the other half."""
+    source = torch.ones(max(byte_count // 8, 1))
+    target = torch.empty_like(source)
+    return lambda: target.copy_(source)
+
+
+def product(rows: int, inner: int, columns: int) -> tuple[Callable[[], object], float]:
+    """A call that multiplies float32 matrices into memory that is there already, and how many operations that takes."""
+    left, right, into = torch.ones(rows, inner), torch.ones(inner, columns), torch.empty(rows, columns)
+    return lambda: torch.mm(left, right, out=into), 2.0 * rows * inner * columns

@@ -1,15 +1,14 @@
-"""What others need for the same work. Every peer is optional: one that is missing or fails is reported so."""
+"""What others need for the same work."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-__all__ = ["MESH_PEERS", "igl_blending", "torch_binding", "torch_blending"]
+__all__ = ["igl_blending", "torch_binding", "torch_blending"]
 
 
 def torch_binding(features: NDArray[np.float32], handles: NDArray[np.int64]) -> Callable[[], object]:
@@ -50,44 +49,3 @@ def igl_blending(
     matrix = igl.lbs_matrix(vertices.astype(np.float64), np.ascontiguousarray(weights, np.float64))
     stacked = np.ascontiguousarray(transforms.transpose(0, 2, 1).reshape(-1, 3))
     return lambda: matrix @ stacked
-
-
-# Peers that need a mesh. Each takes (vertices, faces) and does its work once for one handle, 10 or more fixed points.
-
-
-def _constraints(vertices: NDArray[Any]) -> NDArray[np.int64]:
-    return np.linspace(0, len(vertices) - 1, 10).astype(np.int64)
-
-
-def potpourri_heat(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> dict[str, Callable[[], object]]:
-    """Geodesic distances by the heat method."""
-    import potpourri3d
-
-    made: list[Any] = []
-    return {
-        "preprocess": lambda: made.append(potpourri3d.MeshHeatMethodDistanceSolver(vertices, faces)),
-        "bind": lambda: made[-1].compute_distance(0),
-    }
-
-
-def igl_arap(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> dict[str, Callable[[], object]]:
-    """As-rigid-as-possible deformation: the factorisation belongs to the handles, the solve to the pose."""
-    import igl
-
-    fixed = _constraints(vertices).astype(np.int32)
-    data = igl.ARAPData()
-    return {
-        "bind": lambda: igl.arap_precomputation(vertices, faces.astype(np.int64), 3, fixed, data),
-        "pose": lambda: igl.arap_solve(vertices[fixed] + 0.01, data, vertices.copy()),
-    }
-
-
-def igl_biharmonic(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> dict[str, Callable[[], object]]:
-    """Biharmonic weights on the surface for 10 handles."""
-    import igl
-
-    handles = _constraints(vertices)
-    return {"bind": lambda: igl.harmonic(vertices, faces.astype(np.int64), handles, np.eye(len(handles)), 2)}
-
-
-MESH_PEERS = {"potpourri3d heat": potpourri_heat, "libigl ARAP": igl_arap, "libigl biharmonic": igl_biharmonic}

@@ -11,9 +11,8 @@ import numpy as np
 import dfd
 
 from . import peers
-from .machine import copying, moving, product, reading
 from .made_input import MadeInput, make_input
-from .measure import Timing, measure, together
+from .measure import Timing, copying, measure, moving, product, reading, together
 
 __all__ = ["Line", "lines"]
 

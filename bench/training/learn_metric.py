@@ -26,12 +26,10 @@ from numpy.typing import NDArray
 import dfd
 from bench.quality import shapes
 from bench.quality.evaluate import Draw, judge
-from bench.quality.families import family_of
-from bench.quality.looks import Looks, kept_looks
-from bench.quality.parts import label_vertices, without_few
+from bench.quality.parts import family_of, label_vertices, strongest_joints, without_few
 from bench.quality.shapes import Shape
-from bench.skins.skins import strongest_joints
 from bench.training.learn_kinds import learn_kinds
+from bench.training.looks import Looks, kept_looks
 from dfd.common.files import atomic_write
 from dfd.distillation.metric import FOLDER, Metric
 from dfd.encoders.encode import Encoder, load_encoder
@@ -138,12 +136,12 @@ def further_rigs(folder: Path | None, say: Callable[[str], None]) -> Iterator[Sh
     """Every skinned GLB in `folder`, whose joints have the names of parts; what cannot be read is told to `say`."""
     for path in sorted(folder.glob("*.glb")) if folder else ():
         try:
-            places, joints = strongest_joints(path)
             mesh = dfd.load(path, pose="bind")
-        except (ValueError, OSError, KeyError, IndexError, TypeError) as error:
+            joints = strongest_joints(mesh)
+        except shapes.UNREADABLE as error:
             say(f"{path.name}: {error}")
             continue
-        labels, parts = without_few(*label_vertices(mesh, places, joints, lambda name: None if name == NONE else name))
+        labels, parts = without_few(*label_vertices(joints, lambda name: None if name == NONE else name))
         if len(parts) > 1:
             yield Shape(path.stem, mesh, labels, parts)
         else:

@@ -38,14 +38,14 @@ from dfd.common.files import atomic_write
 from dfd.encoders.encode import Encoder, load_encoder
 from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.encoders.learned_file import encoder_identity
-from dfd.field.cache_key import FIELD_VERSION, hash_recipe
+from dfd.field.cache_key import FIELD_VERSION, hash_key
 from dfd.mesh.normalization import normalization
 from dfd.upright import probe_views
 from dfd.upright.candidates import AXES
-from dfd.upright.find_up import CLEAR, SURE_AT_ONCE
+from dfd.upright.find_up import CLEAR, EARLY_STOP_CONFIDENCE
 from dfd.upright.probe import FOLDER, UpProbe
-from dfd.upright.probe_views import CORNERS, SIDES, Around, Seen
-from dfd.upright.stability import Standing
+from dfd.upright.probe_views import CORNERS, SIDES, ProbeCameras, ViewTokens
+from dfd.upright.stability import StabilityCues
 
 REPORT = Path(__file__).resolve().parents[1] / "results" / "quality" / "up.md"
 KEPT_VIEWS = REPORT.parent / "views_around"
@@ -108,22 +108,22 @@ def lesson(name: str, mesh: dfd.Mesh, encoder: Encoder) -> Lesson:
     """What there is to learn from one shape."""
     center, scale = normalization(mesh)
     vertices = (mesh.vertices - center) * scale
-    own, standing = not name.startswith(ALSO), Standing(vertices, mesh.faces)
+    own, standing = not name.startswith(ALSO), StabilityCues(vertices, mesh.faces)
     sides = look_once(mesh, encoder, FRAMES, SIDES)
     tilted = []
     for draw in range(DRAWS if own else 1):
         rotation = Rotation.random(rng=np.random.default_rng([draw, *name.encode()])).as_matrix()
         seen = look_once(mesh, encoder, FRAMES @ rotation, SIDES)
-        seen = Seen(seen.tokens, seen.axes @ rotation.T)
-        tilted.append(Tilted(seen, rotation, Standing(vertices @ rotation.T, mesh.faces)))
-    of_frames = map(Seen, np.split(sides.tokens, len(FRAMES)), np.split(sides.axes, len(FRAMES)))
+        seen = ViewTokens(seen.tokens, seen.axes @ rotation.T)
+        tilted.append(Tilted(seen, rotation, StabilityCues(vertices @ rotation.T, mesh.faces)))
+    of_frames = map(ViewTokens, np.split(sides.tokens, len(FRAMES)), np.split(sides.axes, len(FRAMES)))
     corners = look_once(mesh, encoder, FRAMES, CORNERS)
     evidence = np.stack([standing.evidence(frame) for frame in FRAMES])
     return Lesson(name, tuple(of_frames), corners, tuple(tilted), evidence)
 
 
-def look_once(mesh: dfd.Mesh, encoder: Encoder, frames: NDArray[np.float64], eyes: NDArray[np.float64]) -> Seen:
-    """`Around.seen`, kept in a file for the next time: the pictures take minutes, what follows them seconds."""
+def look_once(mesh: dfd.Mesh, encoder: Encoder, frames: NDArray[np.float64], eyes: NDArray[np.float64]) -> ViewTokens:
+    """`ProbeCameras.seen`, kept in a file for the next time: the pictures take minutes, what follows them seconds."""
     made_of = {
         "field_version": FIELD_VERSION,
         "around": hashlib.sha256(Path(probe_views.__file__).read_bytes()).hexdigest(),
@@ -131,14 +131,14 @@ def look_once(mesh: dfd.Mesh, encoder: Encoder, frames: NDArray[np.float64], eye
         "frames": frames.round(6).tolist(),
         "eyes": eyes.round(6).tolist(),
     }
-    kept = KEPT_VIEWS / f"{hash_recipe({**made_of, **encoder.settings()})}.npz"
+    kept = KEPT_VIEWS / f"{hash_key({**made_of, **encoder.settings()})}.npz"
     if not kept.is_file():
         KEPT_VIEWS.mkdir(parents=True, exist_ok=True)
-        seen = Around(mesh, encoder).seen(frames, eyes)
+        seen = ProbeCameras(mesh, encoder).seen(frames, eyes)
         with atomic_write(kept) as temporary, temporary.open("wb") as stream:
             np.savez(stream, tokens=seen.tokens, axes=seen.axes)
     with np.load(kept) as arrays:
-        return Seen(arrays["tokens"], arrays["axes"])
+        return ViewTokens(arrays["tokens"], arrays["axes"])
 
 
 def learn(lessons: Sequence[Lesson], encoder: Encoder) -> UpProbe:
@@ -172,7 +172,7 @@ def decided(odds: Odds, up: int, priors: tuple[float, float]) -> tuple[int, int]
 def sure_at_once(odds: Odds, up: int) -> bool:
     """Whether one look around frame `up` leaves no doubt about the axis."""
     axes = np.logaddexp(odds.at_once[up][::2], odds.at_once[up][1::2])
-    return bool(np.exp(axes.max() - np.logaddexp.reduce(axes)) >= SURE_AT_ONCE)
+    return bool(np.exp(axes.max() - np.logaddexp.reduce(axes)) >= EARLY_STOP_CONFIDENCE)
 
 
 def least_priors(odds: Mapping[str, NDArray[np.float64]], own: Collection[str] = ()) -> tuple[float, float]:

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from bench.quality.families import family_of
+from bench.quality.parts import family_of
 from dfd.upright.candidates import axis_frames
 from dfd.upright.find_up import candidates
 from dfd.upright.probe import FORM_TOKENS, FORMS, TERMS, VECTOR_TOKENS, VECTORS, UpProbe
-from dfd.upright.probe_views import Seen
-from dfd.upright.stability import Standing
+from dfd.upright.probe_views import ViewTokens
+from dfd.upright.stability import StabilityCues
 
 __all__ = [
     "ALSO",
@@ -50,9 +50,9 @@ Group = Callable[["Lesson"], str]
 class Tilted:
     """A shape turned at random: what is seen from around the axes of its file, and how it would stand."""
 
-    seen: Seen
+    seen: ViewTokens
     rotation: NDArray[np.float64]  # (3, 3) from where it stands upright
-    standing: Standing
+    standing: StabilityCues
 
     @property
     def ups(self) -> NDArray[np.float64]:
@@ -65,8 +65,8 @@ class Lesson:
     """A shape that stands as it should, +y up, and what is learned from it."""
 
     name: str
-    sides: tuple[Seen, ...]  # of each of `FRAMES`
-    corners: Seen  # of all of them
+    sides: tuple[ViewTokens, ...]  # of each of `FRAMES`
+    corners: ViewTokens  # of all of them
     tilted: tuple[Tilted, ...]
     evidence: NDArray[np.float64]  # (6, 7), of every frame
 
@@ -77,7 +77,7 @@ class Lesson:
         return folders.removeprefix(ALSO) if folders.startswith(ALSO) else family_of(stem)
 
     @property
-    def all_seen(self) -> Seen:
+    def all_seen(self) -> ViewTokens:
         """All pictures along its own axes."""
         return sum(self.sides, self.corners)
 

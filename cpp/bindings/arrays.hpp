@@ -1,22 +1,16 @@
 #pragma once
 
 #include "dfd/common/matrix.hpp"
+#include "dfd/common/scratch.hpp"
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
 #include <algorithm>
 #include <cstdint>
-#include <cstdlib>
+#include <memory>
 #include <new>
 #include <stdexcept>
-
-#ifdef _WIN32
-#include <malloc.h>
-#endif
-#ifdef __linux__
-#include <sys/mman.h>
-#endif
 
 namespace nb = nanobind;
 
@@ -59,40 +53,12 @@ dfd::StridedMatrix<T> strided_matrix(const Array& array, const char* message)
             static_cast<std::size_t>(beside)};
 }
 
-// Microsoft's library has the like of std::aligned_alloc under a name of its own.
-inline void* allocate_aligned(std::size_t alignment, std::size_t bytes)
-{
-#ifdef _WIN32
-    return _aligned_malloc(bytes, alignment);
-#else
-    return std::aligned_alloc(alignment, bytes);
-#endif
-}
-
-inline void free_aligned(void* pointer)
-{
-#ifdef _WIN32
-    _aligned_free(pointer);
-#else
-    std::free(pointer);
-#endif
-}
-
-/// A new array of (rows, columns) that Python owns, its contents not yet set. Large ones ask for huge pages, since the
-/// first touch of small ones costs more than a kernel.
+/// A new array of (rows, columns) that Python owns, its contents not yet set.
 template <class T>
 OutputMatrix<T> make_matrix(std::size_t rows, std::size_t columns)
 {
-    constexpr std::size_t huge_page = std::size_t{1} << 21;
     if (columns != 0 && rows > PTRDIFF_MAX / sizeof(T) / columns) throw std::bad_alloc();
-    const std::size_t bytes = rows * columns * sizeof(T);
-    const std::size_t alignment = bytes >= 2 * huge_page ? huge_page : 64;
-    const std::size_t padded = (bytes + alignment) / alignment * alignment;
-    void* data = allocate_aligned(alignment, padded);
-    if (data == nullptr) throw std::bad_alloc();
-#ifdef __linux__
-    if (alignment == huge_page) madvise(data, padded, MADV_HUGEPAGE);
-#endif
-    nb::capsule owner(data, [](void* pointer) noexcept { free_aligned(pointer); });
-    return OutputMatrix<T>(data, {rows, columns}, owner);
+    auto memory = std::make_unique<dfd::AlignedMemory>(dfd::take_memory(rows * columns * sizeof(T)));
+    nb::capsule owner(memory.get(), [](void* taken) noexcept { delete static_cast<dfd::AlignedMemory*>(taken); });
+    return OutputMatrix<T>(memory.release()->get(), {rows, columns}, owner);
 }

@@ -109,8 +109,6 @@ void bind(const Array& features, std::size_t vertex_count, float scale, const Ar
     });
 }
 
-#define DFD_ARRAY(type) "numpy.typing.NDArray[numpy." type "]"
-
 }  // namespace
 
 void init_bind(nb::module_& m)
@@ -120,14 +118,6 @@ void init_bind(nb::module_& m)
           "falloffs"_a.noconvert().none(), "fixed"_a.noconvert().none(), "fixed_offsets"_a.noconvert().none(),
           "strengths"_a.noconvert().none(), "geodesic"_a.noconvert().none(), "locality"_a.noconvert().none(),
           "out"_a.noconvert(), "threads"_a,
-          nb::sig("def bind(features: " DFD_ARRAY("float32") " | " DFD_ARRAY("uint16") " | " DFD_ARRAY("uint8")
-                  ", vertex_count: int, scale: float, handles: " DFD_ARRAY("float32") " | " DFD_ARRAY("int64")
-                  ", handle_offsets: " DFD_ARRAY("float32") " | None, members: " DFD_ARRAY("uint32")
-                  " | None, reaches: " DFD_ARRAY("float32") " | None, falloffs: " DFD_ARRAY("int32")
-                  " | None, fixed: " DFD_ARRAY("float32") " | " DFD_ARRAY("int64")
-                  " | None, fixed_offsets: " DFD_ARRAY("float32") " | None, strengths: " DFD_ARRAY("float32")
-                  " | None, geodesic: " DFD_ARRAY("float32") " | None, locality: " DFD_ARRAY("float32")
-                  " | None, out: " DFD_ARRAY("float32") ", threads: int) -> None"),
           "Weights (V, H) of features for handles, (N) vertices or (N, D) rows of which `members` (H) make each, to "
           "`out`; Eq. 4-7. Features are rows (V, D), bits of float16 in blocks (B, D, 16), or uint8 in blocks "
           "(B, D / 4 + 1, 16, 4) that stand for `scale` each, the last quad being the squared length.");

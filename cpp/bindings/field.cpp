@@ -41,12 +41,7 @@ void make_field(dfd::Field* self, const std::vector<InputMatrix<float>>& weights
 void init_field(nb::module_& m)
 {
     nb::class_<dfd::Field>(m, "Field", "A feature field's network, its weights rearranged for the kernels.")
-        .def("__init__", &make_field, "weights"_a, "biases"_a, "gains"_a, "shifts"_a, "octaves"_a, "center"_a, "scale"_a,
-             nb::sig("def __init__(self, weights: collections.abc.Sequence[numpy.typing.NDArray[numpy.float32]], "
-                     "biases: collections.abc.Sequence[numpy.typing.NDArray[numpy.float32]], "
-                     "gains: collections.abc.Sequence[numpy.typing.NDArray[numpy.float32]], "
-                     "shifts: collections.abc.Sequence[numpy.typing.NDArray[numpy.float32]], octaves: int, "
-                     "center: collections.abc.Sequence[float], scale: float) -> None"))
+        .def("__init__", &make_field, "weights"_a, "biases"_a, "gains"_a, "shifts"_a, "octaves"_a, "center"_a, "scale"_a)
         .def(
             "evaluate",
             [](const dfd::Field& self, InputMatrix<double> points, OutputMatrix<float> features, int threads) {
@@ -56,7 +51,5 @@ void init_field(nb::module_& m)
                 self.evaluate(in, out, threads, dfd::kernels());
             },
             "points"_a.noconvert(), "features"_a.noconvert(), "threads"_a,
-            nb::sig("def evaluate(self, points: numpy.typing.NDArray[numpy.float64], "
-                    "features: numpy.typing.NDArray[numpy.float32], threads: int) -> None"),
             "Unit features (N, D) of points (N, 3), to `features`.");
 }

@@ -1,8 +1,7 @@
 #include "dfd/geodesics.hpp"
 
 #include "arrays.hpp"
-#include "dfd/components.hpp"
-#include "dfd/faces.hpp"
+#include "dfd/topology.hpp"
 #include "module.hpp"
 
 #include <algorithm>
@@ -31,8 +30,6 @@ nb::ndarray<nb::numpy, std::int32_t, nb::ndim<1>> components(std::size_t vertex_
 void init_geodesics(nb::module_& m)
 {
     m.def("components", &components, "vertex_count"_a, "faces"_a.noconvert(), "links"_a.noconvert(),
-          nb::sig("def components(vertex_count: int, faces: numpy.typing.NDArray[numpy.int32], "
-                  "links: numpy.typing.NDArray[numpy.int32]) -> numpy.typing.NDArray[numpy.int32]"),
           "Connected component (V) of each vertex, by faces (F, 3) and links (L, 2).");
     m.def(
         "face_sizes",
@@ -41,9 +38,6 @@ void init_geodesics(nb::module_& m)
             dfd::face_sizes(matrix(vertices), matrix(faces), matrix(out), threads);
         },
         "vertices"_a.noconvert(), "faces"_a.noconvert(), "out"_a.noconvert(), "threads"_a,
-        nb::sig("def face_sizes(vertices: numpy.typing.NDArray[numpy.float64], "
-                "faces: numpy.typing.NDArray[numpy.int32], out: numpy.typing.NDArray[numpy.float64], threads: int) "
-                "-> None"),
         "Longest side and area of every face (F, 3) of vertices (V, 3), to `out` (F, 2).");
     nb::class_<dfd::Geodesics>(m, "Geodesics", "Distances along a surface of vertices (V, 3), faces and links.")
         .def(
@@ -53,10 +47,7 @@ void init_geodesics(nb::module_& m)
                 nb::gil_scoped_release release;
                 new (self) dfd::Geodesics(matrix(vertices), matrix(faces), matrix(links), sample_count, threads);
             },
-            "vertices"_a.noconvert(), "faces"_a.noconvert(), "links"_a.noconvert(), "sample_count"_a, "threads"_a,
-            nb::sig("def __init__(self, vertices: numpy.typing.NDArray[numpy.float64], "
-                    "faces: numpy.typing.NDArray[numpy.int32], links: numpy.typing.NDArray[numpy.int32], "
-                    "sample_count: int, threads: int) -> None"))
+            "vertices"_a.noconvert(), "faces"_a.noconvert(), "links"_a.noconvert(), "sample_count"_a, "threads"_a)
         .def_prop_ro("extent", &dfd::Geodesics::extent, "About the largest distance between joined vertices.")
         .def_prop_ro("sample_count", &dfd::Geodesics::sample_count, "How many vertices the wave runs over.")
         .def(
@@ -67,7 +58,5 @@ void init_geodesics(nb::module_& m)
                 self.distances({sources.data(), sources.size()}, separate, matrix(out), threads);
             },
             "sources"_a.noconvert(), "separate"_a, "out"_a.noconvert(), "threads"_a,
-            nb::sig("def distances(self, sources: numpy.typing.NDArray[numpy.int64], separate: float, "
-                    "out: numpy.typing.NDArray[numpy.float32], threads: int) -> None"),
             "Distances over `extent` from each source (H) to the first vertices, to `out` (H, V).");
 }

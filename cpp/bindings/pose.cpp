@@ -58,29 +58,20 @@ void pose(InputMatrix<T> vertices, StridedInput<float> weights, Transforms trans
 }
 
 template <class T>
-void define_pose(nb::module_& m, const char* signature)
+void define_pose(nb::module_& m)
 {
     m.def("pose", &pose<T>, "vertices"_a.noconvert(), "weights"_a.noconvert(), "transforms"_a.noconvert(),
           "default"_a.noconvert(), "plane"_a.none(), "positive"_a.noconvert().none(), "places"_a.noconvert().none(),
           "mixing"_a.noconvert().none(), "overlap"_a, "blend"_a, "base"_a.noconvert().none(),
           "normals"_a.noconvert().none(), "out"_a.noconvert(), "out_normals"_a.noconvert().none(), "threads"_a,
-          nb::sig(signature),
           "Vertices (V, 3), moved by weights (V, H), times `mixing` (H, H), and transforms (H, 3, 4), to `out`; "
           "Eq. 1 and 8.");
 }
-
-#define DFD_ARRAY(type) "numpy.typing.NDArray[numpy." type "]"
-#define DFD_POSE_SIGNATURE(type)                                                                                     \
-    "def pose(vertices: " DFD_ARRAY(type) ", weights: " DFD_ARRAY("float32") ", transforms: " DFD_ARRAY("float64")   \
-    ", default: " DFD_ARRAY("float64") ", plane: tuple[tuple[float, float, float], float, float] | None, positive: " \
-    DFD_ARRAY("bool_") " | None, places: " DFD_ARRAY("float64") " | None, mixing: " DFD_ARRAY("float64")             \
-    " | None, overlap: int, blend: int, base: " DFD_ARRAY(type) " | None, normals: " DFD_ARRAY(type)                 \
-    " | None, out: " DFD_ARRAY(type) ", out_normals: " DFD_ARRAY(type) " | None, threads: int) -> None"
 
 }  // namespace
 
 void init_pose(nb::module_& m)
 {
-    define_pose<float>(m, DFD_POSE_SIGNATURE("float32"));
-    define_pose<double>(m, DFD_POSE_SIGNATURE("float64"));
+    define_pose<float>(m);
+    define_pose<double>(m);
 }

@@ -230,9 +230,7 @@ void require_shares(const Matrix<const float>& geodesic)
         std::find_if(all.begin(), all.end(), [](float value) { return !(value >= 0 && value <= 1 + geodesic_slack); });
     if (found == all.end()) return;
     const auto index = static_cast<std::size_t>(found - all.begin());
-    throw std::invalid_argument("bind: `geodesic` must lie in [0, 1], got " + std::to_string(*found) +
-                                " at [" + std::to_string(index / geodesic.columns) + ", " +
-                                std::to_string(index % geodesic.columns) + "]");
+    refuse("bind: `geodesic` must lie in [0, 1]", *found, {index / geodesic.columns, index % geodesic.columns});
 }
 
 }  // namespace

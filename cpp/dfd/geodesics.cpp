@@ -22,7 +22,7 @@ double smooth_step(double t)
     return t * t * (3 - 2 * t);
 }
 
-/// Waves that are lent to threads, so that none is made twice.
+/// A pool of waves, reused by threads.
 class Waves {
 public:
     explicit Waves(std::size_t vertex_count) : vertex_count_(vertex_count) {}

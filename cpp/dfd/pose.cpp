@@ -257,9 +257,7 @@ void require_finite_transforms(const Motion& motion)
         const auto found = std::find_if(transform.begin(), transform.end(), [](double x) { return !std::isfinite(x); });
         if (found == transform.end()) continue;
         const auto entry = static_cast<std::size_t>(found - transform.begin());
-        throw std::invalid_argument("pose: `transforms` must be finite, got " + std::to_string(*found) + " at [" +
-                                    std::to_string(k) + ", " + std::to_string(entry / 4) + ", " +
-                                    std::to_string(entry % 4) + "]");
+        refuse("pose: `transforms` must be finite", *found, {k, entry / 4, entry % 4});
     }
     require_finite(Matrix<const double>{motion.rest.data(), 3, 4}, "pose", "default");
 }
@@ -268,9 +266,7 @@ void require_finite_weights(const StridedMatrix<const float>& weights)
 {
     for (std::size_t i = 0; i < weights.rows; ++i)
         for (std::size_t j = 0; j < weights.columns; ++j)
-            if (!std::isfinite(weights(i, j)))
-                throw std::invalid_argument("pose: `weights` must be finite, got " + std::to_string(weights(i, j)) +
-                                            " at [" + std::to_string(i) + ", " + std::to_string(j) + "]");
+            if (!std::isfinite(weights(i, j))) refuse("pose: `weights` must be finite", weights(i, j), {i, j});
 }
 
 PoseRange<float> range_of(const Kernels& kernels, const PoseJob<float>&) { return kernels.pose_float; }

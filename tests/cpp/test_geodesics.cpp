@@ -1,8 +1,7 @@
 #include "dfd/geodesics.hpp"
 
 #include "check.hpp"
-#include "dfd/components.hpp"
-#include "dfd/faces.hpp"
+#include "dfd/topology.hpp"
 #include "dfd/surface/march.hpp"
 
 #include <cmath>

@@ -20,7 +20,7 @@ from mesh_files import CORNERS, CUBE, obj_cube, scene_of_three, textured_quad
 
 import dfd
 from dfd import Field, Mesh
-from dfd.distillation.checkpoint import Checkpoint, PieceFolder
+from dfd.distillation.checkpoint import Checkpoint, with_hash
 from dfd.editing.edit_file import read_edit, write_edit
 from dfd.mesh.file.gltf import glb
 
@@ -83,7 +83,7 @@ def load_checkpoint(path: Path) -> None:
         checkpoint = Checkpoint(Path(folder, "run"), {})
         checkpoint.write_tokens(image, None, np.ones((2, 2, 4), np.float32))
         (piece,) = Path(folder, "run").glob("tokens-*")
-        PieceFolder(piece.parent).write(piece.name, path.read_bytes())
+        piece.write_bytes(with_hash(piece.name, path.read_bytes()))
         tokens = checkpoint.read_tokens(image, None)
         assert tokens is None or (tokens.dtype == np.float32 and np.isfinite(tokens).all())
         piece.write_bytes(path.read_bytes())
@@ -123,7 +123,7 @@ def seeds() -> Mapping[str, list[bytes]]:
         image = np.zeros((2, 2, 3), np.uint8)
         Checkpoint(folder / "run", {}).write_tokens(image, None, np.ones((2, 2, 4), np.float32))
         (piece,) = (folder / "run").glob("tokens-*")
-        found[".piece"] = [PieceFolder(piece.parent).read(piece.name) or b""]
+        found[".piece"] = [piece.read_bytes()[32:]]
         return found
 
 

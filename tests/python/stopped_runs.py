@@ -13,7 +13,7 @@ from dfd import Mesh
 from dfd.encoders.encode import Encoder
 
 FEW_NODES = 1500
-RECIPE = {"field_version": 0, "mesh": "of a test"}
+KEY = {"field_version": 0, "mesh": "of a test"}
 
 SMALL: dict[str, Any] = {
     "views": 6,

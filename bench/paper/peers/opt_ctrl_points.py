@@ -42,50 +42,17 @@ class OptCtrlPoints(Coordinates):
             raise PeerError("meets a singular system: the tetrahedra are not of one piece") from None
 
     def solve(self, handles: Int64) -> Float64:
-        """Weights (N, K) of distinct nodes (K,)."""
-        return self.reduced(handles, self.columns(handles), np.arange(len(self.affine)))
-
-    def columns(self, handles: Int64) -> Float64:
-        """Columns (N, K) of the generalized inverse."""
-        ones = np.zeros((len(self.affine), len(handles)))
-        ones[handles, np.arange(len(handles))] = 1.0
-        found = np.zeros_like(ones)
-        found[self.free] = self.factors.solve(ones[self.free])
-        return found
-
-    def reduced(self, handles: Int64, columns: Float64, rows: Int64) -> Float64:
-        """The `rows` of the weights, by the small system."""
+        """Weights (N, K) of distinct nodes (K,), by the small system."""
         count = len(handles)
+        ones = np.zeros((len(self.affine), count))
+        ones[handles, np.arange(count)] = 1.0
+        inverse = np.zeros_like(ones)  # columns of the generalized inverse
+        inverse[self.free] = self.factors.solve(ones[self.free])
         system = np.zeros((count + 4, count + 4))
-        scale = max(float(np.abs(columns[handles]).max()), 1e-300)
-        system[:count, :count] = columns[handles] / scale
+        scale = max(float(np.abs(inverse[handles]).max()), 1e-300)
+        system[:count, :count] = inverse[handles] / scale
         system[:count, count:] = self.affine[handles]
         system[count:, :count] = self.affine[handles].T
         solved = np.linalg.lstsq(system, np.eye(count + 4)[:, :count], rcond=1e-12)[0]
-        weights: Float64 = columns[rows] @ (solved[:count] / scale) + self.affine[rows] @ solved[count:]
+        weights: Float64 = inverse @ (solved[:count] / scale) + self.affine @ solved[count:]
         return weights
-
-    def search(self, shapes: Float64, start: Int64, candidates: Int64, rounds: int = 2) -> Int64:
-        """Handles (K,), from `start`, that best reproduce `shapes` (S, N, 3) when they lie where those have them.
-
-        One handle after the other is tried at every candidate and stays at the best; each try solves the small system.
-        """
-        found = start.copy()
-        places = np.unique(np.concatenate([start, candidates]))
-        inverse = self.columns(places)
-        wanted = shapes - self.within.nodes
-        rows = np.arange(len(self.affine))
-
-        def error(handles: Int64) -> float:
-            weights = self.reduced(handles, inverse[:, np.searchsorted(places, handles)], rows)
-            return float(np.square(weights @ wanted[:, handles] - wanted).sum())
-
-        best = error(found)
-        for _ in range(rounds):
-            for position in range(len(found)):
-                for candidate in np.setdiff1d(candidates, found):
-                    tried = found.copy()
-                    tried[position] = candidate
-                    if (off := error(tried)) < best:
-                        best, found = off, tried
-        return found

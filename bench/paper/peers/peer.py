@@ -13,7 +13,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 import dfd
-from bench.paper.peers.tetrahedra import Tetrahedra, tetrahedra
+from bench.paper.peers.tetrahedra import MOST_FACES, Tetrahedra, tetrahedra
 from bench.quality.baselines import PeerError, in_child
 
 __all__ = ["Body", "Done", "Job", "Peer", "run"]
@@ -68,8 +68,17 @@ class Done:
     seconds: dict[str, float] = field(default_factory=dict)
 
 
-def run(make: Callable[[], Peer], mesh: dfd.Mesh, jobs: Sequence[Job], *, patience: float = PATIENCE) -> list[Done]:
-    """Do `jobs` on one shape by one peer, in a process of its own.
+def run(
+    make: Callable[[], Peer],
+    mesh: dfd.Mesh,
+    jobs: Sequence[Job],
+    *,
+    patience: float = PATIENCE,
+    most_faces: int | None = MOST_FACES,
+) -> list[Done]:
+    """Do `jobs` on one shape by one peer, in a process of its own, within `patience` seconds.
+
+    Tetrahedra are those of the shape simplified to `most_faces`; None fills it as it is, within `patience` too.
 
     Raises
     ------
@@ -78,7 +87,8 @@ def run(make: Callable[[], Peer], mesh: dfd.Mesh, jobs: Sequence[Job], *, patien
     """
     used, faces = np.unique(mesh.faces, return_inverse=True)  # a vertex of no face makes equations singular
     faces = faces.reshape(-1, 3).astype(np.int64)
-    body = Body(mesh.vertices[used], faces, tetrahedra(mesh.vertices[used], faces) if make().volume else None)
+    filled = {} if most_faces else {"patience": patience, "most_faces": None}
+    body = Body(mesh.vertices[used], faces, tetrahedra(mesh.vertices[used], faces, **filled) if make().volume else None)
     own = [Job(np.searchsorted(used, mesh.representative[job.held]), job.group, job.targets) for job in jobs]
     done = []
     for moved, seconds in in_child(_run, make, body, own, seconds=patience):
@@ -107,10 +117,16 @@ def _run(make: Callable[[], Peer], body: Body, jobs: Sequence[Job]) -> list[tupl
     return done
 
 
-def check_pieces(corners: Int64, count: int, held: Int64) -> None:
-    """Raise PeerError unless every connected piece of elements (E, K), of `count` vertices, holds one of `held`."""
+def pieces_of(corners: Int64, count: int) -> Int64:
+    """The number (count,) of the connected piece of elements (E, K) that each vertex is of."""
     edges = corners[:, [[a, a + 1] for a in range(corners.shape[1] - 1)]].reshape(-1, 2)
     graph = coo_array((np.ones(len(edges), bool), (edges[:, 0], edges[:, 1])), shape=(count, count))
-    pieces, piece = connected_components(graph, directed=False)
-    if len(np.unique(piece[held])) < pieces:
-        raise PeerError(f"needs a handle or a fixed point on every one of the {pieces} pieces")
+    piece: Int64 = connected_components(graph, directed=False)[1]
+    return piece
+
+
+def check_pieces(corners: Int64, count: int, held: Int64) -> None:
+    """Raise PeerError unless every connected piece of elements (E, K), of `count` vertices, holds one of `held`."""
+    piece = pieces_of(corners, count)
+    if len(np.unique(piece[held])) <= piece.max():
+        raise PeerError(f"needs a handle or a fixed point on every one of the {piece.max() + 1} pieces")

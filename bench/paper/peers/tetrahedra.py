@@ -51,18 +51,20 @@ class Tetrahedra:
 known: dict[str, Tetrahedra | PeerError] = {}  # several peers and pages ask for one shape's
 
 
-def tetrahedra(vertices: Float64, faces: Int64) -> Tetrahedra:
-    """Fill a surface with tetrahedra, once in a process; one of more than `MOST_FACES` faces is simplified before.
+def tetrahedra(
+    vertices: Float64, faces: Int64, *, patience: float = PATIENCE, most_faces: int | None = MOST_FACES
+) -> Tetrahedra:
+    """Fill a surface with tetrahedra, once in a process; one of more than `most_faces` faces is simplified before.
 
     Raises
     ------
     PeerError
-        If `wildmeshing` or libigl is not installed, or the surface cannot be filled.
+        If `wildmeshing` or libigl is not installed, or the surface cannot be filled, or not within `patience` seconds.
     """
-    key = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest()
+    key = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest() + f" {most_faces}"
     if key not in known:
         try:
-            known[key] = in_child(_fill, vertices, faces, EDGE, MOST_FACES, seconds=PATIENCE)
+            known[key] = in_child(_fill, vertices, faces, EDGE, most_faces, seconds=patience)
         except PeerError as error:
             known[key] = error
     found = known[key]
@@ -113,10 +115,10 @@ def boundary(nodes: Float64, cells: Int64, vertices: Float64) -> tuple[Int64, Fl
     return corners, np.asarray(shares), np.sqrt(squared)
 
 
-def _fill(vertices: Float64, faces: Int64, edge: float, most: int) -> Tetrahedra:
+def _fill(vertices: Float64, faces: Int64, edge: float, most: int | None) -> Tetrahedra:
     begin = time.perf_counter()
     points, sides = vertices, faces
-    if len(faces) > most:
+    if most is not None and len(faces) > most:
         points, sides = fast_simplification.simplify(vertices.astype(np.float32), faces, target_count=most)
     nodes, cells = fill(np.asarray(points, np.float64), np.asarray(sides, np.int64), edge)
     corners, shares, distance = boundary(nodes, cells, vertices)

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <initializer_list>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -18,6 +19,14 @@ inline void require(bool condition, const char* message)
     if (!condition) throw std::invalid_argument(message);
 }
 
+/// Throws "<rule>, got <value> at [<place>]".
+[[noreturn]] inline void refuse(const std::string& rule, double value, std::initializer_list<std::size_t> place)
+{
+    std::string at;
+    for (const std::size_t index : place) at += (at.empty() ? "" : ", ") + std::to_string(index);
+    throw std::invalid_argument(rule + ", got " + std::to_string(value) + " at [" + at + "]");
+}
+
 /// Throws "<operation>: `<name>` must be finite, got <value> at [<row>, <column>]" for the first such value.
 template <class T>
 void require_finite(Matrix<const T> values, const char* operation, const char* name)
@@ -26,9 +35,8 @@ void require_finite(Matrix<const T> values, const char* operation, const char* n
     const auto found = std::find_if(all.begin(), all.end(), [](T value) { return !std::isfinite(value); });
     if (found == all.end()) return;
     const auto index = static_cast<std::size_t>(found - all.begin());
-    throw std::invalid_argument(std::string(operation) + ": `" + name + "` must be finite, got " +
-                                std::to_string(*found) + " at [" + std::to_string(index / values.columns) + ", " +
-                                std::to_string(index % values.columns) + "]");
+    refuse(std::string(operation) + ": `" + name + "` must be finite", *found,
+           {index / values.columns, index % values.columns});
 }
 
 /// Throws unless `rows` has as many `columns` and all its entries are indices below `count`.

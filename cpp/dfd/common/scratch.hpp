@@ -10,38 +10,46 @@
 
 namespace dfd {
 
-/// One piece of memory for each worker, aligned for the widest vectors, taken before they start.
+struct FreeAligned {
+    std::align_val_t alignment{64};
+    void operator()(void* memory) const { ::operator delete(memory, alignment); }
+};
+
+/// Memory aligned for the widest vectors, its contents not yet set.
+using AlignedMemory = std::unique_ptr<void, FreeAligned>;
+
+/// Takes memory. Much of it lies in large pages where the system has them: the first touch of small ones, each cleared
+/// and looked up by itself, costs more than a kernel.
+inline AlignedMemory take_memory(std::size_t bytes)
+{
+    constexpr std::size_t line = 64, large_page = std::size_t{1} << 21;
+    const bool large = bytes >= 2 * large_page;
+    const std::size_t alignment = large ? large_page : line;
+    const std::size_t size = (bytes + alignment - 1) / alignment * alignment;  // whole pages: the last one counts too
+    const FreeAligned free{std::align_val_t{alignment}};
+    AlignedMemory memory(::operator new(size, free.alignment), free);
+#ifdef __linux__
+    if (large) madvise(memory.get(), size, MADV_HUGEPAGE);
+#endif
+    return memory;
+}
+
+/// One piece of memory for each worker, taken before they start.
 class Scratch {
 public:
     Scratch(int workers, std::size_t floats)
         : size_((floats + line - 1) / line * line),
-          memory_(taken(static_cast<std::size_t>(workers < 1 ? 1 : workers) * size_ * sizeof(float)))
+          memory_(take_memory(static_cast<std::size_t>(workers < 1 ? 1 : workers) * size_ * sizeof(float)))
     {
     }
 
-    float* of(std::size_t worker) const { return memory_.get() + worker * size_; }
+    float* of(std::size_t worker) const { return static_cast<float*>(memory_.get()) + worker * size_; }
 
 private:
-    static constexpr std::size_t line = 64 / sizeof(float), large_page = std::size_t{1} << 21;
-
-    struct Free {
-        std::align_val_t alignment{64};
-        void operator()(float* memory) const { ::operator delete(memory, alignment); }
-    };
-
-    // What fills large pages lies in them where the system has them: small ones are cleared and looked up one by one.
-    static std::unique_ptr<float, Free> taken(std::size_t bytes)
-    {
-        const Free free{std::align_val_t{bytes < large_page ? line * sizeof(float) : large_page}};
-        void* memory = ::operator new(bytes, free.alignment);
-#ifdef __linux__
-        if (bytes >= large_page) madvise(memory, bytes / large_page * large_page, MADV_HUGEPAGE);
-#endif
-        return {static_cast<float*>(memory), free};
-    }
+    static constexpr std::size_t line = 64 / sizeof(float);
 
     std::size_t size_;
-    std::unique_ptr<float, Free> memory_;
+    AlignedMemory memory_;
 };
 
 }  // namespace dfd

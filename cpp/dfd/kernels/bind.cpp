@@ -1,15 +1,16 @@
 // Eq. (4-7) for blocks of vertices, one vertex per lane: every vertex sees the same operations in the same order,
 // wherever it stands and whatever handles it is bound to beside.
 
+#include "dfd/kernels/distances.hpp"
 #include "dfd/kernels/falloff.hpp"
-#include "dfd/kernels/store.hpp"
-#include "dfd/kernels/variants.hpp"
+#include "dfd/kernels/layout.hpp"
 
 namespace dfd {
 namespace {
 
 constexpr std::size_t blocks_ahead = 4;       // of features to prefetch
 constexpr std::size_t geodesic_ahead = 1024;  // bytes of each handle's distances to prefetch
+constexpr std::size_t column_ahead = 512;     // bytes of each column to prefetch
 
 // Targets whose sums stay in registers together.
 #if defined(__AVX512F__)
@@ -29,6 +30,80 @@ DFD_INLINE void measure(const Panel& panel, const Targets& targets, std::size_t 
         if (wanted > Count) return measure<Count == 1 ? 2 : Count + 2>(panel, targets, first, wanted, squares);
     }
     panel.template squared_distances<Count>(targets, first, squares);
+}
+
+// The vertices of a block.
+struct Place {
+    std::size_t begin, count;
+};
+
+// Weights of a block for one handle, to its column.
+DFD_INLINE void put_column(const BindJob& job, std::size_t handle, const Place& place, const Block& weights)
+{
+    float* column = job.weights + handle * job.column_stride + place.begin;
+    if (place.count < block_size) {
+        float padded[block_size];
+        for (std::size_t part = 0; part < parts; ++part) store(padded + part * width, weights.part[part]);
+        copy(padded, place.count, column);
+    } else if (job.stream) {
+        for (std::size_t part = 0; part < parts; ++part) stream(column + part * width, weights.part[part]);
+    } else {
+        prefetch<true>(column, column_ahead, 1);
+        for (std::size_t part = 0; part < parts; ++part) store(column + part * width, weights.part[part]);
+    }
+}
+
+// Rows that follow one another, on their way past the caches: what does not fill a line waits for the next block.
+class LineStream {
+public:
+    LineStream(float* to, float* buffer)
+        : skip_(reinterpret_cast<std::uintptr_t>(to) % 64 / sizeof(float)), pending_(skip_), line_(to - skip_),
+          buffer_(buffer)
+    {
+    }
+
+    // Where the next entries belong before they are pushed.
+    float* place() const { return buffer_ + pending_; }
+
+    DFD_INLINE void push(std::size_t count)
+    {
+        const std::size_t filled = pending_ + count;
+        std::size_t k = 0;
+        if (skip_ != 0 && filled >= block_size) {  // the first line belongs in part to others
+            copy(buffer_ + skip_, block_size - skip_, line_ + skip_);
+            skip_ = 0;
+            k = block_size;
+        }
+        for (; k + block_size <= filled; k += block_size)
+            for (std::size_t part = 0; part < block_size; part += width)
+                stream(line_ + k + part, load<Float>(buffer_ + k + part));
+        for (std::size_t part = 0; part < block_size; part += width)
+            store(buffer_ + part, load<Float>(buffer_ + k + part));
+        line_ += k;
+        pending_ = filled - k;
+    }
+
+    void finish() const { copy(buffer_ + skip_, pending_ - skip_, line_ + skip_); }
+
+private:
+    std::size_t skip_, pending_;  // entries of the line that are another's, and that are taken
+    float *line_, *buffer_;
+};
+
+// Weights (H, 16) of a block, to the rows of its vertices.
+DFD_INLINE void put_rows(const BindJob& job, const Place& place, const float* weights, LineStream& lines)
+{
+    float* rows = job.weights + place.begin * job.row_stride;
+    if (job.stream) {
+        lanes_to_rows(weights, job.handle_count, lines.place(), job.handle_count);
+        lines.push(place.count * job.handle_count);
+    } else if (place.count == block_size) {
+        lanes_to_rows(weights, job.handle_count, rows, job.row_stride);
+    } else {
+        for (std::size_t lane = 0; lane < place.count; ++lane)
+            for (std::size_t j = 0; j < job.handle_count; ++j)
+                rows[lane * job.row_stride + j] = weights[j * block_size + lane];
+    }
 }
 
 // What is wrong with a range.
@@ -207,7 +282,9 @@ DFD_INLINE unsigned bind_range(const BindJob& job, std::size_t begin, std::size_
 
 }  // namespace
 
-unsigned DFD_VARIANT::bind_rows(const BindJob& job, std::size_t begin, std::size_t end, float* scratch)
+namespace DFD_VARIANT {
+
+unsigned bind_rows(const BindJob& job, std::size_t begin, std::size_t end, float* scratch)
 {
     return bind_range(job, begin, end, scratch,
                       [](const BindJob& own, std::size_t i, std::size_t count, float* panel) __attribute__((always_inline)) {
@@ -217,7 +294,7 @@ unsigned DFD_VARIANT::bind_rows(const BindJob& job, std::size_t begin, std::size
     });
 }
 
-unsigned DFD_VARIANT::bind_halves(const BindJob& job, std::size_t begin, std::size_t end, float* scratch)
+unsigned bind_halves(const BindJob& job, std::size_t begin, std::size_t end, float* scratch)
 {
     return bind_range(job, begin, end, scratch,
                       [](const BindJob& own, std::size_t i, std::size_t, float* panel) __attribute__((always_inline)) {
@@ -229,7 +306,7 @@ unsigned DFD_VARIANT::bind_halves(const BindJob& job, std::size_t begin, std::si
     });
 }
 
-unsigned DFD_VARIANT::bind_bytes(const BindJob& job, std::size_t begin, std::size_t end, float* scratch)
+unsigned bind_bytes(const BindJob& job, std::size_t begin, std::size_t end, float* scratch)
 {
     return bind_range(job, begin, end, scratch,
                       [](const BindJob& own, std::size_t i, std::size_t, float*) __attribute__((always_inline)) {
@@ -240,4 +317,5 @@ unsigned DFD_VARIANT::bind_bytes(const BindJob& job, std::size_t begin, std::siz
     });
 }
 
+}  // namespace DFD_VARIANT
 }  // namespace dfd

@@ -3,7 +3,7 @@
 // What blended transforms do to a vertex and its normal. The entries of a transform are what it adds to the identity's,
 // so that what rests adds nothing, not by a bit.
 
-#include "dfd/kernels/interleave.hpp"
+#include "dfd/kernels/layout.hpp"
 
 namespace dfd {
 namespace {

@@ -1,9 +1,6 @@
 // Unit features of points: a small network, evaluated for 48 points at a time so that its activations stay in the cache.
 
-#include "dfd/kernels/neurons.hpp"
-#include "dfd/kernels/tile.hpp"
-#include "dfd/kernels/transpose.hpp"
-#include "dfd/kernels/variants.hpp"
+#include "dfd/kernels/layout.hpp"
 
 #include <cmath>
 
@@ -20,6 +17,9 @@ constexpr std::size_t tile_outputs = 2, tile_vectors = 4;
 #endif
 constexpr std::size_t tile_points = tile_vectors * lanes<float>;
 static_assert(field_points % tile_points == 0 && field_group % tile_outputs == 0);
+
+// Activations are (neurons, 48): floats from one neuron's to the next one's.
+constexpr std::size_t row = field_points;
 
 // Coordinates, and sines and cosines of each octave: (3 + 6 octaves, 48). An octave's angles are twice those of the
 // one before, so each follows from it; in double, so that none of the error shows.
@@ -57,7 +57,17 @@ DFD_INLINE void multiply(const float* weights, const float* bias, std::size_t in
     for (std::size_t o = 0; o < tile_outputs; ++o)
 #pragma GCC unroll 4
         for (std::size_t v = 0; v < tile_vectors; ++v) sums[o][v] = splat(bias[o]);
-    add_products(weights, 1, field_group, in, row, inputs, sums);
+    for (std::size_t k = 0; k < inputs; ++k) {
+        Float entries[tile_vectors];
+#pragma GCC unroll 4
+        for (std::size_t v = 0; v < tile_vectors; ++v) entries[v] = load<Float>(in + k * row + v * lanes<float>);
+#pragma GCC unroll 8
+        for (std::size_t o = 0; o < tile_outputs; ++o) {
+            const Float weight = splat(weights[k * field_group + o]);
+#pragma GCC unroll 4
+            for (std::size_t v = 0; v < tile_vectors; ++v) sums[o][v] = multiply_add(weight, entries[v], sums[o][v]);
+        }
+    }
 #pragma GCC unroll 8
     for (std::size_t o = 0; o < tile_outputs; ++o)
 #pragma GCC unroll 4
@@ -81,8 +91,16 @@ void linear(const FieldLayer& layer, const float* in, float* out)
 // (x - mean) / sqrt(variance + 1e-5) · gain + shift over the neurons of each point.
 void normalize_layer(const FieldLayer& layer, float* values)
 {
+    const Float share = splat(1.0f / static_cast<float>(layer.outputs));
     for (std::size_t point = 0; point < field_points; point += lanes<float>) {
-        const auto [mean, factor] = moments_of(values + point, layer.outputs);
+        Float sum{}, squares{};
+        for (std::size_t k = 0; k < layer.outputs; ++k) sum += load<Float>(values + k * row + point);
+        const Float mean = sum * share;
+        for (std::size_t k = 0; k < layer.outputs; ++k) {
+            const Float difference = load<Float>(values + k * row + point) - mean;
+            squares = multiply_add(difference, difference, squares);
+        }
+        const Float factor = splat(1.0f) / sqrt(squares * share + splat(1e-5f));
         for (std::size_t k = 0; k < layer.outputs; ++k) {
             float* place = values + k * row + point;
             store(place, multiply_add((load<Float>(place) - mean) * factor, splat(layer.gain[k]), splat(layer.shift[k])));
@@ -125,7 +143,9 @@ void leave(const FieldLayer& layer, float* values, float* features, std::size_t 
 
 }  // namespace
 
-void DFD_VARIANT::field(const FieldJob& job, std::size_t begin, std::size_t end, float* scratch)
+namespace DFD_VARIANT {
+
+void field(const FieldJob& job, std::size_t begin, std::size_t end, float* scratch)
 {
     const FieldLayer& last = job.layers[job.layer_count - 1];
     for (std::size_t i = begin; i < end; i += field_points) {
@@ -144,4 +164,5 @@ void DFD_VARIANT::field(const FieldJob& job, std::size_t begin, std::size_t end,
     }
 }
 
+}  // namespace DFD_VARIANT
 }  // namespace dfd

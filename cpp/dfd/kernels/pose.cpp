@@ -1,8 +1,6 @@
 // Eq. (1) and (8) for blocks of vertices, one vertex per lane. A vertex moves by its blended displacement.
 
 #include "dfd/kernels/blend.hpp"
-#include "dfd/kernels/transpose.hpp"
-#include "dfd/kernels/variants.hpp"
 
 namespace dfd {
 namespace {
@@ -291,14 +289,17 @@ DFD_INLINE bool pose_range(const PoseJob<T>& job, std::size_t begin, std::size_t
 
 }  // namespace
 
-bool DFD_VARIANT::pose_float(const PoseJob<float>& job, std::size_t begin, std::size_t end, float* scratch)
+namespace DFD_VARIANT {
+
+bool pose_float(const PoseJob<float>& job, std::size_t begin, std::size_t end, float* scratch)
 {
     return pose_range(job, begin, end, scratch);
 }
 
-bool DFD_VARIANT::pose_double(const PoseJob<double>& job, std::size_t begin, std::size_t end, float* scratch)
+bool pose_double(const PoseJob<double>& job, std::size_t begin, std::size_t end, float* scratch)
 {
     return pose_range(job, begin, end, scratch);
 }
 
+}  // namespace DFD_VARIANT
 }  // namespace dfd

@@ -63,7 +63,7 @@ DFD_INLINE Float splat(float value) { return value - Float{}; }
 DFD_INLINE Double splat(double value) { return value - Double{}; }
 DFD_INLINE Int splat(std::int32_t value) { return value - Int{}; }
 
-// Four bytes of a target in every lane, as `dot4` takes them. Where products of neighbouring bytes could saturate their
+// Four bytes of a target in every lane, as `dot4` takes them. Where products of neighboring bytes could saturate their
 // 16 bits, even and odd bytes go apart.
 #if defined(__x86_64__) && !defined(__AVX512F__)
 struct Quad {
@@ -144,11 +144,6 @@ DFD_INLINE Float maximum(Float a, Float b) { return (Float)_mm256_max_ps((__m256
 DFD_INLINE Float minimum(Float a, Float b) { return (Float)_mm256_min_ps((__m256)a, (__m256)b); }
 DFD_INLINE Double maximum(Double a, Double b) { return (Double)_mm256_max_pd((__m256d)a, (__m256d)b); }
 DFD_INLINE Double minimum(Double a, Double b) { return (Double)_mm256_min_pd((__m256d)a, (__m256d)b); }
-#elif defined(__x86_64__)
-DFD_INLINE Float maximum(Float a, Float b) { return (Float)_mm_max_ps((__m128)a, (__m128)b); }
-DFD_INLINE Float minimum(Float a, Float b) { return (Float)_mm_min_ps((__m128)a, (__m128)b); }
-DFD_INLINE Double maximum(Double a, Double b) { return (Double)_mm_max_pd((__m128d)a, (__m128d)b); }
-DFD_INLINE Double minimum(Double a, Double b) { return (Double)_mm_min_pd((__m128d)a, (__m128d)b); }
 #else
 template <class V>
 DFD_INLINE V maximum(V a, V b) { return a > b ? a : b; }
@@ -281,13 +276,6 @@ DFD_INLINE void stream_fence() {}
 #if !defined(__AVX512F__)
 DFD_INLINE Float sqrt_by_products(Float a) { return sqrt(a); }
 #endif
-
-DFD_INLINE float sum_of(Float lanes_of)
-{
-    float sum = 0;
-    for (std::size_t lane = 0; lane < lanes<float>; ++lane) sum += lanes_of[lane];
-    return sum;
-}
 
 }  // namespace
 }  // namespace dfd

@@ -52,12 +52,8 @@ class BatchFolder:
     def begin(cls, root: str | os.PathLike[str], settings: BatchSettings) -> BatchFolder:
         """Make the folder, or go on in one that was begun with the same settings.
 
-        Raises
-        ------
-        ValueError
-            If it holds something else, or a batch with other settings.
-        OSError
-            If it cannot be made or written.
+        Raises ValueError if it holds something else, or a batch with other settings; OSError if it cannot be made or
+        written.
         """
         folder = cls(root, sharded=settings.sharded)
         if folder.root.exists() and not folder.root.is_dir():
@@ -125,7 +121,7 @@ class BatchFolder:
         return record
 
     def retire(self, name: str) -> None:
-        """Take a shape away that is to be done anew."""
+        """Remove a shape that is to be done again."""
         with suppress(FileNotFoundError):
             away = self.attempt(name, secrets.token_hex(4))
             self.shape(name).rename(away)
@@ -164,10 +160,7 @@ class BatchFolder:
     def lock(self, rank: int, world_size: int) -> Iterator[None]:
         """Hold the folder for one driver of a rank.
 
-        Raises
-        ------
-        ValueError
-            If another one holds it.
+        Raises ValueError if another one holds it.
         """
         path = self.work / f"rank-{rank}-of-{world_size}.lock"
         with path.open("w") as stream:
@@ -186,10 +179,7 @@ class BatchFolder:
 def read_settings(root: Path) -> BatchSettings | None:
     """The settings of the batch in `root`, or None where there is none.
 
-    Raises
-    ------
-    ValueError
-        If its `batch.json` is damaged or of another version.
+    Raises ValueError if its `batch.json` is damaged or of another version.
     """
     try:
         text = (root / SETTINGS).read_bytes()

@@ -21,21 +21,11 @@ NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.\-]{0,119}")
 
 @dataclass(frozen=True)
 class Shape:
-    """One shape of a batch.
+    """One shape of a batch."""
 
-    Attributes
-    ----------
-    name
-        What its folder is called, distinct from all others also where case does not count.
-    path
-        Its file: a path here, or a URL that fsspec reads.
-    field
-        Its field, where one is at hand.
-    """
-
-    name: str
-    path: str
-    field: str | None = None
+    name: str  # what its folder is called, distinct from all others also where case does not count
+    path: str  # its file: a path here, or a URL that fsspec reads
+    field: str | None = None  # its field, where one is at hand
 
 
 def find_shapes(inputs: Sequence[str]) -> list[Shape]:
@@ -78,10 +68,7 @@ def has_magic(pattern: str) -> bool:
 def local_matches(pattern: str) -> list[Path]:
     """The meshes that a pattern matches here, in order.
 
-    Raises
-    ------
-    FileNotFoundError
-        If there is none.
+    Raises FileNotFoundError if there is none.
     """
     found = [Path(path) for path in sorted(glob.glob(pattern, recursive=True))]  # noqa: PTH207  # also absolute ones
     meshes = [path for path in found if path.suffix.lower() in MESH_ENDINGS]
@@ -157,10 +144,7 @@ def _of_manifest(manifest: str) -> list[Shape]:
 def _rows(manifest: str) -> list[dict[str, Any]]:
     """The rows of a CSV or Parquet file.
 
-    Raises
-    ------
-    ValueError
-        If it is no such file, or lacks the column `path`.
+    Raises ValueError if it is no such file, or lacks the column `path`.
     """
     data = _read(manifest)
     if manifest.lower().endswith(".csv"):
@@ -196,10 +180,7 @@ def _read(path: str) -> bytes:
 def _fsspec() -> Any:
     """fsspec, with its own way of finding what reads a kind of URL.
 
-    Raises
-    ------
-    ValueError
-        If it is not installed.
+    Raises ValueError if it is not installed.
     """
     try:
         import fsspec

@@ -18,12 +18,7 @@ QUEUED = 2  # jobs for each place of the cluster, so that none waits for the dri
 def connect(address: str | None, workers: int | None, threads: int) -> Any:
     """Start Ray on this machine, or join the cluster at `address`, and return the module.
 
-    Raises
-    ------
-    ValueError
-        If Ray is not installed, or the address is none.
-    OSError
-        If no cluster answers there.
+    Raises ValueError if Ray is not installed, or the address is none; OSError if no cluster answers there.
     """
     try:
         import ray
@@ -48,7 +43,7 @@ def connect(address: str | None, workers: int | None, threads: int) -> Any:
 
 
 def _answers(address: str) -> None:
-    """Refuse an address where nobody listens: Ray itself would ask for minutes."""
+    """Refuse an address that does not answer: Ray itself would retry for minutes."""
     host, _, port = address.removeprefix("ray://").rpartition(":")
     if not host or not port.isdigit() or not 0 < int(port) < 65536:
         raise ValueError(f"batch: `ray_address` must be auto, HOST:PORT or ray://HOST:PORT, got {address!r}")
@@ -113,10 +108,7 @@ class RaySlots:
     def _check(self, promised: dict[str, Any]) -> None:
         """Refuse what no machine of the cluster has: Ray would wait for one.
 
-        Raises
-        ------
-        ValueError
-            If one task needs more than all of it.
+        Raises ValueError if one task needs more than all of it.
         """
         there = self._ray.cluster_resources()
         for name, key in (("threads", "CPU"), ("gpus", "GPU"), ("memory", "memory")):

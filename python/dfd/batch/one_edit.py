@@ -15,8 +15,8 @@ from dfd.common import check
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit_file import read_edit
 from dfd.editing.transfer import transfer
-from dfd.pictures.before_after import azimuth_towards
 from dfd.pictures.picture import picture
+from dfd.pictures.viewpoint import azimuth_towards
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -45,17 +45,10 @@ SURE_ENOUGH, SURE_ENOUGH_LEARNED = 0.45, 0.25
 
 @dataclass(frozen=True)
 class Original:
-    """An edit and the shape that it was made on.
+    """An edit and the shape that it was made on."""
 
-    Attributes
-    ----------
-    edit
-        In the units of `mesh`.
-    mesh, field
-        The shape and its field.
-    """
-
-    edit: Edit
+    edit: Edit  # in the units of `mesh`
+    # mesh, field: the shape and its field
     mesh: Mesh
     field: Field
 
@@ -63,12 +56,8 @@ class Original:
     def read(cls, path: str | os.PathLike[str], mesh: Mesh, field: Field) -> Original:
         """Read the edit in `path`, made on `mesh`.
 
-        Raises
-        ------
-        OSError
-            If `path` cannot be read.
-        ValueError
-            If it is no edit, one of another shape, or one without handles.
+        Raises OSError if `path` cannot be read; ValueError if it is no edit, one of another shape, or one without
+        handles.
         """
         edit = read_edit(path, mesh)
         if not edit.handles:
@@ -86,18 +75,10 @@ class UnlikeError(ValueError):
 
 @dataclass(frozen=True)
 class Carried:
-    """An edit on another shape, done.
+    """An edit on another shape, done."""
 
-    Attributes
-    ----------
-    deformer
-        A session of the other shape with the edit.
-    confidence
-        Of each handle and fixed point, by its name, in [0, 1]; see `dfd.editing.transfer`.
-    """
-
-    deformer: Deformer
-    confidence: dict[str, float]
+    deformer: Deformer  # a session of the other shape with the edit
+    confidence: dict[str, float]  # of each handle and fixed point, by its name, in [0, 1]; see `dfd.editing.transfer`
 
 
 def carry(

@@ -46,17 +46,14 @@ a {{ color: inherit; }}
 def write_page(folder: BatchFolder, settings: BatchSettings, table: pyarrow.Table) -> Path:
     """Write `index.html` from the table of the batch, and further pages where there are more than 2,000 shapes.
 
-    Raises
-    ------
-    OSError
-        If it cannot be written.
+    Raises OSError if it cannot be written.
     """
     ordered = table.sort_by([("status", "descending"), ("name", "ascending")])  # what failed comes first
     starts = range(0, max(1, len(ordered)), ON_A_PAGE)
     causes, statuses = (table.column(name).to_pylist() for name in ("cause", "status"))
     counts = Counter(cause or status for cause, status in zip(causes, statuses, strict=True))
-    told = ", ".join(f"{count:,} {what}" for what, count in counts.most_common())
-    title = f"{len(table):,} shapes: {told}"
+    tally = ", ".join(f"{count:,} {what}" for what, count in counts.most_common())
+    title = f"{len(table):,} shapes: {tally}"
     for number, start in enumerate(starts, 1):
         path = folder.root / _page_name(number)
         with atomic_write(path) as temporary, temporary.open("w", encoding="utf-8") as stream:
@@ -130,10 +127,7 @@ def gather(records: Iterable[Record], settings: BatchSettings) -> pyarrow.Table:
 def write_table(root: Path, table: pyarrow.Table) -> Path:
     """Write the table as `shapes.parquet` into the folder of its batch.
 
-    Raises
-    ------
-    OSError
-        If it cannot be written.
+    Raises OSError if it cannot be written.
     """
     path = root / TABLE
     with atomic_write(path) as temporary:

@@ -48,7 +48,7 @@ class Slots(Protocol):
         """The jobs that have ended, after at most so many seconds."""
 
     def close(self) -> None:
-        """End all workers, whatever they are doing."""
+        """End all workers at once."""
 
 
 class ProcessSlots:
@@ -87,7 +87,7 @@ class ProcessSlots:
         return ended
 
     def close(self) -> None:
-        """End all workers, whatever they are doing."""
+        """End all workers at once."""
         for slot in (*self._idle, *self._busy):
             slot.end()
 

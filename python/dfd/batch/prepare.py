@@ -33,12 +33,8 @@ class EditFiles(NamedTuple):
 def find_files(edit: Path, made_on: Path | None = None) -> EditFiles:
     """What belongs to an edit: the mesh that is named or that it says, and the field that it says or that lies beside.
 
-    Raises
-    ------
-    ValueError
-        If it is no edit, or says no mesh and none is named.
-    OSError
-        If it or the mesh that it says cannot be read, or there is no field.
+    Raises ValueError if it is no edit, or says no mesh and none is named; OSError if it or the mesh that it says cannot
+    be read, or there is no field.
     """
     said, field, sha256 = read_made_on(edit)
     mesh = said if made_on is None else made_on
@@ -61,12 +57,7 @@ def find_files(edit: Path, made_on: Path | None = None) -> EditFiles:
 def describe_edits(edits: Sequence[EditFiles]) -> tuple[EditSource, ...]:
     """Say what the edits are, once each is read together with its mesh and its field.
 
-    Raises
-    ------
-    ValueError
-        If an edit does not belong to its mesh, or two have one name.
-    OSError
-        If a file cannot be read.
+    Raises ValueError if an edit does not belong to its mesh, or two have one name; OSError if a file cannot be read.
     """
     sources: list[EditSource] = []
     for edit, mesh, field in edits:
@@ -85,10 +76,7 @@ def describe_edits(edits: Sequence[EditFiles]) -> tuple[EditSource, ...]:
 def place_edits(folder: BatchFolder, edits: Sequence[EditFiles], sources: Sequence[EditSource]) -> None:
     """Copy what `describe_edits` read into the batch's folder.
 
-    Raises
-    ------
-    OSError
-        If it cannot be written.
+    Raises OSError if it cannot be written.
     """
     if sources:
         folder.edits.mkdir(exist_ok=True)

@@ -6,10 +6,11 @@ import platform
 import re
 import secrets
 import socket
+from datetime import datetime, timezone
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -35,28 +36,7 @@ TOO_MUCH = "Memory"  # begins the note of a process that ended itself for want o
 
 
 class Record(BaseModel):
-    """What became of one shape.
-
-    Attributes
-    ----------
-    status, cause, message
-        "done", or "failed" with why: the input was refused, memory or time ran out, its process died, or an error of
-        dfd itself.
-    sha256, size
-        Of its file, where that could be read; bytes.
-    settings
-        The hash of the batch's settings.
-    attempts
-        How many times it was begun.
-    seconds, timings
-        All of it, and each step.
-    memory
-        The most that its process had, bytes.
-    figures
-        What steps found, by name: the further columns of the table.
-    files
-        What is in its folder besides this.
-    """
+    """What became of one shape."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -64,19 +44,24 @@ class Record(BaseModel):
     version: Literal[1] = 1
     name: str
     path: str
+    # status, cause, message: "done", or "failed" with why: the input was refused, memory or time ran out, its process
+    # died, or an error of dfd itself
     status: Literal["done", "failed"]
     cause: Cause | None = None
     message: str | None = None
+    # sha256, size: of its file, where that could be read; bytes
     sha256: str | None = None
     size: int | None = None
     modified: int | None = None  # nanoseconds, of a file here
-    settings: str
-    attempts: int
+    settings: str  # the hash of the batch's settings
+    attempts: int  # how many times it was begun
+    # seconds, timings: all of it, and each step
     seconds: float
     timings: dict[str, float] = Field(default_factory=dict)
-    memory: int | None = None
+    memory: int | None = None  # the most that its process had, bytes
+    # what steps found, by name: the further columns of the table
     figures: dict[str, Figure] = Field(default_factory=dict)
-    files: list[str] = Field(default_factory=list)
+    files: list[str] = Field(default_factory=list)  # what is in its folder besides this
     warnings: list[str] = Field(default_factory=list)
     versions: dict[str, str] = Field(default_factory=dict)
     host: str = Field(default_factory=socket.gethostname)
@@ -107,6 +92,21 @@ class Job(BaseModel):
     token: str  # of the attempt's own folder
     limits: Limits
 
+    def record(self, settings: str, *, seconds: float, cause: Cause | None = None, **found: Any) -> Record:
+        """What became of the shape now, under settings with that hash."""
+        return Record(
+            name=self.name,
+            path=self.path,
+            status="done" if cause is None else "failed",
+            cause=cause,
+            settings=settings,
+            attempts=self.attempt,
+            seconds=seconds,
+            versions=versions(),
+            finished=datetime.now(timezone.utc).isoformat(timespec="seconds"),
+            **found,
+        )
+
 
 class WorkerDied(BaseModel):
     """A worker ended before its job did."""
@@ -115,7 +115,7 @@ class WorkerDied(BaseModel):
 
 
 class Stopped(BaseModel):
-    """The batch cannot go on, whatever the shape: its folder cannot be written."""
+    """The batch cannot continue with any shape: its folder cannot be written."""
 
     why: str
 

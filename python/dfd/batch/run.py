@@ -10,8 +10,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
-from datetime import datetime, timezone
+from dataclasses import asdict, dataclass, field
 from typing import Protocol
 
 from rich.console import Console
@@ -21,7 +20,7 @@ from dfd.batch.folder import BatchFolder
 from dfd.batch.inputs import Shape
 from dfd.batch.page import gather, write_page, write_table
 from dfd.batch.pool import Slots
-from dfd.batch.record import Cause, Job, Limits, Record, Stopped, WorkerDied, exit_reason, modified, new_token, versions
+from dfd.batch.record import Cause, Job, Limits, Record, Stopped, WorkerDied, exit_reason, modified, new_token
 from dfd.batch.settings import BatchSettings
 
 __all__ = ["BatchProgress", "Summary", "Watcher", "run_batch"]
@@ -45,24 +44,14 @@ class Watcher(Protocol):
 
 @dataclass
 class Summary:
-    """What a run did.
+    """What a run did."""
 
-    Attributes
-    ----------
-    done, failed
-        Shapes of this run's rank, those of earlier runs included.
-    causes
-        How many failed of what.
-    missing
-        Shapes of all ranks that are not finished.
-    seconds, busy
-        Wall time, and what the shapes of this run took by themselves, all workers together.
-    """
-
+    # done, failed: shapes of this run's rank, those of earlier runs included
     done: int = 0
     failed: int = 0
-    causes: Counter[str] = field(default_factory=Counter)
-    missing: int = 0
+    causes: Counter[str] = field(default_factory=Counter)  # how many failed of what
+    missing: int = 0  # shapes of all ranks that are not finished
+    # seconds, busy: wall time, and what the shapes of this run took by themselves, all workers together
     seconds: float = 0.0
     busy: float = 0.0
 
@@ -94,7 +83,7 @@ def run_batch(
     shapes
         Of all ranks, in one order.
     retry
-        Do anew what failed before.
+        Repeat what failed before.
 
     Raises
     ------
@@ -112,8 +101,7 @@ def run_batch(
         else:
             todo.append((shape, 1))
     watcher.begun(len(mine), summary.done + summary.failed)
-    by_name = {shape.name: shape for shape in mine}
-    _work_off(todo, by_name, settings, folder, slots, limits, watcher, summary)
+    _work_off(todo, settings, folder, slots, limits, watcher, summary)
     summary.missing = sum(not folder.finished(shape.name) for shape in shapes)
     if summary.missing == 0:
         table = gather((record for shape in shapes if (record := folder.record(shape.name))), settings)
@@ -125,7 +113,6 @@ def run_batch(
 
 def _work_off(
     todo: deque[tuple[Shape, int]],
-    by_name: dict[str, Shape],
     settings: BatchSettings,
     folder: BatchFolder,
     slots: Slots,
@@ -138,8 +125,9 @@ def _work_off(
         while todo and slots.free():
             shape, attempt = todo.popleft()
             if attempt == 1:
-                folder.retire(shape.name)  # of another file, or a failure that is tried anew
-            slots.submit(_job(shape, attempt, folder, limits))
+                folder.retire(shape.name)  # of another file, or a failure that is tried again
+            root, token = str(folder.root.resolve()), new_token()
+            slots.submit(Job(root=root, **asdict(shape), attempt=attempt, token=token, limits=limits))
             running += 1
         for job, outcome in slots.wait(LOOK_EVERY):
             running -= 1
@@ -148,25 +136,13 @@ def _work_off(
             if isinstance(outcome, WorkerDied):
                 found = _after_death(job, outcome, settings, folder)
                 if found is None:
-                    todo.append((by_name[job.name], job.attempt + 1))
+                    todo.append((Shape(job.name, job.path, job.field), job.attempt + 1))
                     continue
                 outcome = found
             summary.count(outcome)
             summary.busy += outcome.seconds
             watcher.ended(outcome)
         watcher.looked()
-
-
-def _job(shape: Shape, attempt: int, folder: BatchFolder, limits: Limits) -> Job:
-    return Job(
-        root=str(folder.root.resolve()),
-        name=shape.name,
-        path=shape.path,
-        field=shape.field,
-        attempt=attempt,
-        token=new_token(),
-        limits=limits,
-    )
 
 
 def _stands(record: Record, shape: Shape, settings: BatchSettings, retry: bool) -> bool:
@@ -190,19 +166,8 @@ def _after_death(job: Job, died: WorkerDied, settings: BatchSettings, folder: Ba
         return None
     cause: Cause
     cause, message = known or ("crash", f"{died.how}, {job.attempt} times")
-    record = Record(
-        name=job.name,
-        path=job.path,
-        status="failed",
-        cause=cause,
-        message=message,
-        modified=modified(job.path),
-        settings=settings.hash(),
-        attempts=job.attempt,
-        seconds=seconds,
-        versions=versions(),
-        finished=datetime.now(timezone.utc).isoformat(timespec="seconds"),
-    )
+    when = modified(job.path)
+    record = job.record(settings.hash(), seconds=seconds, cause=cause, message=message, modified=when)
     return folder.publish(folder.begin_attempt(job.name, new_token()), record)
 
 
@@ -258,7 +223,7 @@ class BatchProgress:
         if not self._console.is_terminal and time.monotonic() - self._told >= LINE_EVERY:
             self._told = time.monotonic()
             rate, left = self._rate(), self._total - self._before - self._ended
-            time_left = f"{left / rate:.0f} minutes left" if rate > 0 else "no time can be told yet"
+            time_left = f"{left / rate:.0f} minutes left" if rate > 0 else "time left unknown"
             self._console.print(
                 f"{self._before + self._ended} of {self._total} shapes, {rate:.1f} a minute, {time_left}, "
                 f"{self._failed} failed"

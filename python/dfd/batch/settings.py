@@ -34,10 +34,7 @@ class EditSource(BaseModel):
 class BatchSettings(BaseModel):
     """All that the files of a shape depend on, besides the shape.
 
-    Raises
-    ------
-    ValueError
-        If a step or format is unknown, or a step lacks what it works on.
+    Raises ValueError if a step or format is unknown, or a step lacks what it works on.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)

@@ -18,7 +18,7 @@ import dfd
 from dfd.batch.inputs import is_remote
 from dfd.batch.one_edit import Original, UnlikeError, before_and_after, carry
 from dfd.batch.record import Figure, Job
-from dfd.batch.settings import MOVED, RIGS, WEIGHTS, BatchSettings, Step
+from dfd.batch.settings import MOVED, RIGS, WEIGHTS, BatchSettings
 from dfd.common.files import atomic_write
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
@@ -42,21 +42,14 @@ CHUNK = 1 << 20  # bytes read at a time
 
 
 class Work:
-    """One shape on its way through the steps.
+    """One shape on its way through the steps."""
 
-    Attributes
-    ----------
-    figures
-        What was found, for the table.
-    sha256, size
-        Of the shape's file, once `read` is done.
-    """
+    sha256: str | None = None  # of the shape's file, once `read` is done
+    size: int | None = None  # its bytes
 
     def __init__(self, job: Job, settings: BatchSettings, place: Path) -> None:
         self.job, self.settings, self.place = job, settings, place
-        self.figures: dict[str, Figure] = {}
-        self.sha256: str | None = None
-        self.size: int | None = None
+        self.figures: dict[str, Figure] = {}  # what was found, for the table
 
     def run(self, clock: Stages) -> None:
         """Read the shape and do all steps, each timed under its name."""
@@ -64,7 +57,7 @@ class Work:
             self.read()
         for step in self.settings.steps:
             with clock.stage(step):
-                STEPS[step](self)
+                getattr(self, step)()  # the method of its name
 
     def read(self) -> None:
         """Hash the file and load the mesh; what is elsewhere is brought here first."""
@@ -89,10 +82,7 @@ class Work:
     def field(self) -> Field:
         """The field that the step distill made, or the one that came with the shape.
 
-        Raises
-        ------
-        ValueError
-            If there is none.
+        Raises ValueError if there is none.
         """
         if (self.place / FIELD).exists():
             return Field.load(self.place / FIELD)
@@ -192,17 +182,6 @@ class Work:
             temporary.write_text(json.dumps(value, indent=2, default=_plain) + "\n", "utf-8")
 
 
-STEPS: dict[Step, Callable[[Work], None]] = {
-    "inspect": Work.inspect,
-    "distill": Work.distill,
-    "features": Work.features,
-    "symmetry": Work.symmetry,
-    "pictures": Work.pictures,
-    "edits": Work.edits,
-    "exports": Work.exports,
-}
-
-
 @lru_cache(maxsize=1)
 def loaded_encoder(name: str, device: str, **options: Any) -> Any:
     """The encoder, loaded once in a worker's life."""
@@ -228,23 +207,8 @@ def _plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
-def _moved(path: Path, deformer: Deformer) -> None:
-    """The mesh with the vertices where the edit puts them."""
-    deformer.mesh.save(path, deformer.vertices)
-
-
-def _rig(path: Path, deformer: Deformer) -> None:
-    """The resting mesh with the handles as joints."""
-    export_rig(deformer, path)
-
-
-def _weights(path: Path, deformer: Deformer) -> None:
-    """Arrays of what the edit holds."""
-    export_weights(deformer, path)
-
-
-WRITERS: dict[str, Callable[[Path, Deformer], None]] = {
-    **dict.fromkeys(MOVED, _moved),
-    **dict.fromkeys(RIGS, _rig),
-    **dict.fromkeys(WEIGHTS, _weights),
+WRITERS: dict[str, Callable[[Path, Deformer], object]] = {
+    **dict.fromkeys(MOVED, lambda path, deformer: deformer.mesh.save(path, deformer.vertices)),
+    **dict.fromkeys(RIGS, lambda path, deformer: export_rig(deformer, path)),
+    **dict.fromkeys(WEIGHTS, lambda path, deformer: export_weights(deformer, path)),
 }

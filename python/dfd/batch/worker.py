@@ -13,14 +13,13 @@ import traceback
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from datetime import datetime, timezone
 from functools import lru_cache
 from pathlib import Path
 
 import psutil
 
 from dfd.batch.folder import EXIT_NOTE, OWNER, BatchFolder, read_settings
-from dfd.batch.record import TOO_MUCH, Cause, Job, Limits, Record, Stopped, modified, versions
+from dfd.batch.record import TOO_MUCH, Cause, Job, Limits, Record, Stopped, modified
 from dfd.batch.settings import BatchSettings
 from dfd.batch.steps import Work
 from dfd.common.progress import Stages
@@ -58,51 +57,42 @@ def work(job: Job) -> Record | Stopped:
 def _done(job: Job, settings: BatchSettings, place: Path, watched: Watched) -> Record:
     """Do the steps; what a shape raises is its record.
 
-    Raises
-    ------
-    OSError
-        If the folder is full or can only be read.
+    Raises OSError if the folder is full or can only be read.
     """
     start, clock, when = time.perf_counter(), Stages(show=False), modified(job.path)
     task = Work(job, settings, place)
     cause: Cause | None = None
     message = None
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as shown:
         warnings.simplefilter("always", UserWarning)
         try:
             task.run(clock)
         except MemoryError as error:
-            cause, message = "memory", _said(error) or "memory ran out"
+            cause, message = "memory", _one_line(error) or "memory ran out"
         except OSError as error:
             if error.errno in FULL:
                 raise
-            cause, message = "input", _said(error)
+            cause, message = "input", _one_line(error)
         except ValueError as error:
-            cause, message = "input", _said(error)
+            cause, message = "input", _one_line(error)
         except Exception as error:
             frame = traceback.extract_tb(error.__traceback__)[-1]
             cause = "error"
-            message = f"{type(error).__name__}: {_said(error)} ({Path(frame.filename).name}, line {frame.lineno})"
+            message = f"{type(error).__name__}: {_one_line(error)} ({Path(frame.filename).name}, line {frame.lineno})"
     files = sorted(path.name for path in place.iterdir() if path.name not in (OWNER, EXIT_NOTE))
-    return Record(
-        name=job.name,
-        path=job.path,
-        status="done" if cause is None else "failed",
+    return job.record(
+        settings.hash(),
+        seconds=time.perf_counter() - start,
         cause=cause,
         message=message,
         sha256=task.sha256,
         size=task.size,
         modified=when,
-        settings=settings.hash(),
-        attempts=job.attempt,
-        seconds=time.perf_counter() - start,
         timings=clock.seconds,
         memory=watched.highest,
         figures=task.figures,
         files=files if cause is None else [],
-        warnings=sorted({_said(each.message) for each in told if issubclass(each.category, UserWarning)}),
-        versions=versions(),
-        finished=datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        warnings=sorted({_one_line(each.message) for each in shown if issubclass(each.category, UserWarning)}),
     )
 
 
@@ -116,7 +106,7 @@ def _settings(root: str) -> BatchSettings:
 
 @lru_cache(maxsize=1)
 def _use_threads(count: int) -> None:
-    """Compute on `count` threads from now on, whatever the environment says: Ray sets OMP_NUM_THREADS by itself.
+    """Compute on `count` threads from now on, against the environment: Ray sets OMP_NUM_THREADS by itself.
 
     Once in a worker's life, by when all libraries are loaded: to look for them takes longer than some shapes.
     """
@@ -137,7 +127,7 @@ def _clear(place: Path) -> None:
             shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
-def _said(error: object) -> str:
+def _one_line(error: object) -> str:
     return " ".join(str(error).split())
 
 

@@ -52,8 +52,7 @@ def app(
     try:
         from dfd.app.options import OpenedFile, SessionOptions, Source
         from dfd.app.session.shapes import sample_source
-        from dfd.app.web.launch import serve
-        from dfd.app.web.memory import session_memory
+        from dfd.app.web.launch import serve, session_memory
         from dfd.app.web.safety import loopback
     except ImportError as error:
         raise ValueError(f"the app needs more packages ({error.name}): pip install 'dfd[app]'") from None

@@ -223,7 +223,7 @@ def deform(
     if save_edit is not None:
         deformer.save(save_edit)
     if picture is not None:
-        from dfd.pictures.before_after import save_before_after
+        from dfd.pictures.sheet import save_before_after
 
         with stages.stage("draw"):
             save_before_after(picture, deformer, azimuth=azimuth, elevation=elevation, zoom=zoom, files=(mesh, output))

@@ -99,7 +99,7 @@ def distill(
         if known is not None and look_up:
             found = find_distilled(known, encoder, settings, device=device, checkpoint=partial)
         if found is None:
-            from dfd.encoders.background import load_in_background
+            from dfd.encoders.loading import load_in_background
 
             options = settings.of_encoder()
             loading = load_in_background(encoder, device=device, **options) if rows is None else None

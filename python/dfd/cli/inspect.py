@@ -56,14 +56,14 @@ def inspect(
     from dfd import Field, load, symmetry_planes
     from dfd.geometry import topology
     from dfd.geometry.findings import findings
-    from dfd.upright.candidates import check_up, said_up
+    from dfd.upright.candidates import check_up, explicit_up
     from dfd.views.visibility import unseen
 
     shape = load(mesh)
     moved = None if against is None else _moved(shape, load(against))
     counts = topology.inspect(shape)
     said = check_up(up)
-    found = _found_up(shape) if said == "auto" else said_up(shape, said)
+    found = _found_up(shape) if said == "auto" else explicit_up(shape, said)
     report: dict[str, Any] = {
         "file": str(mesh),
         **asdict(counts),

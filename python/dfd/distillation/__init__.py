@@ -1,1 +1,1 @@
-"""What distillation is made of: targets spread along the surface, the descent, runs that are kept and found again."""
+"""From pictures to a field: targets, smoothing, thickness, the learned metric, the fit, and what keeps them."""

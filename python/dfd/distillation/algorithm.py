@@ -1,33 +1,27 @@
-"""Distillation itself: render, encode, spread, fit (paper, sections 3.1 and 3.2).
-
-The cache, checkpoints and all else that a long run needs stand around it, in `dfd.distillation.distill`.
-"""
+"""Distillation as the paper's section 3 has it: render, encode, smooth along the surface, fit."""
 
 from __future__ import annotations
 
 import logging
-from contextlib import nullcontext
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from dfd.common.parallel import beside
 from dfd.common.progress import Stages
 from dfd.common.threads import one_blas_thread
-from dfd.distillation.fit import fit, widen
+from dfd.distillation.fit import fit, fit_component_residuals, widen
 from dfd.distillation.metric import Metric, find_metric
-from dfd.distillation.pieces import keep_pieces
 from dfd.distillation.settings import DistillSettings
-from dfd.distillation.smoothing import lay_ground, spread
+from dfd.distillation.smoothing import build_diffusion, smooth_along_surface
 from dfd.distillation.targets import PixelTargets, PointTargets, TokenGrid
 from dfd.distillation.thickness import thickness_bands
-from dfd.encoders.encode import Encoder
+from dfd.encoders.encode import Encoder, TokenStore
 from dfd.field.field import Field
-from dfd.upright.find_up import said_or_found
+from dfd.upright.find_up import resolve_up
 from dfd.upright.probe import find_probe
-from dfd.views.render import Views, render
+from dfd.views.render import render
 
 if TYPE_CHECKING:
-    from dfd.distillation.checkpoint import Checkpoint
     from dfd.mesh.mesh import Mesh
 
 __all__ = ["distill_pictures"]
@@ -37,51 +31,49 @@ _log = logging.getLogger(__name__)
 
 @one_blas_thread()
 def distill_pictures(
-    mesh: Mesh, encoder: Encoder, settings: DistillSettings, *, stages: Stages, kept: Checkpoint | None = None
+    mesh: Mesh, encoder: Encoder, settings: DistillSettings, *, stages: Stages, store: TokenStore | None = None
 ) -> Field:
-    """Return the field around `mesh` of what `encoder` sees in its pictures; `kept` is where a stopped run goes on."""
+    """Return the field around `mesh` of what `encoder` sees in its pictures, whose tokens `store` may have already."""
+    smoothing, seed = settings.smoothing, settings.seed
     metric = find_metric(encoder) if settings.metric == "learned" else None
-    up = said_or_found(mesh, encoder, settings.up, stages=stages)
+    made = {**encoder.settings(), **settings.as_dict()}
+    made |= {"block": encoder.block, "background": not encoder.foreground_only, **_lacking(encoder, settings, metric)}
+    made |= {"metric": "learned", "metric_hash": metric.content_hash} if metric else {"metric": "none"}
+
+    up = resolve_up(mesh, encoder, settings.up, stages=stages)
+    views = render(mesh, **settings.of_pictures(), frame=up.frames, stages=stages)  # P = B·T, Eq. 2
+    targets: PixelTargets | PointTargets
+    if smoothing == 0:
+        tokens = encoder.encode(views.images, covered=views.covered, store=store, stages=stages)
+        targets = PixelTargets(views, tokens)  # Z of every covered pixel, as the paper has it
+    else:
+        side = encoder.nearest_resolution(settings.resolution) // encoder.patch
+        grid = TokenGrid(views, side, side)
+        # Hardly any of it can be shared among threads: beside the encoder it leaves no processor idle.
+        with beside(partial(build_diffusion, views, grid, smoothing=smoothing, seed=seed)) as problem:
+            tokens = encoder.encode(views.images, covered=views.covered, store=store, stages=stages)
+        pixels = PixelTargets(views, tokens)
+        targets = smooth_along_surface(views, pixels, smoothing=smoothing, seed=seed, stages=stages, problem=problem)
+        if metric:
+            targets = metric.of_targets(targets, thickness_bands(views, targets), seed)
+
+    # ‖Φ(P) − Z‖², Eq. 3
+    field = fit(targets, settings, center=views.center, scale=views.scale, device=encoder.device, stages=stages)
+    if settings.pieces and isinstance(targets, PointTargets):
+        field = fit_component_residuals(field, targets)
+    if targets.directions is not None:
+        field = widen(field, targets.directions)
+    return field.with_settings({**made, **up.settings, **field.settings})
+
+
+def _lacking(encoder: Encoder, settings: DistillSettings, metric: Metric | None) -> dict[str, Any]:
+    """What was not learned for `encoder`, as a field's settings keep it; also a warning in the log."""
     lacking = []
     if settings.metric == "learned" and metric is None:
         lacking.append("no metric was learned for it, and distances are those of its own features")
     if settings.up == "auto" and find_probe(encoder) is None:
         lacking.append("which way is up was not learned for it, and is taken to be the file's +y")
-    if lacking:
-        _log.warning("encoder %s, block %d: %s", encoder.name, encoder.block, "; ".join(lacking))
-    views = render(mesh, **settings.of_pictures(), frame=up.frames, stages=stages)
-    targets = _targets(views, encoder, settings, metric, stages=stages, kept=kept)
-    field = fit(targets, settings, center=views.center, scale=views.scale, device=encoder.device, stages=stages)
-    if settings.pieces and isinstance(targets, PointTargets):
-        field = keep_pieces(field, targets)
-    if targets.directions is not None:
-        field = widen(field, targets.directions)
-    of_metric = {"metric": "learned", "metric_hash": metric.content_hash} if metric else {"metric": "none"}
-    of_encoder: dict[str, Any] = {"block": encoder.block, "background": not encoder.foreground_only}
-    if lacking:
-        of_encoder["encoder_lacks"] = lacking
-    made_with = {**settings.as_dict(), **of_encoder, **of_metric}
-    return field.with_settings({**encoder.settings(), **made_with, **up.settings, **field.settings})
-
-
-def _targets(
-    views: Views,
-    encoder: Encoder,
-    settings: DistillSettings,
-    metric: Metric | None,
-    *,
-    stages: Stages,
-    kept: Checkpoint | None,
-) -> PixelTargets | PointTargets:
-    """What the field is to give: features of pixels, as the paper has it, or, spread, of points on the surface."""
-    smoothing, seed = settings.smoothing, settings.seed
-    side = encoder.nearest_resolution(settings.resolution) // encoder.patch
-    # Hardly any of it can be shared among threads: beside pictures it leaves no processor idle.
-    lay = partial(lay_ground, views, TokenGrid(views, side, side), smoothing=smoothing, seed=seed)
-    with beside(lay) if smoothing > 0 else nullcontext() as ground:
-        tokens = encoder.encode(views.images, covered=views.covered, store=kept, stages=stages)
-    pixels = PixelTargets(views, tokens)
-    if smoothing == 0:
-        return pixels
-    targets = spread(views, pixels, smoothing=smoothing, seed=seed, stages=stages, ground=ground)
-    return metric.of_targets(targets, thickness_bands(views, targets), seed) if metric else targets
+    if not lacking:
+        return {}
+    _log.warning("encoder %s, block %d: %s", encoder.name, encoder.block, "; ".join(lacking))
+    return {"encoder_lacks": lacking}

@@ -1,4 +1,4 @@
-"""`dfd.distill`, with its cache and its checkpoint: fields are found again, and a stopped call resumes."""
+"""The public entry point: cache lookup, checkpointing and advice on memory around `dfd.distillation.algorithm`."""
 
 from __future__ import annotations
 
@@ -11,17 +11,16 @@ from dfd.common.importing import importing
 from dfd.common.interrupts import heed_interrupts
 from dfd.common.progress import Stages
 from dfd.distillation.checkpoint import Checkpoint
-from dfd.distillation.settings import DistillOptions, DistillSettings
+from dfd.distillation.settings import DistillSettings
 from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.field import cache as field_cache
-from dfd.field.cache_key import recipe
+from dfd.field.cache_key import cache_key
 
 # torch and transformers take seconds to import; they wait until something is distilled.
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
     from numpy.typing import ArrayLike
-    from typing_extensions import Unpack
 
     from dfd.encoders.encode import Encoder
     from dfd.field.cache_key import Content
@@ -33,15 +32,8 @@ __all__ = ["distill", "distilling", "find_distilled"]
 # What a stage needs memory for, and what lowers that.
 _PICTURES = "the pictures: lower `resolution` or `views`"
 _FIT = "the fit: lower `batch`, `resolution` or `views`, or give features with fewer columns"
-_ADVICE = {
-    "load": _PICTURES,
-    "up": _PICTURES,
-    "simplify": _PICTURES,
-    "render": _PICTURES,
-    "encode": "the tokens: lower `resolution` or `views`, or take a smaller encoder",
-    "spread": _FIT,
-    "fit": _FIT,
-}
+_ADVICE = dict.fromkeys(("load", "up", "simplify", "render"), _PICTURES)
+_ADVICE["encode"] = "the tokens: lower `resolution` or `views`, or take a smaller encoder"
 
 
 def distill(
@@ -53,7 +45,7 @@ def distill(
     progress: bool | Stages = True,
     cache: bool = True,
     checkpoint: str | PathLike[str] | None = None,
-    **settings: Unpack[DistillOptions],
+    **settings: Any,
 ) -> Field:
     """Distill the features of an image encoder, or features that are given, into a field around `mesh`.
 
@@ -76,9 +68,9 @@ def distill(
         Take the field from the user's cache when the same mesh was distilled with the same settings before, and keep it
         there otherwise. Where that is, and its other uses: `dfd.common.files`.
     checkpoint
-        A folder that keeps what the encoder saw in each picture, for as long as the call lasts. A call that was stopped
-        resumes at the next picture when it is made again; one with another mesh or other settings begins anew and says
-        so, and so does what is damaged. The fit takes seconds and begins anew.
+        A folder that keeps what the encoder saw in each picture, for as long as the call lasts. An interrupted call
+        resumes at the next picture; one with another mesh or other settings is restarted, as is what is damaged, with a
+        warning. The fit takes seconds and is always restarted.
     settings
         `preset` ("default", or "paper" for the procedure of the paper) and every other field of `DistillSettings`,
         which explains each. Equal seeds give equal fields on one machine with as many threads, and nearly equal ones
@@ -105,9 +97,9 @@ def distill(
     Warns
     -----
     RuntimeWarning
-        If the cache cannot be written, or what is done cannot be kept; the call goes on.
+        If the cache cannot be written, or tokens cannot be written to `checkpoint`; the call goes on.
     UserWarning
-        If what `checkpoint` keeps is of other settings or damaged, and begun anew.
+        If what `checkpoint` keeps is of other settings or damaged, and restarted.
 
     Source: paper, Eq. 2 and 3 and supplement L.
     """
@@ -142,37 +134,29 @@ def distilling(
 ) -> Iterator[Field]:
     """Do what `distill` does for a block that writes the field: the checkpoint stays if the block fails.
 
-    `loading` gives the `encoder` of that name, which somebody began to load before.
+    `loading` gives the `encoder` of that name, where it is being loaded already.
     """
     with stages.stage("load"), importing():
-        known = find_recipe(mesh, encoder, settings, device) if features is None else None
+        known = _find_key(mesh, encoder, settings, device) if features is None else None
         found = _find(known, checkpoint) if cache else None
         if found is None:
             if features is None:
-                made_of, run = _of_pictures(mesh, encoder, settings, device, loading)
+                key, run = _of_pictures(mesh, encoder, settings, device, loading)
             else:
-                made_of, run = _of_features(mesh, features, settings, device)
-            if cache and made_of != known:
-                found = _find(made_of, checkpoint)
+                key, run = _of_features(mesh, features, settings, device)
+            if cache and key != known:
+                found = _find(key, checkpoint)
     if found is not None:
         yield found
         return
-    kept = None if checkpoint is None or features is not None else Checkpoint(checkpoint, made_of)
-    with _guarded(stages, kept):
-        field = run(stages, kept)
+    store = None if checkpoint is None or features is not None else Checkpoint(checkpoint, key)
+    with _guarded(stages, store):
+        field = run(stages, store)
     if cache:
-        field_cache.store(made_of, field)
+        field_cache.store(key, field)
     yield field
-    if kept is not None:
-        kept.remove()
-
-
-def _find(made_of: Mapping[str, Any] | None, checkpoint: str | PathLike[str] | None) -> Field | None:
-    """The field that the user's cache has; what an earlier run left in `checkpoint` is of no use then, and goes."""
-    found = field_cache.find(made_of) if made_of else None
-    if found is not None and made_of and checkpoint is not None:
-        Checkpoint.discard(checkpoint, made_of)
-    return found
+    if store is not None:
+        store.remove()
 
 
 def find_distilled(
@@ -187,28 +171,36 @@ def find_distilled(
 
     No torch is imported for it, which takes longer than all the rest.
     """
-    return _find(find_recipe(mesh, encoder, settings, device), checkpoint)
+    return _find(_find_key(mesh, encoder, settings, device), checkpoint)
 
 
-def find_recipe(
+def _find(key: Mapping[str, Any] | None, checkpoint: str | PathLike[str] | None) -> Field | None:
+    """The field in the user's cache; what an earlier run left in `checkpoint` is removed then."""
+    found = field_cache.find(key) if key else None
+    if found is not None and key and checkpoint is not None:
+        Checkpoint.discard(checkpoint, key)
+    return found
+
+
+def _find_key(
     mesh: Content, encoder: str | PathLike[str] | Encoder, settings: DistillSettings, device: str | None
 ) -> dict[str, Any] | None:
-    """Return all that the field depends on, without loading the encoder; None where that is not known before.
+    """The cache key, without loading the encoder; None where it is not known before.
 
     Raises
     ------
     ValueError
         If `encoder` is none.
     """
-    from dfd.encoders.identity import find_identity
+    from dfd.encoders.loading import find_identity
 
     if not isinstance(encoder, str | PathLike) and not hasattr(encoder, "identity"):
         raise ValueError(f"distill: `encoder` must be a name, a folder or a loaded Encoder, got {encoder!r}")
     identity = find_identity(encoder, device)
-    return recipe(mesh, **settings.as_dict(), **identity) if identity else None
+    return cache_key(mesh, **settings.as_dict(), **identity) if identity else None
 
 
-_Work = tuple[dict[str, Any], Callable[[Stages, Checkpoint | None], "Field"]]  # a recipe, and what makes its field
+_Work = tuple[dict[str, Any], Callable[[Stages, Checkpoint | None], "Field"]]  # a cache key, and what makes its field
 
 
 def _of_pictures(
@@ -221,7 +213,7 @@ def _of_pictures(
     with heed_interrupts(wait=True):
         from dfd.distillation.algorithm import distill_pictures
         from dfd.encoders.encode import Encoder, load_encoder
-        from dfd.encoders.identity import loaded_identity
+        from dfd.encoders.loading import loaded_identity
 
     if loading is not None:
         model = loading.result()
@@ -230,12 +222,12 @@ def _of_pictures(
         _check_loaded(model, settings)
     else:
         model = load_encoder(encoder, device=device, **settings.of_encoder())
-    made_of = recipe(mesh, **settings.as_dict(), **loaded_identity(encoder, device, model))
-    return made_of, lambda stages, kept: distill_pictures(mesh, model, settings, stages=stages, kept=kept)
+    key = cache_key(mesh, **settings.as_dict(), **loaded_identity(encoder, device, model))
+    return key, lambda stages, store: distill_pictures(mesh, model, settings, stages=stages, store=store)
 
 
 def _check_loaded(encoder: Encoder, settings: DistillSettings) -> None:
-    """Refuse settings that an encoder, which somebody has loaded, does not have.
+    """Refuse settings that contradict those of an encoder that is loaded already.
 
     Raises
     ------
@@ -259,12 +251,12 @@ def _of_features(
 
     target = choose_device("distill", device)
     given = GivenFeatures(mesh, features)
-    made_of = recipe(mesh, **settings.of_fit(), features=given.kind, given=given.sha256(), device=str(target))
-    return made_of, lambda stages, kept: distill_features(given, settings, device=target, stages=stages)
+    key = cache_key(mesh, **settings.of_fit(), features=given.kind, given=given.sha256(), device=str(target))
+    return key, lambda stages, store: distill_features(given, settings, device=target, stages=stages)
 
 
 @contextmanager
-def _guarded(stages: Stages, kept: Checkpoint | None) -> Iterator[None]:
+def _guarded(stages: Stages, store: Checkpoint | None) -> Iterator[None]:
     """Watch over the work itself.
 
     Raises
@@ -277,8 +269,8 @@ def _guarded(stages: Stages, kept: Checkpoint | None) -> Iterator[None]:
     try:
         yield
     except ValueError:
-        if kept is not None:
-            kept.remove()
+        if store is not None:
+            store.remove()
         raise
     except (MemoryError, RuntimeError) as error:
         from dfd.common.devices import out_of_memory

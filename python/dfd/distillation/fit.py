@@ -1,4 +1,4 @@
-"""The fit: a field follows the gradient towards targets at points (paper, Eq. 3), in torch on every device."""
+"""The fit: a field follows the gradient of Eq. 3 towards targets at points, in torch on every device."""
 
 from __future__ import annotations
 
@@ -19,14 +19,15 @@ from dfd.common.progress import Stages
 from dfd.common.threads import get_num_threads
 from dfd.common.torch_threads import one_thread
 from dfd.field.architecture import Architecture
+from dfd.field.component_residuals import ComponentResiduals
 from dfd.field.field import Field
 from dfd.field.network import Network
 
 if TYPE_CHECKING:
     from dfd.distillation.settings import DistillSettings
-    from dfd.distillation.targets import Targets
+    from dfd.distillation.targets import PointTargets, Targets
 
-__all__ = ["Adam", "fit", "schedule", "widen"]
+__all__ = ["Adam", "fit", "fit_component_residuals", "schedule", "widen"]
 
 _LEAST_PART, _MOST_PARTS = 192, 8  # points of a batch that a thread takes, and how many such parts there are
 
@@ -42,9 +43,9 @@ def fit(
 ) -> Field:
     """Return a field fitted to `targets`, with the loss of every step in its settings.
 
-    Every step follows the gradient of the mean of ‖Φ(P) − Z‖² over a batch, with Adam. All that is random, the
-    network's first parameters and the points of each step, comes from one generator on the CPU, so that a seed means
-    the same on every device; what differs is the order in which a device adds, to about 1e-3 of a feature.
+    Every step follows the gradient of the mean of ‖Φ(P) − Z‖² over a batch, with Adam. The network's first parameters
+    and the points of each step come from one generator on the CPU, so that a seed means the same on every device, up to
+    the order in which a device adds: to about 1e-3 of a feature.
 
     Parameters
     ----------
@@ -66,7 +67,9 @@ def fit(
     batches, steps = _batches(targets, settings, generator)
     optimizer = Adam(network)
     losses: list[Tensor] = []
-    with _exact_float32(), one_thread(), _workers() as pool, stages.stage("fit", steps) as advance:
+    # Each of the workers, as many as the kernels use, computes with torch alone: torch counts for each thread apart.
+    workers = ThreadPoolExecutor(get_num_threads(), "dfd-fit", initializer=torch.set_num_threads, initargs=(1,))
+    with _exact_float32(), one_thread(), workers as pool, stages.stage("fit", steps) as advance:
         for (points, wanted), (rate, momentum) in zip(batches, schedule(settings, steps), strict=True):
             loss, gradients = _gradients(network, points.to(device), wanted.to(device), pool)
             optimizer.step(gradients, rate, momentum)
@@ -75,9 +78,9 @@ def fit(
     parameters = network.arrays()
     if not all(np.isfinite(values).all() for values in parameters.values()):
         rate = settings.learning_rate
-        raise ValueError(f"distill: `learning_rate` {rate:g} is too high: the fit left the finite numbers")
-    told = {"losses": torch.stack(losses).tolist()}
-    return Field(parameters, octaves=settings.octaves, center=center, scale=scale, settings=told)
+        raise ValueError(f"distill: `learning_rate` {rate:g} is too high: the fit diverged (NaN or inf)")
+    made = {"losses": torch.stack(losses).tolist()}
+    return Field(parameters, octaves=settings.octaves, center=center, scale=scale, settings=made)
 
 
 def _gradients(network: Network, points: Tensor, wanted: Tensor, pool: Executor) -> tuple[Tensor, list[Tensor]]:
@@ -98,11 +101,6 @@ def _gradients(network: Network, points: Tensor, wanted: Tensor, pool: Executor)
     loss: Tensor
     loss, *gradients = (functools.reduce(torch.add, each) for each in zip(*found, strict=True))
     return loss, gradients
-
-
-def _workers() -> Executor:
-    """As many threads as the kernels use, on each of which torch computes alone: it counts for each thread apart."""
-    return ThreadPoolExecutor(get_num_threads(), "dfd-fit", initializer=torch.set_num_threads, initargs=(1,))
 
 
 def _batches(
@@ -188,6 +186,25 @@ def _exact_float32() -> Iterator[None]:
         yield
     finally:
         torch.set_float32_matmul_precision(precision)
+
+
+# A piece of few points says little for certain: what it differs by counts by n / (n + FEW).
+FEW = 10
+
+
+def fit_component_residuals(field: Field, targets: PointTargets) -> Field:
+    """Return `field`, fitted to `targets`, with what it misses of the pieces of the surface that share a place.
+
+    `targets` are as wide as the field's features. Where the surface is one piece the field is returned as it is.
+    """
+    piece, boxes = targets.piece, targets.boxes
+    if piece is None or boxes is None:
+        return field
+    missed = targets.targets - field(field.center + targets.points / field.scale)
+    size = np.bincount(piece, minlength=len(boxes))
+    missed *= (size / (size + FEW))[piece, None].astype(np.float32)
+    residuals = ComponentResiduals(boxes.astype(np.float32), targets.points, piece, missed.astype(np.float16))
+    return field.with_pieces(residuals)
 
 
 def widen(field: Field, directions: NDArray[np.float32]) -> Field:

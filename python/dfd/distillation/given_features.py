@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
 __all__ = ["GivenFeatures", "distill_features"]
 
-_ROWS_AT_ONCE = 1 << 16  # to bound memory
-
 
 def distill_features(
     given: GivenFeatures,
@@ -59,18 +57,18 @@ class GivenFeatures(Targets):
 
     def __init__(self, mesh: Mesh, features: ArrayLike | tuple[ArrayLike, ArrayLike]) -> None:
         self.center, self.scale = normalization(mesh)
-        self.at_points = isinstance(features, tuple | list) and len(features) == 2  # no mesh has two vertices
-        if isinstance(features, tuple | list) and len(features) == 2:
-            at, rows = features
-            positions = check.array("distill", "points", at, ("N", 3), dtype=np.float64)
-            self.features = check.array("distill", "features", rows, ("N", "D"))
+        positions = mesh.vertices
+        self.kind: Literal["points", "vertices"] = "vertices"
+        if isinstance(features, tuple | list) and len(features) == 2:  # no mesh has two vertices
+            self.kind = "points"
+            positions = check.array("distill", "points", features[0], ("N", 3), dtype=np.float64)
+            self.features = check.array("distill", "features", features[1], ("N", "D"))
             if len(positions) == 0 or len(positions) != len(self.features):
                 raise ValueError(
                     f"distill: `features` must have a row for each of the points, "
                     f"got {len(self.features)} rows for {len(positions)} points"
                 )
         else:
-            positions = mesh.vertices
             self.features = check.array("distill", "features", features, ("V", "D"))
             if len(self.features) != len(positions):
                 remedy = "features of other points are given as (points, features)"
@@ -80,26 +78,23 @@ class GivenFeatures(Targets):
                     f"distill: `features` must have shape ({len(positions)}, D), a row for each vertex of the mesh, "
                     f"got {self.features.shape}; {remedy}"
                 )
-        if self.features.shape[1] == 0:
+        if self.dimension == 0:
             raise ValueError(f"distill: `features` must have at least one column, got {self.features.shape}")
-        self.dimension = int(self.features.shape[1])
-        for start in range(0, len(self.features), _ROWS_AT_ONCE):
-            zero = ~self.features[start : start + _ROWS_AT_ONCE].any(axis=1)
-            if zero.any():
-                row = start + int(zero.argmax())
-                raise ValueError(f"distill: `features` must have rows with a direction, got only zeros in row {row}")
+        zero = np.flatnonzero(~self.features.any(axis=1))
+        if len(zero):
+            raise ValueError(f"distill: `features` must have rows with a direction, got only zeros in row {zero[0]}")
         self.points = ((positions - self.center) * self.scale).astype(np.float32)
         self._rows, self._positions = torch.from_numpy(self.features), torch.from_numpy(self.points)
-        if not self.at_points:
+        if self.kind == "vertices":
             self._faces = torch.tensor(mesh.faces)
             self._area = torch.from_numpy(np.cumsum(face_areas(self.points, mesh.faces)))
             if not float(self._area[-1]) > 0:
                 raise ValueError("distill: `mesh` must have a face with an area: features are fitted on the surface")
 
     @property
-    def kind(self) -> Literal["points", "vertices"]:
-        """What has the features."""
-        return "points" if self.at_points else "vertices"
+    def dimension(self) -> int:
+        """Width D of a row."""
+        return int(self.features.shape[1])
 
     def sha256(self) -> str:
         """Hash of what is given, 64 hexadecimal digits."""
@@ -111,7 +106,7 @@ class GivenFeatures(Targets):
 
     def draw(self, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
         """Points and targets at random; between vertices, where features are those of vertices."""
-        if self.at_points:
+        if self.kind == "points":
             return super().draw(count, generator)
         drawn = torch.rand(count, 3, generator=generator, dtype=torch.float64)
         # The first face whose end lies beyond: one without area is never it.

@@ -14,7 +14,6 @@ The map comes before the fit, so that a field's features have these distances by
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,7 +32,14 @@ if TYPE_CHECKING:
 __all__ = ["FOLDER", "Kinds", "Metric", "find_metric"]
 
 KIND = "dfd metric 3"  # the number is that of the format
-LINEAR = {"directions", "thickness_directions"}  # what a file holds that knows no kinds of parts
+SHAPES: dict[str, tuple[int | str, ...]] = {
+    "directions": ("D", "d"),
+    "thickness_directions": (BANDS, "d"),
+    "kinds_hidden": ("D", "n"),  # from here on only in files that know kinds of parts
+    "kinds_hidden_bias": ("n",),
+    "kinds_output": ("n", "K"),
+    "kinds_output_bias": ("K",),
+}
 FOLDER = Path(__file__).with_name("metrics")
 # Details, of many vertices and little area, draw together: at equal mean distance over the surface a handle would move
 # more vertices than without the metric. So much farther apart it moves fewer.
@@ -101,8 +107,9 @@ class Metric:
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
         """What a file keeps, by name."""
-        linear = {"directions": self.directions, "thickness_directions": self.thickness_directions}
-        return {**linear, **(self.kinds.arrays() if self.kinds else {})}
+        kinds = self.kinds
+        learned = [] if kinds is None else [kinds.hidden, kinds.hidden_bias, kinds.output, kinds.output_bias]
+        return dict(zip(SHAPES, (self.directions, self.thickness_directions, *learned), strict=False))
 
     def fits(self, encoder: Encoder) -> bool:
         """Whether it was learned from the features that `encoder` gives."""
@@ -124,29 +131,11 @@ class Metric:
         OSError
             If it cannot be read.
         """
-        name = os.fspath(path)
-        told, arrays = read_learned("Metric.load", path)
-        block = str(told.get("encoder_block", ""))
-        if told.get("kind") != KIND or not block.isdecimal() or set(arrays) not in (LINEAR, LINEAR | set(ARRAYS)):
-            raise ValueError(f"Metric.load: {name} holds no metric of this version")
-        directions = arrays["directions"]
-        if directions.ndim != 2 or 0 in directions.shape or not np.isfinite(directions).all():
-            raise ValueError(f"Metric.load: `directions` in {name} must be finite, (D, d), got {directions.shape}")
-        thickness = arrays["thickness_directions"]
-        wanted = (BANDS, directions.shape[1])
-        if thickness.shape != wanted or not np.isfinite(thickness).all():
-            raise ValueError(
-                f"Metric.load: `thickness_directions` in {name} must be finite, {wanted}, got {thickness.shape}"
-            )
-        try:
-            kinds = Kinds.of(arrays, len(directions)) if ARRAYS[0] in arrays else None
-        except ValueError as error:
-            raise ValueError(f"Metric.load: {error} in {name}") from None
-        encoder_weights = str(told.get("encoder_weights", ""))
-        maps = directions.astype(np.float32), thickness.astype(np.float32)
-        metric = cls(*maps, encoder_weights, int(block), kinds)
+        arrays, identity = read_learned("Metric.load", path, KIND, SHAPES, optional=list(SHAPES)[2:])
+        directions, thickness, *learned = (values.astype(np.float32) for values in arrays.values())
+        metric = cls(directions, thickness, *identity, Kinds(*learned) if learned else None)
         if encoder is not None and not metric.fits(encoder):
-            raise ValueError(f"Metric.load: {name} was learned from another encoder than {encoder!r}")
+            raise ValueError(f"Metric.load: {os.fspath(path)} was learned from another encoder than {encoder!r}")
         return metric
 
 
@@ -160,9 +149,6 @@ def find_metric(encoder: Encoder) -> Metric | None:
     """
     metrics = (Metric.load(path) for path in sorted(FOLDER.glob("*.safetensors")))
     return next((metric for metric in metrics if metric.fits(encoder)), None)
-
-
-ARRAYS = ("kinds_hidden", "kinds_hidden_bias", "kinds_output", "kinds_output_bias")
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,23 +175,3 @@ class Kinds:
         probable = np.exp(odds - odds.max(axis=1, keepdims=True))
         result: NDArray[np.float32] = np.sqrt(probable / probable.sum(axis=1, keepdims=True))
         return result
-
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """What a file keeps, by name."""
-        return dict(zip(ARRAYS, (self.hidden, self.hidden_bias, self.output, self.output_bias), strict=True))
-
-    @classmethod
-    def of(cls, arrays: Mapping[str, NDArray[Any]], width: int) -> Kinds:
-        """Return what `arrays` has made, for features of a width.
-
-        Raises
-        ------
-        ValueError
-            If an array is not finite, or not of the shape that goes with the others.
-        """
-        units = len(arrays[ARRAYS[1]].ravel())
-        kinds = len(arrays[ARRAYS[3]].ravel())
-        for name, shape in zip(ARRAYS, ((width, units), (units,), (units, kinds), (kinds,)), strict=True):
-            if arrays[name].shape != shape or 0 in shape or not np.isfinite(arrays[name]).all():
-                raise ValueError(f"`{name}` must be finite, {shape}, got {arrays[name].shape}")
-        return cls(*(arrays[name].astype(np.float32) for name in ARRAYS))

@@ -1,12 +1,12 @@
-"""What a field depends on besides its mesh and its encoder."""
+"""The settings of a distillation: all that a field depends on besides its mesh and its encoder."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypedDict
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError, ValidationInfo, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from dfd.common import check
 from dfd.common.preset import Preset
@@ -15,60 +15,18 @@ from dfd.upright.candidates import check_up
 from dfd.views.cameras import Framing
 from dfd.views.render import LARGEST_RESOLUTION, LARGEST_VIEWS, Supervision
 
-__all__ = ["LENGTHS", "PRESETS", "DistillOptions", "DistillSettings", "MetricChoice", "Schedule"]
+__all__ = ["LENGTHS", "DistillSettings"]
 
-MetricChoice = Literal["learned", "none"]
-Schedule = Literal["one_cycle", "constant"]
-
-# What each preset takes where a call says nothing else.
-PRESETS: dict[Preset, dict[str, Any]] = {
-    "default": {},
-    "paper": {
-        "resolution": 512,
-        "framing": "paper",
-        "simplify_to": 50_000,
-        "up": "file",
-        "mirrored": False,
-        "background": True,
-        "smoothing": 0.0,
-        "metric": "none",
-        "pieces": False,
-        "octaves": 0,
-        "epochs": 15,
-        "batch": 10_000,
-        "learning_rate": 1e-3,
-        "schedule": "constant",
-    },
-}
 LENGTHS = ("steps", "epochs")  # of a fit: one of the two
 
 
-def _checked(how: Callable[..., Any], *given: Any, **bounds: Any) -> PlainValidator:
-    """Let `how`, of `dfd.common.check`, look at a setting in the name of `distill`."""
-
-    def look(value: Any, setting: ValidationInfo) -> Any:
-        return how("distill", setting.field_name, value, *given, **bounds)
-
-    return PlainValidator(look)
-
-
-def _whole(minimum: int, maximum: int | None = None, *, or_none: bool = False) -> PlainValidator:
-    def whole(function: str, name: str, value: Any) -> int | None:
-        return (
-            None if or_none and value is None else check.whole(function, name, value, minimum=minimum, maximum=maximum)
-        )
-
-    return _checked(whole)
-
-
-def _switch(function: str, name: str, value: Any) -> bool:
-    if not isinstance(value, bool | np.bool_):
-        raise ValueError(f"{function}: `{name}` must be True or False, got {value!r}")
-    return bool(value)
-
-
-def _up(function: str, name: str, value: Any) -> str | tuple[float, float, float]:
-    return check_up(value)
+def _setting(default: Any, description: str, *, paper: Any = ..., **bounds: float) -> Any:
+    """One setting: its value in the preset "default", what it means, its value in the preset "paper", its bounds."""
+    return Field(
+        default,
+        description=description,
+        json_schema_extra={"paper": default if paper is ... else paper, "bounds": dict(bounds)},
+    )
 
 
 class DistillSettings(BaseModel):
@@ -86,120 +44,95 @@ class DistillSettings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
 
-    preset: Annotated[
-        Preset,
-        _checked(check.choice, Preset),
-        Field(
-            description="What is left out is as it was measured to be best (default) or as the paper has it (paper)."
-        ),
-    ] = "default"
-    views: Annotated[int, _whole(1, LARGEST_VIEWS), Field(description="Pictures taken from around the shape.")] = 24
-    resolution: Annotated[
-        int,
-        _whole(1, LARGEST_RESOLUTION),
-        Field(description="Pixels along a picture's side; the nearest that the encoder takes is taken."),
-    ] = 518
-    framing: Annotated[
-        Framing,
-        _checked(check.choice, Framing),
-        Field(description="shape: it fills every picture; paper: cameras at a distance of 2.8."),
-    ] = "shape"
-    simplify_to: Annotated[
-        int | None,
-        _whole(4, or_none=True),
-        Field(
-            description="Take the pictures of a copy of at most so many faces; none casts rays at the mesh itself, as "
-            "fast below half a million faces and faster above."
-        ),
-    ] = None
-    up: Annotated[
-        str | tuple[float, float, float],
-        _checked(_up),
-        Field(
-            description="Which way is up: +y, -z and the like; numbers such as 0,0,1; file, the +y that files have by "
-            "convention; or auto, which looks. Cameras stand upright in it; mesh and field keep their coordinates."
-        ),
-    ] = "auto"
-    supervision: Annotated[
-        Supervision,
-        _checked(check.choice, Supervision),
-        Field(
-            description="barycentric: fit every covered pixel (Eq. 2); vertex: only those that hold a vertex, the "
-            "paper's ablation."
-        ),
-    ] = "barycentric"
-    mirrored: Annotated[
-        bool,
-        _checked(_switch),
-        Field(
-            description="Take the pictures in fours that mirror each other at the upright middle planes: the encoder's "
-            "own sense of left and right evens out."
-        ),
-    ] = True
-    background: Annotated[
-        bool,
-        _checked(_switch),
-        Field(description="Let the encoder look at all of a picture, not only at patches that show the shape."),
-    ] = False
-    block: Annotated[
-        int | None,
-        _whole(1, or_none=True),
-        Field(
-            description="The encoder's block whose tokens are taken, from 1; none is the one that suits its weights."
-        ),
-    ] = None
-    smoothing: Annotated[
-        float,
-        _checked(check.number, minimum=0.0, maximum=2.0),
-        Field(
-            description="How far features spread along the surface before the fit, as a part of half the longest side "
-            "of the box; 0 fits the pixels as they are, as the paper does."
-        ),
-    ] = 0.3
-    metric: Annotated[
-        MetricChoice,
-        _checked(check.choice, MetricChoice),
-        Field(
-            description="learned: distances that tell parts apart better, where some were learned for the encoder's "
-            "weights and block; none: the paper's, of what is seen alone. Without smoothing always none; what was not "
-            "learned for an encoder is in `field.settings` as encoder_lacks."
-        ),
-    ] = "learned"
-    pieces: Annotated[
-        bool,
-        _checked(_switch),
-        Field(
-            description="Keep what each of several unconnected pieces looks like, so that a helmet is told from the "
-            "head in it. Without smoothing never."
-        ),
-    ] = True
-    octaves: Annotated[
-        int,
-        _whole(0, MOST_OCTAVES),
-        Field(
-            description="Wavelengths of the sines that the network is given beside the coordinates; the paper's has 0."
-        ),
-    ] = 5
-    width: Annotated[int, _whole(1, 8192), Field(description="Neurons of each hidden layer of the network.")] = 256
-    layers: Annotated[int, _whole(1, 64), Field(description="Hidden layers of the network.")] = 4
-    steps: Annotated[int | None, _whole(1, or_none=True), Field(description="Length of the fit; or `epochs`.")] = 350
-    epochs: Annotated[
-        int | None,
-        _whole(1, or_none=True),
-        Field(description="Length of the fit in rounds, each over every point once; or `steps`."),
-    ] = None
-    batch: Annotated[int, _whole(1), Field(description="Surface points in each step of the fit.")] = 384
-    learning_rate: Annotated[
-        float,
-        _checked(check.number, minimum=0.0, exclusive=True),
-        Field(description="Adam's rate, or the peak of one that rises and falls."),
-    ] = 2e-2
-    schedule: Annotated[
-        Schedule,
-        _checked(check.choice, Schedule),
-        Field(description="one_cycle: the rate rises to its peak and falls; constant: it stays."),
-    ] = "one_cycle"
-    seed: Annotated[int, _whole(0, 2**63 - 1), Field(description="Equal seeds give equal fields on one machine.")] = 0
+    preset: Preset = _setting(
+        "default",
+        "What is left out is as it was measured to be best (default) or as the paper has it (paper).",
+        paper="paper",
+    )
+    views: int = _setting(24, "Pictures taken from around the shape.", minimum=1, maximum=LARGEST_VIEWS)
+    resolution: int = _setting(
+        518,
+        "Pixels along a picture's side; the nearest that the encoder takes is taken.",
+        paper=512,
+        minimum=1,
+        maximum=LARGEST_RESOLUTION,
+    )
+    framing: Framing = _setting(
+        "shape", "shape: it fills every picture; paper: cameras at a distance of 2.8.", paper="paper"
+    )
+    simplify_to: int | None = _setting(
+        None,
+        "Take the pictures of a copy of at most so many faces; none casts rays at the mesh itself, as fast below half "
+        "a million faces and faster above.",
+        paper=50_000,
+        minimum=4,
+    )
+    up: str | tuple[float, float, float] = _setting(
+        "auto",
+        "Which way is up: +y, -z and the like; numbers such as 0,0,1; file, the +y that files have by convention; or "
+        "auto, which looks. Cameras stand upright in it; mesh and field keep their coordinates.",
+        paper="file",
+    )
+    supervision: Supervision = _setting(
+        "barycentric",
+        "barycentric: fit every covered pixel (Eq. 2); vertex: only those that hold a vertex, the paper's ablation.",
+    )
+    mirrored: bool = _setting(
+        True,
+        "Take the pictures in fours that mirror each other at the upright middle planes: the encoder's own sense of "
+        "left and right evens out.",
+        paper=False,
+    )
+    background: bool = _setting(
+        False, "Let the encoder look at all of a picture, not only at patches that show the shape.", paper=True
+    )
+    block: int | None = _setting(
+        None,
+        "The encoder's block whose tokens are taken, from 1; none is the one that suits its weights.",
+        minimum=1,
+    )
+    smoothing: float = _setting(
+        0.3,
+        "How far to smooth features along the surface before the fit, as a part of half the longest side of the box; "
+        "0 fits the pixels as they are, as the paper does.",
+        paper=0.0,
+        minimum=0.0,
+        maximum=2.0,
+    )
+    metric: Literal["learned", "none"] = _setting(
+        "learned",
+        "learned: distances that tell parts apart better, where some were learned for the encoder's weights and block; "
+        "none: the paper's, of what is seen alone. Without smoothing always none; what was not learned for an encoder "
+        "is in `field.settings` as encoder_lacks.",
+        paper="none",
+    )
+    pieces: bool = _setting(
+        True,
+        "Keep what each of several unconnected pieces looks like, so that a helmet is told from the head in it. "
+        "Without smoothing never.",
+        paper=False,
+    )
+    octaves: int = _setting(
+        5,
+        "Wavelengths of the sines that the network is given beside the coordinates; the paper's has 0.",
+        paper=0,
+        minimum=0,
+        maximum=MOST_OCTAVES,
+    )
+    width: int = _setting(256, "Neurons of each hidden layer of the network.", minimum=1, maximum=8192)
+    layers: int = _setting(4, "Hidden layers of the network.", minimum=1, maximum=64)
+    steps: int | None = _setting(350, "Length of the fit; or `epochs`.", paper=None, minimum=1)
+    epochs: int | None = _setting(
+        None, "Length of the fit in rounds, each over every point once; or `steps`.", paper=15, minimum=1
+    )
+    batch: int = _setting(384, "Surface points in each step of the fit.", paper=10_000, minimum=1)
+    learning_rate: float = _setting(
+        2e-2, "Adam's rate, or the peak of one that rises and falls.", paper=1e-3, minimum=0.0, exclusive=True
+    )
+    schedule: Literal["one_cycle", "constant"] = _setting(
+        "one_cycle", "one_cycle: the rate rises to its peak and falls; constant: it stays.", paper="constant"
+    )
+    seed: int = _setting(0, "Equal seeds give equal fields on one machine.", minimum=0, maximum=2**63 - 1)
 
     if not TYPE_CHECKING:
 
@@ -217,11 +150,31 @@ class DistillSettings(BaseModel):
     def _fill_in(cls, given: Mapping[str, Any]) -> dict[str, Any]:
         """Take from the preset what is not given, but not a length of the fit beside the one that is."""
         preset = check.choice("distill", "preset", given.get("preset", "default"), Preset)
+        usual = {}
+        if preset == "paper":
+            usual = {name: _extra(cls, name)["paper"] for name in cls.model_fields}
         if any(given.get(name) is not None for name in LENGTHS):
-            given = {**dict.fromkeys(LENGTHS), **given}
-        elif "epochs" in PRESETS[preset]:
-            given = {**given, "steps": None, "epochs": given.get("epochs", PRESETS[preset]["epochs"])}
-        return {**PRESETS[preset], **given}
+            usual |= dict.fromkeys(LENGTHS)
+        return {**usual, **given}
+
+    @field_validator("*", mode="plain")
+    @classmethod
+    def _check(cls, value: Any, setting: ValidationInfo) -> Any:
+        """Check a setting as its annotation and its bounds have it, with messages in the name of `distill`."""
+        name = setting.field_name or ""
+        kind, bounds = cls.model_fields[name].annotation, _extra(cls, name)["bounds"]
+        kinds = get_args(kind) or (kind,)
+        if name == "up":
+            return check_up(value)
+        if get_origin(kind) is Literal:
+            return check.choice("distill", name, value, kind)
+        if value is None and type(None) in kinds:
+            return None
+        if bool in kinds:
+            if not isinstance(value, bool | np.bool_):
+                raise ValueError(f"distill: `{name}` must be True or False, got {value!r}")
+            return bool(value)
+        return (check.whole if int in kinds else check.number)("distill", name, value, **bounds)
 
     @model_validator(mode="after")
     def _fit_together(self) -> DistillSettings:
@@ -231,60 +184,36 @@ class DistillSettings(BaseModel):
             )
         if self.supervision == "vertex":  # the ablation is of the paper's own loss
             object.__setattr__(self, "smoothing", 0.0)
-        if self.smoothing == 0:  # both are of features that have spread
+        if self.smoothing == 0:  # both are of smoothed features
             object.__setattr__(self, "metric", "none")
             object.__setattr__(self, "pieces", False)
         return self
 
     def of_encoder(self) -> dict[str, Any]:
         """Return what `dfd.encoders.encode.load_encoder` goes by."""
-        return self._some("block", "background")
+        return self.model_dump(include={"block", "background"})
 
     def of_pictures(self) -> dict[str, Any]:
         """Return what `dfd.views.render.render` goes by."""
-        return self._some("views", "resolution", "framing", "simplify_to", "supervision", "mirrored")
+        return self.model_dump(include={"views", "resolution", "framing", "simplify_to", "supervision", "mirrored"})
 
     def of_fit(self) -> dict[str, Any]:
         """Return what a fit goes by."""
-        network, length = ("octaves", "width", "layers"), ("steps", "epochs", "batch", "learning_rate", "schedule")
-        return self._some("preset", *network, *length, "seed")
-
-    def _some(self, *names: str) -> dict[str, Any]:
-        return {name: getattr(self, name) for name in names}
+        network, length = {"octaves", "width", "layers"}, {*LENGTHS, "batch", "learning_rate", "schedule"}
+        return self.model_dump(include={"preset", *network, *length, "seed"})
 
     def as_dict(self) -> dict[str, Any]:
         """Return all settings by name, as JSON holds them."""
         return self.model_dump()
 
 
+def _extra(settings: type[DistillSettings], name: str) -> dict[str, Any]:
+    extra = settings.model_fields[name].json_schema_extra
+    assert isinstance(extra, dict)
+    return extra
+
+
 DistillSettings.__doc__ = f"""{DistillSettings.__doc__}
     Attributes
     ----------
 """ + "".join(f"    {name}\n        {field.description}\n" for name, field in DistillSettings.model_fields.items())
-
-
-class DistillOptions(TypedDict, total=False):
-    """The same names and types, for programs that check the keywords of `dfd.distill` without running it."""
-
-    preset: Preset
-    views: int
-    resolution: int
-    framing: Framing
-    simplify_to: int | None
-    up: str | tuple[float, float, float]
-    supervision: Supervision
-    mirrored: bool
-    background: bool
-    block: int | None
-    smoothing: float
-    metric: MetricChoice
-    pieces: bool
-    octaves: int
-    width: int
-    layers: int
-    steps: int | None
-    epochs: int | None
-    batch: int
-    learning_rate: float
-    schedule: Schedule
-    seed: int

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,15 +18,22 @@ if TYPE_CHECKING:
 
 __all__ = ["PAIRS", "PixelTargets", "PointTargets", "Targets", "TokenGrid", "mean_distance", "restore_contrast", "unit"]
 
+PAIRS = 2000  # whose mean distance stands for that of all
+LARGEST_STRETCH = 5.0  # more would only magnify noise, on a shape that looks the same everywhere
 _GROUPS_AT_ONCE = 1000  # whose means one thread takes
 _ROWS_AT_ONCE = 2048  # of tokens
+_ROWS_IN_CACHE = 512  # whose squares stay in a core's cache until they are summed
 
 
 class Targets:
-    """Points, normalized, and what a field should give there."""
+    """Points, normalized (N, 3), and what a field should give there, unit rows of width `dimension`."""
 
-    points: NDArray[np.float32]  # (N, 3)
-    dimension: int  # d of a target
+    points: NDArray[np.float32]
+
+    @property
+    def dimension(self) -> int:
+        """Width of a target."""
+        raise NotImplementedError
 
     def rows(self, chosen: NDArray[np.integer]) -> NDArray[np.float32]:
         """Unit targets of the points of these numbers (B,), (B, d)."""
@@ -45,51 +53,50 @@ class Targets:
         return self.at(torch.randint(len(self.points), (count,), generator=generator))
 
 
+@dataclass(eq=False)
 class PointTargets(Targets):
-    """Targets at points: (N, 3) normalized, and (N, d) unit rows.
+    """Targets at points.
 
-    `directions` (d, D), orthonormal rows, lead from targets to features as the encoder gives them; None where the
-    targets are what a field is to give. Of a surface in several pieces, connected components, `piece` (N,) is the one
-    that each point is on and `boxes` (P, 6) are the corners of the boxes around them; None else. `face` (N,) is the
-    face that each point lies on; None where nobody asks.
+    Attributes
+    ----------
+    points, targets
+        (N, 3) normalized, and (N, d) unit rows.
+    directions
+        (d, D) orthonormal rows that lead from targets to features as the encoder gives them; None where the targets are
+        what a field is to give.
+    piece, boxes
+        Of a surface in several connected components, (N,) the one that each point is on, and (P, 6) the corners of the
+        boxes around them; else None.
+    face
+        (N,) the face that each point lies on, where it is known.
     """
 
-    def __init__(
-        self,
-        points: NDArray[np.float32],
-        targets: NDArray[np.float32],
-        directions: NDArray[np.float32] | None,
-        piece: NDArray[np.int32] | None = None,
-        boxes: NDArray[np.float64] | None = None,
-        face: NDArray[np.int64] | None = None,
-    ) -> None:
-        self.points, self.targets, self.directions = points, targets, directions
-        self.piece, self.boxes, self.face = piece, boxes, face
-        self.dimension = targets.shape[1]
+    points: NDArray[np.float32]
+    targets: NDArray[np.float32]
+    directions: NDArray[np.float32] | None = None
+    piece: NDArray[np.int32] | None = None
+    boxes: NDArray[np.float64] | None = None
+    face: NDArray[np.int64] | None = None
+
+    @property
+    def dimension(self) -> int:
+        """Width d of a target."""
+        return int(self.targets.shape[1])
 
     @property
     def features(self) -> NDArray[np.float32]:
         """(N, D) the targets as the encoder gives features."""
-        features: NDArray[np.float32] = self.targets
-        if self.directions is not None:
-            features = features @ self.directions
-        return features
+        return self.targets if self.directions is None else np.asarray(self.targets @ self.directions, np.float32)
 
     def rows(self, chosen: NDArray[np.integer]) -> NDArray[np.float32]:
         """Unit targets of the chosen points, (B, d)."""
-        rows: NDArray[np.float32] = self.targets[chosen]
-        return rows
+        return np.asarray(self.targets[chosen])
 
 
 class TokenGrid:
-    """Where the tokens of pictures stand, and which of them each surface point is read from.
+    """Which tokens each surface point of `views` is read from, where an image has (height, width) of them.
 
-    Tokens are read between their positions, bilinearly: a patch's token stands at the center of the patch.
-
-    Parameters
-    ----------
-    height, width
-        Tokens of each of the square images of `views`.
+    Tokens are interpolated bilinearly: a patch's token stands at the center of the patch.
     """
 
     def __init__(self, views: Views, height: int, width: int) -> None:
@@ -141,10 +148,14 @@ class PixelTargets(Targets):
     directions = None  # these targets are features as the encoder gives them
 
     def __init__(self, views: Views, tokens: NDArray[np.float32]) -> None:
-        count, height, width, self.dimension = tokens.shape
-        self.grid = TokenGrid(views, height, width)
-        self._table = tokens.reshape(count * height * width, self.dimension)
+        self.grid = TokenGrid(views, *tokens.shape[1:3])
+        self._table = tokens.reshape(-1, tokens.shape[3])
         self.points = views.points
+
+    @property
+    def dimension(self) -> int:
+        """Width D of a token."""
+        return int(self._table.shape[1])
 
     def rows(self, chosen: NDArray[np.integer]) -> NDArray[np.float32]:
         """Unit targets Z/‖Z‖ of the chosen points, (B, D)."""
@@ -172,18 +183,12 @@ class PixelTargets(Targets):
         return mean
 
 
-PAIRS = 2000  # whose mean distance stands for that of all
-_ROWS_IN_CACHE = 512  # whose squares stay in a core's cache until they are summed
-LARGEST_STRETCH = 5.0  # more would only magnify noise, on a shape that looks the same everywhere
-
-
 def restore_contrast(
     rows: NDArray[np.float32], distance: float, generator: np.random.Generator, *, least: float = 1.0
 ) -> NDArray[np.float32]:
     """Move unit `rows` (N, D) about their mean, `least` to `LARGEST_STRETCH` times, to a mean distance of pairs."""
     one, other = generator.integers(0, len(rows), (2, PAIRS))
     mean = rows.mean(axis=0)
-
     from_mean = rows - mean
     pairs = from_mean[one], from_mean[other]
 
@@ -191,7 +196,7 @@ def restore_contrast(
         return unit(mean + np.float32(factor) * some)
 
     low, high = least, LARGEST_STRETCH
-    for _ in range(20):  # the distance grows with the factor
+    for _ in range(20):  # bisection: the distance grows with the factor
         middle = (low + high) / 2
         if mean_distance(*(stretched(some, middle) for some in pairs)) < distance:
             low = middle

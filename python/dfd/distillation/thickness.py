@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import unit
-from dfd.distillation.smoothing import apart
 from dfd.distillation.targets import PointTargets
+from dfd.field.component_residuals import apart
 from dfd.views.raycast import Scene
 from dfd.views.render import Views
 

@@ -14,6 +14,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch.nn.functional import interpolate
 
 from dfd.common import check
 from dfd.common.devices import choose_device, out_of_memory
@@ -77,16 +78,11 @@ class Encoder:
         *,
         background: bool = False,
     ) -> None:
-        self.name = name
-        self.patch = model.patch
-        self.block = model.block
-        self.depth = model.depth
-        self.dimension = model.dimension
+        self.name, self.device, self.precision = name, str(device), precision
+        self.patch, self.dimension = model.patch, model.dimension
+        self.block, self.depth = model.block, model.depth
         self.foreground_only = model.takes_patches and not background
-        self.device = str(device)
-        self.precision = precision
-        self._weights = weights
-        self._model = model
+        self._weights, self._model = weights, model
         self._warned: set[int] = set()
         model.network.to(device)
 
@@ -126,7 +122,7 @@ class Encoder:
             **self.settings(),
             "encoder_config": hashlib.sha256(config.encode()).hexdigest(),
             "encoder_channels": [list(channels.mean), list(channels.std)],
-            "device": str(self.device),
+            "device": self.device,
         }
 
     def encode(
@@ -191,7 +187,7 @@ class Encoder:
                 else:
                     remaining.append(image)
 
-            if shown is not None:  # those that take longest come first, so that nobody is left with one at the end
+            if shown is not None:  # the slowest come first, so that threads end together
                 remaining.sort(key=lambda image: -np.count_nonzero(shown[image]))
 
             writing: list[Future[None]] = []
@@ -232,7 +228,8 @@ class Encoder:
         with torch.inference_mode():
             pixels = torch.from_numpy(np.array(images, order="C")).to(device).permute(0, 3, 1, 2)
             if images.shape[1] != resolution:
-                pixels = _resized(pixels, resolution)
+                pixels = interpolate(pixels.float(), (resolution, resolution), mode="bicubic", antialias=True)
+                pixels = pixels.round().clamp(0, 255)
             channels = (model.channels.mean, model.channels.std)
             mean, std = (torch.tensor(values, device=device).view(1, 3, 1, 1) for values in channels)
             pixels = ((pixels / 255.0 - mean) / std).contiguous()
@@ -331,13 +328,6 @@ def _patch_mask(covered: NDArray[np.bool_], side: int) -> NDArray[np.bool_]:
     framed = np.pad(shown, 1)
     wide = framed[:-2] | framed[1:-1] | framed[2:]
     return np.asarray(wide[:, :-2] | wide[:, 1:-1] | wide[:, 2:])
-
-
-def _resized(images: torch.Tensor, resolution: int) -> torch.Tensor:
-    """Square images (n, 3, R, R), 8-bit, with `resolution` pixels along a side."""
-    size = (resolution, resolution)
-    wanted = torch.nn.functional.interpolate(images.float(), size, mode="bicubic", antialias=True, align_corners=False)
-    return wanted.round().clamp(0, 255)
 
 
 def _fill_in_batches(count: int, size: int, fill: Callable[[int, int], None]) -> None:

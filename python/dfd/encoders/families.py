@@ -75,22 +75,22 @@ def build_family(weights: EncoderWeights, block: int | None, channels: ChannelSt
     )
 
 
-def _patch(config: Any, block: int) -> int:
-    size = getattr(config, "patch_size", None)
+def _side(config: Any, name: str, wanted: str) -> int:
+    """The side of a square whose size `config` has under this name, as a number or a pair."""
+    size = getattr(config, name, None)
     if isinstance(size, list | tuple) and len(set(size)) == 1:
         size = size[0]
     if not isinstance(size, int):
-        raise ValueError("load_encoder: `encoder` must be a vision transformer with square patches")
+        raise ValueError(f"load_encoder: `encoder` must be a {wanted}")
     return size
+
+
+def _patch(config: Any, block: int) -> int:
+    return _side(config, "patch_size", "vision transformer with square patches")
 
 
 def _image_size(config: Any) -> int:
-    size = getattr(config, "image_size", None)
-    if isinstance(size, list | tuple) and len(set(size)) == 1:
-        size = size[0]
-    if not isinstance(size, int):
-        raise ValueError("load_encoder: `encoder` must be a network for square images of a known size")
-    return size
+    return _side(config, "image_size", "network for square images of a known size")
 
 
 @dataclass(frozen=True)
@@ -193,14 +193,13 @@ def _plain(network: Any, images: Tensor) -> Tensor:
 
 
 def _interpolated(network: Any, images: Tensor) -> Tensor:
-    output = network(pixel_values=images, interpolate_pos_encoding=True)
-    return _grid(output.last_hidden_state, images, network.config.patch_size)
+    tokens = network(pixel_values=images, interpolate_pos_encoding=True).last_hidden_state
+    return _grid(tokens, images, network.config.patch_size)
 
 
 def _clip(network: Any, images: Tensor) -> Tensor:
     # CLIP itself applies its last norm to the class token only.
-    output = network(pixel_values=images, interpolate_pos_encoding=True)
-    return _grid(network.post_layernorm(output.last_hidden_state), images, network.config.patch_size)
+    return network.post_layernorm(_interpolated(network, images))  # type: ignore[no-any-return]
 
 
 def _siglip2(network: Any, images: Tensor) -> Tensor:
@@ -228,14 +227,13 @@ def _mae(network: Any, images: Tensor) -> Tensor:
     return _grid(output.last_hidden_state, images, patch)
 
 
-def _sam(network: Any, images: Tensor) -> Tensor:
-    tokens: Tensor = network(pixel_values=images).last_hidden_state
-    return tokens.permute(0, 2, 3, 1)
-
-
 def _hiera(network: Any, images: Tensor) -> Tensor:
     tokens: Tensor = network(pixel_values=images).last_hidden_state
     return tokens
+
+
+def _sam(network: Any, images: Tensor) -> Tensor:
+    return _hiera(network, images).permute(0, 2, 3, 1)
 
 
 def _convnext(network: Any, images: Tensor) -> Tensor:
@@ -317,19 +315,8 @@ _VIT = _Family(
 # Nothing is known but that its configuration says the size of pictures it was made for.
 _UNKNOWN = _Family("AutoModel", _plain, fixed_size=_image_size)
 
-_FAMILIES = {
-    "dinov3_vit": _DINOV3,
-    "dinov3_convnext": _CONVNEXT,
-    "clip": _CLIP,
-    "clip_vision_model": _CLIP,
-    "siglip": _SIGLIP,
-    "siglip_vision_model": _SIGLIP,
-    "siglip2": _SIGLIP2,
-    "siglip2_vision_model": _SIGLIP2,
-    "sam": _SAM,
-    "sam_vision_model": _SAM,
-    "sam2": _SAM2,
-    "sam2_video": _SAM2,
-    "vit_mae": _MAE,
-    "vit": _VIT,
-}
+# By model type; those of CLIP, SigLIP and SAM may stand alone as vision models.
+_FAMILIES = {"dinov3_vit": _DINOV3, "dinov3_convnext": _CONVNEXT, "vit_mae": _MAE, "vit": _VIT}
+_FAMILIES |= {"sam2": _SAM2, "sam2_video": _SAM2}
+for _name, _family in {"clip": _CLIP, "siglip": _SIGLIP, "siglip2": _SIGLIP2, "sam": _SAM}.items():
+    _FAMILIES |= {_name: _family, f"{_name}_vision_model": _family}

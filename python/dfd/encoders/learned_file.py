@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +11,7 @@ import safetensors.numpy
 from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 
+from dfd.common import check
 from dfd.common.files import atomic_write
 from dfd.field.field_file import with_sorted_header
 
@@ -30,23 +31,55 @@ def write_learned(
     path: str | os.PathLike[str], kind: str, arrays: Mapping[str, NDArray[Any]], identity: tuple[str, int]
 ) -> None:
     """Write a file, whole or not at all; equal content makes equal files."""
-    told = {"kind": kind, "encoder_weights": identity[0], "encoder_block": str(identity[1])}
+    metadata = {"kind": kind, "encoder_weights": identity[0], "encoder_block": str(identity[1])}
     with atomic_write(Path(path)) as temporary:
-        temporary.write_bytes(with_sorted_header(safetensors.numpy.save(dict(arrays), told)))
+        temporary.write_bytes(with_sorted_header(safetensors.numpy.save(dict(arrays), metadata)))
 
 
-def read_learned(function: str, path: str | os.PathLike[str]) -> tuple[dict[str, str], dict[str, NDArray[Any]]]:
-    """Read the metadata and the arrays of a file.
+def read_learned(
+    function: str,
+    path: str | os.PathLike[str],
+    kind: str,
+    shapes: Mapping[str, tuple[int | str, ...]],
+    optional: Collection[str] = (),
+) -> tuple[dict[str, NDArray[Any]], tuple[str, int]]:
+    """Read the arrays of a file, and the `encoder_identity` that it was learned from.
+
+    Parameters
+    ----------
+    kind
+        What `write_learned` was given.
+    shapes
+        The shape of each array by name; a size with a name is the same wherever it is named.
+    optional
+        Names of arrays of which a file has all or none.
 
     Raises
     ------
     ValueError
-        In the name of `function`, if it is no .safetensors file or cut short.
+        In the name of `function`, if it is no .safetensors file, cut short, of another kind, or an array has another
+        shape or is not finite.
     OSError
         If it cannot be read.
     """
+    name = os.fspath(path)
     try:
         with safe_open(path, framework="numpy") as file:
-            return file.metadata() or {}, {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+            metadata, found = file.metadata() or {}, {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118
     except SafetensorError as error:
-        raise ValueError(f"{function}: {os.fspath(path)} is no whole .safetensors file: {error}") from None
+        raise ValueError(f"{function}: {name} is no whole .safetensors file: {error}") from None
+    block = metadata.get("encoder_block", "")
+    whole = found.keys() in (shapes.keys(), shapes.keys() - set(optional))
+    if metadata.get("kind") != kind or not block.isdecimal() or not whole:
+        raise ValueError(f"{function}: {name} does not hold {kind}")
+    sizes: dict[int | str, int] = {}
+    arrays = {}
+    for key in (key for key in shapes if key in found):
+        wanted = [sizes.get(size, size) for size in shapes[key]]
+        try:
+            array = check.array(function, key, found[key], wanted, dtype=found[key].dtype)
+        except ValueError as error:
+            raise ValueError(f"{error} in {name}") from None
+        sizes |= {size: length for size, length in zip(shapes[key], array.shape, strict=True) if isinstance(size, str)}
+        arrays[key] = array
+    return arrays, (metadata.get("encoder_weights", ""), int(block))

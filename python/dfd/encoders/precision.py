@@ -32,7 +32,7 @@ _CPU_KEYS = {
     *("vendor_id", "cpu family", "model", "model name", "stepping", "flags"),
     *("CPU implementer", "CPU architecture", "CPU variant", "CPU part", "CPU revision", "Features"),
 }
-_DEFAULT = "default"  # the device that is taken when nobody names one
+_DEFAULT = "default"  # the device that is used when none is given
 
 
 def choose_precision(device: torch.device) -> Precision:
@@ -41,10 +41,15 @@ def choose_precision(device: torch.device) -> Precision:
     For a processor the first answer on a machine stands, as long as the cache folder is there and torch is the same;
     where the folder cannot be written, every process decides for itself.
     """
-    if device.type != "cpu":
-        precision = _of_accelerator(device)
-    else:
-        precision = saved_precision("cpu") or _of_processor()
+    precision: Precision = "float32"
+    if device.type == "cuda":
+        import torch
+
+        precision = "bfloat16" if torch.cuda.get_device_capability(device) >= (8, 0) else "float32"
+    elif device.type == "cpu":
+        if saved_precision("cpu") is None:
+            has = _cpu_has("avx512_bf16") or _cpu_has("amx_tile")
+            precision = "bfloat16" if has and _bfloat16_pays() else "float32"
         precision = saved_precision("cpu") or precision  # another process may have been first
     _save(str(device), precision)
     return precision
@@ -57,25 +62,13 @@ def saved_precision(device: str) -> Precision | None:
 
 
 def saved_device() -> str | None:
-    """Return where torch computes on this machine when nobody says where; None where that was not saved."""
+    """Return the device that torch uses on this machine by default; None where none was saved."""
     return _saved(_DEFAULT)
 
 
 def save_device(device: str) -> None:
-    """Keep where torch computes on this machine when nobody says where."""
+    """Save the device that torch uses on this machine by default."""
     _save(_DEFAULT, device)
-
-
-def _of_accelerator(device: torch.device) -> Precision:
-    import torch
-
-    modern = device.type == "cuda" and torch.cuda.get_device_capability(device) >= (8, 0)
-    return "bfloat16" if modern else "float32"
-
-
-def _of_processor() -> Precision:
-    has = _cpu_has("avx512_bf16") or _cpu_has("amx_tile")
-    return "bfloat16" if has and _bfloat16_pays() else "float32"
 
 
 def _cpu_has(feature: str) -> bool:

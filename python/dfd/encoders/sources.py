@@ -126,7 +126,7 @@ def _downloaded_folder(name: str, hub: str) -> Path:
         problem = f"{hub} asks for its license to be accepted on {constants.ENDPOINT} and for a token (hf auth login)"
     except RepositoryNotFoundError:
         raise ValueError(f"load_encoder: `encoder`: {constants.ENDPOINT} has no model {hub!r}") from None
-    except Exception as error:  # whatever goes wrong out there is one reason: the hub was of no help
+    except Exception as error:  # network and hub fail in many ways, with one remedy
         problem = (str(error).strip() or type(error).__name__).splitlines()[0]
     ways = [
         "give a folder that holds its config.json and model.safetensors",

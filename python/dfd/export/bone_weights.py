@@ -33,18 +33,14 @@ class BoneDistances:
     """How far vertices are from bones; distances are parts of the diagonal of the box around what has the skin.
 
     Parts without the skin, such as what a character holds, are no way from one bone to another and around none.
-
-    Attributes
-    ----------
-    straight
-        (V, J) through space, to the nearest of a joint's bones.
-    surface
-        (J) vertices around each joint's bones: of those that no other is nearer to, the nearer half.
-    along
-        (V, J) along the surface, from those.
     """
 
-    def __init__(self, mesh: Mesh, bones: Bones) -> None:
+    straight: Float64  # (V, J) through space, to the nearest of a joint's bones
+    surface: list[NDArray[np.int64]]  # (J) around each joint's bones: of the vertices nearest to it the nearer half
+    along: Float64  # (V, J) along the surface, from those
+
+    def __init__(self, bones: Bones) -> None:
+        mesh = bones.mesh
         skin = Mesh(mesh.vertices, np.concatenate([mesh.faces[each.faces] for each in bones.primitives]))
         self._skinned = bones.skinned
         size = float(np.linalg.norm(np.ptp(mesh.vertices[bones.skinned], axis=0))) or 1.0

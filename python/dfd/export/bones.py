@@ -6,19 +6,18 @@ The format: Khronos Group, "glTF 2.0 Specification", 2021, section 3.7.3.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.mesh.file.gltf.header import Header, is_index, objects
+from dfd.mesh.file.gltf.header import Header, is_index, objects, parents
 from dfd.mesh.file.gltf.read import world_transforms
+from dfd.mesh.file.gltf.rest import inverse_binds, joints_and_weights
+from dfd.mesh.mesh import Mesh
 
 if TYPE_CHECKING:
-    from dfd.mesh.file.gltf.data import GltfData
     from dfd.mesh.file.primitives import Primitive
-    from dfd.mesh.file.scene_file import SceneFile
-    from dfd.mesh.mesh import Mesh
 
 __all__ = ["Bones", "bones_of"]
 
@@ -29,38 +28,23 @@ Float64 = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Bones:
-    """The joints of a skin, where the mesh rests.
+    """The joints of a skin in its bind pose, in which limbs do not touch, whatever pose the file rests in."""
 
-    Attributes
-    ----------
-    names
-        (J) those of the joints' nodes.
-    starts, ends, joint
-        (B, 3), (B, 3) and (B,) lines in mesh units, from a joint to the next ones below it, and the joint of each.
-    weights
-        (V, J) how the file's vertices follow the joints; 0 for vertices of parts without the skin.
-    skinned
-        (V,) which vertices are of parts with the skin.
-    primitives
-        Those parts.
-    """
-
-    names: tuple[str, ...]
-    starts: Float64
-    ends: Float64
-    joint: NDArray[np.int64]
-    weights: Float64
-    skinned: NDArray[np.bool_]
-    primitives: tuple[Primitive, ...]
+    mesh: Mesh  # the vertices and faces of the mesh, as it was bound
+    names: tuple[str, ...]  # (J) of the joints' nodes
+    starts: Float64  # (B, 3) lines in mesh units, from a joint to the next ones below it
+    ends: Float64  # (B, 3)
+    joint: NDArray[np.int64]  # (B,) the joint of each line
+    weights: Float64  # (V, J) how the file's vertices follow the joints; 0 for vertices of parts without the skin
+    skinned: NDArray[np.bool_]  # (V,) which vertices are of parts with the skin
+    primitives: tuple[Primitive, ...]  # those parts
 
 
 def bones_of(mesh: Mesh) -> Bones:
     """The bones of the skin of a mesh's file.
 
-    Raises
-    ------
-    ValueError
-        If the mesh is from no glTF file, its file has no skin, several with other joints, or one that is broken.
+    Raises ValueError if the mesh is from no glTF file, its file has no skin, several with other joints, or one that is
+    broken.
     """
     source = None if mesh.scene is None else mesh.scene.gltf
     if mesh.scene is None or source is None:
@@ -79,47 +63,40 @@ def bones_of(mesh: Mesh) -> Bones:
         raise ValueError("weigh_skin: `mesh` has a skin whose joints are not in its file")
     if any(skins[number].get("joints") != joints for number in numbers):
         raise ValueError("weigh_skin: `mesh` must have one skin, got several with other joints")
-    starts, ends, joint = _lines(_places(mesh.scene, skins[numbers[0]], skinned[0]), _parents(nodes, joints))
-    weights = np.zeros((len(mesh.vertices), len(joints)))
+    world = world_transforms(header)
+    vertices, weights = mesh.vertices.copy(), np.zeros((len(mesh.vertices), len(joints)))
     followed = np.zeros(len(mesh.vertices), bool)
-    for each in skinned:
-        vertex = mesh.scene.vertex[each.rows]
-        there = vertex >= 0
-        weights[vertex[there]] = _file_weights(header, data, each, len(joints))[there]
-        followed[vertex[there]] = True
-    names = tuple(str(nodes[each].get("name") or f"node {each}") for each in joints)
-    return Bones(names, starts, ends, joint, weights, followed, skinned)
-
-
-def _places(scene: SceneFile, skin: Header, primitive: Primitive) -> Float64:
-    """(J, 3) where joints stand when the mesh rests, mesh units."""
-    assert scene.gltf is not None
-    header, data = scene.gltf.header, scene.gltf.data
-    count = len(skin["joints"])
-    if scene.at_rest:
-        world = world_transforms(header)
-        found: Float64 = np.stack([world[joint][:3, 3] for joint in skin["joints"]])
-        return found
-    inverse = np.tile(np.eye(4), (count, 1, 1))
-    if "inverseBindMatrices" in skin:
-        stored = data.accessor(skin["inverseBindMatrices"])
-        if stored.shape != (count, 16):
-            raise ValueError(f"weigh_skin: `mesh` has a skin of {count} joints with {len(stored)} inverse binds")
-        inverse = stored.reshape(-1, 4, 4).transpose(0, 2, 1).astype(np.float64)
     try:
-        binds = np.linalg.inv(inverse)
+        inverse = inverse_binds(skins[numbers[0]], data)
+        for each in mesh.scene.primitives:
+            node, number, primitive = each.source
+            vertex = mesh.scene.vertex[each.rows]
+            there = vertex >= 0
+            stored = each.geometry.vertices if each.geometry.stored is None else each.geometry.stored
+            vertices[vertex[there]] = (stored @ world[node][:3, :3].T + world[node][:3, 3])[there]
+            if "skin" in nodes[node]:
+                own = np.zeros((len(vertex), len(joints)))
+                content = header["meshes"][number]["primitives"][primitive]
+                for column, weight in joints_and_weights(content, data, len(vertex), len(joints)):
+                    np.add.at(own, (np.arange(len(vertex))[:, None], column), weight)
+                weights[vertex[there]] = own[there]
+                followed[vertex[there]] = True
+    except ValueError as error:
+        raise ValueError(f"weigh_skin: `mesh` has a skin that cannot be read: {error}") from error
+    try:
+        places = (world[skinned[0].source[0]] @ np.linalg.inv(inverse))[:, :3, 3]
     except np.linalg.LinAlgError:
-        binds = np.full_like(inverse, np.nan)
-    if not np.isfinite(binds).all():
+        places = np.full((len(joints), 3), np.nan)
+    if not np.isfinite(places).all():
         raise ValueError("weigh_skin: `mesh` has a skin with an inverse bind that cannot be inverted")
-    # Loaded as it was bound, the mesh is where its node places it: bones are carried along.
-    placed: Float64 = (world_transforms(header)[primitive.source[0]] @ binds)[:, :3, 3]
-    return placed
+    starts, ends, joint = _lines(places, _parents(header, joints))
+    names = tuple(str(nodes[each].get("name") or f"node {each}") for each in joints)
+    return Bones(Mesh(vertices, mesh.faces), names, starts, ends, joint, weights, followed, skinned)
 
 
-def _parents(nodes: list[Header], joints: list[int]) -> list[int]:
+def _parents(header: Header, joints: list[int]) -> list[int]:
     """(J) the joint that is next above each, -1 for none."""
-    above = {child: index for index, node in enumerate(nodes) for child in node.get("children", [])}
+    above = parents(header)
     number = {node: index for index, node in enumerate(joints)}
     found = []
     for node in joints:
@@ -139,26 +116,3 @@ def _lines(places: Float64, parents: list[int]) -> tuple[Float64, Float64, NDArr
         lines.append((joint, places[joint], places[joint] + LEAF * before))
     numbers, starts, stops = zip(*lines, strict=True)
     return np.array(starts), np.array(stops), np.array(numbers, np.int64)
-
-
-def _file_weights(header: Header, data: GltfData, primitive: Primitive, count: int) -> Float64:
-    """(rows, J) weights of a primitive's rows, zeros where the file has none."""
-    _, mesh, number = primitive.source
-    attributes: dict[str, Any] = header["meshes"][mesh]["primitives"][number]["attributes"]
-    packed = data.draco(header["meshes"][mesh]["primitives"][number]) or {}
-    rows = primitive.rows.stop - primitive.rows.start
-    result = np.zeros((rows, count))
-    for name in sorted(attributes):
-        other = name.replace("WEIGHTS_", "JOINTS_")
-        if not name.startswith("WEIGHTS_") or other not in attributes:
-            continue
-        weights, joints = (
-            packed[each] if each in packed else data.accessor(attributes[each]) for each in (name, other)
-        )
-        if weights.shape != (rows, 4) or joints.shape != (rows, 4):
-            raise ValueError(f"weigh_skin: `mesh` has {len(weights)} weights for {rows} vertices of {primitive.part!r}")
-        if not np.isfinite(weights).all() or (joints[weights > 0] >= count).any():
-            raise ValueError(f"weigh_skin: `mesh` has weights of {primitive.part!r} for joints that are not there")
-        known = np.where(weights > 0, joints, 0).astype(np.int64)
-        np.add.at(result, (np.arange(rows)[:, None], known), np.maximum(weights, 0.0))
-    return result

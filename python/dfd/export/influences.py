@@ -19,24 +19,13 @@ ABOVE = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class Influences:
-    """What each vertex follows.
+    """What each vertex follows."""
 
-    Attributes
-    ----------
-    joints
-        (V, K) joints of each vertex, the heaviest first, no joint twice; 0 where the weight is 0.
-    weights
-        (V, K) float32, descending; rows sum to 1 within 1e-6.
-    pruned
-        The largest share of a vertex's weight that was left out, in [0, 1].
-    normalized
-        How many vertices had weights that sum to more than 1, or negative ones, and have others here.
-    """
-
+    # (V, K) joints of each vertex, the heaviest first, no joint twice; 0 where the weight is 0
     joints: NDArray[np.int64]
-    weights: NDArray[np.float32]
-    pruned: float
-    normalized: int
+    weights: NDArray[np.float32]  # (V, K) float32, descending; rows sum to 1 within 1e-6
+    pruned: float  # the largest share of a vertex's weight that was left out, in [0, 1]
+    normalized: int  # how many vertices had weights that sum to more than 1, or negative ones, and have others here
 
 
 def influences_of(rig: Rig, most: int | None) -> Influences:

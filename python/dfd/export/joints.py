@@ -34,28 +34,15 @@ class Local:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """Something that vertices follow.
+    """Something that vertices follow."""
 
-    Attributes
-    ----------
-    name
-        No other joint of the rig has it.
-    handle
-        The id of its handle; None for the root and for D₀.
-    center
-        (3,) the handle's own position, the pivot of transforms that have none, mesh units.
-    pivot, axes
-        (3,) and (3, 3) where the frame of the handle stands: its origin, and its axes as columns.
-    carry
-        (4, 4) rigid Φ, from the handle to this joint; a mirror image turns round.
-    """
-
-    name: str
-    handle: int | None
-    center: Vector
+    name: str  # no other joint of the rig has it
+    handle: int | None  # the id of its handle; None for the root and for D₀
+    center: Vector  # (3,) the handle's own position, the pivot of transforms that have none, mesh units
+    # pivot, axes: (3,) and (3, 3) where the frame of the handle stands: its origin, and its axes as columns
     pivot: Float64
     axes: Float64
-    carry: Float64
+    carry: Float64  # (4, 4) rigid Φ, from the handle to this joint; a mirror image turns round
 
     @property
     def frame(self) -> Float64:
@@ -83,10 +70,8 @@ class Joint:
     def local(self, transform: Transform) -> Local:
         """What the joint does in its own frame where its handle does `transform`.
 
-        Raises
-        ------
-        ValueError
-            If it scales along other axes than the joint's, which no scale, rotation and translation there are.
+        Raises ValueError if it scales along other axes than the joint's, which no scale, rotation and translation there
+        are.
         """
         basis = self._basis
         axes = np.eye(3) if transform.axes is None else np.asarray(transform.axes).T

@@ -65,12 +65,12 @@ class RigReport:
             "morph": f"{self.targets} morph targets" if self.targets != 1 else "1 morph target",
             "baked": "the moved shape",
         }[self.form]
-        told = [what, self._difference()]
+        sentences = [what, self._difference()]
         if self.pruned > 0.0005:
-            told.append(f"up to {100 * self.pruned:.2g} % of a vertex's weight pruned")
+            sentences.append(f"up to {100 * self.pruned:.2g} % of a vertex's weight pruned")
         if self.normalized:
-            told.append(f"{self.normalized} vertices' weights, which sum to more than 1, normalized")
-        return "; ".join([*told, *self.notes])
+            sentences.append(f"{self.normalized} vertices' weights, which sum to more than 1, normalized")
+        return "; ".join([*sentences, *self.notes])
 
     def _difference(self) -> str:
         if self.largest <= 1e-6 * self.size:
@@ -79,7 +79,7 @@ class RigReport:
             f"{distance:.2g} ({100 * distance / (self.size or 1.0):.2g} %)" for distance in (self.largest, self.mean)
         ]
         where = "" if self.at == "the edit" else f", most at {self.at}"
-        return f"off dfd.pose by up to {parts[0]}, {parts[1]} on average{where}"
+        return f"maximum deviation from dfd.pose: {parts[0]}, {parts[1]} on average{where}"
 
 
 def rig_report(
@@ -94,9 +94,9 @@ def rig_report(
 ) -> RigReport:
     """What became of a rig in files that differ from `dfd.pose` by `difference`, None for nothing."""
     difference = difference or Difference(0.0, 0.0, "the edit")
-    told = list(notes)
+    sentences = list(notes)
     if influences is not None and rig.edit.blend != "linear":
-        told.append(f"the edit blends as {rig.edit.blend}, and a skin linearly")
+        sentences.append(f"the edit blends as {rig.edit.blend}, and a skin linearly")
     return RigReport(
         paths,
         form,
@@ -109,5 +109,5 @@ def rig_report(
         difference.mean,
         difference.at,
         rig.mesh.diagonal,
-        tuple(told),
+        tuple(sentences),
     )

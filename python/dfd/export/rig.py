@@ -32,25 +32,15 @@ Float64 = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """Joints, and how vertices follow them.
+    """Joints, and how vertices follow them."""
 
-    Attributes
-    ----------
-    mesh, edit
-        The resting shape, and what is done to it.
-    joints
-        The root first, which never moves, and is the parent of all others; D₀ second where the edit has one.
-    default
-        The joint that takes what the weights leave of 1: the root, or D₀.
-    poses
-        Key poses, in the order of time.
-    """
-
+    # mesh, edit: the resting shape, and what is done to it
     mesh: Mesh
     edit: Edit
+    # the root first, which never moves, and is the parent of all others; D₀ second where the edit has one
     joints: tuple[Joint, ...]
-    default: int
-    poses: tuple[KeyPose, ...]
+    default: int  # the joint that takes what the weights leave of 1: the root, or D₀
+    poses: tuple[KeyPose, ...]  # key poses, in the order of time
     _session: Deformer
     _weights: NDArray[np.float32]  # (V, C)
     _column: NDArray[np.int64]  # (J − first,) the column of each joint of a handle

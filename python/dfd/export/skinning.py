@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from dfd.editing.edit import Edit
-from dfd.export.influences import Influences
+from dfd.export.influences import Influences, influences_of
 from dfd.export.joints import Joint, Local
 from dfd.export.rig import BATCH, Rig
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["Difference", "differences", "inverse_binds", "placed", "skinned"]
+__all__ = ["Difference", "Skin", "differences", "skin_of"]
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -26,28 +26,28 @@ Float64 = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Difference:
-    """How far what a file shows is from `dfd.pose`, over the edit and all key poses.
+    """How far what a file shows is from `dfd.pose`, over the edit and all key poses."""
 
-    Attributes
-    ----------
-    largest, mean
-        Distances of vertices, mesh units; the mean is that of the pose where it is largest.
-    at
-        Where the largest is: "the edit", or the name of a key pose.
-    """
-
+    # largest, mean: distances of vertices, mesh units; the mean is that of the pose where it is largest
     largest: float
     mean: float
-    at: str
+    at: str  # where the largest is: "the edit", or the name of a key pose
+
+
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """What a file holds of a rig as a skin."""
+
+    influences: Influences
+    binds: Float32  # (J, 4, 4) inverse binds
+    moments: list[list[Local]]  # (M, J) each joint as seen from its parent, in the edit and then at each key pose
+    difference: Difference
 
 
 def inverse_binds(joints: Sequence[Joint]) -> Float32:
     """(J, 4, 4) from the mesh's coordinates to each joint's own, as a file stores them.
 
-    Raises
-    ------
-    ValueError
-        If a joint stands so far away that 32-bit floats have no place for it.
+    Raises ValueError if a joint stands so far away that 32-bit floats have no place for it.
     """
     frames = np.array([joint.frame for joint in joints])
     with np.errstate(over="ignore", invalid="ignore"):
@@ -59,20 +59,26 @@ def inverse_binds(joints: Sequence[Joint]) -> Float32:
     return inverse
 
 
-def placed(rig: Rig, edit: Edit) -> list[Local]:
-    """(J) where `edit` has the joints, each as seen from its parent, in 32-bit floats.
+def skin_of(rig: Rig, most: int | None, stored: Callable[[Local], Local] = lambda local: local) -> Skin:
+    """The skin of a rig with at most `most` influences a vertex; `stored` is what a format has room for of a pose.
 
-    Raises
-    ------
-    ValueError
-        If a joint scales along other axes than its own.
+    Raises ValueError if a joint scales along other axes than its own.
     """
-    found = []
-    for joint, transform in zip(rig.joints, rig.transforms(edit), strict=True):
-        local = joint.placed(joint.local(transform))
-        numbers = [np.asarray(part, np.float32) for part in (local.translation, local.rotation, local.scale)]
-        found.append(Local(*(part.astype(np.float64) for part in numbers)))
-    return found
+    influences, binds = influences_of(rig, most), inverse_binds(rig.joints)
+    moments: list[list[Local]] = []
+    for _, edit in rig.moments():
+        placed = []
+        for number, (joint, transform) in enumerate(zip(rig.joints, rig.transforms(edit), strict=True)):
+            local = joint.placed(joint.local(transform))
+            parts = (np.asarray(part, np.float32) for part in (local.translation, local.rotation, local.scale))
+            translation, rotation, scale = (part.astype(np.float64) for part in parts)
+            if moments and rotation @ moments[-1][number].rotation < 0:
+                rotation = -rotation
+            placed.append(stored(Local(translation, rotation, scale)))
+        moments.append(placed)
+    points = rig.mesh.vertices.astype(np.float32).astype(np.float64)
+    shown = [partial(skinned, points, influences, binds, each) for each in moments]
+    return Skin(influences, binds, moments, differences(rig, shown))
 
 
 def skinned(points: Float64, influences: Influences, binds: Float32, locals_: Sequence[Local]) -> Float64:

@@ -79,16 +79,17 @@ class SkinReport:
 
     def __str__(self) -> str:
         """Say it in one sentence."""
-        told = [f"{self.joints} joints", f"before: {self.before}", f"after: {self.after}"]
+        sentences = [f"{self.joints} joints", f"before: {self.before}", f"after: {self.after}"]
         if self.left_out:
-            told.append(f"outside the mesh and left out: {', '.join(self.left_out)}")
-        return "; ".join(told)
+            sentences.append(f"outside the mesh and left out: {', '.join(self.left_out)}")
+        return "; ".join(sentences)
 
 
 def weigh_skin(mesh: Mesh, field: Field, path: str | os.PathLike[str], *, influences: int = 4) -> SkinReport:
     """Give the vertices of a skinned character other weights, and write it with all else as it was.
 
     What looks like the surface around a bone and is near it, through space and along the surface, follows its joint.
+    Distances are those of the bind pose, in which limbs are apart, and features those of the mesh as it is given.
     Joints that no vertex of the file follows, such as targets of inverse kinematics, get no weight, unless none has
     any: then all get some.
 
@@ -115,7 +116,7 @@ def weigh_skin(mesh: Mesh, field: Field, path: str | os.PathLike[str], *, influe
         raise ValueError(f"weigh_skin: `path` must end in .glb, .gltf, got {target}")
     most = check.whole("weigh_skin", "influences", influences, minimum=1)
     bones = bones_of(mesh)
-    distances = BoneDistances(mesh, bones)
+    distances = BoneDistances(bones)
     wanted = np.flatnonzero(bones.weights.any(axis=0)) if bones.weights.any() else np.arange(len(bones.names))
     inside = distances.straight[bones.skinned].min(axis=0) <= OUTSIDE
     joints = wanted[inside[wanted]]

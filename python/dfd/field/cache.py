@@ -1,6 +1,6 @@
-"""Fields that were distilled before, under the hash of their recipe, so that a second call need not work.
+"""Fields that were distilled before, under the hash of their key, so that a second call need not work.
 
-An entry is one file, `<hash of the recipe>-<hash of the file>.safetensors`. It appears whole or not at all, so that
+An entry is one file, `<hash of the key>-<hash of the file>.safetensors`. It appears whole or not at all, so that
 several processes may look, write and tidy up at once; a file whose content is not what its name says is none.
 """
 
@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 from dfd.common.cache import cache_directory
 from dfd.common.check import warn
 from dfd.common.files import atomic_write
-from dfd.field.cache_key import hash_recipe
+from dfd.field.cache_key import hash_key
 from dfd.field.field import Field
 
 if TYPE_CHECKING:
@@ -30,13 +30,13 @@ if TYPE_CHECKING:
 __all__ = ["KnownMesh", "find", "hash_file", "note", "recall", "store"]
 
 LIMIT = 2 << 30  # bytes of all entries together; the ones longest unused go first
-_ABANDONED = 3600.0  # seconds after which a file that nobody finished is litter
+_ABANDONED = 3600.0  # seconds after which an unfinished file is removed
 
 
-def find(recipe: Mapping[str, Any]) -> Field | None:
-    """Return the field that `recipe` made, or None where no entry has it whole."""
-    for path in _entries(f"{hash_recipe(recipe)}-"):
-        with contextlib.suppress(OSError, ValueError):  # tidied up by another process, or of no use
+def find(key: Mapping[str, Any]) -> Field | None:
+    """Return the field that `key` made, or None where no entry has it whole."""
+    for path in _entries(f"{hash_key(key)}-"):
+        with contextlib.suppress(OSError, ValueError):  # removed by another process, or damaged
             if not _is_of(path, path.read_bytes()):
                 continue
             found = Field.load(path)
@@ -46,14 +46,14 @@ def find(recipe: Mapping[str, Any]) -> Field | None:
     return None
 
 
-def store(recipe: Mapping[str, Any], field: Field) -> None:
-    """Keep `field` under `recipe`; where the cache cannot be written, say so once and go on."""
+def store(key: Mapping[str, Any], field: Field) -> None:
+    """Keep `field` under `key`; where the cache cannot be written, say so once and go on."""
     folder = _folder()
     temporary = folder / f".{secrets.token_hex(8)}.safetensors"
     try:
         folder.mkdir(parents=True, exist_ok=True)
         field.save(temporary)
-        entry = folder / f"{hash_recipe(recipe)}-{_hash(temporary.read_bytes())}.safetensors"
+        entry = folder / f"{hash_key(key)}-{_hash(temporary.read_bytes())}.safetensors"
         temporary.replace(entry)
     except OSError as error:
         with contextlib.suppress(OSError):
@@ -68,7 +68,7 @@ def store(recipe: Mapping[str, Any], field: Field) -> None:
 
 
 def _tidy(newest: Path) -> None:
-    """Let go of damaged twins of the `newest` entry, of litter, and of the oldest entries beyond the limit."""
+    """Remove damaged copies of the `newest` entry, unfinished files, and the oldest entries beyond the limit."""
     for path in _entries(f"{newest.name.partition('-')[0]}-"):
         with contextlib.suppress(OSError):
             if not _is_of(path, path.read_bytes()):
@@ -139,7 +139,7 @@ def hash_file(path: str | os.PathLike[str]) -> str | None:
         return None
     content = hashlib.sha256(data).hexdigest()
     libraries = {package: version(package) for package in ("trimesh", "pillow")}
-    return hash_recipe(
+    return hash_key(
         {"mesh_version": MESH_VERSION, **libraries, "ending": Path(path).suffix.lower(), "content": content}
     )
 

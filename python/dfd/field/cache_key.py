@@ -1,4 +1,4 @@
-"""What a field is made from, written down: the address of a cached field, and what a resumed run must share."""
+"""What a field is made from: the key of a cached field, and what a resumed run must share."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FIELD_VERSION", "Content", "difference", "hash_arrays", "hash_recipe", "plain", "recipe"]
+__all__ = ["FIELD_VERSION", "Content", "cache_key", "difference", "hash_arrays", "hash_key"]
 
 # To be raised by hand with every change that gives another field for the same mesh, encoder and settings, or keeps it
 # in another way: fields of other versions are not taken from the cache. A golden field in the tests tells when.
@@ -25,19 +25,15 @@ class Content(Protocol):
         """See `dfd.Mesh`."""
 
 
-def recipe(mesh: Content, **settings: Any) -> dict[str, Any]:
-    """Return everything that a field depends on, as values that JSON keeps apart."""
-    return plain({"field_version": FIELD_VERSION, "mesh": mesh.content_hash, **settings})
+def cache_key(mesh: Content, **settings: Any) -> dict[str, Any]:
+    """Return everything that a field depends on, as values that come back alike from a JSON file."""
+    values = {"field_version": FIELD_VERSION, "mesh": mesh.content_hash, **settings}
+    return dict(json.loads(json.dumps(values, default=_plain)))
 
 
-def plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    """`values` as they come back from a JSON file."""
-    return dict(json.loads(json.dumps(dict(values), default=_plain)))
-
-
-def hash_recipe(ingredients: Mapping[str, Any]) -> str:
-    """SHA-256 of a recipe, 64 hexadecimal digits."""
-    return hashlib.sha256(json.dumps(ingredients, sort_keys=True).encode()).hexdigest()
+def hash_key(key: Mapping[str, Any]) -> str:
+    """SHA-256 of a cache key, 64 hexadecimal digits."""
+    return hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()
 
 
 def hash_arrays(*arrays: NDArray[Any]) -> str:
@@ -50,20 +46,17 @@ def hash_arrays(*arrays: NDArray[Any]) -> str:
 
 
 def difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """In what two recipes differ, in words: the first few things."""
+    """In what two keys differ, in words: the first few things."""
     words = {"mesh": "another mesh", "field_version": "another version of dfd"}
+
+    def said(name: str) -> str:
+        one, other = before.get(name), now.get(name)
+        return words.get(name) or (f"{name} {one}, now {other}" if len(f"{one}{other}") < 60 else name)
+
     names = [name for name in sorted({*before, *now}) if before.get(name) != now.get(name)]
-    said = [
-        words.get(name) or (f"{name} {before.get(name)}, now {now.get(name)}" if _short(before, now, name) else name)
-        for name in names
-    ]
-    return "; ".join(said[:3]) + ("; …" if len(said) > 3 else "")
-
-
-def _short(before: Mapping[str, Any], now: Mapping[str, Any], name: str) -> bool:
-    return len(str(before.get(name))) + len(str(now.get(name))) < 60
+    return "; ".join(map(said, names[:3])) + ("; …" if len(names) > 3 else "")
 
 
 def _plain(value: Any) -> Any:
-    """NumPy's numbers as Python's; what else is no JSON by what it looks like, to be refused where it is used."""
+    """NumPy's numbers as Python's; what else is not JSON by its text, to be refused where it is used."""
     return value.item() if isinstance(value, np.generic) else repr(value)

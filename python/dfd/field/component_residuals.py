@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["NAMES", "Pieces", "boxes_of_components", "pieces_of_vertices"]
+__all__ = ["NAMES", "ComponentResiduals", "apart", "boxes_of_components", "pieces_of_vertices"]
 
 NAMES = ("boxes", "points", "piece", "differences")
 NEIGHBORS = 8  # points of its own piece that a vertex goes by
@@ -34,7 +34,7 @@ _ROWS_AT_ONCE = 1 << 16  # to bound memory
 
 
 @dataclass(frozen=True, eq=False)
-class Pieces:
+class ComponentResiduals:
     """The pieces of a surface in normalized coordinates, and how they differ from what stands for all of them.
 
     Attributes
@@ -65,12 +65,12 @@ class Pieces:
         checked = {
             "boxes": _checked("boxes", self.boxes, ("P", 6), np.float32),
             "points": _checked("points", self.points, ("N", 3), np.float32),
-            "piece": check.vertex_indices("Pieces", "piece", self.piece, len(self.boxes)).astype(np.int32),
+            "piece": check.vertex_indices("ComponentResiduals", "piece", self.piece, len(self.boxes)).astype(np.int32),
             "differences": _checked("differences", self.differences, (*count, *width), np.float16),
         }
         if checked["piece"].shape != count or len(width) != 1:
             raise ValueError(
-                f"Pieces: `piece` and `differences` must have a row for each of the {count[0]} points, "
+                f"ComponentResiduals: `piece` and `differences` must have a row for each of the {count[0]} points, "
                 f"got {checked['piece'].shape} and {np.shape(self.differences)}"
             )
         for name, array in checked.items():
@@ -86,9 +86,11 @@ class Pieces:
         """The arrays by name, see `NAMES`."""
         return {name: getattr(self, name) for name in NAMES}
 
-    def widened(self, directions: NDArray[np.float32]) -> Pieces:
+    def widened(self, directions: NDArray[np.float32]) -> ComponentResiduals:
         """The same pieces with differences times `directions` (d, D), D wide."""
-        return Pieces(self.boxes, self.points, self.piece, (self.differences @ directions).astype(np.float16))
+        return ComponentResiduals(
+            self.boxes, self.points, self.piece, (self.differences @ directions).astype(np.float16)
+        )
 
     def known(self, boxes: NDArray[np.floating]) -> NDArray[np.int64]:
         """Which piece each of `boxes` (Q, 6) is, (Q,); −1 where none has its corners there."""
@@ -99,7 +101,7 @@ class Pieces:
         distance, found = cKDTree(self.boxes).query(boxes, p=np.inf)
         return np.where(distance <= SAME, found, -1)
 
-    def told_apart(
+    def add_residuals(
         self, rows: NDArray[np.float32], points: NDArray[np.floating], piece: NDArray[np.integer]
     ) -> NDArray[np.float32]:
         """Return unit `rows` (N, D) at normalized `points` (N, 3) with the difference of the `piece` (N,) of each.
@@ -124,7 +126,7 @@ class Pieces:
         from scipy import sparse
 
         wanted = min(NEIGHBORS + 1, len(self.points))
-        distance, near = self._tree.query(_apart(points, piece), np.arange(1, wanted + 1), workers=-1)
+        distance, near = self._tree.query(apart(points, piece), np.arange(1, wanted + 1), workers=-1)
         own = self.piece[near] == piece[:, None]
         distance = np.where(own, distance, np.inf)
         # A piece of a few points has no next one: there it is all of them, by their distance.
@@ -145,7 +147,7 @@ class Pieces:
     def _tree(self) -> cKDTree:
         from scipy.spatial import cKDTree
 
-        return cKDTree(_apart(self.points, self.piece))
+        return cKDTree(apart(self.points, self.piece))
 
     def __getstate__(self) -> dict[str, Any]:
         return self.arrays()
@@ -183,9 +185,10 @@ def _boxes(points: NDArray[np.floating], piece: NDArray[np.int32]) -> NDArray[np
     return boxes
 
 
-def _apart(points: NDArray[np.floating], piece: NDArray[np.integer]) -> NDArray[np.float64]:
+def apart(points: NDArray[np.floating], piece: NDArray[np.integer]) -> NDArray[np.float64]:
+    """Points (N, 3) with a fourth coordinate that keeps pieces (N,) apart in a search for neighbors, (N, 4)."""
     return np.column_stack([np.asarray(points, np.float64), _APART * np.asarray(piece, np.float64)])
 
 
 def _checked(name: str, values: ArrayLike, shape: Any, dtype: Any) -> NDArray[Any]:
-    return check.array("Pieces", name, values, shape, dtype=dtype).copy()
+    return check.array("ComponentResiduals", name, values, shape, dtype=dtype).copy()

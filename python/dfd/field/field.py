@@ -19,21 +19,21 @@ import dfd._core as _core
 from dfd.common import check, tensors, threads
 from dfd.field import field_file
 from dfd.field.architecture import Architecture
-from dfd.field.component_residuals import Pieces
+from dfd.field.component_residuals import ComponentResiduals, pieces_of_vertices
 from dfd.field.given_features import FEATURE_FILES
-from dfd.field.on_mesh import FieldOnMesh
 
 # torch takes seconds to import; only those need it who ask with its tensors.
 if TYPE_CHECKING:
     import torch
+    from scipy.spatial import cKDTree
 
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Field", "FieldSource"]
+__all__ = ["Field", "FieldOnMesh", "FieldSource"]
 
 # Farther from the middle of the shape, in halves of its box, a network of float32 has nothing to say.
 FARTHEST = 1e6
-# What reads features of vertices: it builds on this file, and is looked up by name when somebody has such.
+# What reads features of vertices imports this file, so it is imported by name when it is needed.
 OF_VERTICES = "dfd.field.vertex_field"
 
 
@@ -92,7 +92,7 @@ class Field:
     """
 
     source: FieldSource | None = None
-    pieces: Pieces | None = None
+    pieces: ComponentResiduals | None = None
 
     def __init__(
         self,
@@ -102,7 +102,7 @@ class Field:
         center: ArrayLike = (0.0, 0.0, 0.0),
         scale: float = 1.0,
         settings: Mapping[str, Any] | None = None,
-        pieces: Pieces | None = None,
+        pieces: ComponentResiduals | None = None,
     ) -> None:
         self.architecture = Architecture.of(parameters, octaves)
         self.parameters = {name: _frozen(name, parameters[name]) for name in self.architecture.shapes()}
@@ -143,14 +143,18 @@ class Field:
         """
         if tensors.is_tensor(points):
             return self._of_tensor(points)
+        array = self._checked_points(points)
+        features: NDArray[np.float32] = _core.empty_float32(len(array), self.dimension)
+        self._kernel.evaluate(array, features, threads.get_num_threads())
+        return features
+
+    def _checked_points(self, points: Any) -> NDArray[np.float64]:
         array = check.array("Field", "points", points, ("N", 3), dtype=np.float64)
         with np.errstate(over="ignore"):
             farthest = float(np.abs((array - self.center) * self.scale).max(initial=0.0))
         if not farthest <= FARTHEST:
             raise ValueError(f"Field: `points` must lie near the shape, got one {farthest:.3g} times as far as its box")
-        features: NDArray[np.float32] = _core.empty_float32(len(array), self.dimension)
-        self._kernel.evaluate(array, features, threads.get_num_threads())
-        return features
+        return array
 
     def with_settings(self, settings: Mapping[str, Any]) -> Field:
         """The same field, said to have come to be by other `settings`."""
@@ -159,7 +163,7 @@ class Field:
         other.source = None
         return other
 
-    def with_pieces(self, pieces: Pieces | None) -> Field:
+    def with_pieces(self, pieces: ComponentResiduals | None) -> Field:
         """The same field with other pieces, or without any.
 
         Raises
@@ -171,7 +175,7 @@ class Field:
         other.pieces = self._checked_pieces(pieces)
         return other
 
-    def _checked_pieces(self, pieces: Pieces | None) -> Pieces | None:
+    def _checked_pieces(self, pieces: ComponentResiduals | None) -> ComponentResiduals | None:
         if pieces is not None and pieces.dimension != self.dimension:
             raise ValueError(f"Field: `pieces` must be {self.dimension} wide, got {pieces.dimension}")
         return pieces
@@ -271,16 +275,65 @@ class Field:
                 center=content.center,
                 scale=content.scale,
                 settings=content.settings,
-                pieces=None if content.pieces is None else Pieces(**content.pieces),
+                pieces=None if content.pieces is None else ComponentResiduals(**content.pieces),
             )
         except ValueError as error:
-            reason = str(error).removeprefix("Field: ").removeprefix("Pieces: ")
+            reason = str(error).removeprefix("Field: ").removeprefix("ComponentResiduals: ")
             raise ValueError(f"Field.load: `path` {os.fspath(path)} is damaged: {reason}") from error
         corners = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
         if not np.isfinite(field(field.center + corners / field.scale)).all():
             raise ValueError(f"Field.load: `path` {os.fspath(path)} is damaged: its features are not finite")
         field.source = FieldSource.of(path)
         return field
+
+
+class FieldOnMesh:
+    """Features of the vertices of a mesh, and of points on it, each by the piece that it is on.
+
+    Where the field keeps no pieces, or a piece of the mesh is none of them, they are those of the position alone.
+    """
+
+    def __init__(self, field: Field, mesh: Mesh) -> None:
+        self.field, self.mesh = field, mesh
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """How many vertices there are, and the width of a row."""
+        return len(self.mesh.vertices), self.field.dimension
+
+    def rows(self, vertices: slice | NDArray[np.integer[Any]]) -> NDArray[np.float32]:
+        """Return the features of some vertices, (N, D) float32 unit rows."""
+        points = self.mesh.vertices[vertices]
+        return self._of(points, None if self._piece is None else self._piece[vertices])
+
+    def at(self, points: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+        """Return features at `points` (N, 3) in mesh units, (N, D): of the piece that the nearest vertex is on."""
+        places = np.asarray(points, np.float64)
+        return self._of(places, None if self._piece is None else self._piece[self._nearest.query(places)[1]])
+
+    def _of(self, points: NDArray[np.float64], piece: NDArray[np.int64] | None) -> NDArray[np.float32]:
+        field = self.field
+        rows = field(points)
+        if piece is None or field.pieces is None:
+            return rows
+        return field.pieces.add_residuals(rows, (points - field.center) * field.scale, piece)
+
+    @cached_property
+    def _piece(self) -> NDArray[np.int64] | None:
+        """(V,) which of the field's pieces each vertex is on, or −1; None where the field has none."""
+        if self.field.pieces is None:
+            return None
+        piece, boxes = pieces_of_vertices(self.mesh)
+        corners = (boxes.reshape(-1, 2, 3) - self.field.center) * self.field.scale
+        known = np.append(self.field.pieces.known(corners.reshape(-1, 6)), -1)  # the last one is that of −1
+        found: NDArray[np.int64] = known[piece]
+        return found
+
+    @cached_property
+    def _nearest(self) -> cKDTree:
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self.mesh.vertices)
 
 
 def _frozen(name: str, values: ArrayLike, shape: Any = None, dtype: Any = np.float32) -> NDArray[Any]:

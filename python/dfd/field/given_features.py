@@ -97,7 +97,7 @@ def rows_of_vertices(path: Path, features: NDArray[Any], mesh: Mesh, named: str)
     MeshFM writes `NAME.npy` (float32 or float16) and `NAME.json` beside it, which says what has the features and of how
     many vertices and faces the mesh was, and with `--visualize` its vertices in `NAME_pca.ply`. PartField writes
     `part_feat_NAME_0_batch.npy`, (F, 448) or with `vertex_feature` (V, 448), and beside it `feat_pca_NAME_0.ply`, moved
-    and scaled. Where none of these is, the number of rows alone can be judged, by whoever takes them.
+    and scaled. Where no file lies beside, only the number of rows can be checked, by the caller.
 
     Raises
     ------

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from dfd.common import check, tensors
-from dfd.field.field import FARTHEST, Field, FieldSource
+from dfd.field.field import Field, FieldSource
 from dfd.field.given_features import of_vertices, read_features, rows_of_vertices
 from dfd.mesh.normalization import normalization
 
@@ -80,12 +80,7 @@ class VertexField(Field):
             import torch
 
             return torch.from_numpy(self(points.detach().cpu().numpy())).to(points.device)
-        array = check.array("Field", "points", points, ("N", 3), dtype=np.float64)
-        with np.errstate(over="ignore"):
-            farthest = float(np.abs((array - self.center) * self.scale).max(initial=0.0))
-        if not farthest <= FARTHEST:
-            raise ValueError(f"Field: `points` must lie near the shape, got one {farthest:.3g} times as far as its box")
-        found: NDArray[np.float32] = self._rows[self._nearest.query(array)[1]]
+        found: NDArray[np.float32] = self._rows[self._nearest.query(self._checked_points(points))[1]]
         return found
 
     def save(self, path: str | os.PathLike[str]) -> None:

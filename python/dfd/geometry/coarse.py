@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, eye_array
 
 import dfd._core as _core
 from dfd.geometry.surface_graph import surface_graph, surface_links
@@ -115,7 +115,8 @@ def _centers(vertices: Float64, of_vertex: NDArray[np.int32]) -> Float64:
 def _interpolation(vertices: Float64, nodes: Nodes) -> csr_array:
     """Rows (V, N) that blend the values of a vertex's own node and of those beside it, the nearer the more."""
     count = nodes.graph.shape[0]
-    reach = csr_array((np.ones(len(nodes.graph.data) + count, bool), *_with_itself(nodes.graph)), (count, count))
+    reach = csr_array(nodes.graph.astype(bool) + eye_array(count, dtype=bool))  # a node is beside itself, too
+    reach.sort_indices()
     lengths = np.diff(reach.indptr)[nodes.of_vertex]
     starts = np.concatenate([[0], np.cumsum(lengths)])
     data, indices = np.empty(starts[-1], np.float32), np.empty(starts[-1], np.int32)
@@ -131,13 +132,3 @@ def _interpolation(vertices: Float64, nodes: Nodes) -> csr_array:
         data[here] = part / np.repeat(np.add.reduceat(part, begins), lengths[first:last])
         indices[here] = beside
     return csr_array((data, indices, starts), shape=(len(vertices), count))
-
-
-def _with_itself(graph: csr_array) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Column indices and row starts of `graph` with its diagonal."""
-    count = graph.shape[0]
-    row = np.concatenate([np.repeat(np.arange(count), np.diff(graph.indptr)), np.arange(count)])
-    column = np.concatenate([graph.indices, np.arange(count)])
-    order = np.lexsort((column, row))
-    starts = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=count))])
-    return column[order].astype(np.int32), starts

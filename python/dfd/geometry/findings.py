@@ -54,46 +54,49 @@ def _components(mesh: Mesh, counts: Topology) -> list[Finding]:
                 "unless separate groups are given a distance; without it alike parts follow in every group."
             )
         found.append(Finding(what, means))
-    if counts.unreferenced_vertices:
-        found.append(
-            Finding(
-                f"{_count(counts.unreferenced_vertices, 'vertex is', 'vertices are')} of no face.",
-                "No picture shows them; they take weights by where they are, and move along.",
-            )
-        )
     return found
+
+
+# What `Topology` counts, how one and several of it are called, what is said of them, and what that means.
+_ODD = (
+    (
+        "unreferenced_vertices",
+        ("vertex is", "vertices are"),
+        "{} of no face.",
+        "No picture shows them; they take weights by where they are, and move along.",
+    ),
+    (
+        "boundary_edges",
+        ("edge has", "edges have"),
+        "The surface is open: {} one face only.",
+        "Weights and poses do not mind; locality goes around holes, and there is no volume to keep.",
+    ),
+    (
+        "non_manifold_edges",
+        ("edge has", "edges have"),
+        "{} more than two faces.",
+        "Weights, poses, locality and symmetry do not mind; other programs may refuse the mesh.",
+    ),
+    (
+        "degenerate_faces",
+        ("face has", "faces have"),
+        "{} no area.",
+        "Nothing is seen or measured on them; their corners move with all others.",
+    ),
+    (
+        "duplicate_faces",
+        ("face repeats", "faces repeat"),
+        "{} an earlier one.",
+        "They are kept and change no weight; areas count them twice.",
+    ),
+)
 
 
 def _surface(counts: Topology) -> list[Finding]:
     found = []
-    if counts.boundary_edges:
-        found.append(
-            Finding(
-                f"The surface is open: {_count(counts.boundary_edges, 'edge has', 'edges have')} one face only.",
-                "Weights and poses do not mind; locality goes around holes, and there is no volume to keep.",
-            )
-        )
-    if counts.non_manifold_edges:
-        found.append(
-            Finding(
-                f"{_count(counts.non_manifold_edges, 'edge has', 'edges have')} more than two faces.",
-                "Weights, poses, locality and symmetry do not mind; other programs may refuse the mesh.",
-            )
-        )
-    if counts.degenerate_faces:
-        found.append(
-            Finding(
-                f"{_count(counts.degenerate_faces, 'face has', 'faces have')} no area.",
-                "Nothing is seen or measured on them; their corners move with all others.",
-            )
-        )
-    if counts.duplicate_faces:
-        found.append(
-            Finding(
-                f"{_count(counts.duplicate_faces, 'face repeats', 'faces repeat')} an earlier one.",
-                "They are kept and change no weight; areas count them twice.",
-            )
-        )
+    for name, (one, many), what, means in _ODD:
+        if number := getattr(counts, name):
+            found.append(Finding(what.format(f"{number:,} {one if number == 1 else many}"), means))
     return found
 
 
@@ -127,7 +130,3 @@ def _shape(mesh: Mesh) -> list[Finding]:
             )
         )
     return found
-
-
-def _count(number: int, one: str, many: str) -> str:
-    return f"{number:,} {one if number == 1 else many}"

@@ -21,33 +21,15 @@ FOLD = -0.5
 
 @dataclass(frozen=True)
 class SurfaceMetrics:
-    """How a moved surface differs from the resting one; rigid motion changes nothing of it.
+    """How a moved surface differs from the resting one; rigid motion changes nothing of it."""
 
-    Attributes
-    ----------
-    area
-        Mean of |A′/A − 1| over the surface, each face weighing by its resting area A.
-    angle
-        Mean change of the faces' angles, degrees, weighing likewise.
-    edge_length
-        Mean of |l′/l − 1| over the edges, each weighing by its resting length l.
-    volume
-        V′/V − 1 of the enclosed volume; None where the surface is open or encloses nothing.
-    flipped_faces
-        Faces that are folded over against the faces around them, and were not at rest.
-    self_intersecting_faces
-        Faces that pass through others; None without libigl, or above 200,000 faces.
-    self_intersecting_before
-        The same at rest.
-    """
-
-    area: float
-    angle: float
-    edge_length: float
-    volume: float | None
-    flipped_faces: int
-    self_intersecting_faces: int | None
-    self_intersecting_before: int | None
+    area: float  # mean of |A′/A − 1| over the surface, each face weighing by its resting area A
+    angle: float  # mean change of the faces' angles, degrees, weighing likewise
+    edge_length: float  # mean of |l′/l − 1| over the edges, each weighing by its resting length l
+    volume: float | None  # V′/V − 1 of the enclosed volume; None where the surface is open or encloses nothing
+    flipped_faces: int  # faces that are folded over against the faces around them, and were not at rest
+    self_intersecting_faces: int | None  # faces that pass through others; None without libigl, or above 200,000 faces
+    self_intersecting_before: int | None  # the same at rest
 
 
 def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> SurfaceMetrics:

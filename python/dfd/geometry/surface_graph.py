@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 import dfd._core as _core
-from dfd.geometry.topology import face_sizes, points_on_faces
+from dfd.geometry.topology import face_sizes, first_at_place, points_on_faces
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.weld import weld
 
@@ -41,11 +41,8 @@ def surface_graph(mesh: Mesh) -> csr_matrix:
     """
     size = _size(mesh)
     scaled = mesh.vertices / size if size > 0 else mesh.vertices  # no square over- or underflows
-    graph = edge_graph(scaled, _given_edges(mesh))
-    component = connected_components(graph, directed=False)[1]
-    gaps = bridges(scaled, mesh.faces, component)
-    if len(gaps):
-        graph = graph + edge_graph(scaled, gaps)  # disjoint: bridges join components
+    sides = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    graph = edge_graph(scaled, np.concatenate([sides, surface_links(mesh)]))
     graph.data = np.maximum(graph.data * size, np.finfo(np.float64).tiny)
     return graph
 
@@ -56,13 +53,12 @@ def surface_links(mesh: Mesh) -> NDArray[np.int32]:
     Those are links between vertices at one position, and bridges across small gaps. A large mesh is gone through so in
     a fraction of the graph's memory.
 
-    Raises
-    ------
-    ValueError
-        If the mesh is so large that lengths overflow.
+    Raises ValueError if the mesh is so large that lengths overflow.
     """
     size = _size(mesh)
-    links = _same_places(mesh).astype(np.int32)
+    stands_for = first_at_place(mesh)
+    moved = np.flatnonzero(stands_for != np.arange(len(stands_for)))
+    links = np.column_stack([moved, stands_for[moved]]).astype(np.int32)
     component = _core.components(len(mesh.vertices), mesh.faces, links)
     if component.max(initial=0) == 0:
         return links
@@ -87,20 +83,6 @@ def _size(mesh: Mesh) -> float:
     if not np.isfinite(2 * size):
         raise ValueError(f"surface_graph: `mesh` must be smaller than 1e308, got {size:g}")
     return size
-
-
-def _given_edges(mesh: Mesh) -> NDArray[np.int64]:
-    """Return the ends (E, 2) of edges of faces, and of links between vertices at one position."""
-    sides = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    return np.concatenate([sides, _same_places(mesh)])
-
-
-def _same_places(mesh: Mesh) -> NDArray[np.int64]:
-    """Return pairs (L, 2) of each vertex whose position an earlier one has, and that one."""
-    first, vertex = weld(mesh.vertices)
-    stands_for = first[vertex]
-    moved = np.flatnonzero(stands_for != np.arange(len(vertex)))
-    return np.column_stack([moved, stands_for[moved]])
 
 
 def bridges(

@@ -170,7 +170,7 @@ class Mesh:
             if name in others:
                 faces = [self.faces[each].ravel() for each in others[name]]
                 return np.unique(np.concatenate(faces)).astype(np.int64)
-        known = ", ".join(each[:30] for each in self.part_names[:20]) + (", …" if self.part_count > 20 else "")
+        known = _listed(self.part_names)
         raise ValueError(f"Mesh.part_vertices: `name` must be a part of the scene ({known}), got {name!r:.60}")
 
     @cached_property
@@ -206,12 +206,12 @@ class Mesh:
             raise ValueError(
                 f"Mesh.group_vertices: `name` must be a face group, and the mesh has none, got {name!r:.60}"
             )
-        known = ", ".join(each[:30] for each in self.group_names[:20]) + (", …" if len(self._groups) > 20 else "")
+        known = _listed(self.group_names)
         raise ValueError(f"Mesh.group_vertices: `name` must be a face group of the file ({known}), got {name!r:.60}")
 
     @cached_property
     def _groups(self) -> dict[str, NDArray[np.int64]]:
-        """The file's own vertices of each group; its text is read once more for those who ask, and for nobody else."""
+        """The file's own vertices of each group; its text is parsed again when first asked for."""
         if self._scene is None or self._scene.obj is None:
             return {}
         return face_groups(self._scene.obj.data)
@@ -242,7 +242,7 @@ class Mesh:
 
         A mesh that came from a file keeps that file's parts, names, materials, UVs, textures, colors and units as far
         as the format has room for them; normals follow the moved surface. An OBJ file saved as OBJ, and a glTF file
-        saved as glTF or GLB, keep everything else that they hold: only what moved is written anew. The file is whole
+        saved as glTF or GLB, keep everything else that they hold: only what moved is rewritten. The file is whole
         or absent.
 
         Raises
@@ -253,11 +253,9 @@ class Mesh:
         OSError
             If the file cannot be written; what was there before stays.
         """
-        moved = self.vertices
-        if vertices is not None:
-            moved = check.array("Mesh.save", "vertices", vertices, self.vertices.shape, dtype=np.float64)
         from dfd.mesh.file.write import write
 
+        moved = self._moved("Mesh.save", vertices)
         write(path, moved, self.faces, appearance=self.appearance, scene=self._scene)
 
     def to_trimesh(self, vertices: Any | None = None) -> trimesh.Trimesh:
@@ -271,15 +269,18 @@ class Mesh:
         ValueError
             If `vertices` has another shape or is not finite.
         """
-        moved = self.vertices
-        if vertices is not None:
-            moved = check.array("Mesh.to_trimesh", "vertices", vertices, self.vertices.shape, dtype=np.float64)
         import trimesh
 
+        moved = self._moved("Mesh.to_trimesh", vertices)
         result = trimesh.Trimesh(moved.copy(), self.faces.astype(np.int64), process=False)
         if self.appearance is not None:
             result.visual.vertex_colors = np.rint(self.vertex_colors() * 255).astype(np.uint8)
         return result
+
+    def _moved(self, function: str, vertices: Any | None) -> NDArray[np.float64]:
+        if vertices is None:
+            return self.vertices
+        return check.array(function, "vertices", vertices, self.vertices.shape, dtype=np.float64)
 
     def vertex_colors(self) -> NDArray[np.float32]:
         """Return the display-referred RGBA (V, 4) in [0, 1] of the surface at each vertex.
@@ -351,7 +352,7 @@ def load(
 
 
 def _is_of_trimesh(source: object) -> TypeGuard[trimesh.Trimesh | trimesh.Scene]:
-    """Whether it is one of trimesh's shapes, which nobody can have who has not imported trimesh."""
+    """Whether it is one of trimesh's shapes; trimesh is not imported to find out."""
     known = sys.modules.get("trimesh")
     return known is not None and isinstance(source, known.Trimesh | known.Scene)
 
@@ -373,6 +374,10 @@ def _checked_faces(faces: Any, vertex_count: int) -> NDArray[np.int32]:
     if low < 0 or high >= vertex_count:
         raise ValueError(f"Mesh: `faces` must name vertices 0 … {vertex_count - 1}, got {low if low < 0 else high}")
     return np.ascontiguousarray(indices, dtype=np.int32)
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    return ", ".join(each[:30] for each in names[:20]) + (", …" if len(names) > 20 else "")
 
 
 def _frozen(values: NDArray[Any]) -> NDArray[Any]:

@@ -43,10 +43,7 @@ def box_normalization(low: NDArray[np.float64], high: NDArray[np.float64]) -> No
 def normalization(mesh: Mesh) -> Normalization:
     """Return what brings the box of `mesh` to [−1, 1] along its longest side.
 
-    Raises
-    ------
-    ValueError
-        If all vertices are one point.
+    Raises ValueError if all vertices are one point.
     """
     found = box_normalization(*mesh.bounds)
     if found is None:

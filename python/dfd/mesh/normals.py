@@ -1,4 +1,4 @@
-"""Normals of a surface where nobody gave any: smooth ones, at its vertices."""
+"""Smooth normals at the vertices of a surface."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Colours that show numbers: weights as a heat map, features by their main directions."""
+"""Colors that show numbers: weights as a heat map, features by their main directions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dfd.mesh.appearance import linear, srgb
 __all__ = ["CLAY", "feature_colors", "part_colors", "ratio_colors", "weight_colors"]
 
 CLAY = (0.85, 0.84, 0.82)  # sRGB of a surface about which nothing is shown; also of weight 0
-# sRGB stops from weight 0 to 1. They darken all the way, so that the map also reads in grey and to the colour-blind.
+# sRGB stops from weight 0 to 1. They darken all the way, so that the map also reads in grey and to the color-blind.
 HEAT_STOPS = (CLAY, (0.96, 0.78, 0.42), (0.93, 0.50, 0.18), (0.74, 0.20, 0.24), (0.38, 0.05, 0.31))
 SMALLER, LARGER = (0.13, 0.40, 0.74), (0.79, 0.17, 0.16)  # sRGB of a half and of twice
 # Rows from which the main directions are found; more rows change them little.
@@ -37,48 +37,39 @@ _TO_LAB = np.array(
 
 
 def weight_colors(weights: ArrayLike) -> NDArray[np.float32]:
-    """Return the heat map's sRGB colours (V, 3) in [0, 1] of `weights` (V,): clay at 0, amber, red, dark violet at 1.
+    """Return the heat map's sRGB colors (V, 3) in [0, 1] of `weights` (V,): clay at 0, amber, red, dark violet at 1.
 
-    Equal steps of weight look equally large. Weights outside [0, 1] take the colour of the nearer end.
+    Equal steps of weight look equally large. Weights outside [0, 1] take the color of the nearer end.
 
-    Raises
-    ------
-    ValueError
-        If `weights` is not a row of finite numbers.
+    Raises ValueError if `weights` is not a row of finite numbers.
     """
     values = check.array("weight_colors", "weights", weights, ("V",), dtype=np.float64)
     place = values.clip(0, 1) * (len(_HEAT) - 1)
     before = np.minimum(place.astype(np.int64), len(_HEAT) - 2)
     part = (place - before)[:, None]
-    colours: NDArray[np.float32] = (_HEAT[before] * (1 - part) + _HEAT[before + 1] * part).astype(np.float32)
-    return colours
+    colors: NDArray[np.float32] = (_HEAT[before] * (1 - part) + _HEAT[before + 1] * part).astype(np.float32)
+    return colors
 
 
 def ratio_colors(ratios: ArrayLike) -> NDArray[np.float32]:
     """Return sRGB colors (V, 3) in [0, 1] of `ratios` (V,), at least 0: blue at a half or less, clay at 1, red at 2.
 
-    Raises
-    ------
-    ValueError
-        If `ratios` is not a row of finite numbers.
+    Raises ValueError if `ratios` is not a row of finite numbers.
     """
     values = check.array("ratio_colors", "ratios", ratios, ("V",), dtype=np.float64)
     octaves = np.log2(values.clip(0.5, 2.0))[:, None]
     ends = np.where(octaves < 0, SMALLER, LARGER)
-    colours: NDArray[np.float32] = (np.array(CLAY) + np.abs(octaves) * (ends - np.array(CLAY))).astype(np.float32)
-    return colours
+    colors: NDArray[np.float32] = (np.array(CLAY) + np.abs(octaves) * (ends - np.array(CLAY))).astype(np.float32)
+    return colors
 
 
 def feature_colors(features: ArrayLike) -> NDArray[np.float32]:
-    """Return sRGB colours (V, 3) in [0, 1] of `features` (V, D): their three main directions as red, green and blue.
+    """Return sRGB colors (V, 3) in [0, 1] of `features` (V, D): their three main directions as red, green and blue.
 
     Each direction is stretched so that all but its outermost hundredths fill the range; its sign makes the largest
-    of its D parts positive, so that equal features give equal colours.
+    of its D parts positive, so that equal features give equal colors.
 
-    Raises
-    ------
-    ValueError
-        If `features` is not a (V, D) array of finite numbers with at least one row and one column.
+    Raises ValueError if `features` is not a (V, D) array of finite numbers with at least one row and one column.
     """
     rows = check.array("feature_colors", "features", features, ("V", "D"), dtype=np.float32)
     if rows.size == 0:
@@ -92,14 +83,14 @@ def feature_colors(features: ArrayLike) -> NDArray[np.float32]:
     spread = high - low
     told_apart = spread > 1e-6 * max(float(spread.max()), float(np.abs(sample).max()), 1e-30)
     scaled = ((rows - mean.astype(np.float32)) @ axes.astype(np.float32) - low) / np.where(told_apart, spread, 1)
-    colours = np.full((len(rows), 3), 0.5, np.float32)
-    colours[:, : axes.shape[1]] = np.where(told_apart, scaled.clip(0, 1), 0.5)
+    colors = np.full((len(rows), 3), 0.5, np.float32)
+    colors[:, : axes.shape[1]] = np.where(told_apart, scaled.clip(0, 1), 0.5)
     # Pure primaries hide the shading of the surface.
-    return np.float32(0.06) + np.float32(0.88) * colours
+    return np.float32(0.06) + np.float32(0.88) * colors
 
 
 def part_colors(labels: ArrayLike) -> NDArray[np.float32]:
-    """Return sRGB colours (V, 3) in [0, 1] of part numbers (V,): hues by the golden ratio, so that none are alike.
+    """Return sRGB colors (V, 3) in [0, 1] of part numbers (V,): hues by the golden ratio, so that none are alike.
 
     Raises
     ------
@@ -116,9 +107,9 @@ def part_colors(labels: ArrayLike) -> NDArray[np.float32]:
     return table[numbers].astype(np.float32)
 
 
-def oklab(colours: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+def oklab(colors: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     """Lightness and two hue axes, (N, 3), in which equal steps look equally large (Oklab, Ottosson 2020)."""
-    lab: NDArray[np.float64] = np.cbrt(linear(colours) @ _TO_CONE.T) @ _TO_LAB.T
+    lab: NDArray[np.float64] = np.cbrt(linear(colors) @ _TO_CONE.T) @ _TO_LAB.T
     return lab
 
 
@@ -128,7 +119,7 @@ def _from_oklab(lab: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _heat_table(size: int = 256) -> NDArray[np.float64]:
-    """Return sRGB colours (size, 3) along the stops, evenly spaced by how large the steps look."""
+    """Return sRGB colors (size, 3) along the stops, evenly spaced by how large the steps look."""
     stops = oklab(np.array(HEAT_STOPS))
     walked = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(stops, axis=0), axis=1))])
     place = np.linspace(0, walked[-1], size)

@@ -59,28 +59,28 @@ def lay_out(
     margin, gap, between = max(8, cell // 8), max(4, cell // 18), max(8, cell // 7)
     widths = [sum(image.width + gap for image, _ in pictures) - gap for _, pictures in scaled]
     width = max(NARROWEST, *widths)
-    blocks = [_heading(title, width, max(12, cell // 9), INK)] if title else []
-    drawn = [_row(heading, pictures, width, gap, cell) for heading, pictures in scaled]
-    blocks += [block for block, _ in drawn]
+    blocks: list[tuple[Image.Image, list[Box]]] = []
+    if title:
+        blocks.append((_heading(title, width, max(12, cell // 9), INK), []))
+    blocks += [_row(heading, pictures, width, gap, cell) for heading, pictures in scaled]
     boxes: list[list[Box]] = []
-    height = sum(block.height for block in blocks) + between * (len(blocks) - 1)
+    height = sum(block.height for block, _ in blocks) + between * (len(blocks) - 1)
     page = Image.new("RGB", (width + 2 * margin, height + 2 * margin), "white")
     draw = ImageDraw.Draw(page)
     top = margin
-    for index, block in enumerate(blocks):
+    for index, (block, places) in enumerate(blocks):
         if index:
             line = top - between // 2
             draw.line([(margin, line), (margin + width, line)], fill=RULE, width=max(1, cell // 320))
         page.paste(block, (margin, top))
-        row = index - (len(blocks) - len(drawn))
-        if row >= 0:  # no title
-            boxes.append([(margin + x, top + y, wide, high) for x, y, wide, high in drawn[row][1]])
+        if places:
+            boxes.append([(margin + x, top + y, wide, high) for x, y, wide, high in places])
         top += block.height + between
     return page, boxes
 
 
 def heat_bar(height: int) -> NDArray[np.uint8]:
-    """Draw the scale of the heat colours, (height, width, 3): weight 0 at the bottom, 1 at the top."""
+    """Draw the scale of the heat colors, (height, width, 3): weight 0 at the bottom, 1 at the top."""
     size = max(9, height // 22)
     typeface = font(size)
     long, thick = int(height * 0.6), max(4, height // 26)
@@ -98,7 +98,7 @@ def heat_bar(height: int) -> NDArray[np.uint8]:
 
 
 def with_heat_bar(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """A picture (height, width, 3) with the scale of the heat colours at its right."""
+    """A picture (height, width, 3) with the scale of the heat colors at its right."""
     bar = heat_bar(len(picture))
     return np.concatenate([picture, bar, np.full((len(bar), max(4, len(bar) // 40), 3), 255, np.uint8)], axis=1)
 

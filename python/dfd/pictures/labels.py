@@ -27,10 +27,7 @@ _SPELLED = {
 def font(size: int) -> ImageFont.FreeTypeFont:
     """Pillow's own typeface, `size` pixels high.
 
-    Raises
-    ------
-    RuntimeError
-        If Pillow was built without FreeType, which none of its wheels is.
+    Raises RuntimeError if Pillow was built without FreeType, which none of its wheels is.
     """
     loaded = ImageFont.load_default(size)
     if not isinstance(loaded, ImageFont.FreeTypeFont):
@@ -78,24 +75,16 @@ AXES = (("x", (204, 44, 44)), ("y", (38, 140, 54)), ("z", (36, 84, 200)))
 TOLERANCE = 0.004  # of its distance from the eye: by so much a vertex may lie below the surface and still be seen
 
 
-def draw_labels(
-    image: NDArray[np.uint8], camera: Camera, positions: NDArray[np.float64], labels: Sequence[str]
-) -> NDArray[np.uint8]:
-    """Return `image` (R, R, 3) with a text beside each of `positions` (H, 3), which are in the camera's coordinates."""
-    page = Image.fromarray(image)
-    draw = ImageDraw.Draw(page)
-    size = max(11, len(image) // 30)
-    for row, column, text in zip(*camera.project(positions, len(image)), labels, strict=True):
-        beside = (float(column) + 0.7 * size, float(row) - 0.7 * size)
-        _write(draw, beside, text, size, "lm")
-    return np.asarray(page)
+def draw_labels(page: Image.Image, camera: Camera, positions: NDArray[np.float64], labels: Sequence[str]) -> None:
+    """Write a text beside each of `positions` (H, 3), which are in the camera's coordinates."""
+    draw, size = ImageDraw.Draw(page), max(11, page.height // 30)
+    for row, column, text in zip(*camera.project(positions, page.height), labels, strict=True):
+        _write(draw, (float(column) + 0.7 * size, float(row) - 0.7 * size), text, size, "lm")
 
 
-def draw_numbers(
-    image: NDArray[np.uint8], scene: Scene, camera: Camera, positions: NDArray[np.float32]
-) -> NDArray[np.uint8]:
-    """Return `image` (R, R, 3) with the indices of as many visible vertices (V, 3) as fit side by side."""
-    resolution = len(image)
+def draw_numbers(page: Image.Image, scene: Scene, camera: Camera, positions: NDArray[np.float32]) -> None:
+    """Write the indices of as many visible vertices (V, 3) as fit side by side."""
+    resolution = page.height
     size = max(9, resolution // 64)
     wide = font(size).getlength(str(len(positions))) + 0.8 * size
     before = np.flatnonzero((positions - camera.position) @ camera.back < 0)
@@ -109,7 +98,6 @@ def draw_numbers(
     off = np.hypot(rows - (cell_row + 0.5) * 1.5 * size, columns - (cell_column + 0.5) * wide)
     order = np.lexsort((off, cell_column, cell_row))
     kept: dict[tuple[int, int], tuple[float, float]] = {}
-    page = Image.fromarray(image)
     draw = ImageDraw.Draw(page)
     for index in order:
         place = (int(cell_row[index]), int(cell_column[index]))
@@ -120,14 +108,12 @@ def draw_numbers(
         kept[place] = (row, column)
         draw.ellipse([column - 1.5, row - 1.5, column + 1.5, row + 1.5], fill=INK)
         _write(draw, (column, row - 0.2 * size), str(vertices[index]), size, "mb")
-    return np.asarray(page)
 
 
-def draw_axes(image: NDArray[np.uint8], camera: Camera) -> NDArray[np.uint8]:
-    """Return `image` (R, R, 3) with the directions of the axes in its lower left corner, the nearest on top."""
-    resolution = len(image)
+def draw_axes(page: Image.Image, camera: Camera) -> None:
+    """Draw the directions of the axes in the lower left corner, the nearest on top."""
+    resolution = page.height
     length, size = max(14.0, 0.07 * resolution), max(10, resolution // 36)
-    page = Image.fromarray(image)
     draw = ImageDraw.Draw(page)
     origin = np.array([1.7 * length, resolution - 1.7 * length])
     for axis in np.argsort(camera.back):
@@ -135,10 +121,8 @@ def draw_axes(image: NDArray[np.uint8], camera: Camera) -> NDArray[np.uint8]:
         along = np.array([camera.right[axis], -camera.up[axis]])
         end = origin + length * along
         draw.line([*origin, *end], fill=ink, width=max(2, resolution // 200))
-        _write(
-            draw, (float(end[0] + 0.7 * size * along[0]), float(end[1] + 0.7 * size * along[1])), name, size, "mm", ink
-        )
-    return np.asarray(page)
+        beside = end + 0.7 * size * along
+        _write(draw, (float(beside[0]), float(beside[1])), name, size, "mm", ink)
 
 
 def _write(
@@ -156,7 +140,7 @@ BLUE, DARK = (0.10, 0.36, 0.86), (0.13, 0.14, 0.17)
 RADIUS, SMALLEST = 0.013, 2.0  # of the picture's side; pixels
 RIM = 1.4  # of the radius, white
 HIDDEN = 0.3  # opacity of a mark behind the shape
-# A mark on the surface is not hidden by that surface, nor is one slightly inside it; normalised coordinates.
+# A mark on the surface is not hidden by that surface, nor is one slightly inside it; normalized coordinates.
 INSIDE = 0.02
 
 

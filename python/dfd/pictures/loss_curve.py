@@ -19,12 +19,8 @@ LEFT, TOP, RIGHT, BOTTOM = 90, 40, 30, 60
 def save_loss_curve(path: Path, losses: Sequence[float]) -> None:
     """Draw `losses`, one a step, on a logarithmic axis as a PNG file.
 
-    Raises
-    ------
-    ValueError
-        If there is no loss to draw, or one that a logarithm does not take.
-    OSError
-        If `path` cannot be written.
+    Raises ValueError if there is no loss to draw, or one that a logarithm does not take; OSError if `path` cannot be
+    written.
     """
     if not losses or not all(math.isfinite(loss) and loss > 0 for loss in losses):
         raise ValueError("save_loss_curve: `losses` must be positive numbers, at least one")

@@ -12,8 +12,8 @@ from PIL import Image
 
 from dfd.editing.deformer import Deformer
 from dfd.mesh.mesh import as_mesh
-from dfd.pictures.before_after import azimuth_towards
 from dfd.pictures.picture import picture, save_png
+from dfd.pictures.viewpoint import azimuth_towards
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import MeshLike

@@ -19,24 +19,12 @@ __all__ = ["Picked", "pick"]
 
 @dataclass(frozen=True)
 class Picked:
-    """What lies under a pixel.
+    """What lies under a pixel."""
 
-    Attributes
-    ----------
-    vertex
-        The corner, of the face that is seen there, that is nearest to the point that is seen.
-    position
-        (3,) where that vertex lies, mesh units.
-    point
-        (3,) the point of the surface that is seen, mesh units.
-    distance
-        Between the two, mesh units.
-    """
-
-    vertex: int
-    position: tuple[float, float, float]
-    point: tuple[float, float, float]
-    distance: float
+    vertex: int  # the corner, of the face that is seen there, that is nearest to the point that is seen
+    position: tuple[float, float, float]  # (3,) where that vertex lies, mesh units
+    point: tuple[float, float, float]  # (3,) the point of the surface that is seen, mesh units
+    distance: float  # between the two, mesh units
 
 
 def pick(picture: str | os.PathLike[str], x: float, y: float, mesh: Mesh | None = None) -> Picked:

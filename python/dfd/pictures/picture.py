@@ -20,7 +20,6 @@ from dfd.common.threads import get_num_threads
 from dfd.mesh.appearance import linear, srgb
 from dfd.mesh.normals import smooth_normals
 from dfd.pictures.colors import CLAY, weight_colors
-from dfd.pictures.contact_sheet import contact_sheet, heat_bar
 from dfd.pictures.labels import draw_axes, draw_labels, draw_marks, draw_numbers
 from dfd.pictures.picture_document import KEY, PictureDocument
 from dfd.pictures.viewpoint import aim
@@ -31,7 +30,7 @@ from dfd.views.render import surface_points
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["contact_sheet", "heat_bar", "picture", "save_png"]
+__all__ = ["picture", "save_png"]
 
 SAMPLES = 2  # per pixel, along each side
 LARGEST_RESOLUTION = 8192
@@ -68,7 +67,7 @@ def picture(
     numbers: bool = False,
     resolution: int = 512,
 ) -> NDArray[np.uint8]:
-    """Draw `mesh` on white, as it is or moved, in its own colours or in ones that show numbers.
+    """Draw `mesh` on white, as it is or moved, in its own colors or in ones that show numbers.
 
     Parameters
     ----------
@@ -128,12 +127,14 @@ def picture(
     image = _Painter(mesh, placed, scene, camera, paint, moved=vertices is not None).draw(resolution)
     for positions, square in marks:
         draw_marks(image, scene, camera, place.apply(positions), square=square)
-    page: NDArray[np.uint8] = (image.clip(0, 1) * 255 + 0.5).astype(np.uint8)
+    page = Image.fromarray((image.clip(0, 1) * 255 + 0.5).astype(np.uint8))
     if numbers:
-        page = draw_numbers(page, scene, camera, placed)
+        draw_numbers(page, scene, camera, placed)
     if labels:
-        page = draw_labels(page, camera, place.apply(marks[-1][0]), labels)
-    return draw_axes(page, camera) if axes else page
+        draw_labels(page, camera, place.apply(marks[-1][0]), labels)
+    if axes:
+        draw_axes(page, camera)
+    return np.array(page)
 
 
 def save_png(
@@ -163,12 +164,12 @@ def save_png(
 
 
 class _Painter:
-    """Light and colour of one shape under one camera, in normalised coordinates."""
+    """Light and color of one shape under one camera, in normalized coordinates."""
 
     def __init__(
         self,
         mesh: Mesh,
-        vertices: NDArray[np.float32],  # (V, 3) normalised
+        vertices: NDArray[np.float32],  # (V, 3) normalized
         scene: Scene,
         camera: Camera,
         colors: NDArray[np.float32] | None,  # (V, 3); None: the mesh's own
@@ -234,7 +235,7 @@ class _Painter:
         """Return linear red, green, blue, and opacity, (K, 4)."""
         rgba = np.ones((len(hits.ray), 4), np.float32)
         if self._colors is not None:
-            rgba[:, :3] = surface_points(self._colors, self._faces, hits)  # blends colours as it blends positions
+            rgba[:, :3] = surface_points(self._colors, self._faces, hits)  # blends colors as it blends positions
         elif self._appearance is not None:
             rgba = self._appearance.albedo(hits.face, hits.barycentric)
         else:

@@ -84,12 +84,7 @@ class PictureDocument(_Document):
 def read_document(path: str | os.PathLike[str]) -> PictureDocument:
     """What the PNG file at `path` says about itself.
 
-    Raises
-    ------
-    ValueError
-        If it is no PNG file, or one that does not come from here.
-    OSError
-        If it cannot be read.
+    Raises ValueError if it is not a PNG file, or one that does not come from here; OSError if it cannot be read.
     """
     name = os.fspath(path)
     try:
@@ -97,7 +92,7 @@ def read_document(path: str | os.PathLike[str]) -> PictureDocument:
             image.load()
             text = image.info.get(KEY)
     except (SyntaxError, Image.DecompressionBombError, UnidentifiedImageError) as error:
-        raise ValueError(f"{name}: no PNG file that can be read: {error}") from None
+        raise ValueError(f"{name} is not a PNG file that can be read: {error}") from None
     if not isinstance(text, str):
         raise ValueError(
             f"{name}: the picture does not say how it was taken; `dfd show` and `dfd deform` draw such ones"

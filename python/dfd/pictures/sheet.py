@@ -1,4 +1,4 @@
-"""One shape from several sides, drawn in several ways, in one PNG file that says how it was taken."""
+"""One shape in several views, or before and after an edit, in one PNG file that says how each view was taken."""
 
 from __future__ import annotations
 
@@ -8,14 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from dfd.editing.deformer import Deformer
 from dfd.mesh.mesh import Mesh
-from dfd.pictures.before_after import azimuth_towards
 from dfd.pictures.contact_sheet import heat_bar, lay_out, with_heat_bar
 from dfd.pictures.picture import picture, save_png
 from dfd.pictures.picture_document import PictureDocument, ViewDocument
-from dfd.pictures.viewpoint import viewpoint
+from dfd.pictures.viewpoint import azimuth_towards, viewpoint
 
-__all__ = ["save_sheet"]
+__all__ = ["save_before_after", "save_sheet"]
+
+BEFORE_AFTER_RESOLUTION = 640
+CAMERA = ("vertices", "azimuth", "elevation", "zoom", "target", "frame")  # the arguments of `viewpoint`
 
 
 def save_sheet(
@@ -28,11 +31,10 @@ def save_sheet(
     elevation: float = 15.0,
     zoom: float = 1.0,
     resolution: int = 768,
-    axes: bool = False,
-    numbers: bool = False,
     legend: bool = False,
     file: Path | None = None,
-    advance: Callable[[], object] | None = None,
+    advance: Callable[[], object] = lambda: None,
+    **options: Any,
 ) -> None:
     """Draw every row from `views` sides; one picture alone fills the file, several stand on a sheet with titles.
 
@@ -42,7 +44,7 @@ def save_sheet(
         Each a title and what `picture` draws for it, by the names of its arguments.
     azimuth
         Of the first side, degrees; by default from where the row's handles show.
-    elevation, zoom, resolution, axes, numbers
+    elevation, zoom, resolution, options
         As in `picture`; what is nearer than 1 aims at the row's handles.
     legend
         Whether the scale of the heat stands beside the pictures.
@@ -58,27 +60,107 @@ def save_sheet(
     OSError
         If `path` cannot be written.
     """
-    alone = len(rows) == 1 and views == 1
-    drawn, cameras = [], []
-    for title, options in rows:
-        handles = np.reshape(options.get("handles", ()), (-1, 3))
+    sheet = []
+    for title, shown in rows:
+        handles = np.reshape(shown.get("handles", ()), (-1, 3))
         first = azimuth_towards(mesh, handles) if azimuth is None else azimuth
-        sides = []
-        for side in range(views):
-            where: dict[str, Any] = {"azimuth": first + 360.0 * side / views, "elevation": elevation, "zoom": zoom}
-            where["target"] = handles.mean(axis=0) if zoom != 1 and len(handles) else None
-            image = picture(mesh, resolution=resolution, axes=axes, numbers=numbers, **where, **options)
-            sides.append((image, f"{where['azimuth'] % 360:.0f}°"))
-            cameras.append(viewpoint(mesh, **where))
-            if advance is not None:
-                advance()
-        drawn.append((title, [*sides, (heat_bar(resolution), "")] if legend and not alone else sides))
-    if alone:
-        image = drawn[0][1][0][0]
-        page: Any = with_heat_bar(image) if legend else image
-        boxes = [(0, 0, resolution)]
+        target = handles.mean(axis=0) if zoom != 1 and len(handles) else None
+        where = {"elevation": elevation, "zoom": zoom, "target": target, **options, **shown}
+        angles = [first + 360.0 * side / views for side in range(views)]
+        sheet.append((title, [({**where, "azimuth": angle}, f"{angle % 360:.0f}°") for angle in angles]))
+    _save(path, mesh, sheet, resolution, legend=legend, files=(file, None), advance=advance)
+
+
+def save_before_after(
+    path: Path,
+    deformer: Deformer,
+    *,
+    azimuth: float | None = None,
+    elevation: float = 18.0,
+    zoom: float = 1.0,
+    files: tuple[Path | None, Path | None] = (None, None),
+) -> None:
+    """Draw the resting shape with its handles, what follows them, and the deformed shape, all with one camera.
+
+    Dots sit on the vertices by which handles are judged; after the move, where those have landed.
+
+    Parameters
+    ----------
+    azimuth
+        As in `picture`; by default from where the handles show.
+    elevation, zoom
+        As in `picture`; what is above 1 aims at the handles.
+    files
+        Those of the mesh and of the moved one, for `dfd.pictures.pick`.
+
+    Raises
+    ------
+    ValueError
+        As `picture` does.
+    OSError
+        If `path` cannot be written.
+    """
+    mesh, moved = deformer.mesh, deformer.vertices
+    handles = np.array([handle.place.position for handle in deformer.handles]).reshape(-1, 3)
+    landed = np.array([handle.landed for handle in deformer.report().handles]).reshape(-1, 3)
+    shared: dict[str, Any] = {
+        "fixed": np.array([place.position for place in deformer.fixed]).reshape(-1, 3),
+        "azimuth": azimuth_towards(mesh, handles) if azimuth is None else azimuth,
+        "elevation": elevation,
+        "zoom": zoom,
+        "target": (handles.mean(axis=0) + landed.mean(axis=0)) / 2 if zoom != 1 and len(handles) else None,
+        "frame": [mesh.vertices, moved],
+    }
+    heat = deformer.following.max(axis=1, initial=0.0)
+    views = [
+        ({**shared, "handles": handles}, "before"),
+        ({**shared, "handles": handles, "weights": heat}, "weights"),
+        ({**shared, "handles": landed, "vertices": moved}, "after"),
+    ]
+    _save(path, mesh, [("", views)], BEFORE_AFTER_RESOLUTION, legend=True, files=files)
+
+
+def _save(
+    path: Path,
+    mesh: Mesh,
+    rows: Sequence[tuple[str, Sequence[tuple[dict[str, Any], str]]]],
+    resolution: int,
+    *,
+    legend: bool,
+    files: tuple[Path | None, Path | None],
+    advance: Callable[[], object] = lambda: None,
+) -> None:
+    """Draw rows of views, each what `picture` draws and a caption, with the scale of the heat after those that show it.
+
+    Each view's camera and square of the page go into the file.
+    """
+    drawn, views, boxes = [], [], []
+    for title, of_row in rows:
+        cells = []
+        for options, caption in of_row:
+            cells.append((picture(mesh, resolution=resolution, **options), caption))
+            views.append(options)
+            advance()
+        last_heat = max((number for number, (options, _) in enumerate(of_row, 1) if "weights" in options), default=0)
+        drawn.append((title, cells, last_heat if legend else 0))
+    page: Any
+    if len(views) == 1:
+        ((_, ((page, _),), heat),) = drawn
+        page, boxes = with_heat_bar(page) if heat else page, [(0, 0, resolution)]
     else:
-        page, places = lay_out(drawn, cell=resolution)
-        boxes = [(left, top, resolution) for row in places for left, top, _, _ in row[:views]]
-    squares = [ViewDocument.of(camera, box, "resting") for camera, box in zip(cameras, boxes, strict=True)]
-    save_png(path, page, PictureDocument.of(mesh, squares, file=file))
+        bar = [(heat_bar(resolution), "")] if legend else []
+        page, places = lay_out(
+            [(title, [*cells[:heat], *bar[: bool(heat)], *cells[heat:]]) for title, cells, heat in drawn],
+            cell=resolution,
+        )
+        for (_, _, heat), row in zip(drawn, places, strict=True):
+            boxes += [(left, top, resolution) for left, top, _, _ in (*row[:heat], *row[heat + bool(heat) :])]
+    squares = [
+        ViewDocument.of(
+            viewpoint(mesh, **{name: options[name] for name in CAMERA if name in options}),
+            box,
+            "moved" if "vertices" in options else "resting",
+        )
+        for options, box in zip(views, boxes, strict=True)
+    ]
+    save_png(path, page, PictureDocument.of(mesh, squares, file=files[0], moved=files[1]))

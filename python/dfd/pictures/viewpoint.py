@@ -15,9 +15,16 @@ from dfd.views.cameras import Camera, camera_towards
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["FIELD_OF_VIEW", "aim", "viewpoint"]
+__all__ = ["FIELD_OF_VIEW", "aim", "azimuth_towards", "viewpoint"]
 
 FIELD_OF_VIEW = 30.0  # degrees, at zoom 1
+ASIDE = 25.0  # degrees: seen a little from the side, a shape shows its depth
+
+
+def azimuth_towards(mesh: Mesh, points: ArrayLike) -> float:
+    """Degrees round the y axis from which (N, 3) points on the outside of `mesh` are seen; from the front for none."""
+    outwards = np.reshape(points, (-1, 3)).sum(axis=0) - len(np.reshape(points, (-1, 3))) * mesh.bounds.mean(axis=0)
+    return float(np.degrees(np.arctan2(outwards[0], outwards[2]))) + ASIDE
 
 
 def viewpoint(

@@ -177,14 +177,14 @@ def _triangles(vertices: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArr
 def _even_out(
     shape: Shape, vertices: NDArray[np.float64], triangles: NDArray[np.int32], spacing: float
 ) -> NDArray[np.float64]:
-    """Move vertices towards the middle of their neighbours and back onto the surface, a few times."""
+    """Move vertices towards the middle of their neighbors and back onto the surface, a few times."""
     vertices = shape.project(vertices, spacing, 2)
     start = triangles.ravel()
     end = triangles[:, [1, 2, 0]].ravel()
     ends, starts = np.concatenate([end, start]), np.concatenate([start, end])
-    neighbours = np.bincount(starts, minlength=len(vertices))[:, None]
+    neighbors = np.bincount(starts, minlength=len(vertices))[:, None]
     for last in (False, False, True):
-        middle = np.stack([np.bincount(starts, axis[ends], len(vertices)) for axis in vertices.T], axis=1) / neighbours
+        middle = np.stack([np.bincount(starts, axis[ends], len(vertices)) for axis in vertices.T], axis=1) / neighbors
         middle[vertices[:, 0] == 0, 0] = 0.0
         vertices = shape.project((vertices + middle) / 2, spacing / 2, 2 if last else 1)
     return vertices

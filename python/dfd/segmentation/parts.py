@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from dfd.common import check
-from dfd.field.on_mesh import FieldOnMesh
+from dfd.field.field import FieldOnMesh
 from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 from dfd.segmentation.border import CRUMB, pieces_of, snapped
 from dfd.segmentation.hierarchy import Hierarchy

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["AXES", "UP_WORDS", "Up", "axis_frames", "check_up", "file_up", "frame_facing", "said_up", "up_sentence"]
+__all__ = ["AXES", "UP_WORDS", "Up", "axis_frames", "check_up", "explicit_up", "file_up", "frame_facing", "up_sentence"]
 
 AXES: dict[str, NDArray[np.float64]] = {
     f"{sign}{name}": float(f"{sign}1") * np.eye(3)[axis] for axis, name in enumerate("xyz") for sign in "+-"
@@ -136,7 +136,7 @@ def file_up() -> Up:
     return Up(np.eye(3), 0.0, "file")
 
 
-def said_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
+def explicit_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
     """The frame for an `up` that `check_up` has let pass, other than "auto".
 
     Raises

@@ -10,33 +10,33 @@ from numpy.typing import NDArray
 from dfd.common.progress import Stages
 from dfd.geometry.topology import face_areas
 from dfd.mesh.normalization import box_normalization
-from dfd.upright.candidates import AXES, Up, axis_frames, file_up, frame_facing, said_up
+from dfd.upright.candidates import AXES, Up, axis_frames, explicit_up, file_up, frame_facing
 from dfd.upright.probe import UpProbe, find_probe
-from dfd.upright.probe_views import CORNERS, SIDES, Around
-from dfd.upright.stability import Standing
+from dfd.upright.probe_views import CORNERS, SIDES, ProbeCameras
+from dfd.upright.stability import StabilityCues
 
 if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["find_up", "said_or_found"]
+__all__ = ["find_up", "resolve_up"]
 
 # Of mean part precision, the wrong axis upright costs 0.030, upside down nothing, and two axes that share the pictures,
 # one of them right, 0.006 (three 0.031): below this chance of the likeliest axis two of them cost less than a guess.
 CLEAR = 0.8
 # Looked at from its four sides as the file has it, a shape whose axis is so likely, whatever files have by convention,
 # is hardly ever taken for another after twenty more pictures.
-SURE_AT_ONCE = 0.95
+EARLY_STOP_CONFIDENCE = 0.95
 SURE = 0.97  # looked at along all axes, likewise; else from the corners too
 SAME = np.cos(np.radians(8))  # ups nearer than that to each other are one
-ASKEW = 0.5  # of what files have by convention counts for a shape that lies along none of its file's axes
+UNALIGNED_PRIOR = 0.5  # of what files have by convention counts for a shape that lies along none of its file's axes
 
 
-def said_or_found(
+def resolve_up(
     mesh: Mesh, encoder: Encoder, up: str | tuple[float, float, float], *, stages: Stages | None = None
 ) -> Up:
     """Return what `up`, checked by `check_up`, says; look for it where it is "auto"."""
-    return find_up(mesh, encoder, stages=stages) if up == "auto" else said_up(mesh, up)
+    return find_up(mesh, encoder, stages=stages) if up == "auto" else explicit_up(mesh, up)
 
 
 def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stages: Stages | None = None) -> Up:
@@ -67,13 +67,13 @@ def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stage
     if not face_areas(vertices, mesh.faces).sum() > 0:
         return file_up()
     with (stages or Stages(show=False)).stage("up"):
-        standing, around = Standing(vertices, mesh.faces), Around(mesh, encoder)
+        standing, around = StabilityCues(vertices, mesh.faces), ProbeCameras(mesh, encoder)
         frame = standing.frame()
         look = _along_the_file if np.array_equal(frame, np.eye(3)) else _tilted
         return look(standing, frame, around, probe)
 
 
-def _along_the_file(standing: Standing, frame: NDArray[np.float64], around: Around, probe: UpProbe) -> Up:
+def _along_the_file(standing: StabilityCues, frame: NDArray[np.float64], around: ProbeCameras, probe: UpProbe) -> Up:
     """The axis of the file, and its end, that are up: by as few pictures as leave no doubt."""
     frames = np.stack(axis_frames(frame))
     ups, evidence = frames[:, 1], np.stack([standing.evidence(each) for each in frames])
@@ -81,7 +81,7 @@ def _along_the_file(standing: Standing, frame: NDArray[np.float64], around: Arou
     as_filed = ups @ AXES["+y"] == 1
     seen = around.seen(frames[as_filed], SIDES)
     at_once = probe.terms(seen, ups, evidence) @ probe.odds[0]
-    if decide(frames, at_once).confidence >= SURE_AT_ONCE:
+    if decide(frames, at_once).confidence >= EARLY_STOP_CONFIDENCE:
         return decide(frames, at_once + before)
     seen += around.seen(frames[~as_filed], SIDES)
     up = decide(frames, probe.terms(seen, ups, evidence) @ probe.odds[1] + before)
@@ -91,7 +91,7 @@ def _along_the_file(standing: Standing, frame: NDArray[np.float64], around: Arou
     return up
 
 
-def _tilted(standing: Standing, frame: NDArray[np.float64], around: Around, probe: UpProbe) -> Up:
+def _tilted(standing: StabilityCues, frame: NDArray[np.float64], around: ProbeCameras, probe: UpProbe) -> Up:
     """Which way is up in a shape whose mirror plane is `frame`'s and that lies along no axis of the file.
 
     Pictures along all axes tell roughly, then also those that show the likeliest as they would stand. It may yet stand
@@ -101,7 +101,7 @@ def _tilted(standing: Standing, frame: NDArray[np.float64], around: Around, prob
     def found() -> Up:
         frames = candidates(standing, frame, probe.votes(seen)[0])
         evidence = np.stack([standing.evidence(each) for each in frames])
-        before = ASKEW * np.array([prior(probe, each) for each in frames])
+        before = UNALIGNED_PRIOR * np.array([prior(probe, each) for each in frames])
         return decide(frames, probe.terms(seen, frames[:, 1], evidence) @ probe.odds[2] + before)
 
     seen = around.seen(np.stack(axis_frames(np.eye(3))), SIDES)
@@ -109,7 +109,7 @@ def _tilted(standing: Standing, frame: NDArray[np.float64], around: Around, prob
     return found()
 
 
-def candidates(standing: Standing, frame: NDArray[np.float64], form: NDArray[np.float64]) -> NDArray[np.float64]:
+def candidates(standing: StabilityCues, frame: NDArray[np.float64], form: NDArray[np.float64]) -> NDArray[np.float64]:
     """The frames (2K, 3, 3) in which a tilted shape may be upright, each followed by the same upside down.
 
     Those are the file's axes, how it would come to rest with its mirror plane upright, and the axes along which the
@@ -119,7 +119,7 @@ def candidates(standing: Standing, frame: NDArray[np.float64], form: NDArray[np.
     seen = np.linalg.eigh(form)[1].T[::-1][:2]
     leaned = [each / np.linalg.norm(each) for each in seen - np.outer(seen @ normal, normal) if each @ each > 0.25]
     found = [AXES["+y"], AXES["+z"], AXES["+x"]]
-    for up in [*standing.resting(frame), *leaned, *seen]:
+    for up in [*standing.stable_ups(frame), *leaned, *seen]:
         if all(abs(up @ other) < SAME for other in found):
             found.append(up)
     return np.stack([frame_facing(sign * up, normal) for up in found for sign in (1.0, -1.0)])

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.encoders.learned_file import encoder_identity, read_learned, write_learned
-from dfd.upright.probe_views import Seen
+from dfd.upright.probe_views import ViewTokens
 from dfd.upright.stability import EVIDENCE
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ FOLDER = Path(__file__).with_name("probes")
 
 _HALF = np.sqrt(3) / 2
 # Symmetric matrices without a trace, all of one length, in a camera's right, up and back; by which of a picture's two
-# tokens each is told. At a unit vector they are the real spherical harmonics of degree two.
+# tokens each is metadata. At a unit vector they are the real spherical harmonics of degree two.
 FORMS = np.array(
     [
         [[-0.5, 0, 0], [0, 1, 0], [0, 0, -0.5]],
@@ -44,6 +44,13 @@ FORMS = np.array(
     ]
 )
 VECTORS = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
+SHAPES: dict[str, tuple[int | str, ...]] = {
+    "mean": ("D",),
+    "form": (len(FORMS), "D"),
+    "vector": (len(VECTORS), "D"),
+    "odds": (3, len(TERMS)),
+    "file": (3,),
+}
 FORM_TOKENS, VECTOR_TOKENS = np.array([0, 0, 0, 1, 1]), np.array([0, 0, 1])
 
 
@@ -76,7 +83,7 @@ class UpProbe:
     encoder_weights: str
     encoder_block: int
 
-    def votes(self, seen: Seen) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def votes(self, seen: ViewTokens) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The mean votes of all pictures, in the mesh's coordinates: a quadratic form (3, 3) and a vector (3,)."""
         tokens = seen.tokens - np.stack([self.mean, np.zeros_like(self.mean)])
         weights = np.einsum("njd,jd->nj", tokens[:, FORM_TOKENS], self.form)
@@ -85,7 +92,7 @@ class UpProbe:
         vector = np.einsum("nj,ja,nai->i", weights, VECTORS, seen.axes, optimize=True) / len(tokens)
         return form, vector
 
-    def terms(self, seen: Seen, ups: NDArray[np.float64], evidence: NDArray[np.float64]) -> NDArray[np.float64]:
+    def terms(self, seen: ViewTokens, ups: NDArray[np.float64], evidence: NDArray[np.float64]) -> NDArray[np.float64]:
         """What speaks for each of `ups` (K, 3), unit, to be up: (K, 9), see `TERMS`; `evidence` (K, 7) of them."""
         form, vector = self.votes(seen)
         return np.column_stack([np.einsum("ka,ab,kb->k", ups, form, ups), ups @ vector, evidence])
@@ -116,24 +123,10 @@ class UpProbe:
         OSError
             If it cannot be read.
         """
-        told, arrays = read_learned("UpProbe.load", path)
-        if told.get("kind") != KIND or not {"mean", "form", "vector", "odds", "file"} <= arrays.keys():
-            raise ValueError(f"UpProbe.load: {os.fspath(path)} holds no probe of which way is up, of this version")
-        width = arrays["mean"].shape[:1]
-        shapes = {
-            "mean": width,
-            "form": (len(FORMS), *width),
-            "vector": (len(VECTORS), *width),
-            "odds": (3, len(TERMS)),
-            "file": (3,),
-        }
-        for name, shape in shapes.items():
-            if arrays[name].shape != shape or not np.isfinite(arrays[name]).all():
-                raise ValueError(f"UpProbe.load: `{name}` in {os.fspath(path)} must be finite, of shape {shape}")
+        arrays, identity = read_learned("UpProbe.load", path, KIND, SHAPES)
         mean, form, vector = (arrays[name].astype(np.float32) for name in ("mean", "form", "vector"))
         up, down, z = map(float, arrays["file"])
-        weights, block = told["encoder_weights"], int(told["encoder_block"])
-        return cls(mean, form, vector, arrays["odds"], up, down, z, weights, block)
+        return cls(mean, form, vector, arrays["odds"], up, down, z, *identity)
 
 
 def find_probe(encoder: Encoder) -> UpProbe | None:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["CORNERS", "SIDES", "Around", "Seen"]
+__all__ = ["CORNERS", "SIDES", "ProbeCameras", "ViewTokens"]
 
 PATCHES = 16  # along a picture's side
 SHOWN = 0.3  # of a patch's pixels, so that its token counts
@@ -42,7 +42,7 @@ SIDES, CORNERS = _square(0, 20), _square(45, 15)  # of a square that the shape s
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class ViewTokens:
     """What N pictures show.
 
     Attributes
@@ -57,12 +57,12 @@ class Seen:
     tokens: NDArray[np.float32]
     axes: NDArray[np.float64]
 
-    def __add__(self, other: Seen) -> Seen:
+    def __add__(self, other: ViewTokens) -> ViewTokens:
         """The pictures of both."""
-        return Seen(np.concatenate([self.tokens, other.tokens]), np.concatenate([self.axes, other.axes]))
+        return ViewTokens(np.concatenate([self.tokens, other.tokens]), np.concatenate([self.axes, other.axes]))
 
 
-class Around:
+class ProbeCameras:
     """Takes small pictures of a mesh from around."""
 
     def __init__(self, mesh: Mesh, encoder: Encoder) -> None:
@@ -73,7 +73,7 @@ class Around:
         self._encoder = encoder
         self._resolution = encoder.nearest_resolution(PATCHES * encoder.patch)
 
-    def seen(self, frames: NDArray[np.float64], eyes: NDArray[np.float64]) -> Seen:
+    def seen(self, frames: NDArray[np.float64], eyes: NDArray[np.float64]) -> ViewTokens:
         """Pictures from `eyes` (E, 3), for each of `frames` (K, 3, 3) as right, up and front: K·E of them, in turn.
 
         Raises
@@ -97,13 +97,11 @@ class Around:
         with ThreadPoolExecutor(get_num_threads()) as threads:
             list(threads.map(take, range(len(cameras))))
         if not covered.any():
-            raise ValueError(
-                "find_up: `mesh` is seen by no camera: its faces are without area, or smaller than a pixel"
-            )
+            raise ValueError("find_up: no camera ray hits `mesh`: its faces are without area, or smaller than a pixel")
         covered = covered.reshape(images.shape[:3])
         tokens = self._encoder.encode(images, covered=covered)
         axes = np.stack([[camera.right, camera.up, camera.back] for camera in cameras])
-        return Seen(np.stack([_halves(*each) for each in zip(tokens, covered, strict=True)]), axes)
+        return ViewTokens(np.stack([_halves(*each) for each in zip(tokens, covered, strict=True)]), axes)
 
 
 def _halves(tokens: NDArray[np.float32], covered: NDArray[np.bool_]) -> NDArray[np.float32]:

@@ -13,8 +13,9 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from dfd.common.threads import get_num_threads
 from dfd.geometry.topology import face_areas
+from dfd.views.cameras import fibonacci_directions
 
-__all__ = ["EVIDENCE", "Standing"]
+__all__ = ["EVIDENCE", "StabilityCues"]
 
 EVIDENCE = ("stable", "facing up", "base", "near the base", "middle", "mirrors upright", "mirrors flat")
 POINTS = 2000  # on the surface
@@ -22,7 +23,7 @@ REFLECTED = 500  # of them, whose mirror images are looked for
 BASE = 0.03  # of the diagonal: what lies so near to the lowest point touches the ground
 FACES_UP = 0.9  # cosine
 ALIGNED = 1.25  # an axis of the file is taken for the mirror plane's normal when it misses by so many times the least
-LEAST_MISS = 0.004  # of the diagonal: a mirror image as near as this is exact, for points that are drawn at random
+LEAST_ERROR = 0.004  # of the diagonal: a mirror image as near as this is exact, for points that are drawn at random
 LEAST_HEIGHT = 1e-6  # of the diagonal: what is as flat as this has no middle height
 DIRECTIONS = 200  # over half the sphere, among which mirror planes are looked for
 RESTS = 4  # ways to come to rest that are tried
@@ -30,7 +31,7 @@ _NEARLY = np.cos(np.radians(8))
 _SHRINKING = (0.15, 0.07, 0.03, 0.015, 0.007)  # radians, steps of the search for a plane's exact direction
 
 
-class Standing:
+class StabilityCues:
     """The surface of a shape, ready to be asked how it would stand.
 
     Parameters
@@ -70,7 +71,7 @@ class Standing:
         shadow = _hull_of(self.rim @ ground)
         stable = base is not None and bool((base.equations @ [*(self.middle @ ground), 1.0]).max() < 0)
         points = self.points @ up
-        mirrored = min(self.mirror_miss(right), self.mirror_miss(front))
+        mirrored = min(self.mirror_error(right), self.mirror_error(front))
         return np.array(
             [
                 float(stable),
@@ -79,17 +80,17 @@ class Standing:
                 float((points < height.min() + BASE * self.diagonal).mean()),
                 float((np.median(points) - height.min()) / max(np.ptp(height), LEAST_HEIGHT * self.diagonal)),
                 mirrored,
-                self.mirror_miss(up),
+                self.mirror_error(up),
             ]
         )
 
-    def mirror_miss(self, normal: NDArray[np.float64]) -> float:
+    def mirror_error(self, normal: NDArray[np.float64]) -> float:
         """Mean distance of mirror images to the surface, of the diagonal, across the plane through the middle."""
         self._measure([normal])
         return self._misses[_key(normal)]
 
     def _measure(self, normals: Iterable[NDArray[np.float64]]) -> None:
-        """Measure `mirror_miss` for those of `normals`, each (3,), that it is not known for, by all threads."""
+        """Measure `mirror_error` for those of `normals`, each (3,), that it is not known for, by all threads."""
         new = [normal for normal in normals if _key(normal) not in self._misses]
         if not new:
             return
@@ -105,17 +106,14 @@ class Standing:
     def mirror_normal(self) -> NDArray[np.float64]:
         """The unit normal (3,) of the plane across which the shape is most nearly its own mirror image."""
         spread = self.points - self.middle
-        index = np.arange(DIRECTIONS) + 0.5
-        height, angle = 1 - index / DIRECTIONS, np.pi * (1 + np.sqrt(5)) * index
-        ring = np.sqrt(1 - height**2)
-        around = np.stack([ring * np.cos(angle), height, ring * np.sin(angle)], axis=1)
+        around = fibonacci_directions(2 * DIRECTIONS)[:DIRECTIONS]
         # The normal of an exact mirror plane is a principal axis.
         candidates = np.concatenate([np.linalg.eigh(spread.T @ spread)[1].T, around])
         self._measure(candidates)
-        ranked = sorted(candidates, key=self.mirror_miss)[:3]
-        return min((self._refined(normal) for normal in ranked), key=self.mirror_miss)
+        ranked = sorted(candidates, key=self.mirror_error)[:3]
+        return min((self._refined(normal) for normal in ranked), key=self.mirror_error)
 
-    def resting(self, frame: NDArray[np.float64]) -> NDArray[np.float64]:
+    def stable_ups(self, frame: NDArray[np.float64]) -> NDArray[np.float64]:
         """Ups (K, 3), at right angles to the first row of `frame` (3, 3), with which the shape would come to rest.
 
         It lies with the longest edges of its outline on the ground, its middle above them; no two are along one line,
@@ -135,7 +133,7 @@ class Standing:
                 one = _across(normal)
                 other = np.cross(normal, one)
                 around = [normal, *(normal + step * side for side in (one, -one, other, -other))]
-                best = min((each / np.linalg.norm(each) for each in around), key=self.mirror_miss)
+                best = min((each / np.linalg.norm(each) for each in around), key=self.mirror_error)
                 if np.allclose(best, normal):
                     break
                 normal = best
@@ -147,8 +145,8 @@ class Standing:
         Those are the normal of its mirror plane and the two sides of the smallest box around it in that plane.
         """
         normal = self.mirror_normal()
-        least = max(self.mirror_miss(normal), LEAST_MISS)
-        if min(self.mirror_miss(axis) for axis in np.eye(3)) <= ALIGNED * least:
+        least = max(self.mirror_error(normal), LEAST_ERROR)
+        if min(self.mirror_error(axis) for axis in np.eye(3)) <= ALIGNED * least:
             return np.eye(3)
         one = _across(normal)
         other = np.cross(normal, one)

@@ -18,7 +18,7 @@ Framing = Literal["shape", "paper"]
 FIELD_OF_VIEW = 60.0  # degrees, the paper's and the public reference's
 PAPER_DISTANCE = 2.8  # from the origin of normalized coordinates, likewise
 MARGIN = 1.06  # a framed shape leaves this much room, so that no patch at its rim is cut
-CLEARANCE = 0.2  # of half the shape's size, between it and the eye: a needle seen from its tip does not poke it
+CLEARANCE = 0.2  # of half the shape's size, between it and the eye, also for a needle seen from its tip
 _MIRROR_IMAGES = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [-1.0, 1.0, -1.0]])
 _NEAREST = 1e-6  # to the eye, of what is in front of it
 _SQUARE = 8  # pixels along its side
@@ -60,10 +60,9 @@ class Camera:
         row, column = np.divmod(np.arange(resolution * resolution) if pixels is None else pixels, resolution)
         across = ((np.arange(resolution) + 0.5) / resolution * 2 - 1) * self.half_width
         x, y = across[column], -across[row]
-        local = np.stack([x, y, np.full(len(x), -1.0)], axis=1)
-        local /= np.sqrt(1 + x * x + y * y)[:, None]
-        directions: NDArray[np.float64] = local @ np.array([self.right, self.up, self.back])
-        return directions.astype(np.float32)
+        # NumPy is slow along axes of three: the long axis comes last until the end.
+        local = np.stack([x, y, np.full(len(x), -1.0)]) / np.sqrt(1 + x * x + y * y)
+        return np.ascontiguousarray((np.array([self.right, self.up, self.back]).T @ local).T, np.float32)
 
     def may_show(self, vertices: NDArray[np.float32], faces: NDArray[np.int32], resolution: int) -> NDArray[np.int64]:
         """Pixels (N,), ascending, that may show some of the `faces` (F, 3) of `vertices` (V, 3): no other one does.

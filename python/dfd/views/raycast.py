@@ -34,8 +34,8 @@ class Hits:
     barycentric: NDArray[np.float32]
     distance: NDArray[np.float32]
 
-    def where(self, chosen: NDArray[np.bool_]) -> Hits:
-        """Only the chosen of them; `chosen` is (K,)."""
+    def where(self, chosen: NDArray[np.bool_ | np.integer]) -> Hits:
+        """The chosen of them; `chosen` is (K,) bool, or their numbers in the order wanted."""
         return Hits(self.ray[chosen], self.face[chosen], self.barycentric[chosen], self.distance[chosen])
 
     def of_rays(self, numbers: NDArray[np.int64]) -> Hits:

@@ -161,7 +161,7 @@ def render(
                 advance()
             points, view, row, column, face = threads.map(np.concatenate, zip(*seen, strict=True))
     if not met.any() or len(points) == 0:
-        raise ValueError("render: `mesh` is seen by no camera: all its faces are without area, or smaller than a pixel")
+        raise ValueError("render: no camera ray hits `mesh`: all its faces are without area, or smaller than a pixel")
     return Views(
         images, covered, cameras, points, view, row, column, face, vertices, mesh.faces, center, scale, frames[0], scene
     )

@@ -91,15 +91,9 @@ class Shading:
             further = self._scene.cast(origin + directions[on] * reached[on, None], directions[on])
             hits = Hits(on[further.ray], further.face, further.barycentric, further.distance)
             rgba = self.colors(hits, directions)
-        ray = np.concatenate([hits.ray for hits in kept])
-        order = np.argsort(ray)
-        first_hits = Hits(
-            ray[order],
-            np.concatenate([hits.face for hits in kept])[order],
-            np.concatenate([hits.barycentric for hits in kept])[order],
-            np.concatenate([hits.distance for hits in kept])[order],
-        )
-        return first_hits, color + clear[:, None]
+        layers = ((hits.ray, hits.face, hits.barycentric, hits.distance) for hits in kept)
+        all_hits = Hits(*map(np.concatenate, zip(*layers, strict=True)))
+        return all_hits.where(np.argsort(all_hits.ray)), color + clear[:, None]
 
 
 def facing(

@@ -35,9 +35,7 @@ class Unseen:
 
     views: int  # cameras that looked
     area: float  # share of the surface, 0 … 1; 1 where no face has an area
-    components: (
-        int  # components (see `dfd.geometry.topology.inspect`) of which no camera sees anything: inner walls, mostly
-    )
+    components: int  # connected components of which no camera sees anything: inner walls, mostly
     component_count: int  # all components that have an area
 
 
@@ -61,15 +59,16 @@ def unseen(mesh: Mesh, *, views: int = 24, frame: NDArray[np.float64] | None = N
         If `views` is not at least 1.
     """
     views = check.whole("unseen", "views", views, minimum=1, maximum=LARGEST_VIEWS)
+    nothing = Unseen(views, area=1.0, components=0, component_count=0)
     found = box_normalization(*mesh.bounds)
     if found is None:
-        return Unseen(views, area=1.0, components=0, component_count=0)
+        return nothing
     center, scale = found
     vertices = ((mesh.vertices - center) * scale).astype(np.float32)
     areas = face_areas(vertices, mesh.faces)
     has_area = areas > 0
     if not has_area.any():
-        return Unseen(views, area=1.0, components=0, component_count=0)
+        return nothing
     areas = areas[has_area]
     # Even where every face is large there are many points, and even the smallest face has one.
     counts = np.ceil(areas / areas.sum() * POINTS).astype(np.int64)

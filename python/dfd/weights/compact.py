@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from dfd.common import check, tensors
 from dfd.common.threads import get_num_threads, one_blas_thread
-from dfd.field.on_mesh import FieldOnMesh
+from dfd.field.field import FieldOnMesh
 
 __all__ = ["CompactFeatures", "compact"]
 

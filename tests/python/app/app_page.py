@@ -14,8 +14,8 @@ import httpx2 as httpx
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from dfd.app.protocol import VERSION
-from dfd.app.protocol.binaries import unpack
+from dfd.app.protocol.answers import VERSION
+from dfd.app.protocol.binary_messages import unpack
 from dfd.app.web.launch import RunningApp
 
 PATIENCE = 400.0  # seconds; a busy machine imports torch slowly

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dfd.app.protocol.binaries import unpack
+from dfd.app.protocol.binary_messages import unpack
 from dfd.app.session.columns import Columns, heat_message
-from dfd.app.session.state import Looks, state_message
+from dfd.app.session.state import ViewState, state_message
 from dfd.editing.deformer import Deformer
 from dfd.editing.points import place_on
 
@@ -40,8 +40,8 @@ class Client:
                 for instance in entry["instances"]:
                     instance["share"] = arrays[instance["share"]] / 65535
                 self.entries[entry["column"]]["instances"] = entry["instances"]
-        assert not self.columns.owes
-        return state_message(self.deformer, self.columns, Looks(), after=0).model_dump()
+        assert not self.columns.has_pending
+        return state_message(ViewState(), self.deformer, self.columns, after=0).model_dump()
 
     def weights(self) -> NDArray[np.float64]:
         """(V, H) by the protocol's formula."""
@@ -50,7 +50,6 @@ class Client:
         columns = []
         for handle in state["handles"]:
             entry = self.entries[handle["column"]]
-            assert handle["kind"] == entry["kind"]
             weight = entry["values"]
             if entry["kind"] == "distance":
                 weight = CURVES[handle["falloff"]](np.maximum(1 - weight / handle["reach"], 0))
@@ -113,7 +112,7 @@ def test_regions_and_limits_travel_as_weights(client: Client) -> None:
     deformer.add(700, within=np.arange(600, 900))
     deformer.fix(np.arange(100, 140), strength=0.8)
     np.testing.assert_allclose(client.weights(), deformer.weights, atol=2e-5)
-    assert [handle["kind"] for handle in client.listen()["handles"]] == ["weight", "weight"]
+    assert [client.entries[handle["column"]]["kind"] for handle in client.listen()["handles"]] == ["weight", "weight"]
     assert client.listen()["handles"][0]["region"] == 40
     deformer.change(2, reach=0.5)
     np.testing.assert_allclose(client.weights(), deformer.weights, atol=2e-5)
@@ -134,9 +133,8 @@ def test_instances_act_as_the_kernel_poses_them(client: Client, level: bool, mod
     instances = client.entries[handle["column"]]["instances"]
     assert len(instances) >= 1
     for entry in instances:
-        frame, center = np.array(entry["frame"]), np.array(entry["pivot"])
-        if handle["own_pivot"]:
-            center = np.array(entry["position"]) + frame @ np.subtract(handle["pivot"], handle["position"])
+        frame = np.array(entry["frame"])
+        center = np.array(entry["position"]) + frame @ np.subtract(handle["pivot"], handle["position"])
         linear = frame @ transform.linear @ frame.T
         goal = (vertices - center) @ linear.T + center + frame @ transform.translation
         moved += np.minimum(entry["gain"] * entry["share"] * weights, 1)[:, None] * (goal - vertices)

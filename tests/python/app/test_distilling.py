@@ -145,5 +145,5 @@ def test_the_time_left_follows_the_machine() -> None:
         left.after(stage, 0, None, now)
         now += 3 * USUAL[stage]
     told = left.after("encode", 0, 24, now)
-    assert told == pytest.approx(3 * (USUAL["encode"] + USUAL["spread"] + USUAL["fit"]))
+    assert told == pytest.approx(3 * (USUAL["encode"] + USUAL["smooth"] + USUAL["fit"]))
     assert left.after("a stage of another kind", 0, 1, now) is None

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import re
 import signal
 import socket
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -83,10 +85,11 @@ main(["app", sys.argv[2], "--field", sys.argv[3], "--no-browser", "--port", "0"]
 
 
 @pytest.mark.processes
-def test_the_command_prints_an_address_serves_it_and_leaves_nothing(shape: Shape, static: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_the_command_prints_an_address_serves_it_and_leaves_nothing(
+    shape: Shape, static: Path, tmp_path: Path, end: signal.Signals, monkeypatch: pytest.MonkeyPatch
+) -> None:
     arguments = [sys.executable, "-c", PROGRAM, str(static), str(shape.mesh), str(shape.field)]
-    import os
-
     environment = {**os.environ, "TMPDIR": str(tmp_path)}
     process = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True, env=environment)
     assert process.stdout is not None
@@ -102,9 +105,27 @@ def test_the_command_prints_an_address_serves_it_and_leaves_nothing(shape: Shape
                     assert process.poll() is None
         assert "<title>dfd</title>" in response.text
         assert any(tmp_path.glob("dfd-app-*"))
-        process.send_signal(signal.SIGINT)
-        assert process.wait(30) in (0, 130)
+        process.send_signal(end)
+        assert process.wait(30) in {signal.SIGINT: (0, 130), signal.SIGTERM: (143,), signal.SIGKILL: (-9,)}[end]
+    if end == signal.SIGKILL:  # the next server cleans up, but leaves the folders of those that run
+        monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+        first, second = RunningApp(SessionOptions(), static=static), RunningApp(SessionOptions(), static=static)
+        assert len(list(tmp_path.glob("dfd-app-*"))) == 2
+        for app in (first, second):
+            app.start()
+            app.stop()
     assert not any(tmp_path.glob("dfd-app-*"))
+
+
+def test_a_browser_is_started_with_a_file_that_only_its_user_reads(static: Path) -> None:
+    app = RunningApp(SessionOptions(), static=static)
+    path = app.redirecting_file()
+    assert path.stat().st_mode & 0o777 == 0o600
+    assert app.url in path.read_text()
+    assert app.rules.token not in path.as_uri()
+    app.start()
+    app.stop()
+    assert not path.exists()
 
 
 @pytest.fixture

@@ -48,6 +48,13 @@ def test_the_address_with_the_token_gives_a_cookie_and_goes_on_without_it() -> N
     assert browser.get("/").text == "secret"
 
 
+@pytest.mark.parametrize("path", ["//evil.example/", "///evil.example", "/\\\\evil.example", "//"])
+def test_the_address_with_the_token_leads_to_no_other_server(path: str) -> None:
+    scope_path = client(known=False).get(f"http://{HOST}{path}?token=the-token").headers["location"]
+    assert scope_path.startswith("/")
+    assert scope_path[1:2] not in ("/", "\\")
+
+
 @pytest.mark.parametrize("query", ["", "?token=", "?token=another", "?token=the-token2", "?token=th%C3%A9"])
 def test_without_the_token_there_is_nothing(query: str) -> None:
     response = client(known=False).get(f"/{query}")

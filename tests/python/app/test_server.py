@@ -71,7 +71,7 @@ def test_a_websocket_of_another_site_is_refused(app: RunningApp) -> None:
         '{"type": "add", "id": 77, "at": {"vertex": 1}, "controls": {"more": {"at": 3}}}',
         '{"type": "add", "id": 77, "at": {"vertex": 1}, "controls": {"more": {"self": 3}}}',
         '{"type": "add", "id": 77, "at": {"mask": "AAAA"}}',
-        '{"type": "apply", "id": 77, "edit": {"format": "another"}}',
+        '{"type": "undo", "id": 77, "x": ' + "[" * 100_000 + "]" * 100_000 + "}",
         '{"type": "release", "id": 77, "index": 0}',
         '{"type": "remove", "id": 77, "handle": 1}',
         '{"type": "open_sample", "id": 77, "name": "../../etc/passwd"}',
@@ -97,7 +97,7 @@ def test_a_binary_message_is_a_failure(page: Page) -> None:
 
 def test_a_message_that_is_too_long_ends_the_connection_and_not_the_session(page: Page) -> None:
     page.ask("add", at={"vertex": 5})
-    page.write(json.dumps({"id": 1, "type": "apply", "edit": {"x": "y" * MESSAGE_BYTES}}))
+    page.write(json.dumps({"id": 1, "type": "open_sample", "name": "x" * MESSAGE_BYTES}))
     assert page.closed_with() == 1009
     assert page.open()["resumed"]
     page.alive()

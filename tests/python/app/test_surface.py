@@ -12,7 +12,7 @@ import trimesh
 from PIL import Image
 
 import dfd
-from dfd.app.protocol.binaries import unpack
+from dfd.app.protocol.binary_messages import unpack
 from dfd.app.session.level_of_detail import MOST_FACES
 from dfd.app.session.surface import center_of, mesh_messages
 from dfd.mesh.appearance import Appearance, Material
@@ -25,7 +25,7 @@ def sent(mesh: Mesh) -> tuple[dict[str, Any], dict[str, Any]]:
     assert not header["coarse"]
     assert (header["mesh"], header["name"], header["warnings"]) == (3, "a mesh", ["a warning"])
     assert (header["vertices"], header["faces"]) == (len(mesh.vertices), len(mesh.faces))
-    assert header["rows"] == len(arrays["positions"]) == len(arrays["vertex"]) == len(arrays["normals"])
+    assert len(arrays["positions"]) == len(arrays["vertex"]) == len(arrays["normals"])
     corners = arrays["positions"][arrays["triangles"]].astype(np.float64) + center_of(mesh)
     np.testing.assert_allclose(corners, mesh.vertices[mesh.faces], atol=1e-6 * mesh.diagonal)
     np.testing.assert_array_equal(arrays["vertex"][arrays["triangles"]], mesh.faces)
@@ -42,13 +42,13 @@ def sent_in_levels(mesh: Mesh) -> tuple[dict[str, Any], dict[str, Any], dict[str
     (coarse, few), (detail, every) = messages(mesh)
     assert (coarse["type"], coarse["coarse"], detail["type"], detail["mesh"]) == ("mesh", True, "detail", 3)
     assert (coarse["vertices"], coarse["faces"]) == (len(mesh.vertices), len(mesh.faces))
-    count = coarse["rows"]
+    count = len(few["vertex"])
     for name, values in few.items():
         if name in every and name != "triangles":
             np.testing.assert_array_equal(values, every[name][:count], err_msg="rows of the coarse level come first")
     assert set(few["triangles"].reshape(-1).tolist()) == set(range(count)), "no row travels for nothing"
     assert sum(group["count"] for group in coarse["groups"]) == len(few["triangles"])
-    assert detail["rows"] == len(every["positions"]) == len(every["vertex"]) == len(every["normals"])
+    assert len(every["positions"]) == len(every["vertex"]) == len(every["normals"])
     corners = every["positions"][every["triangles"]].astype(np.float64) + center_of(mesh)
     np.testing.assert_allclose(corners, mesh.vertices[mesh.faces], atol=1e-6 * mesh.diagonal)
     np.testing.assert_array_equal(every["vertex"][every["triangles"]], mesh.faces)

@@ -73,7 +73,7 @@ def test_a_session_that_is_killed_goes_on_from_what_was_saved(page: Page, new_pa
     assert state["handles"][0]["translation"] == [0, -0.3, 0]
     assert other.ask("add", at={"vertex": 6})["type"] == "done"
     os.kill(process_of(page), signal.SIGKILL)
-    assert "begins anew" in page.until(lambda message: message["type"] == "failure")["message"]
+    assert "It restarts" in page.until(lambda message: message["type"] == "failure")["message"]
 
 
 def test_a_process_that_ended_before_its_turn_harms_no_session(options: SessionOptions, static: Path) -> None:

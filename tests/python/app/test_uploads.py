@@ -36,34 +36,32 @@ def everything_in(folder: Path) -> list[str]:
 
 
 def test_an_obj_finds_its_materials(tmp_path: Path) -> None:
-    order, kind = receive(named({"tri.obj": OBJ, "looks.mtl": MTL}), tmp_path, 1000)
-    assert kind == "mesh"
-    assert order.mesh is not None
-    assert order.mesh.name == "tri.obj"
-    assert order.mesh.path is not None
-    assert "tri" not in order.mesh.path.name
-    looks = dfd.load(order.mesh.path).appearance
+    upload = receive(named({"tri.obj": OBJ, "looks.mtl": MTL}), tmp_path, 1000)
+    assert upload.mesh is not None
+    assert upload.mesh.name == "tri.obj"
+    assert upload.mesh.path is not None
+    assert "tri" not in upload.mesh.path.name
+    looks = dfd.load(upload.mesh.path).appearance
     assert looks is not None
     assert looks.materials[0].color == (1.0, 0.0, 0.0, 1.0)
 
 
 def test_a_zip_is_its_files(tmp_path: Path) -> None:
     archive = zipped({"a/tri.obj": OBJ, "a/looks.mtl": MTL, "__MACOSX/a/._tri.obj": b"junk", "a/tex/wood.png": b"x"})
-    order, _ = receive(named({"tri.zip": archive}), tmp_path, 10_000)
-    assert order.mesh is not None
-    assert order.mesh.path is not None
-    assert dfd.load(order.mesh.path).appearance is not None
-    assert (order.mesh.path.parent / "tex" / "wood.png").read_bytes() == b"x"
+    upload = receive(named({"tri.zip": archive}), tmp_path, 10_000)
+    assert upload.mesh is not None
+    assert upload.mesh.path is not None
+    assert dfd.load(upload.mesh.path).appearance is not None
+    assert (upload.mesh.path.parent / "tex" / "wood.png").read_bytes() == b"x"
 
 
 def test_mesh_field_and_edit_together(tmp_path: Path) -> None:
-    order, kind = receive(named({"m.stl": b"m", "f.safetensors": b"f", "e.json": b"{}"}), tmp_path, 100)
-    assert kind == "mesh"
-    assert order.field is not None
-    assert order.edit is not None
-    assert order.field.path.read_bytes() == b"f"
-    assert receive(named({"F.SAFETENSORS": b"f"}), tmp_path, 100)[1] == "field"
-    assert receive(named({"e.json": b"{}"}), tmp_path, 100)[1] == "edit"
+    upload = receive(named({"m.stl": b"m", "f.safetensors": b"f", "e.json": b"{}"}), tmp_path, 100)
+    assert upload.field is not None
+    assert upload.edit is not None
+    assert upload.field.path.read_bytes() == b"f"
+    assert receive(named({"F.SAFETENSORS": b"f"}), tmp_path, 100).mesh is None
+    assert receive(named({"e.json": b"{}"}), tmp_path, 100).field is None
 
 
 @pytest.mark.parametrize(
@@ -81,11 +79,11 @@ def test_mesh_field_and_edit_together(tmp_path: Path) -> None:
 )
 def test_a_name_leads_nowhere(tmp_path: Path, name: str) -> None:
     inside = tmp_path / "session"
-    order, _ = receive(named({name: OBJ}), inside, 1000)
-    assert order.mesh is not None
-    assert order.mesh.path is not None
-    assert order.mesh.path.resolve().is_relative_to(inside / "uploads")
-    assert everything_in(tmp_path) == [order.mesh.path.name]
+    upload = receive(named({name: OBJ}), inside, 1000)
+    assert upload.mesh is not None
+    assert upload.mesh.path is not None
+    assert upload.mesh.path.resolve().is_relative_to(inside / "uploads")
+    assert everything_in(tmp_path) == [upload.mesh.path.name]
 
 
 @pytest.mark.parametrize("name", ["../evil.png", "/etc/evil.png", "..", ".hidden", "a/../../b.png", "con\n.png"])
@@ -105,13 +103,13 @@ def test_a_zip_that_leads_outside_is_refused_whole(tmp_path: Path, name: str) ->
 def test_an_uploaded_obj_reads_nothing_outside_its_folder(tmp_path: Path) -> None:
     (tmp_path / "secret.mtl").write_bytes(MTL)
     obj = OBJ.replace(b"looks.mtl", b"../../../secret.mtl")
-    order, _ = receive(named({"tri.obj": obj}), tmp_path / "session", 1000)
-    assert order.mesh is not None
-    assert order.mesh.path is not None
-    secret = order.mesh.path.parent / "../../../secret.mtl"
+    upload = receive(named({"tri.obj": obj}), tmp_path / "session", 1000)
+    assert upload.mesh is not None
+    assert upload.mesh.path is not None
+    secret = upload.mesh.path.parent / "../../../secret.mtl"
     assert secret.is_file()
     with pytest.warns(UserWarning, match="could not be read"):
-        assert dfd.load(order.mesh.path).appearance is None
+        assert dfd.load(upload.mesh.path).appearance is None
 
 
 def test_too_much_is_refused_whatever_it_claims(tmp_path: Path) -> None:
@@ -126,9 +124,16 @@ def test_too_much_is_refused_whatever_it_claims(tmp_path: Path) -> None:
     assert everything_in(tmp_path) == []
 
 
-@pytest.mark.parametrize("data", [b"", b"PK", b"no zip at all", zipped({"a.obj": OBJ})[:-30]])
+def broken(position: int) -> bytes:
+    """A zip with another byte in the compressed data of its file."""
+    data = bytearray(zipped({"a.obj": OBJ * 20}))
+    data[position] ^= 0xFF
+    return bytes(data)
+
+
+@pytest.mark.parametrize("data", [b"", b"PK", b"no zip at all", zipped({"a.obj": OBJ})[:-30], broken(36), broken(60)])
 def test_a_damaged_zip(tmp_path: Path, data: bytes) -> None:
-    with pytest.raises(ValueError, match="is damaged or no zip"):
+    with pytest.raises(ValueError, match="is damaged or not a zip"):
         receive(named({"a.zip": data}), tmp_path, 1000)
 
 
@@ -151,3 +156,17 @@ def test_a_file_that_comes_twice(tmp_path: Path) -> None:
     twice = [UploadedFile("a.png", io.BytesIO(b"x")), UploadedFile("a.png", io.BytesIO(b"y"))]
     with pytest.raises(ValueError, match="each file once"):
         receive(twice, tmp_path, 1000)
+
+
+@pytest.mark.parametrize("name", [".", "./", "a/"])
+def test_an_entry_of_a_zip_without_a_name_is_left_out(tmp_path: Path, name: str) -> None:
+    archive = zipped({name: b"", "tri.obj": OBJ})
+    assert receive(named({"tri.zip": archive}), tmp_path, 10_000).mesh is not None
+
+
+@pytest.mark.parametrize("names", [("a", "a/b.obj"), ("a/b.obj", "a"), ("a.obj", "./a.obj")])
+def test_names_that_clash_are_refused_without_the_folder_s_path(tmp_path: Path, names: tuple[str, str]) -> None:
+    with pytest.raises(ValueError, match="must have each file once") as refused:
+        receive(named({"tri.zip": zipped(dict.fromkeys(names, OBJ))}), tmp_path / "session", 10_000)
+    assert str(tmp_path) not in str(refused.value)
+    assert everything_in(tmp_path) == []

@@ -96,7 +96,7 @@ def test_whatever_a_step_raises_is_the_shapes_own(chair, tmp_path, monkeypatch, 
         task.write_json("half.json", {})
         raise error
 
-    monkeypatch.setitem(steps.STEPS, "inspect", fail)
+    monkeypatch.setattr(steps.Work, "inspect", fail)
     folder = BatchFolder.begin(tmp_path / "out", BatchSettings(steps=("inspect",)))
     record = work(job(folder.root, chair))
     assert (record.status, record.cause) == ("failed", cause)
@@ -108,7 +108,7 @@ def test_a_full_disk_stops_the_batch_and_is_no_failure_of_the_shape(chair, tmp_p
     def full(task: steps.Work) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setitem(steps.STEPS, "inspect", full)
+    monkeypatch.setattr(steps.Work, "inspect", full)
     folder = BatchFolder.begin(tmp_path / "out", BatchSettings(steps=("inspect",)))
     found = work(job(folder.root, chair))
     assert isinstance(found, Stopped)

@@ -14,11 +14,10 @@ from made_field import made_field
 from PIL import Image
 
 import dfd
-from bench.paper import methods
+from bench.paper import compare as methods
 from bench.paper.__main__ import PAGES, main
-from bench.paper.compare import compare
-from bench.paper.context import Context, Shape
-from bench.paper.handle_sets import methods_of
+from bench.paper.compare import compare, methods_of, solve
+from bench.paper.context import Context, Shape, session
 from bench.paper.handles import FIXED, USER, Case, find, read_apap, read_meta_handles
 from bench.quality.baselines import PeerError
 from dfd.mesh.normalization import normalization
@@ -200,7 +199,7 @@ def test_neighbors_go_along_with_the_nearest_point(ball):
 def test_vertices_of_no_face_do_not_stop_the_peers(ball):
     pytest.importorskip("igl")
     mesh = dfd.Mesh(np.concatenate([ball.vertices, [(9.0, 9, 9)]]), ball.faces)
-    moved = methods.deform("ARAP", case_of(mesh, [top(ball), bottom(ball)], MOVE)).vertices
+    moved = methods.deform("ARAP", case_of(mesh, [top(ball), bottom(ball)], MOVE), 0.01)
     np.testing.assert_allclose(moved[:-1], ball.vertices + MOVE, atol=1e-5)
     np.testing.assert_array_equal(moved[-1], mesh.vertices[-1])
 
@@ -209,7 +208,7 @@ def test_coordinates_of_the_set_are_used(ball):
     corners = [top(ball), bottom(ball)]
     weights = np.stack([0.5 + ball.vertices[:, 1] / 2, 0.5 - ball.vertices[:, 1] / 2], axis=1)
     case = case_of(ball, corners, np.array([MOVE, 0 * MOVE]), coordinates=weights)
-    moved = methods.deform("biharmonic", case).vertices
+    moved = methods.deform("biharmonic", case, 0.01)
     np.testing.assert_allclose(moved, ball.vertices + weights[:, :1] * MOVE, atol=1e-12)
 
 
@@ -219,7 +218,7 @@ def test_a_piece_without_a_point_is_told(ball):
         np.concatenate([ball.faces, ball.faces + len(ball.vertices)]),
     )
     with pytest.raises(PeerError, match="on every one of the 2 pieces"):
-        methods.deform("ARAP", case_of(both, [top(ball), bottom(ball)], MOVE))
+        methods.deform("ARAP", case_of(both, [top(ball), bottom(ball)], MOVE), 0.01)
 
 
 @pytest.fixture
@@ -233,18 +232,18 @@ def context(monkeypatch) -> Context:
 def test_dfd_reaches_the_handle_and_holds_the_fixed_points(ball, context, preset):
     case = case_of(ball, [top(ball), bottom(ball)], np.array([MOVE, 0 * MOVE]))
     before = ball.vertices.copy()
-    moved = context.solve(case, preset)
+    moved = solve(context, case, preset)
     np.testing.assert_allclose(moved[case.handles], case.targets, atol=1e-6)
-    held = context.solve(case, preset, fixed=True)
+    held = solve(context, case, preset, fixed=True)
     np.testing.assert_allclose(held[case.fixed], ball.vertices[case.fixed], atol=1e-6)
     np.testing.assert_array_equal(ball.vertices, before)
 
 
-def test_the_papers_session_is_that_of_its_equations(ball, context):
+def test_the_papers_session_is_that_of_its_equations(ball):
     """Eq. 1 and 4 to 6 by `dfd.bind` and `dfd.pose` alone."""
     field = field_of(ball)
     handle = {"at": top(ball), "translation": MOVE}
-    deformer = context.session(Shape("ball", ball), field, "paper", [handle], fixed=[bottom(ball)])
+    deformer = session(ball, field, "paper", [handle], fixed=[bottom(ball)])
     weights = dfd.bind(field.features(ball), [top(ball)], fixed=[bottom(ball)])
     np.testing.assert_allclose(deformer.weights, weights, atol=1e-6)
     transform = np.concatenate([np.eye(3), MOVE[:, None]], axis=1)[None]
@@ -262,7 +261,7 @@ def test_a_method_that_fails_stops_no_other(ball, monkeypatch):
 
     monkeypatch.setattr(Context, "field", none)
     monkeypatch.setattr(methods, "COMPARED", ("ARAP", "biharmonic"))
-    rows = {row.method: row for row in compare("ball", case, methods_of(Context(ball=0.0), case))}
+    rows = {row.method: row for row in compare("ball", case, methods_of(Context(), case, 0.0))}
     assert list(rows) == ["paper preset", "dfd default", "ARAP", "biharmonic"]
     assert rows["paper preset"].note == "no such encoder"
     assert rows["paper preset"].values == [None] * 6
@@ -273,7 +272,7 @@ def test_a_method_that_fails_stops_no_other(ball, monkeypatch):
 @pytest.mark.slow
 def test_the_command_writes_a_table_and_a_page(tmp_path, ball, context, capsys, monkeypatch):
     pytest.importorskip("igl")
-    monkeypatch.setattr(methods, "COMPARED", ("ARAP", "NeuralMLS"))
+    monkeypatch.setattr(methods, "COMPARED", ("ARAP",))
     write_apap(tmp_path / "set" / "ball", ball)
     broken = write_apap(tmp_path / "set" / "wrong", ball)
     (broken / USER).write_text("first\n")
@@ -282,13 +281,13 @@ def test_the_command_writes_a_table_and_a_page(tmp_path, ball, context, capsys, 
         rows = list(csv.DictReader(stream))
     names = ["paper preset", "dfd default"]
     fixed = [f"{name}, fixed points" for name in names]
-    assert [row["method"] for row in rows] == [names[0], fixed[0], names[1], fixed[1], "ARAP", "NeuralMLS", ""]
-    for row in rows[:6]:
-        # Not all methods interpolate: the paper's fixed points take from a handle, a network is trained to a tolerance.
-        assert float(row["handle off %"]) < {fixed[0]: 100, "NeuralMLS": 3}.get(row["method"], 1e-3)
+    assert [row["method"] for row in rows] == [names[0], fixed[0], names[1], fixed[1], "ARAP", ""]
+    for row in rows[:5]:
+        # The paper's fixed points take from a handle.
+        assert float(row["handle off %"]) < (100 if row["method"] == fixed[0] else 1e-3)
         assert float(row["area %"]) > 0
         assert row["note"] == ""
-    assert "line 1: must read 'vertex x y z', got 'first'" in rows[6]["note"]
+    assert "line 1: must read 'vertex x y z', got 'first'" in rows[5]["note"]
     told = (tmp_path / "out" / "handles.md").read_text("utf-8")
     assert "| ball | ARAP |" in told
     assert "got 'first'" in told

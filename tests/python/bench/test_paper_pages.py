@@ -12,17 +12,17 @@ import trimesh
 from tiny_encoder import save_tiny_encoder
 
 import dfd
-from bench.paper import drawing, fig10_timing, methods, studies
+from bench.paper import compare, comparisons, drawing, resolution
+from bench.paper import context as shared
 from bench.paper.__main__ import PAGES, make
 from bench.paper.context import Context, Shape
 from bench.paper.drawing import silhouettes
-from bench.paper.fig12_encoder_weights import correlation
-from bench.paper.fig17_topology import gap
-from bench.paper.fig18_high_resolution import subdivided
-from bench.paper.fig19_generalization import in_box_of
-from bench.paper.measures import defects, roughness, vertex_shares
-from bench.paper.peers import peer
+from bench.paper.encoders import correlation
+from bench.paper.features import in_box_of
+from bench.paper.measures import defects, gap, roughness, subdivided, vertex_shares
+from bench.paper.peers.peer import Done
 from bench.paper.report import Page, Section, Table, write
+from dfd.distillation.settings import DistillSettings
 
 TINY = {"views": 4, "resolution": 32, "steps": 5, "batch": 64, "up": "file"}
 ALONE = [name for name in PAGES if name != "handles"]  # without a folder of handles
@@ -32,7 +32,7 @@ ALONE = [name for name in PAGES if name != "handles"]  # without a folder of han
 def folder(tmp_path_factory) -> Path:
     """One file with a shape of two pieces."""
     made = tmp_path_factory.mktemp("meshes")
-    body = trimesh.creation.icosphere(subdivisions=3)
+    body = trimesh.creation.icosphere(subdivisions=2)
     body.vertices *= (0.6, 1, 0.8)
     foot = trimesh.creation.box((0.5, 0.2, 0.5)).subdivide().apply_translation((0, -1.05, 0.2))
     trimesh.util.concatenate([body, foot]).export(made / "thing.ply")
@@ -45,14 +45,21 @@ def context(folder, tmp_path_factory) -> Context:
     return Context(folder=folder, quick=True, encoder=encoder, settings=TINY)
 
 
+@pytest.fixture
+def small(monkeypatch) -> None:
+    """Small pictures of coarse shapes; other methods, and the search for planes, have tests of their own."""
+    seconds = dict.fromkeys(("tetrahedra", "prepare", "bind", "pose"), 0.5)
+    monkeypatch.setattr(drawing, "RESOLUTION", 48)
+    monkeypatch.setattr(shared, "LONGEST_EDGE", 0.2)
+    monkeypatch.setattr(resolution, "FACES", (300, 900))
+    monkeypatch.setattr("dfd.editing.influence.instance_weights.symmetry_planes", lambda field, mesh: [])
+    for module in (compare, resolution):
+        monkeypatch.setattr(module, "run", lambda make, mesh, jobs, **_: [Done(mesh.vertices, seconds) for _ in jobs])
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ALONE)
-def test_every_page_is_made(name, context, tmp_path, monkeypatch, one_thread):
-    monkeypatch.setattr(drawing, "RESOLUTION", 48)
-    monkeypatch.setattr(fig10_timing, "FACES", (300, 3000))
-    monkeypatch.setattr(methods, "COMPARED", ("ARAP",))
-    monkeypatch.setattr(studies, "OTHERS", ("ARAP",))
-    monkeypatch.setattr(peer, "in_child", lambda function, *given, **_: function(*given))
+def test_every_page_is_made(name, context, tmp_path, small, one_thread):
     page = make(name, context)
     if name.startswith("fig"):
         assert page.title.startswith(f"Fig. {int(re.sub('[^0-9]', '', name))}:")
@@ -71,12 +78,19 @@ def test_every_page_is_made(name, context, tmp_path, monkeypatch, one_thread):
 def test_meshes_are_looked_for_in_the_folder_then_in_dfd_meshes_then_among_samples(folder, tmp_path, monkeypatch):
     known = {"cow": 1, "quadruped": 2, "*": 3}
     monkeypatch.delenv("DFD_MESHES", raising=False)
-    assert [(shape.name, case) for shape, case in Context().cases(known, most=5)] == [("quadruped", 2)]
-    assert [(shape.name, case) for shape, case in Context(folder=folder).cases(known, most=5)] == [("thing", 3)]
+    assert [(shape.name, case) for shape, case in Context().cases(known, (5, 5))] == [("quadruped", 2)]
+    assert [(shape.name, case) for shape, case in Context(folder=folder).cases(known, (5, 5))] == [("thing", 3)]
     trimesh.creation.box().export(tmp_path / "cow.obj")
     monkeypatch.setenv("DFD_MESHES", str(tmp_path))
-    assert [(shape.name, case) for shape, case in Context().cases(known, most=1)] == [("cow", 1)]
+    assert [(shape.name, case) for shape, case in Context().cases(known, (1, 1))] == [("cow", 1)]
     assert Context(folder=folder).shape("cow", "quadruped").name == "cow"
+
+
+@pytest.mark.parametrize("more", [{}, {"steps": 7}, {"supervision": "vertex", "steps": 7}])
+def test_a_fit_has_one_length(more):
+    for preset in ("paper", "default"):
+        settings = DistillSettings(**Context(quick=True).distill_settings(preset, **more))
+        assert (settings.steps, settings.epochs).count(None) == 1
 
 
 def test_places_are_given_along_the_box_and_large_faces_are_refined():
@@ -117,10 +131,10 @@ def test_edges_and_vertices_that_are_no_manifold_are_counted():
 
 def test_subdividing_keeps_holes():
     ball = trimesh.creation.icosphere(subdivisions=2)
-    open_ball = Shape("ball", dfd.Mesh(ball.vertices, ball.faces[5:]))
-    finer = subdivided(open_ball, 1).mesh
-    assert len(finer.faces) == 4 * len(open_ball.mesh.faces)
-    assert defects(finer).holes == defects(open_ball.mesh).holes == 1
+    open_ball = dfd.Mesh(ball.vertices, ball.faces[5:])
+    finer = subdivided(open_ball, 1)
+    assert len(finer.faces) == 4 * len(open_ball.faces)
+    assert defects(finer).holes == defects(open_ball).holes == 1
 
 
 def test_roughness_is_the_mean_slope():
@@ -181,10 +195,9 @@ def test_a_page_is_written_with_its_numbers(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_key_of_a_study_tells_which_option_is_which_and_the_sheet_does_not(context, tmp_path, monkeypatch):
-    monkeypatch.setattr(drawing, "RESOLUTION", 48)
-    monkeypatch.setattr(studies, "OTHERS", ())
-    monkeypatch.setattr(studies, "SEED", 3)
+def test_the_key_of_a_study_tells_which_option_is_which_and_the_sheet_does_not(context, tmp_path, small, monkeypatch):
+    monkeypatch.setattr(comparisons, "STUDY_PEERS", ())
+    monkeypatch.setattr(comparisons, "SEED", 3)
     told = write(make("study1", context), "study1", tmp_path, [], {}).read_text("utf-8")
     key = json.loads((tmp_path / "study1_key.json").read_text("utf-8"))
     options = {name: what for name, what in key["question 1"].items() if name != "shape"}
@@ -195,5 +208,4 @@ def test_the_key_of_a_study_tells_which_option_is_which_and_the_sheet_does_not(c
     for name in kinds:
         assert name not in told
         assert name not in (tmp_path / "study1.json").read_text("utf-8")
-    again = make("study1", context)
-    assert json.loads(again.files["study1_key.json"]) == key
+    assert json.loads(make("study1", context).files["study1_key.json"]) == key

@@ -12,12 +12,12 @@ from skinned_figure import skinned_figure
 
 import dfd
 from bench.quality.evaluate import Draw
-from bench.quality.looks import Looks, kept_looks, looks
 from bench.quality.parts import without_few
 from bench.quality.shapes import Shape
 from bench.training import learn_metric
 from bench.training.learn_kinds import KINDS, learn_kinds
 from bench.training.learn_metric import Lesson, discriminants, further_rigs, judged, report
+from bench.training.looks import Looks, kept_looks, looks
 from dfd.distillation.metric import Metric, find_metric
 from dfd.distillation.targets import PointTargets, unit
 from dfd.distillation.thickness import BANDS, thickness_bands
@@ -107,8 +107,8 @@ def test_equal_lessons_give_equal_kinds() -> None:
     one, again = (learn_kinds([figure("man", 0), figure("knight", 1)]) for _ in range(2))
     assert one is not None
     assert again is not None
-    for name, numbers in one.arrays().items():
-        np.testing.assert_array_equal(numbers, again.arrays()[name])
+    for name, numbers in vars(one).items():
+        np.testing.assert_array_equal(numbers, getattr(again, name))
 
 
 def test_no_kinds_are_learned_from_parts_that_are_none() -> None:
@@ -132,15 +132,13 @@ def test_what_only_teaches_is_not_judged() -> None:
 
 
 def test_further_rigs_have_the_names_of_their_joints_for_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("pygltflib")
     (tmp_path / "figure.glb").write_bytes(skinned_figure())
     (tmp_path / "lost.glb").write_bytes(skinned_figure(weights=b""))
     told: list[str] = []
     assert list(further_rigs(tmp_path, told.append)) == []  # three vertices are too few for a part
-    assert told == [
-        "figure.glb: fewer than two parts, got none",
-        "lost.glb: strongest_joints: an accessor reaches past the end of the file",
-    ]
+    assert told[0] == "figure.glb: fewer than two parts, got none"
+    assert told[1].startswith("lost.glb: load:")
+    assert told[1].endswith("accessor 3 has 3 items up to byte 48 of 0")
     monkeypatch.setattr(learn_metric, "without_few", partial(without_few, fewest=1))
     (shape,) = further_rigs(tmp_path, told.append)
     assert (shape.name, shape.parts) == ("figure", ("head", "upperarm.l", "upperarm.r"))
@@ -155,11 +153,11 @@ def test_looks_are_unit_and_taken_once(
     assert seen.features.shape == (len(mesh.vertices), encoder.dimension)
     assert seen.thickness.shape == (len(mesh.vertices), BANDS)
     np.testing.assert_allclose(np.linalg.norm(seen.features, axis=1), 1, atol=1e-5)
-    monkeypatch.setattr("bench.quality.looks.looks", lambda *_: seen)
+    monkeypatch.setattr("bench.training.looks.looks", lambda *_: seen)
     kept = kept_looks(tmp_path / "looks", mesh, encoder)
     np.testing.assert_allclose(kept.features, seen.features, atol=2e-3)
     np.testing.assert_array_equal(kept.thickness, seen.thickness)
-    monkeypatch.setattr("bench.quality.looks.looks", lambda *_: pytest.fail("looked again"))
+    monkeypatch.setattr("bench.training.looks.looks", lambda *_: pytest.fail("looked again"))
     again = kept_looks(tmp_path / "looks", mesh, encoder)
     np.testing.assert_array_equal(again.features, kept.features)
     np.testing.assert_array_equal(again.thickness, kept.thickness)
@@ -181,7 +179,7 @@ def test_what_is_learned_from_is_what_distillation_maps(
         return bands
 
     monkeypatch.setattr("dfd.distillation.algorithm.thickness_bands", recorded)
-    monkeypatch.setattr("bench.quality.looks.thickness_bands", recorded)
+    monkeypatch.setattr("bench.training.looks.thickness_bands", recorded)
     mesh = dfd.samples.chair(4000).mesh
     looks(mesh, encoder, views=4, resolution=64)
     dfd.distill(mesh, encoder, views=4, resolution=64, steps=2, up="file", cache=False, progress=False)

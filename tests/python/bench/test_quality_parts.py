@@ -53,10 +53,8 @@ def test_joints_fall_into_the_parts_of_a_character(joint, part):
     assert merged(joint) == part
 
 
-def test_vertices_take_the_joint_at_their_place_and_others_none():
-    mesh = Mesh(np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (9, 9, 9)]), np.array([(0, 1, 2), (1, 2, 3)]))
-    places = np.array([(0, 1.0, 0), (0, 0, 0), (1, 0, 0)])
-    labels, parts = label_vertices(mesh, places, ["foot.l", "hand.l", "antenna"], merged)
+def test_vertices_are_of_the_kind_of_their_joint_and_others_of_none():
+    labels, parts = label_vertices(["hand.l", None, "foot.l", "antenna"], merged)
     assert parts == ("foot", "hand")
     assert labels.tolist() == [1, -1, 0, -1]
 
@@ -82,7 +80,6 @@ def test_a_part_of_a_mesh_keeps_its_looks():
 
 
 def test_a_skinned_file_is_read_whole_and_without_what_only_hangs_on_a_bone(tmp_path):
-    pytest.importorskip("pygltflib")
     (tmp_path / "figure.glb").write_bytes(skinned_figure())
     told = []
     found = list(characters(tmp_path, told.append))
@@ -111,11 +108,12 @@ def test_a_skinned_file_is_read_whole_and_without_what_only_hangs_on_a_bone(tmp_
 
 
 def test_a_damaged_skin_is_told_and_left_out(tmp_path):
-    pytest.importorskip("pygltflib")
     (tmp_path / "figure.glb").write_bytes(skinned_figure(weights=b""))
     told = []
     assert list(characters(tmp_path, told.append)) == []
-    assert told == ["figure.glb: strongest_joints: an accessor reaches past the end of the file"]
+    (line,) = told
+    assert line.startswith("figure.glb: load:")
+    assert line.endswith("accessor 3 has 3 items up to byte 48 of 0")
 
 
 def test_settings_are_read_from_words():

@@ -51,7 +51,7 @@ def rig(tmp_path):
 
 def test_motions_are_those_of_the_animation(rig):
     mesh = dfd.load(rig, pose="bind")
-    moves = motions(rig, mesh, bones_of(mesh))
+    moves = motions(mesh, bones_of(mesh))
     assert len(moves) == 8
     end = np.append(mesh.vertices[2], 1)  # at x = 4: the node is twice as large, which a skin does not know
     np.testing.assert_allclose(moves[0][1] @ end, (2, 0, 0, 1), atol=1e-6)
@@ -62,7 +62,7 @@ def test_motions_are_those_of_the_animation(rig):
 def test_weights_that_differ_are_off_by_how_far_they_move(rig):
     mesh = dfd.load(rig, pose="bind")
     bones = bones_of(mesh)
-    turned = motions(rig, mesh, bones)[4:5]
+    turned = motions(mesh, bones)[4:5]
     difference = np.zeros_like(bones.weights)
     assert _off(mesh, bones, difference, turned) == 0
     difference[2] = (1, -1)  # the tip stays where it was
@@ -75,7 +75,7 @@ def test_weights_that_differ_are_off_by_how_far_they_move(rig):
 def test_the_artist_is_not_off_from_the_artist(rig):
     mesh = dfd.load(rig, pose="bind")
     field_of(mesh).save(rig.with_name("strip.field.safetensors"))
-    artist, _, off, *others = compared(rig, rig.parent)
+    artist, _, off, *others = compared(rig, mesh, bones_of(mesh), rig.parent)
     assert (artist, off) == (0, 0)
     straight, voxels, _, ours = np.array(others).reshape(4, 3)
     assert np.isfinite([straight, voxels, ours]).all()
@@ -106,9 +106,9 @@ def tube():
     starts = np.array([(0, 2.0, 0), (0.4, 0.1, 0)])
     ends = np.array([(0, 0.1, 0), (0.4, 2.0, 0)])
     mesh = dfd.Mesh(vertices, faces)
-    part = Primitive("tube", "tube", None, np.eye(4), (0, 0, 0), slice(0, len(vertices)), slice(0, len(faces)))
+    part = Primitive("tube", "tube", None, rows=slice(0, len(vertices)), faces=slice(0, len(faces)))
     skinned = np.ones(len(vertices), bool)
-    return mesh, Bones(("one", "other"), starts, ends, np.array([0, 1]), np.eye(2)[:1].repeat(len(vertices), 0),
+    return mesh, Bones(mesh, ("one", "other"), starts, ends, np.array([0, 1]), np.eye(2)[:1].repeat(len(vertices), 0),
                        skinned, (part,))  # fmt: skip
 
 
@@ -129,10 +129,11 @@ def test_a_bone_that_no_way_leads_to_has_no_weight(tube):
     mesh, bones = tube
     apart = np.concatenate([mesh.vertices, mesh.vertices + (9, 0, 0)])
     faces = np.concatenate([mesh.faces, mesh.faces + len(mesh.vertices)])
-    part = Primitive("two", "two", None, np.eye(4), (0, 0, 0), slice(0, len(apart)), slice(0, len(faces)))
-    both = Bones(bones.names, bones.starts, bones.ends, bones.joint, np.ones((len(apart), 2)),
+    part = Primitive("two", "two", None, rows=slice(0, len(apart)), faces=slice(0, len(faces)))
+    wide = dfd.Mesh(apart, faces)
+    both = Bones(wide, bones.names, bones.starts, bones.ends, bones.joint, np.ones((len(apart), 2)),
                  np.ones(len(apart), bool), (part,))  # fmt: skip
-    weights = geodesic_voxels(dfd.Mesh(apart, faces), both, np.array([0, 1]))
+    weights = geodesic_voxels(wide, both, np.array([0, 1]))
     np.testing.assert_array_equal(weights[len(mesh.vertices) :], np.eye(2)[[1]].repeat(len(mesh.vertices), 0))
 
 

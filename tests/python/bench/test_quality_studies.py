@@ -8,8 +8,7 @@ import pytest
 from bench.quality import studies
 from bench.quality.evaluate import Draw
 from bench.quality.fields import Lab
-from bench.quality.findings import compared, in_words
-from bench.quality.report import to_markdown
+from bench.quality.report import compared, in_words, to_markdown
 from bench.quality.shapes import Shape
 from bench.quality.studies import BARYCENTRIC, GREY, PLAIN, TEXTURED, VERTEX, Bench, Row, compare
 from dfd import Mesh, samples

@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bench.quality.families import family_of
-from bench.quality.parts import kind_of_part, without_few
+from bench.quality.parts import family_of, kind_of_part, without_few
 from bench.quality.shapes import Shape, rigs
-from bench.quality.studies import Row
-from bench.quality.upright import EUCLIDEAN, STUDY, TURNS, turned
-from bench.quality.upright import by_family as table
+from bench.quality.studies import EUCLIDEAN, FAMILIES_STUDY, TURNS, Row, turned
+from bench.quality.studies import by_family as table
 from bench.training.learn_up import LYING, decided, least_priors, raised, upright_shapes
 from bench.training.up_lessons import (
     FRAMES,
@@ -36,8 +34,8 @@ from bench.training.up_lessons import (
 )
 from dfd.samples import quadruped, robot
 from dfd.upright.probe import FORMS, TERMS
-from dfd.upright.probe_views import Seen
-from dfd.upright.stability import EVIDENCE, Standing
+from dfd.upright.probe_views import ViewTokens
+from dfd.upright.stability import EVIDENCE, StabilityCues
 
 
 @pytest.mark.parametrize(
@@ -93,10 +91,10 @@ def test_turned_shapes_keep_their_parts_and_lengths():
 
 def test_table_by_family_says_where_distance_is_as_good():
     rows = [
-        Row(STUDY, "horse", "dfd", {"precision": 0.8}),
-        Row(STUDY, "horse", EUCLIDEAN, {"precision": 0.6}),
-        Row(STUDY, "wolf", "dfd", {"precision": 0.6}),
-        Row(STUDY, "wolf", EUCLIDEAN, {"precision": 0.7}),
+        Row(FAMILIES_STUDY, "horse", "dfd", {"precision": 0.8}),
+        Row(FAMILIES_STUDY, "horse", EUCLIDEAN, {"precision": 0.6}),
+        Row(FAMILIES_STUDY, "wolf", "dfd", {"precision": 0.6}),
+        Row(FAMILIES_STUDY, "wolf", EUCLIDEAN, {"precision": 0.7}),
     ]
     text = table(rows)
     assert "| four-legged | 2 | 0.700 (2) | 0.650 (2) |" in text
@@ -171,12 +169,12 @@ def lessons(count):
     def seen(axes, up):
         tokens = generator.normal(size=(len(axes), 2, WIDTH)).astype(np.float32)
         tokens[:, 0, 0] += 4 * (axes[:, 1] @ up)
-        return Seen(tokens, axes)
+        return ViewTokens(tokens, axes)
 
     for number in range(count):
         around = tuple(seen(Rotation.random(4, rng=generator).as_matrix(), UPS[TRUE]) for _ in FRAMES)
         rotation = Rotation.random(rng=generator).as_matrix()
-        standing = Standing(mesh.vertices @ rotation.T, mesh.faces)
+        standing = StabilityCues(mesh.vertices @ rotation.T, mesh.faces)
         tilted = Tilted(seen(Rotation.random(24, rng=generator).as_matrix(), rotation @ UPS[TRUE]), rotation, standing)
         evidence = generator.normal(size=(len(FRAMES), len(EVIDENCE)))
         evidence[TRUE, EVIDENCE.index("middle")] += 3

@@ -200,7 +200,7 @@ def test_what_happened_is_said(run):
 
 def test_a_picture_is_taken_from_where_it_is_told(run):
     small = (*DEFORM, "--handle", 40, "--translate", 0, 0.3, 0)
-    with mock.patch("dfd.pictures.before_after.CELL", 64):
+    with mock.patch("dfd.pictures.sheet.BEFORE_AFTER_RESOLUTION", 64):
         assert worked(run(*small, "--picture", "own.png"))
         assert worked(run(*small, "--picture", "other.png", "--azimuth", 200, "--elevation", 60, "--zoom", 2))
     own, other = drawn("own.png"), drawn("other.png")

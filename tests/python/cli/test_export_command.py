@@ -53,7 +53,7 @@ def test_forms_influences_and_poses(run, tmp_path):
     assert worked(run(*EXPORT, "-o", "moved.off", "--as", "baked"))
     result = run(*EXPORT, "-o", "rig.glb", "--influences", "1")
     assert worked(result)
-    assert "up to 1 for a vertex; off dfd.pose by up to" in result.stderr
+    assert "up to 1 for a vertex; maximum deviation from dfd.pose:" in result.stderr
 
 
 @pytest.mark.usefixtures("edited")

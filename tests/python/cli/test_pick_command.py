@@ -82,7 +82,7 @@ def test_pictures_that_say_nothing_and_other_meshes_are_refused(run, heat, folde
     Image.new("RGB", (9, 9)).save("plain.png")
     assert failed(run("pick", "plain.png", 1, 1), "plain.png: the picture does not say how it was taken")
     Path("text.png").write_text("no picture")
-    assert failed(run("pick", "text.png", 1, 1), "text.png: no PNG file that can be read")
+    assert failed(run("pick", "text.png", 1, 1), "text.png is not a PNG file that can be read")
     assert failed(run("pick", "none.png", 1, 1), "none.png: No such file")
     dfd.samples.quadruped(4000).mesh.save("other.obj")
     assert failed(run("pick", heat, 100, 100, "other.obj"), "`mesh` must be the one that the picture shows")

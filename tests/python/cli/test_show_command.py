@@ -51,7 +51,7 @@ def test_show_makes_a_sheet_of_handles_and_sides(run):
 
 
 def test_a_handle_is_shown_from_its_own_side(run, chair):
-    from dfd.pictures.before_after import ASIDE, azimuth_towards
+    from dfd.pictures.viewpoint import ASIDE, azimuth_towards
 
     middle = chair.bounds.mean(axis=0)
     assert azimuth_towards(chair, [middle + [1, 5, 0]]) == pytest.approx(90 + ASIDE)

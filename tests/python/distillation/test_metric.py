@@ -116,11 +116,8 @@ def test_contrast_may_shrink_only_where_it_is_allowed(features: np.ndarray) -> N
 def test_kinds_are_what_the_twin_says(kinds: Kinds, features: np.ndarray) -> None:
     before = features.copy()
     rows = kinds.likely(features, features.mean(axis=0))
-    arrays = kinds.arrays()
-    names = ("kinds_hidden", "kinds_hidden_bias", "kinds_output", "kinds_output_bias")
-    twin = reference.kinds_of_parts(
-        features, features.mean(axis=0, dtype=np.float64), *(arrays[name] for name in names)
-    )
+    arrays = (kinds.hidden, kinds.hidden_bias, kinds.output, kinds.output_bias)
+    twin = reference.kinds_of_parts(features, features.mean(axis=0, dtype=np.float64), *arrays)
     np.testing.assert_allclose(rows, twin, atol=1e-5)
     np.testing.assert_allclose(np.square(twin).sum(axis=1), 1)
     np.testing.assert_array_equal(features, before)
@@ -195,13 +192,13 @@ def test_the_hash_is_of_every_number(metric: Metric, kinds: Kinds, tmp_path: Pat
 def test_damaged_kinds_are_refused(metric: Metric, kinds: Kinds, tmp_path: Path) -> None:
     path = tmp_path / "metric.safetensors"
     replace(metric, kinds=replace(kinds, output=kinds.output[:7])).save(path)
-    with pytest.raises(ValueError, match=r"^Metric\.load: `kinds_output` must be finite, \(8, 5\), got \(7, 5\) in "):
+    with pytest.raises(ValueError, match=r"^Metric\.load: `kinds_output` must have shape \(8, K\), got \(7, 5\) in "):
         Metric.load(path)
     replace(metric, kinds=replace(kinds, hidden=kinds.hidden[:15])).save(path)
-    with pytest.raises(ValueError, match=r"`kinds_hidden` must be finite, \(16, 8\), got \(15, 8\)"):
+    with pytest.raises(ValueError, match=r"`kinds_hidden` must have shape \(16, n\), got \(15, 8\)"):
         Metric.load(path)
     replace(metric, kinds=replace(kinds, output_bias=np.full(5, np.inf, np.float32))).save(path)
-    with pytest.raises(ValueError, match=r"`kinds_output_bias` must be finite, \(5,\), got \(5,\)"):
+    with pytest.raises(ValueError, match=r"`kinds_output_bias` must be finite, got inf at"):
         Metric.load(path)
 
 
@@ -213,7 +210,7 @@ def test_metrics_of_another_version_are_refused(metric: Metric, tmp_path: Path) 
     linear = {"directions": metric.directions, "thickness_directions": metric.thickness_directions}
     save_file({**linear, "heads": np.ones(3)}, tmp_path / "new.safetensors", told)
     for name in ("old", "without", "new"):
-        with pytest.raises(ValueError, match="holds no metric of this version"):
+        with pytest.raises(ValueError, match="does not hold dfd metric 3"):
             Metric.load(tmp_path / f"{name}.safetensors")
 
 
@@ -224,15 +221,18 @@ def test_damaged_and_foreign_metrics_are_refused(metric: Metric, encoder: Encode
     with pytest.raises(ValueError, match=r"^Metric\.load: .* is no whole \.safetensors file"):
         Metric.load(path)
     save_file({"height": np.zeros(3, np.float32)}, path)
-    with pytest.raises(ValueError, match="holds no metric"):
+    with pytest.raises(ValueError, match="does not hold dfd metric 3"):
         Metric.load(path)
     replace(metric, directions=np.full((16, 3), np.nan, np.float32)).save(path)
-    with pytest.raises(ValueError, match=r"`directions` in .* must be finite, \(D, d\), got \(16, 3\)"):
+    with pytest.raises(ValueError, match=r"`directions` must be finite, got nan at .* in "):
         Metric.load(path)
-    for damaged in (np.zeros((BANDS - 1, 3), np.float32), np.full((BANDS, 3), np.inf, np.float32)):
-        replace(metric, thickness_directions=damaged).save(path)
-        wanted = rf"`thickness_directions` in .* must be finite, \({BANDS}, 3\), got \({len(damaged)}, 3\)"
-        with pytest.raises(ValueError, match=wanted):
+    damaged = np.zeros((BANDS - 1, 3), np.float32)
+    for thickness, found in (
+        (damaged, rf"have shape \({BANDS}, 3\), got"),
+        (np.full((BANDS, 3), np.inf), "be finite, got inf"),
+    ):
+        replace(metric, thickness_directions=thickness).save(path)
+        with pytest.raises(ValueError, match=f"`thickness_directions` must {found}"):
             Metric.load(path)
     replace(metric, encoder_block=2, encoder_weights="others").save(path)
     with pytest.raises(ValueError, match="was learned from another encoder than"):

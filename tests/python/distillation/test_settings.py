@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import typing
 from typing import Any
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from dfd.distillation.settings import DistillOptions, DistillSettings
+from dfd.distillation.settings import DistillSettings
 
 
 @pytest.mark.parametrize(
@@ -153,10 +152,7 @@ def test_every_setting_belongs_to_the_encoder_up_the_pictures_the_spreading_or_t
     } == settings.as_dict()
 
 
-def test_programs_that_check_calls_know_the_same_settings_of_the_same_types() -> None:
-    assert typing.get_type_hints(DistillOptions) == {
-        name: field.annotation for name, field in DistillSettings.model_fields.items()
-    }
+def test_each_one_is_described() -> None:
     assert all(
         f"    {name}\n        {field.description}" in (DistillSettings.__doc__ or "")
         for name, field in DistillSettings.model_fields.items()

@@ -31,7 +31,7 @@ def colored(views: Views, color: NDArray[np.floating]) -> PixelTargets:
 
 def spread(views: Views, pixels: PixelTargets, **how: Any) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Points, and their targets as features (N, D)."""
-    targets = smoothing.spread(views, pixels, stages=Stages(show=False), **how)
+    targets = smoothing.smooth_along_surface(views, pixels, stages=Stages(show=False), **how)
     return targets.points, targets.features
 
 
@@ -101,13 +101,13 @@ def test_ground_that_was_laid_before_gives_the_same() -> None:
     views = views_of(two_sheets(0.5))
     pixels = colored(views, np.abs(views.points) + 0.1)
     points, targets = spread(views, pixels, smoothing=0.2, seed=3)
-    ground = smoothing.lay_ground(views, pixels.grid, smoothing=0.2, seed=3)
-    again = spread(views, pixels, smoothing=0.2, seed=3, ground=lambda: ground)
+    problem = smoothing.build_diffusion(views, pixels.grid, smoothing=0.2, seed=3)
+    again = spread(views, pixels, smoothing=0.2, seed=3, problem=lambda: problem)
     np.testing.assert_array_equal(points, again[0])
     np.testing.assert_array_equal(targets, again[1])
 
 
-def test_more_smoothing_leaves_neighbours_more_alike_and_all_as_far_apart() -> None:
+def test_more_smoothing_leaves_neighbors_more_alike_and_all_as_far_apart() -> None:
     views = views_of(two_sheets(0.5))
     noise = np.random.default_rng(0).random((len(views.points), 4))
     pixels = colored(views, noise)
@@ -127,7 +127,7 @@ def test_more_smoothing_leaves_neighbours_more_alike_and_all_as_far_apart() -> N
 def test_targets_know_their_piece_where_there_are_several() -> None:
     gap = 0.4
     views = views_of(two_sheets(gap))
-    targets = smoothing.spread(
+    targets = smoothing.smooth_along_surface(
         views, colored(views, np.ones((len(views.points), 1))), smoothing=0.3, seed=0, stages=Stages(show=False)
     )
     assert targets.piece is not None
@@ -136,7 +136,7 @@ def test_targets_know_their_piece_where_there_are_several() -> None:
     np.testing.assert_allclose(targets.boxes[1, [1, 4]] - targets.boxes[0, [1, 4]], gap * views.scale, atol=1e-5)
     box = trimesh.creation.box((1, 1, 1))
     one = views_of(Mesh(box.vertices, box.faces))
-    alone = smoothing.spread(
+    alone = smoothing.smooth_along_surface(
         one, colored(one, np.ones((len(one.points), 1))), smoothing=0.3, seed=0, stages=Stages(show=False)
     )
     assert alone.piece is None

@@ -14,7 +14,7 @@ import pytest
 import dfd
 from dfd import reference
 from dfd.app.session.columns import Columns
-from dfd.app.session.state import Looks, empty_state, state_message
+from dfd.app.session.state import ViewState, state_message
 from dfd.cli.options import FalloffOption, ReachOption
 from dfd.common.preset import Preset
 from dfd.editing.controls import Controls, controls_of
@@ -78,14 +78,14 @@ def test_values_made_of_nothing_are_those_of_the_default():
 def test_the_page_is_told_what_a_new_handle_has(mesh, field, features, preset):
     session = dfd.Deformer(mesh, field, preset=preset, features=features)
     found = SymmetryPlane((1.0, 0.0, 0.0), 0.0, 0.05, band=9.0)
-    state = state_message(session, Columns(session), Looks(planes={preset: [found]}), after=0)
+    state = state_message(ViewState(planes={preset: [found]}), session, Columns(session), after=0)
     defaults = PRESETS[preset]
-    assert (state.preset, state.presets) == (preset, NAMES)
+    assert state.preset == preset
     assert (state.new_handle.reach, state.new_handle.falloff) == (defaults.reach, defaults.falloff)
     assert (state.overlap, state.blend) == (defaults.overlap, defaults.blend)
     assert [plane.band for plane in state.planes] == pytest.approx([defaults.band * max(mesh.extents)])
     if preset == "default":
-        empty = empty_state(Looks(), after=0)
+        empty = state_message(ViewState(), after=0)
         assert (empty.preset, empty.new_handle, empty.overlap) == (state.preset, state.new_handle, state.overlap)
 
 

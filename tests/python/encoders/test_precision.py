@@ -12,7 +12,7 @@ from tiny_families import Saved
 
 from dfd.encoders import precision
 from dfd.encoders.encode import load_encoder
-from dfd.encoders.identity import find_identity, loaded_identity
+from dfd.encoders.loading import find_identity, loaded_identity
 from dfd.encoders.precision import choose_precision, save_device, saved_device, saved_precision
 
 CPU = torch.device("cpu")
@@ -130,7 +130,7 @@ def test_what_an_encoder_will_be_is_known_once_one_was_loaded(dinov2: Saved, mon
 def test_looking_takes_no_torch(dinov2: Saved) -> None:
     load_encoder(dinov2.folder, device="cpu")
     code = (
-        "import sys\nfrom dfd.encoders.identity import find_identity\n"
+        "import sys\nfrom dfd.encoders.loading import find_identity\n"
         f"print(find_identity({str(dinov2.folder)!r}, 'cpu') is not None, 'torch' in sys.modules)"
     )
     asked = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -20,9 +20,9 @@ from tiny_encoder import save_tiny_encoder
 from tiny_families import SIZES, tokens
 
 from dfd.encoders import sources
-from dfd.encoders.background import load_in_background
 from dfd.encoders.encode import load_encoder
 from dfd.encoders.known import DEFAULT_ENCODER
+from dfd.encoders.loading import load_in_background
 from dfd.encoders.sources import find_weights
 
 pytestmark = pytest.mark.usefixtures("one_thread")

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from safetensors.numpy import load_file, save_file
 
 import dfd
-from dfd.distillation.pieces import keep_pieces
+from dfd.distillation.fit import fit_component_residuals
 from dfd.distillation.targets import PointTargets
-from dfd.field.component_residuals import Pieces, pieces_of_vertices
+from dfd.field.component_residuals import ComponentResiduals, pieces_of_vertices
 from dfd.mesh.mesh import Mesh
 
 WIDTH = 12
@@ -41,7 +41,7 @@ def kept(mesh: Mesh) -> tuple[dfd.Field, NDArray[np.float32]]:
     wanted = np.eye(WIDTH, dtype=np.float32)[piece]
     field = made_field(dimension=WIDTH, width=16, layers=2, octaves=2, scale=1.0)
     targets = PointTargets(mesh.vertices.astype(np.float32), wanted, None, piece, boxes)
-    return keep_pieces(field, targets), wanted
+    return fit_component_residuals(field, targets), wanted
 
 
 def test_each_piece_has_its_own_features_where_they_share_a_place() -> None:
@@ -90,21 +90,21 @@ def test_features_change_nowhere_at_once() -> None:
     random = np.random.default_rng(0)
     points = random.uniform(-1, 1, (300, 3)).astype(np.float32)
     differences = random.normal(size=(300, WIDTH)).astype(np.float16)
-    pieces = Pieces(np.array([[-1, -1, -1, 1, 1, 1]]), points, np.zeros(300, np.int32), differences)
+    pieces = ComponentResiduals(np.array([[-1, -1, -1, 1, 1, 1]]), points, np.zeros(300, np.int32), differences)
     steps = 20_000
     line = np.linspace([-0.9, -0.8, -0.7], [0.9, 0.7, 0.8], steps)
     rows = np.tile(np.eye(WIDTH, dtype=np.float32)[0] * 1, (steps, 1))
-    told = pieces.told_apart(rows, line, np.zeros(steps, np.int64))
+    told = pieces.add_residuals(rows, line, np.zeros(steps, np.int64))
     assert np.linalg.norm(np.diff(told, axis=0), axis=1).max() < 0.02
     np.testing.assert_array_equal(rows, np.tile(np.eye(WIDTH)[0], (steps, 1)))  # nothing changes its inputs
-    assert pieces.told_apart(rows, line, np.full(steps, -1)).tobytes() == rows.tobytes()
+    assert pieces.add_residuals(rows, line, np.full(steps, -1)).tobytes() == rows.tobytes()
 
 
 def test_one_piece_needs_nothing_more() -> None:
     box = dfd.Mesh(np.eye(4, 3), [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]])
     field = made_field(dimension=WIDTH, width=16, layers=2, octaves=2)
     targets = PointTargets(box.vertices.astype(np.float32), np.eye(4, WIDTH, dtype=np.float32), None)
-    assert keep_pieces(field, targets) is field
+    assert fit_component_residuals(field, targets) is field
 
 
 def test_pieces_of_vertices_take_seams_together_and_leave_loose_vertices_out() -> None:
@@ -167,12 +167,12 @@ def test_damaged_pieces_are_refused(tmp_path: Path, name: str, change: object, s
 
 def test_pieces_of_another_width_are_refused() -> None:
     field, _ = kept(shells())
-    narrow = Pieces(np.zeros((1, 6)), np.zeros((2, 3)), np.zeros(2, np.int32), np.zeros((2, 3)))
+    narrow = ComponentResiduals(np.zeros((1, 6)), np.zeros((2, 3)), np.zeros(2, np.int32), np.zeros((2, 3)))
     with pytest.raises(ValueError, match="`pieces` must be 12 wide, got 3"):
         field.with_pieces(narrow)
 
 
 def test_widened_pieces_differ_in_the_wider_features() -> None:
     directions = np.linalg.qr(np.random.default_rng(1).normal(size=(6, 4)))[0].T.astype(np.float32)
-    pieces = Pieces(np.zeros((1, 6)), np.zeros((2, 3)), np.zeros(2, np.int32), np.eye(2, 4))
+    pieces = ComponentResiduals(np.zeros((1, 6)), np.zeros((2, 3)), np.zeros(2, np.int32), np.eye(2, 4))
     np.testing.assert_allclose(pieces.widened(directions).differences, np.eye(2, 4) @ directions, atol=1e-3)

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 import dfd
 from dfd.distillation.settings import DistillSettings
-from dfd.upright.candidates import UP_WORDS, Up, axis_frames, check_up, said_up
-from dfd.upright.find_up import ASKEW, CLEAR, SAME, candidates, decide, find_up, prior
+from dfd.upright.candidates import UP_WORDS, Up, axis_frames, check_up, explicit_up
+from dfd.upright.find_up import CLEAR, SAME, UNALIGNED_PRIOR, candidates, decide, find_up, prior
 from dfd.upright.probe import (
     FORM_TOKENS,
     FORMS,
@@ -24,8 +24,8 @@ from dfd.upright.probe import (
     VECTORS,
     find_probe,
 )
-from dfd.upright.probe_views import SIDES, Around
-from dfd.upright.stability import RESTS, Standing
+from dfd.upright.probe_views import SIDES, ProbeCameras
+from dfd.upright.stability import RESTS, StabilityCues
 from dfd.views.render import render
 
 
@@ -52,23 +52,23 @@ def test_what_is_no_direction_is_refused(up):
 def test_a_mesh_without_extent_along_up_is_refused():
     sheet = dfd.Mesh([[0, 0, 0], [1, 0, 0], [0, 0, 1]], [[0, 1, 2]])
     with pytest.raises(ValueError, match=r"`up` must be a direction that `mesh` has some extent along, got '\+y'"):
-        said_up(sheet, "+y")
-    assert said_up(sheet, "file").direction.tolist() == [0, 1, 0]  # as before there was anything to say
+        explicit_up(sheet, "+y")
+    assert explicit_up(sheet, "file").direction.tolist() == [0, 1, 0]  # as before there was anything to say
 
 
 @given(st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda up: np.linalg.norm(up) > 1e-3))
 @settings(max_examples=50, deadline=None)
 def test_frames_are_rotations_with_that_up(up):
-    frame = said_up(table(), check_up(up)).frame
+    frame = explicit_up(table(), check_up(up)).frame
     assert np.allclose(frame @ frame.T, np.eye(3))
     assert np.linalg.det(frame) == pytest.approx(1)
     assert np.allclose(frame[1], np.array(up) / np.linalg.norm(up))
 
 
 def test_the_files_own_up_is_no_turn_at_all():
-    assert np.array_equal(said_up(table(), "+y").frame, np.eye(3))
-    assert str(said_up(table(), "+y")) == "+y"
-    assert str(Up(said_up(table(), (0.0, 0.6, 0.8)).frame, 1.0, "said")) == "0.000, 0.600, 0.800"
+    assert np.array_equal(explicit_up(table(), "+y").frame, np.eye(3))
+    assert str(explicit_up(table(), "+y")) == "+y"
+    assert str(Up(explicit_up(table(), (0.0, 0.6, 0.8)).frame, 1.0, "said")) == "0.000, 0.600, 0.800"
 
 
 def test_six_frames_of_an_axis_each():
@@ -82,7 +82,7 @@ def test_six_frames_of_an_axis_each():
 def test_candidates_come_in_pairs_and_a_tilted_table_rests_on_its_legs_in_one(seed):
     mesh = table()
     rotation = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
-    standing = Standing(mesh.vertices @ rotation.T, mesh.faces)
+    standing = StabilityCues(mesh.vertices @ rotation.T, mesh.faces)
     frame = standing.frame()
     found = candidates(standing, frame, np.zeros((3, 3)))
     assert 6 + 2 <= len(found) <= 2 * (3 + RESTS + 4)
@@ -97,7 +97,7 @@ def test_the_axis_that_pictures_vote_for_is_a_candidate_and_leans_into_the_mirro
     """What pictures tell is rough: with the mirror plane upright it is nearer to the truth."""
     mesh = table()
     rotation = Rotation.random(rng=np.random.default_rng(0)).as_matrix()
-    standing = Standing(mesh.vertices @ rotation.T, mesh.faces)
+    standing = StabilityCues(mesh.vertices @ rotation.T, mesh.faces)
     frame = standing.frame()
     rough = frame[0] + 2 * frame[1] + 1.5 * frame[2]
     rough /= np.linalg.norm(rough)
@@ -125,7 +125,7 @@ def voting_for(seen, up, encoder):
 
 def test_pictures_decide_when_the_surface_says_nothing(encoder):
     mesh, frames = table(), np.stack(axis_frames(np.eye(3)))
-    form, vector = voting_for(Around(mesh, encoder).seen(frames, SIDES), np.array([0.0, 0, -1]), encoder)
+    form, vector = voting_for(ProbeCameras(mesh, encoder).seen(frames, SIDES), np.array([0.0, 0, -1]), encoder)
     odds = np.zeros((3, len(TERMS)))
     odds[1, : len(LOOKS)] = 100.0
     found = find_up(mesh, encoder, probe=probe_of(encoder, form=form, vector=vector, odds=odds))
@@ -246,10 +246,10 @@ def test_a_tilted_shape_is_looked_at_along_all_axes_and_then_as_it_would_stand(e
 def test_what_files_have_by_convention_counts_half_for_a_tilted_shape(encoder):
     tilted, _ = tilted_table()
     silent = probe_of(encoder, odds=np.zeros((3, len(TERMS))), file_up=9.0, file_down=8.0, file_z=1.0)
-    standing = Standing(tilted.vertices, tilted.faces)
+    standing = StabilityCues(tilted.vertices, tilted.faces)
     count = len(candidates(standing, standing.frame(), np.zeros((3, 3))))
     found = find_up(tilted, encoder, probe=silent)
-    odds = np.exp(ASKEW * np.array([9.0, 8, 1, 1, *[0] * (count - 4)]))
+    odds = np.exp(UNALIGNED_PRIOR * np.array([9.0, 8, 1, 1, *[0] * (count - 4)]))
     assert str(found) == "+y"
     assert found.confidence == pytest.approx(odds[:2].sum() / odds.sum(), rel=0.05)  # one candidate more or less
 
@@ -281,7 +281,7 @@ def test_pictures_in_a_frame_are_those_of_the_turned_mesh():
     mesh = table()
     z_up = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
     lying = dfd.Mesh(mesh.vertices @ z_up.T, mesh.faces)
-    frame = said_up(lying, "+z").frame
+    frame = explicit_up(lying, "+z").frame
     assert np.allclose(frame, z_up.T)
     standing = render(mesh, views=8, resolution=64, mirrored=True)
     seen = render(lying, views=8, resolution=64, mirrored=True, frame=frame)

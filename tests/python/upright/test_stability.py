@@ -9,12 +9,12 @@ from scipy.spatial.transform import Rotation
 
 import dfd
 from dfd.upright.candidates import axis_frames
-from dfd.upright.stability import EVIDENCE, Standing
+from dfd.upright.stability import EVIDENCE, StabilityCues
 
 
 def test_evidence_of_a_table():
     mesh = table()
-    standing = Standing(mesh.vertices, mesh.faces)
+    standing = StabilityCues(mesh.vertices, mesh.faces)
     upright, upside_down = (
         dict(zip(EVIDENCE, standing.evidence(frame), strict=True)) for frame in axis_frames(np.eye(3))[2:4]
     )
@@ -31,15 +31,15 @@ def test_a_table_on_two_of_its_legs_would_fall():
     mesh = table()
     angle = np.radians(20)
     frame = np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
-    assert Standing(mesh.vertices, mesh.faces).evidence(frame)[EVIDENCE.index("stable")] == 0
+    assert StabilityCues(mesh.vertices, mesh.faces).evidence(frame)[EVIDENCE.index("stable")] == 0
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_tilted_shape_gets_axes_of_its_own(seed):
     mesh = table()
-    assert np.array_equal(Standing(mesh.vertices, mesh.faces).frame(), np.eye(3))
+    assert np.array_equal(StabilityCues(mesh.vertices, mesh.faces).frame(), np.eye(3))
     rotation = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
-    frame = Standing(mesh.vertices @ rotation.T, mesh.faces).frame()
+    frame = StabilityCues(mesh.vertices @ rotation.T, mesh.faces).frame()
     assert np.linalg.det(frame) == pytest.approx(1)
     assert np.abs(frame @ rotation[:, 1]).max() > np.cos(np.radians(3))
 
@@ -49,7 +49,7 @@ def test_a_shape_rests_where_its_middle_is_above_an_edge():
     frame = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
     for tip, ways in (((0.5, 0.8, 0), 3), ((3.0, 0.5, 0), 2)):
         mesh = dfd.Mesh([[0, 0, 0], [1, 0, 0], tip], [[0, 1, 2]])
-        ups = Standing(mesh.vertices, mesh.faces).resting(frame)
+        ups = StabilityCues(mesh.vertices, mesh.faces).stable_ups(frame)
         heights = [mesh.vertices @ up for up in ups]
         lowest = [np.sort(height - height.min())[1] for height in heights]
         assert sum(second < 1e-9 for second in lowest) == ways

@@ -214,7 +214,7 @@ def test_inputs_stay_as_they_were() -> None:
 def test_a_shape_without_area_is_refused() -> None:
     line = Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2], [0, 0, 1]])
     for supervision in ("barycentric", "vertex"):
-        with pytest.raises(ValueError, match="render: `mesh` is seen by no camera"):
+        with pytest.raises(ValueError, match="render: no camera ray hits `mesh`"):
             render(line, views=3, resolution=16, supervision=supervision)
     with pytest.raises(ValueError, match="`mesh` must have some extent"):
         render(Mesh(np.ones((3, 3)), [[0, 1, 2]]))

@@ -19,6 +19,7 @@ endif()
 find_program(NPM npm)
 if(NPM)
   file(GLOB_RECURSE page_sources CONFIGURE_DEPENDS ${client}/src/* ${client}/public/*)
+  list(FILTER page_sources EXCLUDE REGEX "/messages\\.ts$") # types, made for checks alone
   list(APPEND page_sources ${client}/index.html ${client}/package-lock.json ${client}/vite.config.ts)
   add_custom_command(
     OUTPUT ${page}

@@ -1,6 +1,4 @@
-"""What the page and the server say to each other over the WebSocket at /ws; the page's types are made from here.
-
-    python -m dfd.app.protocol > python/dfd/app/client/src/protocol.schema.json
+"""What the page and the server say to each other over the WebSocket at /ws.
 
 The page sends JSON texts, each with a `type` and a number `id` of its own choosing. The server answers every one that
 succeeds by one message with the same `id` (`done` unless another is named below) and one that does not by `failure`.
@@ -28,100 +26,7 @@ the edit what it makes of them (`state`), so that reach, falloff and locality ac
     V' = V + Σ W_k (D_k V − V) + max(1 − Σ W_k, 0) (D₀ V − V)      Eq. 1 in its adding form, where `posing` is "shader"
 
 A column with instances acts through them instead: W_k D_k is the sum of min(gain · share · W_k, 1) times the instance's
-own transform M, with the handle's linear part L, translation t and the instance's `frame` F and `pivot` p: M's linear
-part is F L Fᵀ, and M maps p to p + F t. Where the handle has a pivot of its own, p is `position` + F (pivot − where the
-handle rests) instead. An instance lies on the side of a plane of symmetry where its `position` does.
+own transform M, with the handle's linear part L, translation t and the instance's `frame` F: M's linear part is F L Fᵀ,
+and M maps p to p + F t, where p is `position` + F (pivot − where the handle rests). An instance lies on the side of a
+plane of symmetry where its `position` does.
 """
-
-from __future__ import annotations
-
-import json
-from typing import Annotated, Any
-
-from pydantic import Field, TypeAdapter
-from pydantic.json_schema import models_json_schema
-
-from dfd.app.protocol.answers import (
-    VERSION,
-    AlikeMessage,
-    DoneMessage,
-    DownloadMessage,
-    FailureMessage,
-    ProgressMessage,
-    ReportMessage,
-    ScriptMessage,
-    SessionMessage,
-    StartMessage,
-    StateMessage,
-    SuggestionsMessage,
-)
-from dfd.app.protocol.binaries import (
-    ColorsMessage,
-    ColumnsMessage,
-    DetailMessage,
-    HeatMessage,
-    InstancesMessage,
-    MeshMessage,
-    PositionsMessage,
-)
-from dfd.app.protocol.parts import Model
-from dfd.app.protocol.requests import ClientMessage
-
-__all__ = ["VERSION", "ClientMessage", "ServerMessage", "client_message", "schema"]
-
-ServerMessage = Annotated[
-    SessionMessage
-    | StartMessage
-    | StateMessage
-    | DoneMessage
-    | FailureMessage
-    | ProgressMessage
-    | ReportMessage
-    | SuggestionsMessage
-    | AlikeMessage
-    | DownloadMessage
-    | ScriptMessage
-    | MeshMessage
-    | DetailMessage
-    | ColumnsMessage
-    | InstancesMessage
-    | HeatMessage
-    | PositionsMessage
-    | ColorsMessage,
-    Field(discriminator="type"),
-]
-
-_CLIENT: TypeAdapter[Any] = TypeAdapter(ClientMessage)
-
-
-def client_message(text: str | bytes) -> Any:
-    """The message in a text of the page; raises pydantic's `ValidationError` if it is none."""
-    return _CLIENT.validate_json(text)
-
-
-class Client(Model):
-    """Any message of the page."""
-
-    message: ClientMessage
-
-
-class Server(Model):
-    """Any message of the server, or the header of one that is binary."""
-
-    message: ServerMessage
-
-
-def schema() -> str:
-    """The JSON Schema of all messages, as the file in the client's sources holds it."""
-    _, definitions = models_json_schema([(Client, "validation"), (Server, "serialization")])
-    document = {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "Protocol",
-        "type": "object",
-        "properties": {
-            name: {"$ref": f"#/$defs/{title}"} for name, title in (("client", "Client"), ("server", "Server"))
-        },
-        "required": ["client", "server"],
-        **definitions,
-    }
-    return json.dumps(document, indent=1, sort_keys=True, ensure_ascii=False) + "\n"

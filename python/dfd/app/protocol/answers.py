@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import JsonValue
-
-from dfd.app.protocol.parts import Frame, Identifier, KeyPose, Model, Number, Plane, PoseTransform, Vector
+from dfd.app.protocol.parts import Frame, Identifier, KeyPose, Model, Plane, PoseTransform, Vector
+from dfd.common.preset import Preset
+from dfd.editing.controls import Blend, Falloff, Instances, Overlap
 
 __all__ = ["Answer"]
 
@@ -59,30 +59,28 @@ class HandleState(Model):
     pivot: Vector  # what it turns and scales about
     own_pivot: bool  # whether that was set; otherwise it is `position`
     axes: Frame | None  # along which it scales, one a row; null is the mesh's own
-    reach: Number  # what "auto" found, where `controls` says so
-    falloff: str
-    locality: Number
-    radius: Number | None  # mesh units, in place of the locality
-    exponent: Number  # λ of the formula: the locality, or what makes the radius's falloff
-    strength: Number
-    instances: str  # a name of `state.instances`
+    reach: float  # what "auto" found, where that is asked for
+    falloff: Falloff
+    locality: float
+    radius: float | None  # mesh units, in place of the locality
+    exponent: float  # λ of the formula: the locality, or what makes the radius's falloff
+    strength: float
+    instances: Instances
     level: bool  # whether all instances follow with full weight
     without_instances: tuple[int, ...]  # vertices on those that are switched off
     within: int  # how many vertices the region has beyond which nothing follows; 0 is everywhere
-    within_width: Number  # mesh units beyond that region, over which it fades
+    within_width: float  # mesh units beyond that region, over which it fades
     region: int  # how many vertices it holds as one; 0 where it is no region
-    kind: Literal["distance", "weight"]
-    gain: Number  # what Eq. 6 left at the handle, undone
+    gain: float  # what Eq. 6 left at the handle, undone
     column: int  # the number of its column; the same number is the same data
     moved: bool  # whether its transform does anything
-    controls: dict[str, JsonValue]  # everything that the edit document says of it
 
 
 class NewHandle(Model):
     """What a new handle of the session's preset has, by which the page shows what one would hold."""
 
-    reach: Number
-    falloff: str
+    reach: float
+    falloff: Falloff
 
 
 class FixedState(Model):
@@ -90,16 +88,15 @@ class FixedState(Model):
 
     vertex: int | None
     position: Vector
-    strength: Number
+    strength: float
     region: int
 
 
 class FieldState(Model):
-    """Whether the shape has a field, where it came from, and what its distillation does."""
+    """Whether the shape has a field, and where it came from."""
 
     status: Literal["none", "distilling", "preparing", "ready"]
     origin: str | None  # "file", "cache", "distilled"
-    settings: dict[str, JsonValue]
 
 
 class StateMessage(Answer):
@@ -107,26 +104,19 @@ class StateMessage(Answer):
 
     type: Literal["state"] = "state"
     after: int  # the number of the newest request that it includes
-    edit: dict[str, JsonValue]  # the document that `dfd deform --edit` takes
-    handles: tuple[HandleState, ...]
-    fixed: tuple[FixedState, ...]
-    fixed_column: int  # the number of the column of fixed places; 0 where nothing is fixed
-    symmetry: Plane | None
-    planes: tuple[Plane, ...]  # that were found
-    default: PoseTransform | None  # D₀, with handle 0 … and its pivot
-    preset: str  # "default", or "paper" for its equations to the letter
-    presets: tuple[str, ...]
+    handles: tuple[HandleState, ...] = ()
+    fixed: tuple[FixedState, ...] = ()
+    fixed_column: int = 0  # the number of the column of fixed places; 0 where nothing is fixed
+    symmetry: Plane | None = None
+    planes: tuple[Plane, ...] = ()  # that were found
+    default: PoseTransform | None = None  # D₀, with handle 0 … and its pivot
+    preset: Preset  # "paper" is its equations to the letter
     new_handle: NewHandle
-    overlap: str
-    overlaps: tuple[str, ...]
-    blend: str
-    blends: tuple[str, ...]
-    falloffs: tuple[str, ...]
-    instances: tuple[str, ...]
-    controls: tuple[str, ...]  # those of `Controls` that this server's sessions have
-    posing: Literal["shader", "server"]  # who poses: "server" asks for `compute` after every change
-    can_undo: bool
-    can_redo: bool
+    overlap: Overlap
+    blend: Blend
+    posing: Literal["shader", "server"] = "shader"  # who poses: "server" asks for `compute` after every change
+    can_undo: bool = False
+    can_redo: bool = False
     field: FieldState
     poses: tuple[KeyPose, ...]
 
@@ -154,16 +144,14 @@ class ProgressMessage(Answer):
     stage: str  # as the command line names it; "done", "cancelled" and "failed" are the last ones
     done: int
     total: int | None
-    seconds_left: Number | None  # of the whole task, as far as that can be told
+    seconds_left: float | None  # of the whole task, as far as that can be told
 
 
 class ReportMessage(Answer):
     """What the edit does to the shape, in numbers and as a sentence."""
 
     type: Literal["report"] = "report"
-    moved: Number  # part of the vertices, in [0, 1]
-    largest: Number  # mesh units
-    missed: Number  # largest distance between where a handle was sent and where it landed, mesh units
+    moved: float  # part of the vertices, in [0, 1]
     text: str
 
 
@@ -173,8 +161,6 @@ class Suggestion(Model):
     vertex: int
     position: Vector
     name: str
-    group: int  # look-alikes share one
-    share: Number  # part of the vertices that it would hold
 
 
 class SuggestionsMessage(Answer):
@@ -184,21 +170,21 @@ class SuggestionsMessage(Answer):
     suggestions: tuple[Suggestion, ...]
 
 
-class Alike(Model):
+class SimilarPoint(Model):
     """A place that looks like the one a handle holds."""
 
     vertex: int  # its name
     position: Vector
-    weight: Number  # how alike it looks, in [0, 1]
+    weight: float  # how similar it looks, in [0, 1]
     on: bool  # whether it moves along
 
 
-class AlikeMessage(Answer):
-    """Answer to `instances`: the handle's own place first, which always moves, then the most alike."""
+class SimilarMessage(Answer):
+    """Answer to `instances`: the handle's own place first, which always moves, then the most similar."""
 
-    type: Literal["alike"] = "alike"
+    type: Literal["similar"] = "similar"
     handle: int
-    places: tuple[Alike, ...]
+    places: tuple[SimilarPoint, ...]
 
 
 class DownloadMessage(Answer):

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from dataclasses import fields
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Field, JsonValue
+from pydantic import BaseModel, ConfigDict, Field, create_model
+
+import dfd.editing.controls as editing
 
 __all__ = [
-    "MOST_HANDLES",
     "Controls",
     "Frame",
     "Identifier",
     "Index",
     "KeyPose",
-    "Mode",
+    "KeyPoses",
     "Model",
-    "Number",
     "Place",
     "Plane",
     "PointPlace",
     "PoseTransform",
+    "PoseTransforms",
     "RegionPlace",
     "Text",
     "Transform",
@@ -27,19 +29,12 @@ __all__ = [
     "VertexPlace",
 ]
 
-MOST_INSTANCES = 1000  # that one list switches off
-MOST_HANDLES = 1000  # that one edit, pose or list names
-LONGEST_TEXT = 1000
-
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Vector = tuple[Number, Number, Number]
-Quaternion = tuple[Number, Number, Number, Number]  # x, y, z, w
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]  # x, y, z, w
 Frame = tuple[Vector, Vector, Vector]
 Index = Annotated[int, Field(ge=0)]
 Identifier = Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]
-Text = Annotated[str, Field(min_length=1, max_length=LONGEST_TEXT)]
-Falloff = Text  # a name that `state` lists
-Mode = Text  # a name that `state` lists
+Text = Annotated[str, Field(min_length=1, max_length=1000)]
 
 
 class Model(BaseModel):
@@ -84,37 +79,45 @@ class Transform(Model):
     axes: Frame | Literal["normal", "auto"] | None = None
 
 
-class Controls(Model):
+class ControlsBase(Model):
     """What a handle holds and how; null leaves a control as it is, or at its default where the handle is new."""
 
     name: Text | None = None
-    reach: Annotated[Number, Field(gt=0)] | Literal["auto"] | None = None
-    falloff: Falloff | None = None
-    locality: Annotated[Number, Field(ge=0)] | None = None
-    radius: Annotated[Number, Field(gt=0)] | Annotated[str, Field(pattern=r"^[0-9.]{1,20}%$")] | None = None
-    instances: Mode | None = None
-    strength: Annotated[Number, Field(ge=0, le=1)] | None = None
-    level: bool | None = None
-    within: RegionPlace | Literal["everywhere"] | None = None
-    within_width: Annotated[Number, Field(ge=0)] | None = None  # mesh units beyond it, over which the handle fades
-    without_instances: Annotated[tuple[Index, ...], Field(max_length=MOST_INSTANCES)] | None = None  # vertices
-    more: dict[str, JsonValue] | None = None  # further keywords of `Deformer.add` and `Deformer.change`, as they are
+
+
+# Controls that are another type in messages than in an edit.
+CONTROL_TYPES: dict[str, Any] = {
+    "radius": float | str,
+    "within": RegionPlace | Literal["everywhere"],
+    "without_instances": Annotated[tuple[Index, ...], Field(max_length=1000)],  # vertices
+}
+
+if TYPE_CHECKING:
+    Controls = ControlsBase
+else:
+    hints = {**get_type_hints(editing.Controls, {**vars(editing), "Mesh": Any}), **CONTROL_TYPES}
+    Controls = create_model(
+        "Controls",
+        __base__=ControlsBase,
+        __doc__=ControlsBase.__doc__,
+        **{each.name: (hints[each.name] | None, None) for each in fields(editing.Controls)},
+    )
 
 
 class Plane(Model):
-    """The plane {p : normal · p = offset}; one that was found tells how alike its sides are."""
+    """The plane {p : normal · p = offset}; one that was found tells how similar its sides are."""
 
     normal: Vector
-    offset: Number
-    band: Annotated[Number, Field(ge=0)] = 0.0
-    score: Number | None = None  # mean distance of mirrored features; 0 is perfect
+    offset: float
+    band: Annotated[float, Field(ge=0)] = 0.0
+    score: float | None = None  # mean distance of mirrored features; 0 is perfect
     name: Text | None = None
 
 
 class PoseTransform(Model):
     """A handle's part of a key pose; everything as in `Transform`, and nothing left out."""
 
-    handle: Annotated[int, Field(ge=0)]
+    handle: Index
     translation: Vector
     rotation: Vector
     scale: Vector
@@ -122,9 +125,15 @@ class PoseTransform(Model):
     axes: Frame | None = None
 
 
+PoseTransforms = Annotated[tuple[PoseTransform, ...], Field(max_length=1000)]
+
+
 class KeyPose(Model):
     """A stored pose on the timeline."""
 
     name: Text
-    seconds: Annotated[Number, Field(ge=0)]
-    transforms: Annotated[tuple[PoseTransform, ...], Field(max_length=MOST_HANDLES)]
+    seconds: Annotated[float, Field(ge=0)]
+    transforms: PoseTransforms
+
+
+KeyPoses = Annotated[tuple[KeyPose, ...], Field(max_length=1000)]

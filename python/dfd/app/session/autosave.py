@@ -46,8 +46,8 @@ class Autosave:
         except (OSError, ValueError):
             return None
 
-    def keep_open(self, saved: Saved) -> None:
-        """Note what is open; with another shape, its edit and poses begin anew."""
+    def save_opened(self, saved: Saved) -> None:
+        """Note what is open; another shape starts without edit and poses."""
         before = self.saved()
         if before is None or before.source != saved.source:
             self.edit.unlink(missing_ok=True)
@@ -55,11 +55,11 @@ class Autosave:
         with atomic_write(self._manifest) as temporary:
             temporary.write_text(saved.model_dump_json())
 
-    def keep_edit(self, edit: Edit, mesh: Mesh) -> None:
+    def save_edit(self, edit: Edit, mesh: Mesh) -> None:
         """Write the edit."""
         write_edit(self.edit, edit, mesh)
 
-    def keep_poses(self, poses: tuple[KeyPose, ...]) -> None:
+    def save_poses(self, poses: tuple[KeyPose, ...]) -> None:
         """Write the key poses."""
         with atomic_write(self._poses) as temporary:
             temporary.write_bytes(_POSES.dump_json(poses))

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.app.protocol.binaries import (
+from dfd.app.protocol.binary_messages import (
     ColumnEntry,
     ColumnsMessage,
     HeatMessage,
@@ -34,14 +33,6 @@ STEPS = 65535  # that a column's numbers have
 Arrays = dict[str, NDArray[Any]]
 
 
-@dataclass(frozen=True)
-class Key:
-    """What a column depends on besides mesh and field; equal keys are the same column."""
-
-    of: Literal["distance", "weight", "fixed"]
-    about: Hashable
-
-
 class Columns:
     """The columns of one session, numbered, and which of them the page has, with or without their instances."""
 
@@ -58,7 +49,7 @@ class Columns:
     def of_fixed(self) -> int:
         """The number of the column of fixed places; 0 where nothing is fixed."""
         fixed = self._deformer.fixed
-        return self._number(Key("fixed", fixed)) if fixed else 0
+        return self._number(("fixed", fixed)) if fixed else 0
 
     def forget(self) -> None:
         """Know of a page that has none."""
@@ -66,9 +57,9 @@ class Columns:
         self._whole.clear()
 
     @property
-    def owes(self) -> bool:
+    def has_pending(self) -> bool:
         """Whether there are columns of the present edit whose instances the page has not got."""
-        return bool(self._owed())
+        return bool(self._pending())
 
     def message(self) -> bytes | None:
         """The columns of the present edit that the page has not got; None where it has them all.
@@ -98,17 +89,20 @@ class Columns:
 
     def instances_message(self) -> bytes | None:
         """The instances of one of the columns that were sent without; None where there are none such."""
-        owed = self._owed()
-        if not owed:
+        pending = self._pending()
+        if not pending:
             return None
-        number, index = next(iter(owed.items()))
+        number, index = next(iter(pending.items()))
         self._whole.add(number)  # also where it fails: once is enough
         arrays: Arrays = {}
-        found = tuple(
-            self._instance(number, order, instance, gain, arrays)
-            for order, (instance, gain) in enumerate(self._acting(self._deformer.handles[index], index))
-        )
-        return pack(InstancesMessage, arrays, columns=(InstancesEntry(column=number, instances=found),))
+        found: list[InstanceEntry] = []
+        for instance, gain in self._acting(self._deformer.handles[index], index):
+            share = f"share{len(found)}"
+            own = np.ones(len(self._deformer.mesh.vertices), np.float32) if instance.share is None else instance.share
+            arrays[share] = _packed(own, 1.0)
+            frame: Any = tuple(map(tuple, np.asarray(instance.frame).tolist()))
+            found.append(InstanceEntry(frame=frame, position=instance.position, gain=gain, share=share))
+        return pack(InstancesMessage, arrays, columns=(InstancesEntry(column=number, instances=tuple(found)),))
 
     def _acting(self, handle: Handle, index: int) -> list[tuple[Instance, float]]:
         """The instances through which the handle at `index` acts, and the gain of each."""
@@ -123,7 +117,7 @@ class Columns:
             if column.handle == index and column.instance is not None
         ]
 
-    def _owed(self) -> dict[int, int]:
+    def _pending(self) -> dict[int, int]:
         """The handles whose instances are still to be sent, by the numbers of their columns."""
         numbers = {self.of_handle(handle): i for i, handle in enumerate(self._deformer.handles) if _instanced(handle)}
         return {number: i for number, i in numbers.items() if number in self._sent and number not in self._whole}
@@ -148,24 +142,8 @@ class Columns:
                 arrays[geodesic] = _packed(along, 1.0)
         return _entry(number, kind, geodesic)
 
-    def _instance(self, number: int, index: int, instance: Instance, gain: float, arrays: Arrays) -> InstanceEntry:
-        share = f"share{number}_{index}"
-        count = len(self._deformer.mesh.vertices)
-        found = instance.share
-        own = np.ones(count, np.float32) if found is None else found
-        arrays[share] = _packed(own, 1.0)
-        frame: Any = tuple(tuple(float(x) for x in row) for row in np.asarray(instance.frame))
-        return InstanceEntry(
-            instance=index,
-            on=True,
-            pivot=instance.position,
-            frame=frame,
-            position=instance.position,
-            gain=gain,
-            share=share,
-        )
-
-    def _key(self, handle: Handle) -> Key:
+    def _key(self, handle: Handle) -> Hashable:
+        """What the handle's column depends on besides mesh and field; equal keys are the same column."""
         edit = self._deformer.edit
         controls = handle.controls
         sources, _, _ = self._deformer.bound.locality(edit, handle)
@@ -176,9 +154,9 @@ class Columns:
             if _instanced(handle):
                 axes = handle.transform.axes if handle.transform.along is not None else None
                 instances = (controls.instances, controls.without_instances, edit.symmetry, axes)
-            return Key(kind, (handle.place, sources, edit.bridges, controls.radius, instances))
+            return (kind, handle.place, sources, edit.bridges, controls.radius, instances)
         # What weights are when they are sent as such, or are at the counterparts, depends on all that shapes them.
-        return Key(kind, (handle.place, sources, edit.bridges, controls, edit.fixed, edit.arrive, edit.symmetry))
+        return (kind, handle.place, sources, edit.bridges, controls, edit.fixed, edit.arrive, edit.symmetry)
 
     def _number(self, key: Hashable) -> int:
         return self._numbers.setdefault(key, len(self._numbers) + 1)

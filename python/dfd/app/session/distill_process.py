@@ -1,15 +1,15 @@
 """A distillation in a process of its own, so that it can be stopped at any moment and take nothing down with it.
 
-    python -m dfd.app.session.distill_process     reads one JSON line, the order; writes JSON lines, how far it is
+    python -m dfd.app.session.distill_process     reads its order, pickled; writes JSON lines, how far it is
 
 It ends when its input ends, and so with whoever started it.
 """
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
+import pickle
 import subprocess
 import sys
 import threading
@@ -23,7 +23,7 @@ from dfd.app.options import SessionOptions, Source
 from dfd.app.session.shapes import read_shape
 from dfd.common.progress import Stages
 
-__all__ = ["DistillProcess"]
+__all__ = ["DistillProcess", "try_lock"]
 
 INTERVAL = 0.1  # seconds between two lines about one stage
 
@@ -42,18 +42,12 @@ class DistillProcess:
     """
 
     def __init__(self, source: Source, options: SessionOptions, folder: Path, lock: Path | None) -> None:
-        order = {
-            "source": source.model_dump(mode="json"),
-            "options": options.model_dump(mode="json"),
-            "folder": str(folder),
-            "lock": None if lock is None else str(lock),
-        }
         self._cancelled = False
         self._process = subprocess.Popen(
             [sys.executable, "-m", "dfd.app.session.distill_process"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
         )
         assert self._process.stdin is not None
-        self._process.stdin.write(json.dumps(order).encode() + b"\n")
+        pickle.dump((source, options, folder, lock), self._process.stdin)
         self._process.stdin.flush()
 
     def run(self, tell: Callable[[str, int, int | None], object]) -> Path | None:
@@ -66,33 +60,23 @@ class DistillProcess:
         """
         assert self._process.stdout is not None
         result: dict[str, Any] = {}
-        for line in self._process.stdout:
-            result = json.loads(line)
-            if "stage" in result:
-                tell(result["stage"], result["done"], result["total"])
-        code = self._process.wait()
-        self._close()
+        with self._process:
+            for line in self._process.stdout:
+                result = json.loads(line)
+                if "stage" in result:
+                    tell(result["stage"], result["done"], result["total"])
         if self._cancelled:
             return None
         if "field" in result:
             return Path(result["field"])
-        if "error" in result:
-            raise ValueError(result["error"])
-        raise ValueError(
-            "The distillation ended before it was done"
-            + (", perhaps for lack of memory" if code < 0 else f" (exit code {code})")
-        )
+        code = self._process.returncode
+        lost = ", perhaps for lack of memory" if code < 0 else f" (exit code {code})"
+        raise ValueError(result.get("error", f"The distillation ended before it was done{lost}"))
 
     def cancel(self) -> None:
         """Stop it; what is done is kept for the next one."""
         self._cancelled = True
         self._process.kill()
-
-    def _close(self) -> None:
-        for stream in (self._process.stdin, self._process.stdout):
-            if stream is not None:
-                with contextlib.suppress(BrokenPipeError):
-                    stream.close()
 
 
 class TellingStages(Stages):
@@ -130,12 +114,11 @@ def main() -> None:
     # Whatever a library prints would be taken for an answer.
     stages = TellingStages(os.fdopen(os.dup(1), "w", encoding="utf-8"))
     os.dup2(2, 1)
-    order = json.loads(sys.stdin.readline())
+    source, options, folder, lock = pickle.load(sys.stdin.buffer)
     threading.Thread(target=_end_with_input, daemon=True).start()
-    folder = Path(order["folder"])
     try:
-        with _alone(order["lock"], stages):
-            path = _distill(Source(**order["source"]), SessionOptions(**order["options"]), folder, stages)
+        with _alone(lock, stages):
+            path = _distill(source, options, folder, stages)
     except MemoryError as error:
         stages.tell(error=": ".join(["Memory ran out", *filter(None, [str(error)])]))
     except (OSError, ValueError) as error:
@@ -156,12 +139,12 @@ def _distill(source: Source, options: SessionOptions, folder: Path, stages: Tell
 
 
 def _end_with_input() -> None:
-    sys.stdin.read()
+    sys.stdin.buffer.read()
     os._exit(1)
 
 
 @contextmanager
-def _alone(lock: str | None, stages: TellingStages) -> Iterator[None]:
+def _alone(lock: Path | None, stages: TellingStages) -> Iterator[None]:
     """Wait until no other distillation of the same server runs: two at once would take twice as long each.
 
     What the other one made may be what this one is for; it then finds it in the cache.
@@ -169,16 +152,16 @@ def _alone(lock: str | None, stages: TellingStages) -> Iterator[None]:
     if lock is None:
         yield
         return
-    with Path(lock).open("w") as stream:
-        if not _locked(stream):
+    with lock.open("w") as stream:
+        if not try_lock(stream):
             stages.tell(stage="wait", done=0, total=None)
-            while not _locked(stream):
+            while not try_lock(stream):
                 time.sleep(INTERVAL)
         yield
 
 
-def _locked(stream: IO[str]) -> bool:
-    """Whether the file is ours now; the system gives it back when the process ends, however that is."""
+def try_lock(stream: IO[str]) -> bool:
+    """Whether this process holds the file's lock now; the system releases it when the process ends, however that is."""
     try:
         if sys.platform == "win32":
             import msvcrt

@@ -72,14 +72,14 @@ def _animation(deformer: Deformer, path: Path, poses: Sequence[parts.KeyPose]) -
 
     if len(poses) < 2:
         raise ValueError("Store at least two poses on the timeline: the animation goes from one to the next")
-    living = {handle.id for handle in deformer.handles}
+    present = {handle.id for handle in deformer.handles}
     moments = [
         KeyPose(
             pose.seconds,
             {
                 each.handle: Transform(each.translation, each.rotation, each.scale, each.pivot, each.axes)
                 for each in pose.transforms
-                if each.handle in living
+                if each.handle in present
             },
             pose.name,
         )

@@ -7,40 +7,15 @@ import time
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from dfd.app.options import SessionOptions, Source
 from dfd.app.session.distill_process import DistillProcess
 
 if TYPE_CHECKING:
-    from dfd.common.preset import Preset
-    from dfd.editing.deformer import Deformer
     from dfd.mesh.mesh import Mesh
-    from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["Listener", "Preparation", "TimeLeft"]
-
-
-class Listener(Protocol):
-    """Who hears how it goes; always called on the session's own thread."""
-
-    def field_missing(self) -> None:
-        """Neither a file nor the cache has one."""
-
-    def field_progress(self, task: str, stage: str, done: int, total: int | None, seconds_left: float | None) -> None:
-        """How far it is."""
-
-    def field_ready(self, deformer: Deformer, path: Path, origin: str, told: list[str]) -> None:
-        """It is there, and so are the features; `told` are warnings."""
-
-    def field_planes(self, planes: dict[Preset, list[SymmetryPlane]]) -> None:
-        """The planes across which the shape looks alike, as each preset finds them."""
-
-    def field_failed(self, task: str, message: str) -> None:
-        """There will be none."""
-
-    def field_cancelled(self) -> None:
-        """The distillation was stopped."""
+__all__ = ["Preparation", "TimeLeft"]
 
 
 class Preparation:
@@ -56,8 +31,10 @@ class Preparation:
         Of the session, for the field's file.
     lock
         A file that one distillation at a time holds.
-    listener, post
-        Who hears of it, and what carries a call to the listener's thread.
+    session
+        The session, whose methods `field_…` are called as the work goes on.
+    post
+        Carries a call to the session's thread.
     """
 
     def __init__(
@@ -67,11 +44,11 @@ class Preparation:
         options: SessionOptions,
         folder: Path,
         lock: Path | None,
-        listener: Listener,
+        session: Any,
         post: Callable[[Callable[[], None]], None],
     ) -> None:
         self._mesh, self._source, self._options, self._folder, self._lock = mesh, source, options, folder, lock
-        self._listener, self._post = listener, post
+        self._session, self._post = session, post
         self._dropped = False
         self._process: DistillProcess | None = None
 
@@ -94,7 +71,7 @@ class Preparation:
             self._process.cancel()
 
     def drop(self) -> None:
-        """Stop what can be stopped, and be silent about the rest."""
+        """Stop a distillation, and report nothing more."""
         self._dropped = True
         self.cancel()
 
@@ -112,7 +89,7 @@ class Preparation:
     def _tell(self, name: str, *arguments: Any) -> None:
         def call() -> None:
             if not self._dropped:
-                getattr(self._listener, name)(*arguments)
+                getattr(self._session, name)(*arguments)
 
         self._post(call)
 
@@ -180,11 +157,11 @@ class Preparation:
 
 # Seconds of each stage of a distillation with the default settings on two cores, in their order. Only their proportions
 # matter: how fast this machine is shows in the stages that it has done.
-USUAL = {"read": 0.5, "load": 5.0, "simplify": 1.0, "render": 1.0, "encode": 8.0, "spread": 1.5, "fit": 4.0}
+USUAL = {"read": 0.5, "load": 5.0, "simplify": 1.0, "render": 1.0, "encode": 8.0, "smooth": 1.5, "fit": 4.0}
 
 
 class TimeLeft:
-    """Told of every step, says how many seconds there are to go."""
+    """Estimates the seconds that are left from the steps that were done."""
 
     def __init__(self) -> None:
         self._stage: str | None = None

@@ -1,377 +1,382 @@
-"""What a session does for each message of the page."""
+"""What a session does for each message of the page: a function each, whose parameters are what the message holds."""
 
 from __future__ import annotations
 
 import base64
 import binascii
-from collections.abc import Callable, Sequence
 from dataclasses import replace
-from inspect import signature
-from typing import TYPE_CHECKING, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
-from dfd.app.protocol import requests
 from dfd.app.protocol.answers import (
-    Alike,
-    AlikeMessage,
     Answer,
     DoneMessage,
     DownloadMessage,
     ScriptMessage,
+    SimilarMessage,
+    SimilarPoint,
     Suggestion,
     SuggestionsMessage,
 )
-from dfd.app.protocol.parts import Controls, Place, PointPlace, RegionPlace, Transform, VertexPlace
+from dfd.app.protocol.parts import (
+    Controls,
+    Index,
+    KeyPoses,
+    Place,
+    Plane,
+    PointPlace,
+    PoseTransform,
+    PoseTransforms,
+    RegionPlace,
+    Text,
+    Transform,
+    VertexPlace,
+)
+from dfd.app.protocol.requests import Request, call, request
+from dfd.app.session import exports
 from dfd.app.session.columns import heat_message
-from dfd.app.session.exports import export
 from dfd.app.session.script import as_command, as_python
+from dfd.app.session.session import Session
 from dfd.app.session.shapes import sample_source
 from dfd.app.session.state import feature_colors_message, positions_message
+from dfd.common.preset import Preset
+from dfd.editing.controls import Blend, Overlap
 from dfd.editing.edit import Fixed, empty_edit
-from dfd.editing.edit_file import from_document
 from dfd.editing.points import place_on
 from dfd.editing.suggestions import suggest_handles
 from dfd.symmetry.plane import SymmetryPlane
 
-if TYPE_CHECKING:
-    from dfd.app.session.session import Session
-    from dfd.editing.deformer import Deformer
-    from dfd.symmetry.plane import SymmetryPlane
-
-__all__ = ["answer", "receive", "suggestions"]
+__all__ = ["answer"]
 
 TRANSFORM_PARTS = ("translation", "rotation", "scale", "pivot", "axes")
+NO_TRANSFORM, NO_CONTROLS = Transform(), Controls()
 
 
-def receive(session: Session, message: requests.Request) -> None:
+def answer(session: Session, message: Request) -> None:
     """Do what the page asks, and answer; whatever goes wrong is said, and the session goes on."""
-    session.answering(message.id, lambda: answer(session, message))
 
+    def work() -> None:
+        reply = call(session, message)
+        if isinstance(reply, bytes):
+            session.send(reply)
+        else:
+            session.send((reply or DoneMessage()).model_copy(update={"id": message.id}))
 
-def answer(session: Session, message: requests.Request) -> None:
-    """Do what `message` asks, and answer it.
-
-    Raises
-    ------
-    ValueError, OSError, MemoryError
-        If it cannot be done; nothing was changed then.
-    """
-    reply = _DO[type(message)](session, message)
-    if isinstance(reply, bytes):
-        session.send(reply)
-    else:
-        session.send((reply or DoneMessage()).model_copy(update={"id": message.id}))
+    session.after = message.id
+    session.guarded(message.id, work)
 
 
 # --- opening and making
 
 
-def _open_sample(session: Session, message: requests.OpenSample) -> None:
-    session.open_shape(sample_source(message.name))
+@request
+def open_sample(session: Session, name: Text) -> None:
+    """Open one of the samples that `session` lists."""
+    session.open_shape(sample_source(name))
 
 
-def _close_mesh(session: Session, message: requests.CloseMesh) -> None:
+@request
+def close_mesh(session: Session) -> None:
+    """Go back to the start page; the edit is lost."""
     session.show_start()
 
 
-def _distill(session: Session, message: requests.Distill) -> None:
+@request
+def distill(session: Session) -> None:
+    """Make the shape's field, in the background: `progress`, then `state` and `columns`."""
     session.distill()
 
 
-def _cancel(session: Session, message: requests.Cancel) -> None:
+@request
+def cancel(session: Session) -> None:
+    """Stop the distillation; what is done is kept for the next one."""
     session.cancel()
 
 
 # --- looking
 
 
-def _probe(session: Session, message: requests.Probe) -> bytes:
-    deformer = session.living()
-    place = place_on(deformer.mesh, _at(session, message.at))
-    return heat_message(deformer, place, request=message.id)
+@request
+def probe(session: Session, at: VertexPlace | PointPlace) -> bytes:
+    """The column that a handle at `at` would have; a newer one overtakes it unanswered. Answer: `heat`."""
+    deformer = session.require_deformer()
+    return heat_message(deformer, place_on(deformer.mesh, _at(session, at)), request=session.after)
 
 
-def _compute(session: Session, message: requests.Compute) -> bytes:
-    return positions_message(session.living(), request=message.id)
+@request
+def compute(session: Session) -> bytes:
+    """The posed shape from the kernel. Answer: `positions`; a newer one overtakes it unanswered."""
+    return positions_message(session.require_deformer(), request=session.after)
 
 
-def _features(session: Session, message: requests.Features) -> bytes:
-    return feature_colors_message(session.living(), request=message.id)
+@request
+def features(session: Session) -> bytes:
+    """Colors of the features' main directions. Answer: `colors`."""
+    return feature_colors_message(session.require_deformer(), request=session.after)
 
 
-def _suggest(session: Session, message: requests.Suggest) -> Answer:
-    return SuggestionsMessage(
-        suggestions=suggestions(session.living(), message.count, session.looks.planes.get("default", ()))
-    )
+@request
+def suggest(session: Session, count: Annotated[int, Field(ge=1, le=64)] = 12) -> Answer:
+    """Good places for handles, one for each kind of part. Answer: `suggestions`."""
+    deformer, planes = session.require_deformer(), session.view_state.planes.get("default", ())
+    mesh, finder = deformer.mesh, deformer.bound.finder
+    found: list[Suggestion] = []
+    for each in suggest_handles(mesh, deformer.features, count=count, planes=planes, finder=finder):
+        similar = f", {len(each.instances)} alike" if len(each.instances) > 1 else ""
+        x, y, z = mesh.vertices[each.vertex].tolist()
+        found.append(Suggestion(vertex=each.vertex, position=(x, y, z), name=f"Part {len(found) + 1}{similar}"))
+    return SuggestionsMessage(suggestions=tuple(found))
 
 
-def _instances(session: Session, message: requests.Instances) -> Answer:
+@request
+def instances(session: Session, handle: int) -> Answer:
+    """The places that look like the one a handle holds, and whether each moves along. Answer: `similar`."""
     places = []
-    for instance, on in session.living().instances(message.handle):
+    for instance, on in session.require_deformer().instances(handle):
         x, y, z = (float(value) for value in instance.position)
-        places.append(Alike(vertex=int(instance.vertex), position=(x, y, z), weight=float(instance.weight), on=on))
-    return AlikeMessage(handle=message.handle, places=tuple(places))
+        weight, vertex = float(instance.weight), int(instance.vertex)
+        places.append(SimilarPoint(vertex=vertex, position=(x, y, z), weight=weight, on=on))
+    return SimilarMessage(handle=handle, places=tuple(places))
 
 
 # --- handles
 
 
-def _add(session: Session, message: requests.Add) -> Answer:
-    at, parts = _at(session, message.at), _parts(message.transform)
-    controls = _controls(session, session.living().add, message.controls)
-    handle = session.change(lambda deformer: deformer.add(at, **parts, **controls))
-    return DoneMessage(handle=handle)
+@request
+def add(session: Session, at: Place, transform: Transform = NO_TRANSFORM, controls: Controls = NO_CONTROLS) -> Answer:
+    """Take hold. Answer: `done` with the `handle`."""
+    given = {"at": _at(session, at), **_transform_parts(transform), **_controls(session, controls)}
+    return DoneMessage(handle=session.change(lambda deformer: deformer.add(**given)))
 
 
-def _move(session: Session, message: requests.Move) -> None:
-    parts = _parts(message.transform)
-    controls = _controls(session, session.living().change, message.controls)
-    if message.merge and not (message.settle or controls):
-        session.living().move(message.handle, **parts, merge=True)
-        session.note_drag(message.handle)
-        return
+@request
+def move(
+    session: Session,
+    handle: int,
+    transform: Transform,
+    controls: Controls = NO_CONTROLS,
+    merge: bool = False,
+    settle: bool = False,
+) -> None:
+    """Set parts of a handle's transform, from the resting shape.
 
-    def work(deformer: Deformer) -> None:
-        if not controls:
-            deformer.move(message.handle, **parts, merge=message.merge)
-            return
+    A drag is a plain move, then moves with `merge`, one step of undo; those are answered by `done` alone, the last one,
+    with `settle`, by `state` and `report` as well. That one may bring `controls` that were changed on the way.
+    """
+    parts, changed = _transform_parts(transform), _controls(session, controls)
+    if merge and not (settle or changed):
+        session.require_deformer().move(handle, **parts, merge=True)
+        session.note_drag(handle)
+    elif not changed:
+        session.change(lambda deformer: deformer.move(handle, **parts, merge=merge), ("move", handle))
+    else:
+        with_controls = {"transform": parts, "controls": changed}
+        session.change(
+            lambda deformer: _move_and_change(deformer, handle, **with_controls), ("move", handle), merge=merge
+        )
+
+
+def _move_and_change(deformer: Any, handle: int, transform: dict[str, Any], controls: dict[str, Any]) -> None:
+    with deformer.step():
+        deformer.move(handle, **transform)
+        deformer.change(handle, **controls)
+
+
+@request
+def pose(session: Session, transforms: PoseTransforms) -> None:
+    """Set the transforms of several handles, as one step."""
+    session.change(lambda deformer: _pose(deformer, transforms))
+
+
+@request
+def reset(session: Session, handle: int | None = None) -> None:
+    """Return a handle to rest, or with null all of them, as one step."""
+    handles = session.require_deformer().handles
+    chosen = [each.id for each in handles] if handle is None else [handle]
+    zero = (0.0, 0.0, 0.0)
+
+    def work(deformer: Any) -> None:
         with deformer.step():
-            deformer.move(message.handle, **parts)
-            deformer.change(message.handle, **controls)
-
-    session.change(work, ("move", message.handle), merge=message.merge and bool(controls))
-
-
-def _pose(session: Session, message: requests.Pose) -> None:
-    def work(deformer: Deformer) -> None:
-        with deformer.step():
-            for each in message.transforms:
-                parts = {name: getattr(each, name) for name in TRANSFORM_PARTS}
-                frame = {name: "auto" if parts[name] is None else parts[name] for name in ("pivot", "axes")}
-                deformer.move(each.handle, **{**parts, **frame})
+            for each in chosen:
+                deformer.move(each, translation=zero, rotation=zero, scale=1.0)
 
     session.change(work)
 
 
-def _change(session: Session, message: requests.Change) -> None:
-    options = _controls(session, session.living().change, message.controls)
-    if message.at is not None:
-        options["at"] = _at(session, message.at)
-    topic = ("change", message.handle)
-    session.change(lambda deformer: deformer.change(message.handle, **options), topic, merge=message.merge)
+def _pose(deformer: Any, transforms: tuple[PoseTransform, ...]) -> None:
+    with deformer.step():
+        for each in transforms:
+            parts = {name: getattr(each, name) for name in TRANSFORM_PARTS}
+            deformer.move(each.handle, **{name: "auto" if part is None else part for name, part in parts.items()})
 
 
-def _remove(session: Session, message: requests.Remove) -> None:
-    session.change(lambda deformer: deformer.remove(message.handle))
+@request
+def change(
+    session: Session, handle: int, at: Place | None = None, controls: Controls = NO_CONTROLS, merge: bool = False
+) -> None:
+    """Set what a handle holds, or where it sits; with `merge`, one step with a change of that handle just before."""
+    given = _controls(session, controls)
+    if at is not None:
+        given["at"] = _at(session, at)
+    session.change(lambda deformer: deformer.change(handle, **given), ("change", handle), merge=merge)
 
 
-def _reset(session: Session, message: requests.Reset) -> None:
-    deformer = session.living()
-    chosen = [handle.id for handle in deformer.handles] if message.handle is None else [message.handle]
-
-    def work(deformer: Deformer) -> None:
-        with deformer.step():
-            for handle in chosen:
-                deformer.move(handle, translation=(0, 0, 0), rotation=(0, 0, 0), scale=1.0)
-
-    session.change(work)
+@request
+def remove(session: Session, handle: int) -> None:
+    """Let go of a handle."""
+    session.change(lambda deformer: deformer.remove(handle))
 
 
 # --- the whole shape
 
 
-def _fix(session: Session, message: requests.Fix) -> None:
-    at = _at(session, message.at)
-    given = {} if message.strength is None else {"strength": message.strength}
-    _known(session.living().fix, given)
-    session.change(lambda deformer: deformer.fix(at, **given))
+@request
+def fix(session: Session, at: Place, strength: Annotated[float, Field(ge=0, le=1)] = 1.0) -> None:
+    """Hold a place, and what looks like it."""
+    place = _at(session, at)
+    session.change(lambda deformer: deformer.fix(place, strength=strength))
 
 
-def _release(session: Session, message: requests.Release) -> None:
-    fixed = _fixed(session, message.index)
-    session.change(lambda deformer: deformer.release(fixed.place))
+@request
+def release(session: Session, index: Index) -> None:
+    """Take back a fixed place: the `index` among those of `state`."""
+    place = _fixed(session, index).place
+    session.change(lambda deformer: deformer.release(place))
 
 
-def _change_fixed(session: Session, message: requests.ChangeFixed) -> None:
-    changed = replace(_fixed(session, message.index), strength=message.strength)
-
-    def work(deformer: Deformer) -> None:
-        before = deformer.fixed
-        after = (*before[: message.index], changed, *before[message.index + 1 :])
-        deformer.apply(replace(deformer.edit, fixed=after))
-
-    session.change(work, ("fixed", message.index), merge=message.merge)
+@request
+def change_fixed(
+    session: Session, index: Index, strength: Annotated[float, Field(ge=0, le=1)], merge: bool = False
+) -> None:
+    """Set how much the fixed place at `index` takes away; with `merge`, one step with such a change just before."""
+    fixed = list(session.require_deformer().fixed)
+    changed = replace(_fixed(session, index), strength=strength)
+    after = (*fixed[:index], changed, *fixed[index + 1 :])
+    session.change(lambda deformer: deformer.apply(replace(deformer.edit, fixed=after)), ("fixed", index), merge=merge)
 
 
 def _fixed(session: Session, index: int) -> Fixed:
-    fixed = session.living().fixed
+    fixed = session.require_deformer().fixed
     if index >= len(fixed):
         raise ValueError(f"There is no fixed place {index}: there are {len(fixed)}")
     return fixed[index]
 
 
-def _set_symmetry(session: Session, message: requests.SetSymmetry) -> None:
-    plane: Any = message.plane
-    if plane is not None and not isinstance(plane, str):
-        plane = SymmetryPlane(plane.normal, plane.offset, band=plane.band)
-    session.change(lambda deformer: deformer.set_symmetry(plane, band=message.band), "symmetry", merge=message.merge)
+@request
+def set_symmetry(
+    session: Session,
+    plane: Plane | Literal["auto", "x", "y", "z"] | None,
+    band: Annotated[float, Field(ge=0)] | None = None,
+    merge: bool = False,
+) -> None:
+    """Let handles act on both sides of a plane; with `merge`, one step with such a request just before."""
+    chosen: Any = SymmetryPlane(plane.normal, plane.offset, band=plane.band) if isinstance(plane, Plane) else plane
+    session.change(lambda deformer: deformer.set_symmetry(chosen, band=band), "symmetry", merge=merge)
 
 
-def _set_preset(session: Session, message: requests.SetPreset) -> None:
-    session.change(lambda deformer: setattr(deformer, "preset", message.preset))
+@request
+def set_mode(
+    session: Session, preset: Preset | None = None, overlap: Overlap | None = None, blend: Blend | None = None
+) -> None:
+    """Set how handles act together, as one step; a preset puts all that it says in the place of what was there."""
+
+    def work(deformer: Any) -> None:
+        with deformer.step():
+            for name, value in (("preset", preset), ("overlap", overlap), ("blend", blend)):
+                if value is not None:
+                    setattr(deformer, name, value)
+
+    session.change(work)
 
 
-def _set_overlap(session: Session, message: requests.SetOverlap) -> None:
-    session.change(lambda deformer: setattr(deformer, "overlap", message.mode))
+@request
+def set_default(session: Session, transform: Transform, merge: bool = False) -> None:
+    """Set D₀, what happens to what no handle holds; all null is nothing. `merge` is as in `set_symmetry`."""
+    parts = _transform_parts(transform)
+    session.change(lambda deformer: deformer.set_default(**parts), "default", merge=merge)
 
 
-def _set_blend(session: Session, message: requests.SetBlend) -> None:
-    session.change(lambda deformer: setattr(deformer, "blend", message.mode))
+@request
+def undo(session: Session) -> None:
+    """Take the newest step back."""
+    if session.require_deformer().undo():
+        session.tell_all()
 
 
-def _set_default(session: Session, message: requests.SetDefault) -> None:
-    parts = _parts(message.transform)
-    session.change(lambda deformer: deformer.set_default(**parts), "default", merge=message.merge)
+@request
+def redo(session: Session) -> None:
+    """Take a step again that was taken back."""
+    if session.require_deformer().redo():
+        session.tell_all()
 
 
-def _undo(session: Session, message: requests.Undo) -> None:
-    session.walk(lambda deformer: deformer.undo())
-
-
-def _redo(session: Session, message: requests.Redo) -> None:
-    session.walk(lambda deformer: deformer.redo())
-
-
-def _clear(session: Session, message: requests.Clear) -> None:
+@request
+def clear(session: Session) -> None:
+    """Let go of everything, as one step."""
     session.change(lambda deformer: deformer.apply(empty_edit(deformer.preset)))
 
 
-def _apply(session: Session, message: requests.Apply) -> None:
-    edit = from_document(message.edit, session.living().mesh)
-    session.change(lambda deformer: deformer.apply(edit))
-
-
-def _set_poses(session: Session, message: requests.SetPoses) -> None:
-    session.living()
-    session.looks.poses = message.poses
-    session.keep_poses()
-    session.tell_state()
+@request
+def set_poses(session: Session, poses: KeyPoses) -> None:
+    """Replace the key poses; they are no part of the edit and of its undo."""
+    session.require_deformer()
+    session.set_poses(poses)
 
 
 # --- taking along
 
 
-def _export(session: Session, message: requests.Export) -> Answer:
-    url, name = export(session.living(), message.format, session.name, session.folder, session.looks.poses)
+@request
+def export(
+    session: Session,
+    format: Literal["glb", "obj", "ply", "stl", "animation", "edit", "field"],  # noqa: A002
+) -> Answer:
+    """Write what was done; "animation" is a GLB with the key poses, on joints. Answer: `download`."""
+    url, name = exports.export(
+        session.require_deformer(), format, session.name, session.folder, session.view_state.poses
+    )
     return DownloadMessage(url=url, name=name)
 
 
-def _script(session: Session, message: requests.Script) -> Answer:
-    deformer = session.living()
+@request
+def script(session: Session) -> Answer:
+    """What was done as Python and as a command. Answer: `script`."""
+    deformer = session.require_deformer()
     return ScriptMessage(python=as_python(deformer, session.name), command=as_command(deformer, session.name))
 
 
-# --- reading messages
+# --- from messages to arguments of `Deformer`
 
 
 def _at(session: Session, place: Place) -> Any:
-    """What `Deformer` takes for a place."""
     if isinstance(place, VertexPlace):
         return place.vertex
-    if isinstance(place, PointPlace):
-        return place.point
-    return _members(session, place)
+    return place.point if isinstance(place, PointPlace) else _members(session, place)
 
 
 def _members(session: Session, place: RegionPlace) -> Any:
     """The vertices of a region, in order."""
-    count = len(session.living().mesh.vertices)
+    count = len(session.require_deformer().mesh.vertices)
     try:
         data = base64.b64decode(place.mask, validate=True)
     except binascii.Error:
         raise ValueError("A region's mask must be bytes written as base64") from None
     if len(data) != -(-count // 8):
         raise ValueError(f"A region's mask must have {-(-count // 8)} bytes for {count} vertices, got {len(data)}")
-    bits = np.unpackbits(np.frombuffer(data, np.uint8), count=count, bitorder="little")
-    members = np.flatnonzero(bits)
+    members = np.flatnonzero(np.unpackbits(np.frombuffer(data, np.uint8), count=count, bitorder="little"))
     if len(members) == 0:
         raise ValueError("A region must hold at least one vertex")
     return members
 
 
-def _parts(transform: Transform) -> dict[str, Any]:
-    given = {name: getattr(transform, name) for name in TRANSFORM_PARTS}
-    return {name: value for name, value in given.items() if value is not None}
+def _transform_parts(transform: Transform) -> dict[str, Any]:
+    return {name: value for name, value in transform if value is not None}
 
 
-def _controls(session: Session, method: Callable[..., object], controls: Controls) -> dict[str, Any]:
-    """The keywords of `method` that `controls` are."""
-    given = {name: value for name, value in controls if value is not None and name != "more"}
-    if isinstance(controls.within, RegionPlace):
-        given["within"] = _members(session, controls.within)
-    if controls.without_instances is not None:
-        given["without_instances"] = list(controls.without_instances)
-    return _known(method, {**(controls.more or {}), **given})
-
-
-def _known(method: Callable[..., object], given: dict[str, Any]) -> dict[str, Any]:
-    """`given`, once it is sure that all of it are keywords of `method`."""
-    known = [name for name, each in signature(method).parameters.items() if each.kind is each.KEYWORD_ONLY]
-    for name in given:
-        if name not in known or name in (*TRANSFORM_PARTS, "at", "merge"):
-            raise ValueError(f"`{name}` is no control that this version has")
-    return given
-
-
-_DO: dict[type[requests.Request], Callable[[Session, Any], Answer | bytes | None]] = {
-    requests.OpenSample: _open_sample,
-    requests.CloseMesh: _close_mesh,
-    requests.Distill: _distill,
-    requests.Cancel: _cancel,
-    requests.Probe: _probe,
-    requests.Compute: _compute,
-    requests.Features: _features,
-    requests.Suggest: _suggest,
-    requests.Instances: _instances,
-    requests.Add: _add,
-    requests.Move: _move,
-    requests.Pose: _pose,
-    requests.Change: _change,
-    requests.Remove: _remove,
-    requests.Reset: _reset,
-    requests.Fix: _fix,
-    requests.Release: _release,
-    requests.ChangeFixed: _change_fixed,
-    requests.SetSymmetry: _set_symmetry,
-    requests.SetPreset: _set_preset,
-    requests.SetOverlap: _set_overlap,
-    requests.SetBlend: _set_blend,
-    requests.SetDefault: _set_default,
-    requests.Undo: _undo,
-    requests.Redo: _redo,
-    requests.Clear: _clear,
-    requests.Apply: _apply,
-    requests.SetPoses: _set_poses,
-    requests.Export: _export,
-    requests.Script: _script,
-}
-
-
-def suggestions(deformer: Deformer, count: int, planes: Sequence[SymmetryPlane]) -> tuple[Suggestion, ...]:
-    """At most `count` places, one for each kind of part; `planes` are those across which the shape looks alike."""
-    found = []
-    places = suggest_handles(deformer.mesh, deformer.features, count=count, planes=planes, finder=deformer.bound.finder)
-    for index, each in enumerate(places):
-        alike = f", {len(each.instances)} alike" if len(each.instances) > 1 else ""
-        position: Any = tuple(float(x) for x in deformer.mesh.vertices[each.vertex])
-        found.append(
-            Suggestion(
-                vertex=each.vertex,
-                position=position,
-                name=f"Part {index + 1}{alike}",
-                group=index,
-                share=each.share,
-            )
-        )
-    return tuple(found)
+def _controls(session: Session, controls: Controls) -> dict[str, Any]:
+    given = {name: value for name, value in controls if value is not None}
+    return {
+        name: _members(session, value) if isinstance(value, RegionPlace) else value for name, value in given.items()
+    }

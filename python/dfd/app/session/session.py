@@ -14,18 +14,19 @@ from dfd.app.session.autosave import Autosave, Saved
 from dfd.app.session.columns import Columns
 from dfd.app.session.preparation import Preparation
 from dfd.app.session.shapes import read_shape
-from dfd.app.session.state import Looks, check_drawable, empty_state, report, state_message
+from dfd.app.session.state import ViewState, check_drawable, report, state_message
 from dfd.app.session.surface import mesh_messages
 from dfd.editing.edit_file import read_edit
 
 if TYPE_CHECKING:
+    from dfd.app.protocol.parts import KeyPose
     from dfd.common.preset import Preset
     from dfd.editing.deformer import Deformer
     from dfd.editing.edit import Edit
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["NO_MEMORY", "Session", "joined", "sentence", "without_places"]
+__all__ = ["NO_MEMORY", "Session", "as_one_step", "sentence", "without_paths"]
 
 Result = TypeVar("Result")
 
@@ -65,17 +66,18 @@ class Session:
         self._autosave = Autosave(folder)
         self._preparation: Preparation | None = None
         self._progress: ProgressMessage | None = None  # of what the page waits for
-        self._number, self._after, self._warnings = 0, 0, list[str]()
-        self._names: dict[str, str] = {}  # what people call the files that were opened
-        self._kept: Edit | None = None  # what is on disk
+        self._number, self._warnings = 0, list[str]()
+        self.after = 0  # the number of the newest request
+        self._names: dict[str, str] = {}  # the names that people know opened files by, by their paths
+        self._saved: Edit | None = None  # what is on disk
         self._shown: Edit | None = None  # what the page was told last
-        self._gesture: tuple[Hashable, Edit] | None = None  # what the newest step is about, and what it made
-        self._ready, self._unreported = True, False  # to find instances; whether the page lacks a report
-        self._wanted: OpenedFile | None = None  # the edit to open as soon as the field is there
+        self._gesture: tuple[Hashable, Edit] | None = None  # the subject and the result of the newest step
+        self._ready = True  # whether instances can be found
+        self._unreported = False  # whether the page lacks a report
+        self._pending_edit: OpenedFile | None = None  # opened as soon as the field is there
         self.source: Source | None = None
         self.mesh: Mesh | None = None
-        self.field_path: Path | None = None
-        self.looks = Looks()
+        self.view_state = ViewState()
         self.deformer: Deformer | None = None
         self.columns: Columns | None = None
         if deformer is not None:
@@ -103,7 +105,7 @@ class Session:
         else:
             edit = OpenedFile(name="the saved edit", path=self._autosave.edit)
             self._open_or_start(saved.source, saved.field, edit if edit.path.exists() else None)
-            self.looks.poses = self._autosave.poses()
+            self.view_state.poses = self._autosave.poses()
             self.tell_state()
 
     def _open_or_start(self, source: Source, field: OpenedFile | None, edit: OpenedFile | None) -> None:
@@ -132,8 +134,8 @@ class Session:
             self._tell_progress("open", "done")
         self.close_shape()
         self._number += 1
-        self.source, self.mesh, self._warnings, self._wanted = source, mesh, told, edit
-        self._autosave.keep_open(Saved(source=source, field=field))
+        self.source, self.mesh, self._warnings, self._pending_edit = source, mesh, told, edit
+        self._autosave.save_opened(Saved(source=source, field=field))
         self._send(first)
         self._preparation = Preparation(mesh, source, self.options, self.folder, self._lock, self, self._post)
         self._tell_field("preparing")
@@ -149,15 +151,25 @@ class Session:
         """Let go of the shape and everything about it."""
         if self._preparation is not None:
             self._preparation.drop()
-        self._preparation = self._progress = self._kept = self._shown = self._wanted = None
-        self.source = self.mesh = self.field_path = self.deformer = self.columns = None
-        self.looks, self._unreported = Looks(), False
+        self._preparation = self._progress = self._saved = self._shown = self._pending_edit = None
+        self.source = self.mesh = self.deformer = self.columns = None
+        self.view_state, self._unreported = ViewState(), False
 
     def show_start(self) -> None:
         """Close the shape and go back to the start page."""
         self.close_shape()
-        self._autosave.keep_open(Saved())
+        self._autosave.save_opened(Saved())
         self.send(StartMessage())
+
+    def open_files(self, mesh: Source | None, field: OpenedFile | None, edit: OpenedFile | None) -> None:
+        """Open what was uploaded together: a mesh with its field and edit, or those for the mesh that is open."""
+        if mesh is not None:
+            self.open_shape(mesh, field=field, edit=edit)
+            return
+        if field is not None:
+            self.open_field(field)
+        if edit is not None:
+            self.open_edit(edit)
 
     def open_field(self, field: OpenedFile) -> None:
         """Take the field in a file."""
@@ -174,7 +186,7 @@ class Session:
             raise ValueError("Open a mesh before its edit")
         self._names[str(edit.path)] = edit.name
         if self.deformer is None:
-            self._wanted = edit
+            self._pending_edit = edit
             return
         read = read_edit(edit.path, self.mesh)
         self.change(lambda deformer: deformer.apply(read))
@@ -183,7 +195,7 @@ class Session:
         """Begin to make the field."""
         if self._preparation is None:
             raise ValueError("Open a mesh first")
-        if self.looks.field.status != "none":
+        if self.view_state.field.status != "none":
             raise ValueError("The shape has a field, or one is being made")
         self._tell_field("distilling")
         self._preparation.distill()
@@ -196,47 +208,46 @@ class Session:
     # --- what the background says
 
     def field_missing(self) -> None:
-        """There is none yet: make it."""
+        """Neither a file nor the cache has a field: make it."""
         self._tell_field("none")
         self.distill()
 
     def field_progress(self, task: str, stage: str, done: int, total: int | None, seconds_left: float | None) -> None:
-        """Pass it on."""
-        if task == "prepare" and self.looks.field.status == "distilling":
+        """How far it is."""
+        if task == "prepare" and self.view_state.field.status == "distilling":
             self._tell_field("preparing")
         self._tell_progress(task, stage, done, total, seconds_left)
 
     def field_ready(self, deformer: Deformer, path: Path | None, origin: str, told: list[str]) -> None:
-        """Come alive."""
-        self.deformer, self.columns, self.field_path = deformer, Columns(deformer), path
+        """The shape can be edited."""
+        self.deformer, self.columns = deformer, Columns(deformer)
         self._ready = path is None
         if path is not None:
-            self._autosave.keep_open(Saved(source=self.source, field=OpenedFile(name="field", path=path)))
-        settings = {key: value for key, value in deformer.field.settings.items() if key != "losses"}
-        self.looks.field = FieldState(status="ready", origin=origin, settings=settings)
+            self._autosave.save_opened(Saved(source=self.source, field=OpenedFile(name="field", path=path)))
+        self.view_state.field = FieldState(status="ready", origin=origin)
         self._tell_progress("prepare", "done")
         for warning in told:
             self.fail(0, warning)
-        wanted, self._wanted = self._wanted, None
+        wanted, self._pending_edit = self._pending_edit, None
         self.tell_state()
         if wanted is not None:
             self.guarded(0, lambda: self.open_edit(wanted))
 
     def field_planes(self, planes: dict[Preset, list[SymmetryPlane]]) -> None:
-        """Offer them; by now instances can be found as well."""
-        self.looks.planes = planes
+        """The planes across which the shape looks alike, by each preset's rules; now instances can be found, too."""
+        self.view_state.planes = planes
         self._ready = True
         self.tell_state()
 
     def field_failed(self, task: str, message: str) -> None:
-        """Say so; the shape can still be looked at, and an earlier field stays."""
+        """There will be none; the shape can still be looked at, and an earlier field stays."""
         self._ready = True
         self._tell_progress(task, "failed")
         self.fail(0, message)
         self._tell_field("none" if self.deformer is None else "ready")
 
     def field_cancelled(self) -> None:
-        """Say so."""
+        """The distillation was stopped."""
         self._tell_progress("distill", "cancelled")
         self._tell_field("none" if self.deformer is None else "ready")
 
@@ -251,19 +262,14 @@ class Session:
             self._send(message)
         if self.columns is not None:
             self.columns.forget()
-        self._after = 0
+        self.after = 0
         self.tell_state()
         if self._progress is not None:
             self.send(self._progress)
         self._report()
 
-    def answering(self, number: int, work: Callable[[], None]) -> None:
-        """Do `work` for request `number`; whatever goes wrong is said, and the session goes on."""
-        self._after = number
-        self.guarded(number, work)
-
     def guarded(self, number: int, work: Callable[[], None]) -> None:
-        """Do `work`; what goes wrong becomes a `failure` that answers request `number`."""
+        """Do `work`; an exception becomes a `failure` that answers request `number`."""
         try:
             work()
         except Exception as error:
@@ -271,16 +277,10 @@ class Session:
 
     def fail(self, number: int, why: str) -> None:
         """Say that request `number` was not done, without the places of files on this machine."""
-        self.send(FailureMessage(id=number, message=without_places(why, self._names, self.folder)))
+        self.send(FailureMessage(id=number, message=without_paths(why, self._names, self.folder)))
 
-    def living(self) -> Deformer:
-        """The editing session.
-
-        Raises
-        ------
-        ValueError
-            If there is none yet.
-        """
+    def require_deformer(self) -> Deformer:
+        """The editing session; raises ValueError if there is none yet."""
         if self.deformer is None:
             raise ValueError("Open a mesh first" if self.mesh is None else "The shape has no field yet: wait for it")
         return self.deformer
@@ -290,15 +290,15 @@ class Session:
 
         With `merge` it is one step with the newest one, where that was about the same `topic`.
         """
-        deformer = self.living()
+        deformer = self.require_deformer()
         assert self.columns is not None
         before = deformer.edit
         joins = merge and topic is not None and self._gesture == (topic, before)
         try:
-            result = joined(deformer, work) if joins else work(deformer)
+            result = as_one_step(deformer, work) if joins else work(deformer)
             check_drawable(deformer)
             columns = self.columns.message()
-            did = None if self.columns.owes else report(deformer)
+            did = None if self.columns.has_pending else report(deformer)
         except BaseException:
             if deformer.edit is not before:
                 deformer.undo()
@@ -315,14 +315,9 @@ class Session:
         return result
 
     def note_drag(self, handle: int) -> None:
-        """Know that the newest step is a drag of `handle`, which the page has drawn itself and needs no word of."""
-        self._shown = self.living().edit
-        self._gesture = (("move", handle), self.living().edit)
-
-    def walk(self, step: Callable[[Deformer], bool]) -> None:
-        """Undo or redo, and tell the page what came of it."""
-        if step(self.living()):
-            self._tell_all()
+        """Note that the newest step is a drag of `handle`, which the page has drawn itself."""
+        self._shown = self.require_deformer().edit
+        self._gesture = (("move", handle), self._shown)
 
     # --- telling
 
@@ -335,61 +330,64 @@ class Session:
         if self.mesh is None:
             return
         if self.deformer is None or self.columns is None:
-            self.send(empty_state(self.looks, after=self._after))
+            self.send(state_message(self.view_state, after=self.after))
             return
         columns = self.columns.message()
         if columns is not None:
             self._send(columns)
         self._shown = self.deformer.edit
-        self.send(state_message(self.deformer, self.columns, self.looks, after=self._after))
-        self._unreported = self._unreported or self.columns.owes
+        self.send(state_message(self.view_state, self.deformer, self.columns, after=self.after))
+        self._unreported = self._unreported or self.columns.has_pending
 
     @property
-    def owes(self) -> bool:
-        """Whether there are instances, which the page waits for less than for a heat map."""
-        return self._ready and self.columns is not None and self.columns.owes
+    def has_pending_columns(self) -> bool:
+        """Whether there are instances to send, which the page needs less urgently than the columns themselves."""
+        return self._ready and self.columns is not None and self.columns.has_pending
 
-    def pay(self) -> None:
-        """Send those of one handle; not all, so that the next click does not wait for all."""
+    def send_pending_columns(self) -> None:
+        """Send the instances of one handle; not of all, so that the next click does not wait for all."""
         instances = None if self.columns is None else self.columns.instances_message()
         if instances is not None:
             self._send(instances)
 
-    def _tell_all(self) -> None:
+    def tell_all(self) -> None:
+        """Tell the page the present state and what the edit does."""
         self.tell_state()
         self._report()
 
     def _report(self) -> None:
         """Tell the page what the edit does, unless instances must be found first."""
-        if self.deformer is not None and self.columns is not None and not self.columns.owes:
+        if self.deformer is not None and self.columns is not None and not self.columns.has_pending:
             self._unreported = False
             self.send(report(self.deformer))
 
-    def keep_poses(self) -> None:
-        """Save the key poses."""
-        self._autosave.keep_poses(self.looks.poses)
+    def set_poses(self, poses: tuple[KeyPose, ...]) -> None:
+        """Take and save the key poses."""
+        self.view_state.poses = poses
+        self._autosave.save_poses(poses)
+        self.tell_state()
 
     def rest(self) -> None:
-        """Nothing has come for a while: report, save, and look whether somebody else has changed the edit."""
+        """Use a pause: report, save, and tell the page of an edit that was changed from outside."""
         if self.deformer is None or self.mesh is None:
             return
         edit = self.deformer.edit
         if edit is not self._shown:
-            self._tell_all()
+            self.tell_all()
         elif self._unreported:
             self._report()
-        if edit is not self._kept:
-            self._autosave.keep_edit(edit, self.mesh)
-            self._kept = edit
+        if edit is not self._saved:
+            self._autosave.save_edit(edit, self.mesh)
+            self._saved = edit
 
     def end(self) -> None:
-        """Save and stop what runs."""
+        """Save, and stop background work."""
         self.rest()
         if self._preparation is not None:
             self._preparation.drop()
 
     def _tell_field(self, status: str) -> None:
-        self.looks.field = self.looks.field.model_copy(update={"status": status})
+        self.view_state.field = self.view_state.field.model_copy(update={"status": status})
         self.tell_state()
 
     def _tell_progress(
@@ -409,7 +407,7 @@ NO_MEMORY = "Memory ran out; nothing was changed. Take a smaller mesh, or close 
 
 
 def sentence(error: Exception) -> str:
-    """Why a request was not done; what is no fault of the person's goes to the log as well."""
+    """Why a request was not done; unexpected exceptions are logged as well."""
     if isinstance(error, MemoryError) or "can't allocate memory" in str(error):  # as torch says it
         return NO_MEMORY
     if isinstance(error, (ValueError, OSError)):
@@ -418,14 +416,14 @@ def sentence(error: Exception) -> str:
     return f"That did not work, for a fault of this program: {type(error).__name__}: {error}"
 
 
-def without_places(why: str, names: Mapping[str, str], folder: Path) -> str:
+def without_paths(why: str, names: Mapping[str, str], folder: Path) -> str:
     """`why` without the session's `folder`, and with files by the `names` that people know them by."""
     for path, name in names.items():
         why = why.replace(f"`path` {path}", name).replace(path, name)
     return _FUNCTION.sub("", why.replace(f"{folder}/", ""))
 
 
-def joined(deformer: Deformer, work: Callable[[Deformer], Result]) -> Result:
+def as_one_step(deformer: Deformer, work: Callable[[Deformer], Result]) -> Result:
     """Do `work` as one step with the newest one; where it fails, that one stays as it is."""
     newest = deformer.edit
     deformer.undo()

@@ -5,20 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dfd.app.protocol.answers import FieldState, FixedState, HandleState, NewHandle, ReportMessage, StateMessage
-from dfd.app.protocol.binaries import ColorsMessage, PositionsMessage, pack
+from dfd.app.protocol.binary_messages import ColorsMessage, PositionsMessage, pack
 from dfd.app.protocol.parts import KeyPose, Plane, PoseTransform
-from dfd.app.session.columns import Columns, column_kind
+from dfd.app.session.columns import Columns
 from dfd.app.session.surface import center_of, packed_normals
 from dfd.common.preset import Preset
-from dfd.editing.controls import CONTROL_NAMES, Blend, Falloff, Instances, Overlap
 from dfd.editing.edit import band_on, box_center
-from dfd.editing.edit_file import to_document
 from dfd.editing.influence.regions import members
 from dfd.editing.presets import PRESETS
 from dfd.mesh.normals import smooth_normals
@@ -34,46 +32,37 @@ if TYPE_CHECKING:
     from dfd.symmetry.plane import SymmetryPlane
 
 __all__ = [
-    "Looks",
+    "ViewState",
     "check_drawable",
-    "empty_state",
     "feature_colors_message",
     "positions_message",
     "report",
     "state_message",
 ]
 
-CONTROLS = ("name", *CONTROL_NAMES)
-NO_FIELD = FieldState(status="none", origin=None, settings={})
+NO_FIELD = FieldState(status="none", origin=None)
 
 
 @dataclass
-class Looks:
-    """What a state says besides the edit."""
+class ViewState:
+    """What a state message says besides the edit."""
 
     field: FieldState = NO_FIELD
-    planes: Mapping[Preset, Sequence[SymmetryPlane]] = dataclass_field(
-        default_factory=dict
-    )  # as each preset finds them
+    planes: Mapping[Preset, Sequence[SymmetryPlane]] = dataclass_field(default_factory=dict)  # by each preset's rules
     poses: tuple[KeyPose, ...] = ()
 
 
-def empty_state(looks: Looks, *, after: int) -> StateMessage:
-    """The state of a shape whose field is still missing: it can be looked at and nothing else."""
-    return _state(looks, after=after, edit={}, posing="shader", can_undo=False, can_redo=False)
-
-
-def state_message(deformer: Deformer, columns: Columns, looks: Looks, *, after: int) -> StateMessage:
-    """The state of an editing session."""
-    document = to_document(deformer.edit, deformer.mesh)
-    return _state(
-        looks,
-        after=after,
-        edit=document,
-        handles=tuple(
-            _handle(deformer, columns, handle, document["handles"][index])
-            for index, handle in enumerate(deformer.handles)
-        ),
+def state_message(
+    view_state: ViewState, deformer: Deformer | None = None, columns: Columns | None = None, *, after: int
+) -> StateMessage:
+    """The state of an editing session, or of a shape whose field is still missing, which can only be looked at."""
+    common: dict[str, Any] = {"after": after, "field": view_state.field, "poses": view_state.poses}
+    if deformer is None or columns is None:
+        overlap, blend = PRESETS["default"].overlap, PRESETS["default"].blend
+        return StateMessage(preset="default", new_handle=_new_handle("default"), overlap=overlap, blend=blend, **common)
+    mesh, preset = deformer.mesh, deformer.preset
+    return StateMessage(
+        handles=tuple(_handle(deformer, columns, handle) for handle in deformer.handles),
         fixed=tuple(
             FixedState(
                 vertex=fixed.vertex,
@@ -85,18 +74,16 @@ def state_message(deformer: Deformer, columns: Columns, looks: Looks, *, after: 
         ),
         fixed_column=columns.of_fixed(),
         symmetry=None if deformer.symmetry is None else _plane(deformer.symmetry),
-        planes=tuple(
-            _plane(replace(plane, band=band_on(deformer.mesh, deformer.preset)))
-            for plane in looks.planes.get(deformer.preset, ())
-        ),
-        default=None if deformer.default is None else _default(deformer.default, box_center(deformer.mesh)),
-        preset=deformer.preset,
-        new_handle=_new_handle(deformer.preset),
+        planes=tuple(_plane(replace(plane, band=band_on(mesh, preset))) for plane in view_state.planes.get(preset, ())),
+        default=None if deformer.default is None else _default(deformer.default, box_center(mesh)),
+        preset=preset,
+        new_handle=_new_handle(preset),
         overlap=deformer.overlap,
         blend=deformer.blend,
         posing="shader" if (deformer.overlap, deformer.blend) == ("add", "linear") else "server",
         can_undo=deformer.can_undo,
         can_redo=deformer.can_redo,
+        **common,
     )
 
 
@@ -104,33 +91,10 @@ def _new_handle(preset: Preset) -> NewHandle:
     return NewHandle(reach=PRESETS[preset].reach, falloff=PRESETS[preset].falloff)
 
 
-def _state(looks: Looks, **fields: Any) -> StateMessage:
-    base: dict[str, Any] = {
-        "handles": (),
-        "fixed": (),
-        "fixed_column": 0,
-        "symmetry": None,
-        "planes": (),
-        "default": None,
-        "preset": "default",
-        "presets": get_args(Preset),
-        "new_handle": _new_handle("default"),
-        "overlap": PRESETS["default"].overlap,
-        "overlaps": get_args(Overlap),
-        "blend": PRESETS["default"].blend,
-        "blends": get_args(Blend),
-        "falloffs": get_args(Falloff),
-        "instances": get_args(Instances),
-        "controls": CONTROLS,
-        "field": looks.field,
-        "poses": looks.poses,
-    }
-    return StateMessage(**{**base, **fields})
-
-
-def _handle(deformer: Deformer, columns: Columns, handle: Handle, controls: dict[str, Any]) -> HandleState:
-    transform = handle.transform
+def _handle(deformer: Deformer, columns: Columns, handle: Handle) -> HandleState:
+    transform, controls = handle.transform, handle.controls
     bound, edit = deformer.bound, deformer.edit
+    same = ("falloff", "locality", "radius", "strength", "instances", "level", "within_width")
     return HandleState(
         handle=handle.id,
         name=handle.name,
@@ -143,24 +107,14 @@ def _handle(deformer: Deformer, columns: Columns, handle: Handle, controls: dict
         own_pivot=transform.pivot is not None,
         axes=transform.axes,
         reach=bound.reach(handle),
-        falloff=handle.controls.falloff,
-        locality=handle.controls.locality,
-        radius=handle.controls.radius,
         exponent=bound.locality(edit, handle)[2],
-        strength=handle.controls.strength,
-        instances=handle.controls.instances,
-        level=handle.controls.level,
-        without_instances=tuple(
-            place.vertex for place in handle.controls.without_instances if place.vertex is not None
-        ),
-        within=0 if handle.controls.within is None else len(members(deformer.mesh, handle.controls.within)),
-        within_width=handle.controls.within_width,
+        without_instances=tuple(place.vertex for place in controls.without_instances if place.vertex is not None),
+        within=0 if controls.within is None else len(members(deformer.mesh, controls.within)),
         region=_region_size(deformer, handle.place),
-        kind=column_kind(handle),
         gain=bound.gain(edit, handle),
         column=columns.of_handle(handle),
         moved=not transform.rests,
-        controls=controls,
+        **{name: getattr(controls, name) for name in same},
     )
 
 
@@ -228,12 +182,10 @@ def check_drawable(deformer: Deformer) -> None:
 def report(deformer: Deformer) -> ReportMessage:
     """How much moved, how far, and whether the handles arrived where they were sent."""
     if not deformer.handles and deformer.default is None:
-        return ReportMessage(moved=0.0, largest=0.0, missed=0.0, text="Nothing has moved")
+        return ReportMessage(moved=0.0, text="Nothing has moved")
     found = deformer.report()
     text = str(found)
     return ReportMessage(
         moved=found.moved,
-        largest=found.farthest,
-        missed=max((handle.missing for handle in found.handles), default=0.0),
         text=text[:1].upper() + text[1:],
     )

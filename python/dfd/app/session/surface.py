@@ -1,4 +1,4 @@
-"""The resting shape as the page draws it: rows, triangles, looks."""
+"""The resting shape as the page draws it: rows, triangles, materials."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from dfd.app.protocol.binaries import DetailMessage, Group, MaterialEntry, MeshMessage, pack
+from dfd.app.protocol.binary_messages import DetailMessage, Group, MaterialEntry, MeshMessage, pack
 from dfd.app.session.level_of_detail import CoarseLevel, coarse_level
 from dfd.mesh.appearance import Material
 from dfd.mesh.mesh import Mesh
@@ -19,7 +19,6 @@ __all__ = ["center_of", "mesh_messages", "packed_normals"]
 
 LONGEST_TEXTURE = 4096  # texels along a side that every graphics card takes
 JPEG_QUALITY = 92
-MOST_PART_NAMES = 10_000
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -39,10 +38,10 @@ def mesh_messages(mesh: Mesh, *, number: int, name: str, warnings: Sequence[str]
     level = coarse_level(mesh.vertices, mesh.faces)
     arrays = _row_arrays(mesh, rows)
     textures, materials = _materials(mesh)
-    names, groups = _groups(mesh)
-    low, high = (tuple(float(x) for x in corner) for corner in mesh.bounds)
+    none = np.zeros(len(mesh.faces), np.int32)
+    material_of = none if mesh.appearance is None else mesh.appearance.face_material
 
-    def message(shown: Arrays, triangles: NDArray[np.int32], groups: tuple[Group, ...]) -> bytes:
+    def message(shown: Arrays, triangles: NDArray[np.int32], material_of: NDArray[np.int32]) -> bytes:
         return pack(
             MeshMessage,
             {**shown, "triangles": triangles.astype(np.uint32), **textures},
@@ -50,21 +49,19 @@ def mesh_messages(mesh: Mesh, *, number: int, name: str, warnings: Sequence[str]
             name=name,
             vertices=len(mesh.vertices),
             faces=len(mesh.faces),
-            rows=len(shown["vertex"]),
+            parts=mesh.part_count,
             coarse=level is not None,
-            center=tuple(float(x) for x in center_of(mesh)),
-            bounds=(low, high),
+            center=tuple(center_of(mesh).tolist()),
             diagonal=mesh.diagonal,
-            parts=names,
-            groups=groups,
+            groups=_runs(material_of),
             materials=materials,
             warnings=tuple(warnings),
         )
 
     if level is None:
-        yield message(arrays, corner_faces, groups)
+        yield message(arrays, corner_faces, material_of)
         return
-    level = level.sorted_by(_materials_of(mesh))
+    level = level.sorted_by(material_of)
     corners = _corner_rows(level, rows, corner_faces, arrays)
     chosen = np.zeros(len(rows), bool)
     chosen[corners] = True
@@ -72,13 +69,12 @@ def mesh_messages(mesh: Mesh, *, number: int, name: str, warnings: Sequence[str]
     place = np.empty(len(rows), np.int32)
     place[order] = np.arange(len(rows), dtype=np.int32)
     first = order[: np.count_nonzero(chosen)]
-    yield message(_taken(arrays, first), place[corners], _runs(_materials_of(mesh)[level.stands_for]))
+    yield message(_taken(arrays, first), place[corners], material_of[level.stands_for])
     yield pack(
         DetailMessage,
         {**_taken(arrays, order), "triangles": place[corner_faces].astype(np.uint32)},
         mesh=number,
-        rows=len(rows),
-        groups=groups,
+        groups=_runs(material_of),
     )
 
 
@@ -206,32 +202,13 @@ def _row_normals(mesh: Mesh, rows: NDArray[np.int32]) -> NDArray[np.float64]:
     return np.where(np.isfinite(given).all(axis=1, keepdims=True), given, normals)
 
 
-def _materials_of(mesh: Mesh) -> NDArray[np.int32]:
-    """(F,) the material of each face."""
-    return mesh.appearance.face_material if mesh.appearance is not None else np.zeros(len(mesh.faces), np.int32)
-
-
-def _groups(mesh: Mesh) -> tuple[tuple[str, ...], tuple[Group, ...]]:
-    """The parts' names, and runs of triangles that share part and material."""
-    names: tuple[str, ...] = ("",)
-    part_of = np.zeros(len(mesh.faces), np.int64)
-    if mesh.part_count <= MOST_PART_NAMES:
-        names = tuple(part.name for part in mesh.parts)
-        for index, part in enumerate(mesh.parts):
-            part_of[part.faces] = index
-    return names, _runs(_materials_of(mesh), part_of)
-
-
-def _runs(material_of: NDArray[np.int32], part_of: NDArray[np.int64] | None = None) -> tuple[Group, ...]:
-    """Runs of triangles that share their material and part, the first one where no parts are told apart."""
-    count = len(material_of)
-    if part_of is None:
-        part_of = np.zeros(count, np.int64)
-    changes = np.flatnonzero((np.diff(part_of) != 0) | (np.diff(material_of) != 0)) + 1
-    starts = [0, *(int(start) for start in changes)]
+def _runs(material_of: NDArray[np.int32]) -> tuple[Group, ...]:
+    """Runs of triangles that share their material, given that of each."""
+    starts = np.flatnonzero(np.diff(material_of, prepend=-1)).tolist()
+    ends = [*starts[1:], len(material_of)]
     return tuple(
-        Group(part=int(part_of[start]), material=int(material_of[start]), start=start, count=end - start)
-        for start, end in zip(starts, [*starts[1:], count], strict=True)
+        Group(material=int(material_of[start]), start=start, count=end - start)
+        for start, end in zip(starts, ends, strict=True)
     )
 
 

@@ -5,29 +5,36 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import html
+import os
 import shutil
+import signal
 import socket
+import sys
 import tempfile
 import threading
 import webbrowser
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import uvicorn
 
 from dfd.app.options import SessionOptions
+from dfd.app.session.distill_process import try_lock
 from dfd.app.web.link import Link, ThreadLink
 from dfd.app.web.safety import Rules, loopback
-from dfd.app.web.server import MESSAGE_BYTES, STATIC, Limits, create
+from dfd.app.web.server import MESSAGE_BYTES, STATIC, UPLOAD_BYTES, create
 from dfd.app.web.tabs import Tabs
 
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
 
-__all__ = ["DEFAULT_PORT", "Frame", "RunningApp", "check_built", "serve", "show"]
+__all__ = ["DEFAULT_PORT", "Frame", "RunningApp", "check_built", "serve", "session_memory", "show"]
 
 DEFAULT_PORT = 8765
+MEMORY_SHARE = 0.75  # for one session; the rest is for the server, the browser and the system
+FOLDER_PREFIX = "dfd-app-"
+RUNNING = "running"  # a file in the server's folder that the server holds a lock on
 FRAMES = ("http://localhost:*", "http://127.0.0.1:*")  # where notebooks are
 
 
@@ -44,8 +51,8 @@ class RunningApp:
         How sessions are reached where they are no processes of their own.
     frames
         Origins whose pages may show this one in a frame.
-    limits
-        What it takes.
+    upload_bytes
+        The largest upload, its files together, unpacked.
     static
         The built page.
 
@@ -63,16 +70,19 @@ class RunningApp:
         port: int = 0,
         make_link: Callable[[], Link] | None = None,
         frames: tuple[str, ...] = (),
-        limits: Limits = Limits(),  # noqa: B008  # it never changes
+        upload_bytes: int = UPLOAD_BYTES,
         static: Path = STATIC,
     ) -> None:
         self._socket = _listen(host, port)
         self.host, self.port = host, int(self._socket.getsockname()[1])
         self.rules = Rules(host=host, cookie=f"dfd-{self.port}", frames=frames)
-        self._root = Path(tempfile.mkdtemp(prefix="dfd-app-"))
+        _remove_abandoned()
+        self._root = Path(tempfile.mkdtemp(prefix=FOLDER_PREFIX))
+        self._running = (self._root / RUNNING).open("w")
+        try_lock(self._running)
         self.tabs = Tabs(self._root, options, make_link)
         config = uvicorn.Config(
-            create(self.tabs, self.rules, limits=limits, static=static),
+            create(self.tabs, self.rules, upload_bytes=upload_bytes, static=static),
             ws="websockets-sansio",
             ws_max_size=MESSAGE_BYTES,
             ws_per_message_deflate=False,  # meshes would be compressed on the event loop, for seconds
@@ -93,12 +103,23 @@ class RunningApp:
             host = socket.gethostname()
         return f"http://{host}:{self.port}/?token={self.rules.token}"
 
+    def redirecting_file(self) -> Path:
+        """A page for this user alone that leads to `url`: all users of a machine see what a browser is started with."""
+        path = self._root / "open.html"
+        path.touch(0o600, exist_ok=False)
+        path.write_text(f'<!doctype html><meta http-equiv="refresh" content="0; url={html.escape(self.url)}">')
+        return path
+
     def run(self) -> None:
         """Serve until the process is asked to end; then nothing of any session stays behind."""
+        if threading.current_thread() is threading.main_thread():
+            # uvicorn hands the signal on when the server has ended; the default action would skip what follows here.
+            signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
         try:
             asyncio.run(self._serve())
         finally:
             self._socket.close()
+            self._running.close()
             shutil.rmtree(self._root, ignore_errors=True)
 
     async def _serve(self) -> None:
@@ -165,23 +186,35 @@ def serve(options: SessionOptions, *, host: str, port: int | None, browser: bool
             raise
         app = RunningApp(options, host=host)
     tell(app.url)
-    if browser and loopback(host):
-        with _opened(app.url):
-            app.run()
-    else:
-        app.run()
-
-
-@contextlib.contextmanager
-def _opened(url: str) -> Iterator[None]:
-    """Open a browser as soon as the server answers; without one, the printed address serves."""
-    timer = threading.Timer(0.5, lambda: webbrowser.open(url))
+    timer = threading.Timer(0.5, lambda: webbrowser.open(app.redirecting_file().as_uri()))
     timer.daemon = True
-    timer.start()
+    if browser and loopback(host):
+        timer.start()
     try:
-        yield
+        app.run()
     finally:
         timer.cancel()
+
+
+def session_memory() -> int | None:
+    """Bytes that one session may take where nobody says otherwise: a part of the machine's, or of its container's.
+
+    None, where the system does not tell, sets no limit.
+    """
+    told = []
+    with contextlib.suppress(AttributeError, OSError, ValueError):
+        told.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    with contextlib.suppress(OSError, ValueError):  # "max" is no limit
+        told.append(int(Path("/sys/fs/cgroup/memory.max").read_text()))
+    return min((int(MEMORY_SHARE * size) for size in told if size > 0), default=None)
+
+
+def _remove_abandoned() -> None:
+    """Remove the folders of servers that ended without doing so themselves: nobody holds their locks."""
+    for path in Path(tempfile.gettempdir()).glob(f"{FOLDER_PREFIX}*/{RUNNING}"):
+        with contextlib.suppress(OSError), path.open("r+") as stream:
+            if try_lock(stream):
+                shutil.rmtree(path.parent, ignore_errors=True)
 
 
 class Frame:

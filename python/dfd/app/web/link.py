@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import pickle
 import sys
 import threading
+from abc import ABC, abstractmethod
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any
 
 from dfd.app.options import SessionOptions
-from dfd.app.web.worker import BINARY, HEADER_BYTES, TEXT, Order, Start, frame, frame_length, order_frame
+from dfd.app.session.session import Session
+from dfd.app.web.worker import BINARY, HEADER_BYTES, ORDER, TEXT, Loop, frame, frame_length
 
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
@@ -21,26 +24,31 @@ READ_AHEAD = 4 << 20  # bytes of a session's messages that wait for a slow page
 GRACE = 3.0  # seconds that a session has to save and end
 
 
-class Link(Protocol):
+class Link(ABC):
     """Messages to one session and from it; all methods belong to the event loop."""
 
+    @abstractmethod
     async def start(self, folder: Path, options: SessionOptions, lock: Path | None) -> None:
         """Begin, or go on in a folder where a session has been."""
 
+    @abstractmethod
     async def send(self, text: str) -> None:
         """Hand on a message of the page."""
 
-    async def order(self, order: Order) -> None:
-        """Hand on an order."""
+    @abstractmethod
+    async def order(self, name: str, **arguments: Any) -> None:
+        """Have the session call its method of that name."""
 
+    @abstractmethod
     async def receive(self) -> str | bytes | None:
         """The next message for the page; None when the session has ended."""
 
+    @abstractmethod
     async def close(self) -> None:
         """Let it save and end; what does not end by itself is ended."""
 
 
-class ProcessLink:
+class ProcessLink(Link):
     """A session in a process of its own, which may be begun before anybody needs it."""
 
     def __init__(self) -> None:
@@ -64,27 +72,23 @@ class ProcessLink:
         return None if self._process is None else self._process.pid
 
     async def start(self, folder: Path, options: SessionOptions, lock: Path | None) -> None:
-        """Begin the session."""
         await self.prepare()
-        await self.order(Start(folder=folder, options=options, lock=lock))
+        await self.order("", folder=folder, options=options, lock=lock)
 
     async def send(self, text: str) -> None:
-        """Hand on a message of the page."""
-        await self._write(frame(TEXT, text.encode()))
+        await self._write(TEXT, text.encode())
 
-    async def order(self, order: Order) -> None:
-        """Hand on an order."""
-        await self._write(order_frame(order))
+    async def order(self, name: str, **arguments: Any) -> None:
+        await self._write(ORDER, pickle.dumps((name, arguments)))
 
-    async def _write(self, data: bytes) -> None:
+    async def _write(self, kind: bytes, data: bytes) -> None:
         assert self._process is not None
         assert self._process.stdin is not None
         with contextlib.suppress(ConnectionError):  # it has ended, as `receive` tells
-            self._process.stdin.write(data)
+            self._process.stdin.write(frame(kind, data))
             await self._process.stdin.drain()
 
     async def receive(self) -> str | bytes | None:
-        """The next message for the page."""
         assert self._process is not None
         assert self._process.stdout is not None
         try:
@@ -96,7 +100,6 @@ class ProcessLink:
         return data if header[:1] == BINARY else data.decode()
 
     async def close(self) -> None:
-        """Let it save and end."""
         if self._process is None:
             return
         assert self._process.stdin is not None
@@ -109,49 +112,37 @@ class ProcessLink:
             await self._process.wait()
 
 
-class ThreadLink:
+class ThreadLink(Link):
     """The editing session that a notebook holds, on a thread of its process."""
 
     def __init__(self, deformer: Deformer) -> None:
         self._deformer = deformer
+        self._loop = Loop()
         self._messages: asyncio.Queue[str | bytes | None] = asyncio.Queue()
 
     async def start(self, folder: Path, options: SessionOptions, lock: Path | None) -> None:
-        """Begin."""
-        from dfd.app.session.session import Session
-        from dfd.app.web.loop import Loop
-
-        self._loop = Loop()
         events = asyncio.get_running_loop()
 
         def send(message: str | bytes | None) -> None:
             with contextlib.suppress(RuntimeError):  # the server has ended
                 events.call_soon_threadsafe(self._messages.put_nowait, message)
 
-        session = Session(folder, options, send, self._loop.post, lock=lock, deformer=self._deformer)
-
-        self._loop.order(lambda session: session.guarded(0, session.begin))
-
         def run() -> None:
             self._loop.run(session)
             send(None)
 
+        session = Session(folder, options, send, self._loop.post, lock=lock, deformer=self._deformer)
+        self._loop.order("begin")
         threading.Thread(target=run, name="dfd-session", daemon=True).start()
 
     async def send(self, text: str) -> None:
-        """Hand on a message of the page."""
         self._loop.page(text)
 
-    async def order(self, order: Order) -> None:
-        """Hand on an order."""
-        from dfd.app.web.worker import obey
-
-        self._loop.order(lambda session: obey(session, order))
+    async def order(self, name: str, **arguments: Any) -> None:
+        self._loop.order(name, **arguments)
 
     async def receive(self) -> str | bytes | None:
-        """The next message for the page."""
         return await self._messages.get()
 
     async def close(self) -> None:
-        """Let it end."""
         self._loop.end()

@@ -126,7 +126,8 @@ class Guard:
             query = parse_qs(scope["query_string"].decode("latin-1"))
             if _equal(query.pop("token", [""])[0], self._rules.token):
                 rest = urlencode(query, doseq=True)
-                response = RedirectResponse(f"{scope['path']}{'?' if rest else ''}{rest}", 303)
+                path = "/" + scope["path"].lstrip("/\\")  # what begins with two would name another server
+                response = RedirectResponse(f"{path}{'?' if rest else ''}{rest}", 303)
                 response.set_cookie(self._rules.cookie, self._rules.token, httponly=True, samesite="strict")
                 return response
             if headers.get("sec-fetch-site") == "cross-site" and headers.get("sec-fetch-mode") == "navigate":

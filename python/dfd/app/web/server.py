@@ -6,11 +6,9 @@ import asyncio
 import contextlib
 import shutil
 from collections.abc import AsyncIterator
-from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from pydantic import ValidationError
 from starlette.applications import Starlette
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
@@ -24,28 +22,21 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from dfd.app.protocol import VERSION, client_message
-from dfd.app.protocol.answers import FailureMessage, SessionMessage
+from dfd.app.protocol.answers import VERSION, FailureMessage, SessionMessage
 from dfd.app.protocol.requests import Hello
 from dfd.app.session.exports import EXPORTS
 from dfd.app.session.shapes import SAMPLES
 from dfd.app.web.safety import Guard, Rules
-from dfd.app.web.tabs import NAME, SESSION_ENDED, Tab, Tabs, TooManyTabs
+from dfd.app.web.tabs import NAME, SESSION_ENDED, Tab, Tabs
 from dfd.app.web.uploads import FORMATS, MOST_FILES, UploadedFile, receive
 
-__all__ = ["MESSAGE_BYTES", "STATIC", "Limits", "create"]
+__all__ = ["MESSAGE_BYTES", "STATIC", "UPLOAD_BYTES", "create"]
 
 STATIC = Path(__file__).parents[1] / "static"
 MESSAGE_BYTES = 1 << 20  # the longest message of a page
+UPLOAD_BYTES = 1 << 30  # an upload's files together, unpacked
 HELLO_SECONDS = 10.0
 FOREVER = "public, max-age=31536000, immutable"  # of files whose names change with what is in them
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What the server takes: `upload_bytes` of an upload's files together, unpacked."""
-
-    upload_bytes: int = 1 << 30
 
 
 class PageFiles(StaticFiles):
@@ -59,9 +50,9 @@ class PageFiles(StaticFiles):
         return response
 
 
-def create(tabs: Tabs, rules: Rules, *, limits: Limits = Limits(), static: Path = STATIC) -> Starlette:
+def create(tabs: Tabs, rules: Rules, *, upload_bytes: int = UPLOAD_BYTES, static: Path = STATIC) -> Starlette:
     """The application for `tabs`, guarded by `rules`."""
-    server = _Server(tabs, limits)
+    server = _Server(tabs, upload_bytes)
 
     @contextlib.asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:
@@ -86,9 +77,9 @@ def create(tabs: Tabs, rules: Rules, *, limits: Limits = Limits(), static: Path 
 class _Server:
     """The three doors."""
 
-    def __init__(self, tabs: Tabs, limits: Limits) -> None:
+    def __init__(self, tabs: Tabs, upload_bytes: int) -> None:
         self._tabs = tabs
-        self._limits = limits
+        self._upload_bytes = upload_bytes
 
     async def socket(self, page: WebSocket) -> None:
         """Carry a page's messages to its session for as long as the page is there."""
@@ -103,8 +94,8 @@ class _Server:
                 text = message.get("text")
                 if text is None:
                     await tab.tell(FailureMessage(message="Messages of the page must be text").model_dump_json())
-                else:
-                    await tab.send(text)
+                elif tab.link is not None:
+                    await tab.link.send(text)
         except WebSocketDisconnect:
             pass
         finally:
@@ -116,16 +107,14 @@ class _Server:
         number = 0
         try:
             text = await asyncio.wait_for(page.receive_text(), HELLO_SECONDS)
-            message = client_message(text)
-            number = message.id
-            if not isinstance(message, Hello):
-                raise ValueError("The first message must be hello")
-            if message.version != VERSION:
+            hello = Hello.model_validate_json(text)
+            number = hello.id
+            if hello.version != VERSION:
                 raise ValueError("The page and the server are of different versions: reload the page")
-            tab, resumed = await self._tabs.open(message.session)
-        except (ValueError, KeyError, TooManyTabs, asyncio.TimeoutError) as error:
-            sentence = "The first message must be hello" if isinstance(error, ValidationError) else str(error)
-            await page.send_text(FailureMessage(id=number, message=sentence, fatal=True).model_dump_json())
+            tab, resumed = await self._tabs.open(hello.session)
+        except (ValueError, KeyError, asyncio.TimeoutError) as error:
+            reason = str(error) if number else "The first message must be hello"
+            await page.send_text(FailureMessage(id=number, message=reason, fatal=True).model_dump_json())
             await page.close(SESSION_ENDED)
             return None
         answer = SessionMessage(
@@ -134,7 +123,7 @@ class _Server:
             resumed=resumed,
             dfd=_version(),
             samples=SAMPLES,
-            upload_bytes=self._limits.upload_bytes,
+            upload_bytes=self._upload_bytes,
             formats=FORMATS,
         )
         await page.send_text(answer.model_dump_json())
@@ -149,8 +138,8 @@ class _Server:
         length = request.headers.get("content-length", "")
         if not length.isdigit():
             return _refusal(411, "An upload must say how long it is")
-        if int(length) > self._limits.upload_bytes:
-            return _refusal(413, f"The files are larger than {self._limits.upload_bytes / 2**20:.0f} MiB")
+        if int(length) > self._upload_bytes:
+            return _refusal(413, f"The files are larger than {self._upload_bytes / 2**20:.0f} MiB")
         try:
             form = await request.form(max_files=MOST_FILES, max_fields=0)
         except (MultiPartException, HTTPException, KeyError) as error:
@@ -165,15 +154,15 @@ class _Server:
             ]
             if not files:
                 return _refusal(400, "An upload must hold at least one file")
-            order, kind = await run_in_threadpool(receive, files, tab.folder, self._limits.upload_bytes)
+            upload = await run_in_threadpool(receive, files, tab.folder, self._upload_bytes)
         except ValueError as error:
             return _refusal(400, str(error))
         except OSError as error:
             return _refusal(507, f"The files could not be kept: {error.strerror}")
         finally:
             await form.close()
-        await tab.order(order)
-        return JSONResponse({"kind": kind})
+        await tab.order("open_files", mesh=upload.mesh, field=upload.field, edit=upload.edit)
+        return JSONResponse({})
 
     async def download(self, request: Request) -> Response:
         """Give away an export, once."""

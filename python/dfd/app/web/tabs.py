@@ -10,30 +10,26 @@ import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketState
 
 from dfd.app.options import SessionOptions
 from dfd.app.protocol.answers import FailureMessage
 from dfd.app.web.link import Link, ProcessLink
-from dfd.app.web.worker import Attach, Order
 
-__all__ = ["NAME", "OPENED_ELSEWHERE", "SESSION_ENDED", "Tab", "Tabs", "TooManyTabs"]
+__all__ = ["NAME", "OPENED_ELSEWHERE", "SESSION_ENDED", "Tab", "Tabs"]
 
 OPENED_ELSEWHERE, SESSION_ENDED = 4001, 4002  # close codes of a WebSocket
 NAME = re.compile(r"[0-9a-f]{32}")
 IDLE_SECONDS = 30 * 60.0  # after which a session that no page looks at ends; what it saved stays
 KEEP_SECONDS = 7 * 24 * 3600.0  # after which that goes as well
 MOST_TABS = 64
-CRASH_SECONDS = 60.0  # two crashes within it are no accident
+CRASH_SECONDS = 60.0  # after two crashes within it the session restarts empty
 SWEEP_SECONDS = 15.0
 
 CRASHED = "The session ended unexpectedly, perhaps for lack of memory. It goes on from what was saved"
-CRASHED_AGAIN = "The session ended unexpectedly once more. It begins anew, without what it had open"
-
-
-class TooManyTabs(Exception):  # noqa: N818  # said to a person, as it is
-    """No further tab can be opened."""
+CRASHED_AGAIN = "The session ended unexpectedly once more. It restarts without what it had open"
 
 
 class Tab:
@@ -45,7 +41,7 @@ class Tab:
         self.link: Link | None = None
         self._pump: asyncio.Task[None] | None = None
         self._page: WebSocket | None = None
-        self._speaking = asyncio.Lock()
+        self._sending = asyncio.Lock()
         self._crashed = -CRASH_SECONDS
         self._silent = False  # whether the newest process ended before it said anything
         self.left = time.monotonic()  # when the last page went
@@ -68,24 +64,16 @@ class Tab:
         if self.link is None:
             await self._begin()  # and tell all there is as it comes
         else:
-            await self.order(Attach())
+            await self.link.order("attach")
 
     def detach(self, page: WebSocket) -> None:
         """The page has gone."""
         if self._page is page:
             self._page, self.left = None, time.monotonic()
 
-    async def send(self, text: str) -> None:
-        """Hand on a message of the page."""
-        if self.link is not None:
-            await self.link.send(text)
-
-    async def order(self, order: Order) -> None:
-        """Hand on an order of the server."""
-        if self.link is None:
-            await self._begin()
-        assert self.link is not None
-        await self.link.order(order)
+    async def order(self, name: str, **arguments: Any) -> None:
+        """Have the session call its method of that name."""
+        await (self.link or await self._begin()).order(name, **arguments)
 
     async def end(self) -> None:
         """End the session; what it saved stays."""
@@ -103,11 +91,12 @@ class Tab:
             await _close(page, code)
         await self.end()
 
-    async def _begin(self) -> None:
+    async def _begin(self) -> Link:
         self.folder.mkdir(parents=True, exist_ok=True)
         self.link = self._make_link()
         await self.link.start(self.folder, self._options, self._lock)
         self._pump = asyncio.create_task(self._carry(self.link))
+        return self.link
 
     async def _carry(self, link: Link) -> None:
         """Bring the session's messages to whichever page looks at it, until the session ends."""
@@ -138,7 +127,7 @@ class Tab:
         page = self._page
         if page is None or page.application_state != WebSocketState.CONNECTED:
             return
-        async with self._speaking:
+        async with self._sending:
             with contextlib.suppress(RuntimeError, ConnectionError, OSError):  # it has gone at this moment
                 if isinstance(message, str):
                     await page.send_text(message)
@@ -165,19 +154,19 @@ class Tabs:
         self._make_link = make_link
         self._tabs: dict[str, Tab] = {}
         self._spare: ProcessLink | None = None
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._sweeping: asyncio.Task[None] | None = None
 
     async def start(self) -> None:
         """Get ready: have one process that waits for the first tab, and look after those that nobody looks at."""
         if self._make_link is None:
             self._spare = ProcessLink()
             await self._spare.prepare()
-        self._task(self._sweep())
+        self._sweeping = asyncio.create_task(self._sweep())
 
     async def stop(self) -> None:
         """End all sessions."""
-        for task in self._tasks:
-            task.cancel()
+        if self._sweeping is not None:
+            self._sweeping.cancel()
         await asyncio.gather(*(tab.close(SESSION_ENDED) for tab in self._tabs.values()))
         if self._spare is not None:
             await self._spare.close()
@@ -200,7 +189,7 @@ class Tabs:
 
         Raises
         ------
-        TooManyTabs
+        ValueError
             If there are as many as there can be, and a page looks at each of them.
         """
         found = None if name is None else self.find(name)
@@ -208,11 +197,11 @@ class Tabs:
             return found, True
         if self._make_link is not None and self._tabs:
             return next(iter(self._tabs.values())), False
-        living = [tab for tab in self._tabs.values() if tab.link is not None]
-        if len(living) >= MOST_TABS:
-            alone = [tab for tab in living if not tab.attended]
+        running = [tab for tab in self._tabs.values() if tab.link is not None]
+        if len(running) >= MOST_TABS:
+            alone = [tab for tab in running if not tab.attended]
             if not alone:
-                raise TooManyTabs(f"This server has {MOST_TABS} tabs open, as many as it can: close one")
+                raise ValueError(f"This server has {MOST_TABS} tabs open, as many as it can: close one")
             await min(alone, key=lambda tab: tab.left).end()
         name = secrets.token_hex(16)
         self._tabs[name] = self._tab(name)
@@ -224,11 +213,6 @@ class Tabs:
     def _process(self) -> Link:
         link, self._spare = self._spare or ProcessLink(), None
         return link
-
-    def _task(self, work: object) -> None:
-        task = asyncio.ensure_future(work)  # type: ignore[call-overload]  # a coroutine
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
 
     async def _sweep(self) -> None:
         while True:

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import lzma
 import re
 import secrets
 import shutil
+import struct
 import zipfile
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import IO
 
 from dfd.app.options import OpenedFile, Source
-from dfd.app.web.worker import Open
 from dfd.mesh.file.read import ENDINGS
 
-__all__ = ["FORMATS", "MOST_FILES", "UploadedFile", "receive"]
+__all__ = ["FORMATS", "MOST_FILES", "Upload", "UploadedFile", "receive"]
 
 FORMATS = (*ENDINGS, ".zip", ".safetensors", ".json")
 FIELD, EDIT = ".safetensors", ".json"
@@ -34,8 +36,17 @@ class UploadedFile:
     stream: IO[bytes]
 
 
-def receive(files: Sequence[UploadedFile], folder: Path, most_bytes: int) -> tuple[Open, str]:
-    """Put `files` into a new folder inside `folder`; return what to open, and its kind: mesh, field or edit.
+@dataclass(frozen=True)
+class Upload:
+    """What to open."""
+
+    mesh: Source | None
+    field: OpenedFile | None
+    edit: OpenedFile | None
+
+
+def receive(files: Sequence[UploadedFile], folder: Path, most_bytes: int) -> Upload:
+    """Put `files` into a new folder inside `folder`; return what to open.
 
     The mesh, the field and the edit get names of ours. What a mesh names beside itself (materials, textures, buffers)
     keeps its name where that is harmless, and is left out where it is not.
@@ -55,7 +66,7 @@ def receive(files: Sequence[UploadedFile], folder: Path, most_bytes: int) -> tup
         raise
 
 
-def _receive(files: Sequence[UploadedFile], place: Path, most_bytes: int) -> tuple[Open, str]:
+def _receive(files: Sequence[UploadedFile], place: Path, most_bytes: int) -> Upload:
     given: dict[str, Path] = {}  # by the name inside the upload
     left = most_bytes
     for file in files:
@@ -74,8 +85,7 @@ def _receive(files: Sequence[UploadedFile], place: Path, most_bytes: int) -> tup
     if mesh is None and field is None and edit is None:
         names = ", ".join(_last(name) for name in list(given)[:5]) or "nothing"
         raise ValueError(f"There must be a file that ends in one of {', '.join(FORMATS)}, got {names}")
-    kind = "mesh" if mesh else "field" if field else "edit"
-    return Open(mesh=mesh, field=field, edit=edit), kind
+    return Upload(mesh, field, edit)
 
 
 def _single(given: Mapping[str, Path], ending: str, *, beside_mesh: bool) -> OpenedFile | None:
@@ -95,18 +105,19 @@ def _unpack(file: UploadedFile, place: Path, given: dict[str, Path], left: int) 
     used = 0
     try:
         with zipfile.ZipFile(file.stream) as archive:
-            entries = [entry for entry in archive.infolist() if not entry.is_dir()]
-            for entry in entries:
+            for entry in archive.infolist():
                 name = entry.filename.replace("\\", "/")
                 path = PurePosixPath(name)
                 if path.is_absolute() or ".." in path.parts or re.match(r"[A-Za-z]:", name):
                     raise ValueError(f"{_shown(file.name)} names a place outside itself: {_shown(entry.filename)}")
-                if path.parts[0] == "__MACOSX":
+                if entry.is_dir() or path.parts[:1] in ((), ("__MACOSX",)):
                     continue
                 with archive.open(entry) as stream:
                     used += _keep(name, stream, place, given, left - used)
-    except (zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError, RuntimeError, EOFError, OSError) as error:
-        raise ValueError(f"{_shown(file.name)} is damaged or no zip that can be read: {error}") from None
+    except (zipfile.BadZipFile, zipfile.LargeZipFile, zlib.error, lzma.LZMAError, NotImplementedError, RuntimeError,
+            EOFError, OSError, struct.error) as error:  # fmt: skip
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else error  # without the path
+        raise ValueError(f"{_shown(file.name)} is damaged or not a zip that can be read: {reason}") from None
     return used
 
 
@@ -121,7 +132,7 @@ def _keep(name: str, stream: IO[bytes], place: Path, given: dict[str, Path], lef
     if not harmless and not opened:
         return 0
     path = place.joinpath(*(steps if harmless else [f"{len(given)}{_ending(name)}"]))
-    if name in given or path.exists():
+    if name in given or path.exists() or not all(above.is_dir() for above in path.parents if above.exists()):
         raise ValueError(f"An upload must have each file once, got {_shown(name)} twice")
     path.parent.mkdir(parents=True, exist_ok=True)
     size = 0

@@ -2,8 +2,9 @@
 
     python -m dfd.app.web.worker     reads frames from its input and writes frames to its output
 
-A frame is its kind, one byte; the length of what follows, four bytes, little-endian; and that. The first is an `ORDER`
-with a `Start`, and the process ends when its input ends.
+A frame is its kind, one byte; the length of what follows, four bytes, little-endian; and that: a text of the page, a
+binary message for it, or an order of the server, which is the pickled name and arguments of a method of the session.
+The arguments of the first are what the session is made with, and the process ends when its input ends.
 """
 
 from __future__ import annotations
@@ -11,69 +12,29 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
+import pickle
+import queue
 import sys
 import threading
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import BinaryIO, Literal
+from typing import Any, BinaryIO
 
-from pydantic import BaseModel, ConfigDict
-
-from dfd.app.options import OpenedFile, SessionOptions, Source
+from dfd.app.protocol.requests import Request, RequestError, read_request
+from dfd.app.session import requests
 from dfd.app.session.session import Session
-from dfd.app.web.loop import Loop
 
-__all__ = [
-    "BINARY",
-    "HEADER_BYTES",
-    "ORDER",
-    "TEXT",
-    "Attach",
-    "Open",
-    "Start",
-    "frame",
-    "frame_length",
-    "obey",
-    "order_frame",
-]
+__all__ = ["BINARY", "HEADER_BYTES", "ORDER", "TEXT", "Loop", "frame", "frame_length"]
 
 TEXT, BINARY, ORDER = b"T", b"B", b"O"
 HEADER_BYTES = 5
-FIRST_TO_GO = "900"  # of 1000: whom the kernel ends first when memory runs out
+OOM_SCORE_ADJ = "900"  # of 1000: when memory runs out, the kernel ends sessions first
+OVERTAKEN = ("probe", "compute")  # only the newest of these is answered: the pointer, or the shape, has moved on
+SAVE_PAUSE = 0.5  # seconds without a request, after which the session is saved
+INSTANCES_PAUSE = 0.05  # seconds without a request, after which instances are found
 
-
-class Order(BaseModel):
-    """What the server says to the process."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Start(Order):
-    """Be the session in this folder."""
-
-    do: Literal["start"] = "start"
-    folder: Path
-    options: SessionOptions
-    lock: Path | None
-
-
-class Attach(Order):
-    """A page has come: tell it everything."""
-
-    do: Literal["attach"] = "attach"
-
-
-class Open(Order):
-    """Open files that were uploaded."""
-
-    do: Literal["open"] = "open"
-    mesh: Source | None = None
-    field: OpenedFile | None = None
-    edit: OpenedFile | None = None
-
-
-class _AnyOrder(BaseModel):
-    order: Start | Attach | Open
+Work = Callable[[Session], None]
 
 
 def frame(kind: bytes, data: bytes) -> bytes:
@@ -86,9 +47,53 @@ def frame_length(header: bytes) -> int:
     return int.from_bytes(header[1:], "little")
 
 
-def order_frame(order: Order) -> bytes:
-    """An order's frame."""
-    return frame(ORDER, f'{{"order": {order.model_dump_json()}}}'.encode())
+class Loop:
+    """The inbox of a session's thread. `run` works on the caller's thread, the others may be called from any."""
+
+    def __init__(self) -> None:
+        self._inbox: queue.Queue[Work | None] = queue.Queue()
+        self._newest: dict[str, int] = {}
+
+    def page(self, text: str) -> None:
+        """Take a message of the page."""
+        try:
+            message = read_request(text)
+        except RequestError as error:
+            self._inbox.put(lambda session, error=error: session.fail(error.number, str(error)))  # type: ignore[misc]
+            return
+        if message.type in OVERTAKEN:
+            self._newest[message.type] = message.id
+        self._inbox.put(lambda session: self._answer(session, message))
+
+    def order(self, name: str, **arguments: Any) -> None:
+        """Take an order of the server: a method of the session and its arguments."""
+        self._inbox.put(lambda session: session.guarded(0, partial(getattr(session, name), **arguments)))
+
+    def post(self, call: Callable[[], None]) -> None:
+        """Take a call that has to happen on the session's thread."""
+        self._inbox.put(lambda session: call())
+
+    def end(self) -> None:
+        """Let `run` return when it has done what came before."""
+        self._inbox.put(None)
+
+    def run(self, session: Session) -> None:
+        """Do one thing after the other, until `end`."""
+        while True:
+            pending = session.has_pending_columns
+            try:
+                work = self._inbox.get(timeout=INSTANCES_PAUSE if pending else SAVE_PAUSE)
+            except queue.Empty:
+                session.guarded(0, session.send_pending_columns if pending else session.rest)
+                continue
+            if work is None:
+                session.guarded(0, session.end)
+                return
+            work(session)
+
+    def _answer(self, session: Session, message: Request) -> None:
+        if message.type not in OVERTAKEN or message.id == self._newest[message.type]:
+            requests.answer(session, message)
 
 
 def main() -> None:
@@ -96,17 +101,18 @@ def main() -> None:
     logging.basicConfig(level=logging.WARNING, format="dfd app: %(message)s")
     source = os.fdopen(os.dup(0), "rb")
     output = os.fdopen(os.dup(1), "wb")
-    # Whatever a library prints or reads has nothing to do with frames.
+    # What a library prints or reads must not mix with frames.
     os.dup2(2, 1)
     with Path(os.devnull).open("rb") as nothing:
         os.dup2(nothing.fileno(), 0)
     with contextlib.suppress(OSError):
-        Path("/proc/self/oom_score_adj").write_text(FIRST_TO_GO)
+        Path("/proc/self/oom_score_adj").write_text(OOM_SCORE_ADJ)
     _import_early()
-    start = _read_order(source)
-    if not isinstance(start, Start):
+    start = _read_frame(source)
+    if start is None:
         return
-    _limit_memory(start.options.memory_bytes)
+    _, arguments = pickle.loads(start[1])
+    _limit_memory(arguments["options"].memory_bytes)
     loop, writing = Loop(), threading.Lock()
 
     def send(message: str | bytes) -> None:
@@ -115,16 +121,16 @@ def main() -> None:
             output.write(frame(kind, data))
             output.flush()
 
-    session = Session(start.folder, start.options, send, loop.post, lock=start.lock)
-    loop.order(lambda session: session.guarded(0, session.begin))
+    session = Session(send=send, post=loop.post, **arguments)
+    loop.order("begin")
     threading.Thread(target=_read, args=(source, loop), name="dfd-reader", daemon=True).start()
     with contextlib.suppress(BrokenPipeError):
         loop.run(session)
-    os._exit(0)  # no thread of the background is worth waiting for
+    os._exit(0)  # without waiting for threads of the background
 
 
 def _import_early() -> None:
-    """Import what takes seconds while nobody waits for it yet."""
+    """Import what takes seconds before anybody waits for it."""
     import dfd.editing.deformer
     import dfd.mesh.mesh  # noqa: F401
 
@@ -132,44 +138,23 @@ def _import_early() -> None:
 
 
 def _read(source: BinaryIO, loop: Loop) -> None:
-    while (header := source.read(HEADER_BYTES)) and len(header) == HEADER_BYTES:
-        data = source.read(frame_length(header))
-        if header[:1] == TEXT:
+    while (found := _read_frame(source)) is not None:
+        kind, data = found
+        if kind == TEXT:
             loop.page(data.decode())
         else:
-            order = _AnyOrder.model_validate_json(data).order
-            loop.order(partial(obey, order=order))
+            name, arguments = pickle.loads(data)
+            loop.order(name, **arguments)
     loop.end()
 
 
-def _read_order(source: BinaryIO) -> Order | None:
+def _read_frame(source: BinaryIO) -> tuple[bytes, bytes] | None:
     header = source.read(HEADER_BYTES)
-    if len(header) < HEADER_BYTES:
-        return None
-    return _AnyOrder.model_validate_json(source.read(frame_length(header))).order
-
-
-def obey(session: Session, order: Order) -> None:
-    """Do what the server says."""
-    if isinstance(order, Attach):
-        session.guarded(0, session.attach)
-    elif isinstance(order, Open):
-        session.guarded(0, lambda: open_files(session, order))
-
-
-def open_files(session: Session, order: Open) -> None:
-    """Open what was uploaded together: a mesh with its field and edit, or those for the mesh that is open."""
-    if order.mesh is not None:
-        session.open_shape(order.mesh, field=order.field, edit=order.edit)
-        return
-    if order.field is not None:
-        session.open_field(order.field)
-    if order.edit is not None:
-        session.open_edit(order.edit)
+    return (header[:1], source.read(frame_length(header))) if len(header) == HEADER_BYTES else None
 
 
 def _limit_memory(most: int | None) -> None:
-    """Let what asks for more than `most` bytes fail as a `MemoryError`, where the system can tell."""
+    """Let what asks for more than `most` bytes fail as a `MemoryError`, where the system supports such a limit."""
     if most is None or sys.platform == "win32":
         return
     import resource

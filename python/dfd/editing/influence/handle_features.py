@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dfd.common import check
 from dfd.editing.influence.regions import Region, distances_from, members
 from dfd.editing.points import Place
-from dfd.field.on_mesh import FieldOnMesh
+from dfd.field.field import FieldOnMesh
 from dfd.weights.compact import CompactFeatures, compact
 
 if TYPE_CHECKING:

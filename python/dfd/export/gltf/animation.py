@@ -6,7 +6,6 @@ What the page shows between key poses is the same: positions and scales blend li
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,8 +35,6 @@ def add_joint_animation(
     for number, node in enumerate(joints[1:], 1):
         for path in ("translation", "rotation", "scale"):
             values = np.array([getattr(locals_[number], path) for locals_ in moments], "<f4")
-            if path == "rotation":
-                values = _the_shorter_way(values)
             _add(document, animation, {"node": node, "path": path}, times, values)
     document.append("animations", animation)
 
@@ -61,12 +58,3 @@ def _add(document: GltfDocument, animation: Header, target: Header, times: int, 
     sampler = {"input": times, "interpolation": "LINEAR", "output": document.accessor(values)}
     animation["samplers"].append(sampler)
     animation["channels"].append({"sampler": len(animation["samplers"]) - 1, "target": target})
-
-
-def _the_shorter_way(quaternions: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Quaternions (N, 4) with the signs under which each is near the one before."""
-    result = quaternions.copy()
-    for before, after in pairwise(result):
-        if before @ after < 0:
-            after *= -1
-    return result

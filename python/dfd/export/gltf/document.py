@@ -35,23 +35,17 @@ _COMPONENTS = {np.dtype("u1"): 5121, np.dtype("<u2"): 5123, np.dtype("<u4"): 512
 
 
 class GltfDocument:
-    """The header and the data of the file that is being written.
+    """The header and the data of the file that is being written."""
 
-    Attributes
-    ----------
-    header
-        Its JSON, to be changed in place.
-    scene
-        What it shows: primitives with their rows.
-    vertex
-        (R,) the mesh's vertex that each row of the primitives is at, -1 where no face uses it.
-    """
+    header: Header  # its JSON, to be changed in place
+    scene: SceneFile  # what it shows: primitives with their rows
+    vertex: NDArray[np.int64]  # (R,) the mesh's vertex that each row of the primitives is at, -1 where no face uses it
 
     def __init__(self, mesh: Mesh) -> None:
         """Take over everything that the file of the mesh holds."""
         if mesh.scene is not None and mesh.scene.gltf is not None:
-            self.scene: SceneFile = mesh.scene
-            self.vertex: NDArray[np.int64] = mesh.scene.vertex.astype(np.int64)
+            self.scene = mesh.scene
+            self.vertex = mesh.scene.vertex.astype(np.int64)
             source = mesh.scene.gltf
         else:
             source = _source_of(as_glb(mesh.vertices, mesh.faces, mesh.scene))
@@ -62,7 +56,7 @@ class GltfDocument:
         self._patch = GltfPatch(source)
         self._own: dict[int, int] = {}
         self._unpacked: set[int] = set()
-        self.header: Header = self._patch.header
+        self.header = self._patch.header
 
     def rows(self, primitive: Primitive) -> NDArray[np.int64]:
         """(rows,) the mesh's vertex that each row of a primitive is at, -1 where no face uses it."""
@@ -101,24 +95,16 @@ class GltfDocument:
 
     def values(self, node: int, primitive: int, name: str) -> NDArray[Any] | None:
         """Return an attribute of a primitive of the file, (rows, components), None where it has none of that name."""
-        mesh = int(self._source.header["nodes"][node]["mesh"])
-        content = self._source.header["meshes"][mesh]["primitives"][primitive]
-        packed = self._source.data.draco(content)
-        if packed is not None and name in packed:
-            return packed[name]
-        index = content["attributes"].get(name)
-        return None if index is None else self._source.data.accessor(index)
+        return self._source.data.attribute(self._primitive(node, primitive), name)
 
     def corners(self, node: int, primitive: int) -> NDArray[Any]:
         """Return the rows (N,) that a primitive of the file draws, one after the other."""
+        return self._source.data.corners(self._primitive(node, primitive))
+
+    def _primitive(self, node: int, number: int) -> Header:
         mesh = int(self._source.header["nodes"][node]["mesh"])
-        content = self._source.header["meshes"][mesh]["primitives"][primitive]
-        packed = self._source.data.draco(content)
-        if packed is not None:
-            return packed["indices"].ravel()
-        if "indices" in content:
-            return self._source.data.accessor(content["indices"]).ravel()
-        return np.arange(len(self._source.data.accessor(content["attributes"]["POSITION"])))
+        content: Header = self._source.header["meshes"][mesh]["primitives"][number]
+        return content
 
     def stored(self, index: int) -> NDArray[Any]:
         """Return the values of an accessor of the file."""

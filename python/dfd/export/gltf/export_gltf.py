@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from dfd.common.files import atomic_write
 from dfd.export.gltf import animation, morph, skin
 from dfd.export.gltf.document import GltfDocument
-from dfd.export.influences import influences_of
 from dfd.export.report import RigReport, rig_report
-from dfd.export.skinning import differences, inverse_binds, placed, skinned
+from dfd.export.skinning import skin_of
 
 if TYPE_CHECKING:
     from dfd.export.rig import Rig
@@ -37,21 +33,17 @@ def export_gltf(rig: Rig, target: Path, form: str, most: int | None) -> RigRepor
 def _skin(document: GltfDocument, rig: Rig, target: Path, most: int | None) -> RigReport:
     skin.check_no_skin(document)
     left = skin.left_behind(document)
-    found = influences_of(rig, most)
-    binds = inverse_binds(rig.joints)
-    moments = [placed(rig, edit) for _, edit in rig.moments()]
-    joints = skin.add_joints(document, rig, moments[0])
-    skin.add_skin(document, rig, found, binds, joints)
+    found = skin_of(rig, most)
+    joints = skin.add_joints(document, rig, found.moments[0])
+    skin.add_skin(document, rig, found.influences, found.binds, joints)
     if rig.poses:
-        animation.add_joint_animation(document, joints, rig.poses, moments[1:])
-    points = rig.mesh.vertices.astype(np.float32).astype(np.float64)
-    difference = differences(rig, [partial(skinned, points, found, binds, each) for each in moments])
+        animation.add_joint_animation(document, joints, rig.poses, found.moments[1:])
     notes = []
     if left:
         notes.append(
             f"the file's own animations no longer move {', '.join(left)}; morph targets would leave them theirs"
         )
-    return rig_report(rig, (target,), "skin", difference, found, notes=notes)
+    return rig_report(rig, (target,), "skin", found.difference, found.influences, notes=notes)
 
 
 def _morph(document: GltfDocument, rig: Rig, target: Path) -> RigReport:
@@ -59,6 +51,4 @@ def _morph(document: GltfDocument, rig: Rig, target: Path) -> RigReport:
     nodes = morph.add_targets(document, rig, targets)
     if rig.poses:
         animation.add_weight_animation(document, nodes, rig.poses, targets.weights[1:])
-    moments = range(len(rig.poses) + 1)
-    difference = differences(rig, [partial(targets.shown, each, rig.mesh.vertices) for each in moments])
-    return rig_report(rig, (target,), "morph", difference, targets=len(targets.names))
+    return rig_report(rig, (target,), "morph", targets.difference(rig), targets=len(targets.names))

@@ -6,7 +6,8 @@ The format: Khronos Group, "glTF 2.0 Specification", 2021, section 3.7.2.2.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from dfd.editing.edit import Edit
 from dfd.export.gltf.document import GltfDocument
+from dfd.export.skinning import Difference, differences
 from dfd.mesh.file import moved_normals
 from dfd.mesh.file.gltf.header import Header, objects
 from dfd.posing.transforms import Transform
@@ -27,23 +29,13 @@ __all__ = ["Targets", "add_targets", "targets_of"]
 Float64 = NDArray[np.float64]
 
 
+@dataclass(frozen=True, eq=False)
 class Targets:
-    """Shapes that a mesh passes into.
+    """Shapes that a mesh passes into."""
 
-    Attributes
-    ----------
-    names
-        One of each target.
-    shapes
-        (T) arrays (V, 3), mesh units: the shape where that target alone has weight 1, in 32-bit floats' digits.
-    weights
-        (M, T) weights of the targets, in the edit and then at each key pose.
-    """
-
-    def __init__(self, names: Sequence[str], shapes: Sequence[Float64], weights: Float64) -> None:
-        self.names = tuple(names)
-        self.shapes = tuple(shapes)
-        self.weights = weights
+    names: Sequence[str]
+    shapes: Sequence[Float64]  # (T) arrays (V, 3), mesh units: the shape where that target alone has weight 1
+    weights: Float64  # (M, T) weights of the targets, in the edit and then at each key pose
 
     def shown(self, moment: int, rest: Float64) -> Float64:
         """(V, 3) what a reader makes of a moment: the rest, and the weighted displacements."""
@@ -53,14 +45,16 @@ class Targets:
                 result += weight * (shape - rest).astype(np.float32).astype(np.float64)
         return result
 
+    def difference(self, rig: Rig) -> Difference:
+        """How far what a reader makes of the rig's moments is from `dfd.pose`."""
+        moments = range(len(rig.poses) + 1)
+        return differences(rig, [partial(self.shown, each, rig.mesh.vertices) for each in moments])
+
 
 def targets_of(rig: Rig) -> Targets:
     """The targets of a rig: without key poses one for each handle that moves, and D₀; with them one for each of them.
 
-    Raises
-    ------
-    ValueError
-        If nothing is moved.
+    Raises ValueError if nothing is moved.
     """
     if rig.poses:
         moments = list(rig.moments())
@@ -85,10 +79,7 @@ def targets_of(rig: Rig) -> Targets:
 def add_targets(document: GltfDocument, rig: Rig, targets: Targets) -> list[int]:
     """Give all that is shown the targets, at the weights of the edit; return the nodes.
 
-    Raises
-    ------
-    ValueError
-        If a part has morph targets already.
+    Raises ValueError if a part has morph targets already.
     """
     rest = _at_rows(document, rig.mesh.vertices)
     normals = [_normals(document, rest, _at_rows(document, shape)) for shape in targets.shapes]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.export.gltf.document import GltfDocument
-from dfd.mesh.file.gltf.header import MODES_READ, Header, objects
+from dfd.mesh.file.gltf.header import MODES_READ, Header, objects, parents
 from dfd.mesh.file.gltf.read import triangles
 
 __all__ = ["animated_nodes", "bring_to_scene", "stand_alone"]
@@ -89,7 +89,7 @@ def stand_alone(document: GltfDocument, node: int) -> int:
 def _roots(header: Header) -> list[int]:
     """The roots of the scene that is shown."""
     if not objects(header, "scenes"):
-        below = {child for node in objects(header, "nodes") for child in node.get("children", [])}
+        below = parents(header)
         header["scenes"] = [{"nodes": [index for index in range(len(header["nodes"])) if index not in below]}]
     header.setdefault("scene", 0)
     scene = header["scenes"][header["scene"]]

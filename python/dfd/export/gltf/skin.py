@@ -15,7 +15,7 @@ from dfd.export.gltf.document import GltfDocument
 from dfd.export.gltf.place import animated_nodes, bring_to_scene, stand_alone
 from dfd.export.influences import Influences
 from dfd.export.joints import Local
-from dfd.mesh.file.gltf.header import Header, objects
+from dfd.mesh.file.gltf.header import Header, objects, parents
 
 if TYPE_CHECKING:
     from dfd.export.rig import Rig
@@ -30,10 +30,7 @@ SET = 4  # influences in each pair of attributes
 def check_no_skin(document: GltfDocument) -> None:
     """Refuse a file that has a skin.
 
-    Raises
-    ------
-    ValueError
-        If a node that is shown has one.
+    Raises ValueError if a node that is shown has one.
     """
     nodes = objects(document.header, "nodes")
     for node, primitives in document.parts():
@@ -46,8 +43,7 @@ def check_no_skin(document: GltfDocument) -> None:
 
 def left_behind(document: GltfDocument) -> list[str]:
     """The parts that animations of the file move, through a node of theirs or above: a skin knows no such nodes."""
-    nodes = objects(document.header, "nodes")
-    parent = {child: index for index, node in enumerate(nodes) for child in node.get("children", [])}
+    parent = parents(document.header)
     moved = animated_nodes(document.header)
     found = []
     for node, primitives in document.parts():

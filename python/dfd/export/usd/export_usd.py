@@ -9,7 +9,6 @@ import tempfile
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,14 +16,14 @@ import numpy as np
 
 from dfd.common.files import atomic_write
 from dfd.export.gltf.morph import Targets, targets_of
-from dfd.export.influences import influences_of
 from dfd.export.report import RigReport, rig_report
-from dfd.export.skinning import differences, inverse_binds, placed, skinned
+from dfd.export.skinning import skin_of
 
 try:
     from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, UsdUtils, Vt
 
-    from dfd.export.usd import looks, skeleton
+    from dfd.export.usd import skeleton
+    from dfd.export.usd.materials import TextureFiles, add_materials, bind_materials
     from dfd.export.usd.surfaces import Surfaces, read_surfaces
 except ImportError as missing:
     raise ValueError(f"export_rig: USD files need more packages ({missing.name}): pip install 'dfd[export]'") from None
@@ -44,7 +43,7 @@ def export_usd(rig: Rig, target: Path, form: str, most: int | None) -> RigReport
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)  # as glTF has it
-    files = looks.PictureFiles(target.stem)
+    files = TextureFiles(target.stem)
     root = (UsdGeom.Xform if form == "baked" else UsdSkel.Root).Define(stage, "/shape")
     stage.SetDefaultPrim(root.GetPrim())
     surfaces = read_surfaces(rig.mesh)
@@ -61,18 +60,18 @@ def export_usd(rig: Rig, target: Path, form: str, most: int | None) -> RigReport
 
 
 def _lost(rig: Rig, surfaces: Surfaces) -> tuple[str, ...]:
-    """Sentences about looks that USD has no place for."""
-    look = rig.mesh.appearance
-    if look is None or look.colors is None or all(each.texture is None for each in look.materials):
+    """Sentences about colors that USD has no place for."""
+    known = rig.mesh.appearance
+    if known is None or known.colors is None or all(each.texture is None for each in known.materials):
         return surfaces.notes
     return (*surfaces.notes, "vertex colors do not tint textures in USD")
 
 
-def _meshes(stage: Any, rig: Rig, surfaces: Surfaces, files: looks.PictureFiles) -> list[tuple[Any, MeshPart]]:
+def _meshes(stage: Any, rig: Rig, surfaces: Surfaces, files: TextureFiles) -> list[tuple[Any, MeshPart]]:
     """A mesh for each part of the scene, at rest."""
     appearance, materials = rig.mesh.appearance, []
     if appearance is not None:
-        materials = looks.add_materials(stage, "/shape/materials", appearance, surfaces, files)
+        materials = add_materials(stage, "/shape/materials", appearance, surfaces, files)
     found = []
     names = skeleton.identifiers(["materials", "skeleton", *(part.name for part in rig.mesh.parts)])[2:]
     for name, part in zip(names, rig.mesh.parts, strict=True):
@@ -87,7 +86,7 @@ def _meshes(stage: Any, rig: Rig, surfaces: Surfaces, files: looks.PictureFiles)
         mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals))
         mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
         if appearance is not None:
-            looks.add_looks(mesh, part, appearance, surfaces, materials)
+            bind_materials(mesh, part, appearance, surfaces, materials)
         found.append((mesh, part))
     return found
 
@@ -99,17 +98,13 @@ def _set_points(mesh: Any, points: np.ndarray[Any, Any]) -> None:
 
 
 def _skin(stage: Any, rig: Rig, target: Path, most: int | None, meshes: list[tuple[Any, MeshPart]]) -> RigReport:
-    found = influences_of(rig, most)
-    binds = inverse_binds(rig.joints)
-    moments = [[skeleton.stored(local) for local in placed(rig, edit)] for _, edit in rig.moments()]
+    found = skin_of(rig, most, skeleton.stored)
     bones = skeleton.add_skeleton(stage, "/shape/skeleton", rig)
-    timed = list(zip(_times(stage, rig), moments, strict=True))
+    timed = list(zip(_times(stage, rig), found.moments, strict=True))
     skeleton.add_animation(stage, "/shape/skeleton/animation", rig, timed, bones)
     for mesh, part in meshes:
-        skeleton.bind_mesh(mesh, bones, found, part.vertices)
-    points = rig.mesh.vertices.astype(np.float32).astype(np.float64)
-    difference = differences(rig, [partial(skinned, points, found, binds, each) for each in moments])
-    return rig_report(rig, (target,), "skin", difference, found)
+        skeleton.bind_mesh(mesh, bones, found.influences, part.vertices)
+    return rig_report(rig, (target,), "skin", found.difference, found.influences)
 
 
 def _morph(stage: Any, rig: Rig, target: Path, meshes: list[tuple[Any, MeshPart]]) -> RigReport:
@@ -126,9 +121,7 @@ def _morph(stage: Any, rig: Rig, target: Path, meshes: list[tuple[Any, MeshPart]
     UsdSkel.BindingAPI.Apply(bones.GetPrim()).CreateAnimationSourceRel().SetTargets([animation.GetPath()])
     for mesh, part in meshes:
         _add_targets(stage, mesh, part, rig, targets, names, bones)
-    moments = range(len(rig.poses) + 1)
-    difference = differences(rig, [partial(targets.shown, each, rig.mesh.vertices) for each in moments])
-    return rig_report(rig, (target,), "morph", difference, targets=len(names))
+    return rig_report(rig, (target,), "morph", targets.difference(rig), targets=len(names))
 
 
 def _add_targets(

@@ -53,14 +53,8 @@ def add_animation(
     """Define the poses of a skeleton at moments, the first of which is that without a time."""
     animation = UsdSkel.Animation.Define(stage, path)
     animation.CreateJointsAttr(_tokens(rig))
-    before: Sequence[Any] = ()
     for time, locals_ in moments:
         turns = [Gf.Quatf(float(q[3]), *(float(x) for x in q[:3])) for q in (each.rotation for each in locals_)]
-        turns = [
-            -turn if old is not None and Gf.Dot(turn, old) < 0 else turn
-            for turn, old in zip(turns, before or [None] * len(turns), strict=True)
-        ]
-        before = turns
         shifts = np.array([each.translation for each in locals_], np.float32)
         animation.CreateTranslationsAttr().Set(Vt.Vec3fArray.FromNumpy(shifts), time)
         animation.CreateRotationsAttr().Set(Vt.QuatfArray(turns), time)

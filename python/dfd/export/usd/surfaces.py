@@ -30,49 +30,28 @@ BASE = "st"  # the primvar with the places of corners on the base color's pictur
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A texture.
+    """A texture."""
 
-    Attributes
-    ----------
-    texels
-        (rows, columns, 4) RGBA, the first row on top.
-    wrap
-        What lies beyond it along u and v.
-    coordinates
-        The primvar with the places of corners on it.
-    """
-
-    texels: NDArray[np.uint8]
-    wrap: tuple[Wrap, Wrap]
-    coordinates: str
+    texels: NDArray[np.uint8]  # (rows, columns, 4) RGBA, the first row on top
+    wrap: tuple[Wrap, Wrap]  # what lies beyond it along u and v
+    coordinates: str  # the primvar with the places of corners on it
 
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A material without its base color.
+    """A material without its base color."""
 
-    Attributes
-    ----------
-    metallic, roughness
-        In [0, 1]; they multiply the blue and the green of `metallic_roughness`.
-    emissive
-        Linear red, green and blue of the light that it gives off; they multiply those of `glow`.
-    double_sided
-        Whether it is seen from behind.
-    metallic_roughness, normal, occlusion, glow
-        Textures; None where there is none, or it cannot be read.
-    occlusion_strength
-        In [0, 1], how much `occlusion` darkens.
-    """
-
+    # metallic, roughness: in [0, 1]; they multiply the blue and the green of `metallic_roughness`
     metallic: float = 0.0
     roughness: float = 0.8
+    # linear red, green and blue of the light that it gives off; they multiply those of `glow`
     emissive: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    double_sided: bool = True
+    double_sided: bool = True  # whether it is seen from behind
+    # metallic_roughness, normal, occlusion, glow: textures; None where there is none, or it cannot be read
     metallic_roughness: Picture | None = None
     normal: Picture | None = None
     occlusion: Picture | None = None
-    occlusion_strength: float = 1.0
+    occlusion_strength: float = 1.0  # in [0, 1], how much `occlusion` darkens
     glow: Picture | None = None
 
     @property
@@ -84,21 +63,12 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class Surfaces:
-    """The surfaces of a mesh.
+    """The surfaces of a mesh."""
 
-    Attributes
-    ----------
-    of_material
-        One for each material of the mesh's appearance.
-    coordinates
-        (R, 2) texture coordinates, v upwards, of the rows of the appearance, by the names of primvars.
-    notes
-        Sentences about what USD has no place for.
-    """
-
-    of_material: tuple[Surface, ...]
+    of_material: tuple[Surface, ...]  # one for each material of the mesh's appearance
+    # (R, 2) texture coordinates, v upwards, of the rows of the appearance, by the names of primvars
     coordinates: dict[str, NDArray[np.float32]]
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # sentences about what USD has no place for
 
 
 def read_surfaces(mesh: Mesh) -> Surfaces:
@@ -187,12 +157,8 @@ class _Reader:
     def _places(self, primitive: Primitive, reference: Any) -> NDArray[np.float64] | None:
         """(rows, 2) where the rows of a primitive lie on a texture; None where the file does not say."""
         number, transform = coordinates(reference)
-        content, name = self._primitive(primitive), f"TEXCOORD_{number}"
-        packed = self._data.draco(content) or {}
-        if name not in packed and name not in content["attributes"]:
-            return None
-        found = packed[name] if name in packed else self._data.accessor(content["attributes"][name])
-        if found.shape != (primitive.rows.stop - primitive.rows.start, 2):
+        found = self._data.attribute(self._primitive(primitive), f"TEXCOORD_{number}")
+        if found is None or found.shape != (primitive.rows.stop - primitive.rows.start, 2):
             return None
         return from_below(found, transform)
 

@@ -24,10 +24,7 @@ class AssetFolder:
     def read(self, name: str) -> bytes:
         """Return the bytes of the file that a mesh file calls `name`: a relative path or URI.
 
-        Raises
-        ------
-        ValueError, OSError
-            If the name leads out of the folder or to a hidden file, or the file cannot be read.
+        Raises ValueError, OSError if the name leads out of the folder or to a hidden file, or the file cannot be read.
         """
         folder = self.folder.resolve()
         for spelled in dict.fromkeys((name, unquote(name), unquote(name).replace("\\", "/"))):
@@ -52,10 +49,7 @@ class AssetFolder:
 def read_regular(path: Path) -> bytes:
     """Return the bytes of a file; what is none, such as a pipe or a device, is refused and never waited for.
 
-    Raises
-    ------
-    OSError
-        If `path` is not a file, or cannot be read.
+    Raises OSError if `path` is not a file, or cannot be read.
     """
     if path.exists() and not stat.S_ISREG(path.stat().st_mode):
         raise OSError(errno.EINVAL, "it is not a file")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from PIL import Image
 
-__all__ = ["MOST_TEXELS", "ImageCache", "is_ktx2", "ktx2_is_readable"]
+__all__ = ["MOST_TEXELS", "ImageCache", "as_image", "as_png", "is_ktx2", "ktx2_is_readable"]
 
 MOST_TEXELS = 2**26  # of all decoded pictures of a file: 256 MiB as RGBA, four of 4096 × 4096
 _KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
@@ -36,10 +36,7 @@ class ImageCache:
     def open(self, data: bytes) -> Image.Image:
         """Return the picture in `data`, undecoded.
 
-        Raises
-        ------
-        ValueError
-            If it is no picture, or larger than what is left of the budget.
+        Raises ValueError if it is not a picture, or larger than what is left of the budget.
         """
         key = hashlib.sha256(data).hexdigest()
         if key not in self._opened:
@@ -51,10 +48,7 @@ class ImageCache:
     def texels(self, image: Image.Image) -> NDArray[np.uint8]:
         """Return a picture that `open` gave as RGBA (rows, columns, 4), the first row on top.
 
-        Raises
-        ------
-        ValueError
-            If it cannot be decoded, or is larger than what is left of the budget.
+        Raises ValueError if it cannot be decoded, or is larger than what is left of the budget.
         """
         if id(image) not in self._texels:
             self._spend(*image.size)
@@ -88,6 +82,21 @@ class ImageCache:
         return image
 
 
+def as_image(texels: NDArray[np.uint8], *, opaque: bool = False) -> Image.Image:
+    """Return RGBA texels (rows, columns, 4) as a picture, without alpha where all is opaque or is to be."""
+    from PIL import Image
+
+    opaque = opaque or bool((texels[..., 3] == 255).all())
+    return Image.fromarray(np.ascontiguousarray(texels[..., :3]) if opaque else texels)
+
+
+def as_png(texels: NDArray[np.uint8], *, opaque: bool = False) -> bytes:
+    """Return `as_image` as a PNG file."""
+    stream = io.BytesIO()
+    as_image(texels, opaque=opaque).save(stream, "PNG")
+    return stream.getvalue()
+
+
 def is_ktx2(data: bytes) -> bool:
     """Whether a file's first bytes are those of KTX 2."""
     return data[: len(_KTX2)] == _KTX2
@@ -105,10 +114,10 @@ def _verified(data: bytes) -> Image.Image:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of Pillow's own limit; ours is the budget
             with Image.open(io.BytesIO(data)) as image:
-                image.verify()  # cheap; what only decoding shows is told later
+                image.verify()  # cheap; damage that only decoding finds is reported then
             return Image.open(io.BytesIO(data))
     except Exception as error:  # Pillow raises OSError, SyntaxError, ValueError and more on damaged pictures
-        raise ValueError(f"it is no picture that can be read ({type(error).__name__})") from error
+        raise ValueError(f"it is not a picture that can be read ({type(error).__name__})") from error
 
 
 def _decoded(data: bytes) -> NDArray[np.uint8]:

@@ -8,12 +8,11 @@ from typing import Any, Literal, cast
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
-from PIL import Image
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
 from dfd.mesh.appearance import Material, linear, srgb
-from dfd.mesh.file.images import MOST_TEXELS
+from dfd.mesh.file.images import MOST_TEXELS, as_image
 from dfd.mesh.file.materials import rgba
 from dfd.mesh.file.primitives import Geometry
 
@@ -131,8 +130,7 @@ def _physical(geometry: Geometry) -> Any:
     material = geometry.material or Material()
     image = None
     if material.texture is not None and geometry.uv is not None:
-        opaque = bool((material.texture[..., 3] == 255).all())
-        image = Image.fromarray(np.ascontiguousarray(material.texture[..., :3]) if opaque else material.texture)
+        image = as_image(material.texture)
     factor = np.rint([*(linear(np.array(material.color[:3])) * 255), material.color[3] * 255])
     return PBRMaterial(
         name=material.name,

@@ -8,9 +8,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ranges", "triangulate"]
+__all__ = ["check_corners", "ranges", "triangulate"]
 
 _REFLEX = 1e-6  # of the polygon's own size: corners that turn back by less are straight
+
+
+def check_corners(corners: NDArray[np.int64], count: int) -> None:
+    """Refuse corners of faces that are none of `count` vertices."""
+    wrong = corners[(corners < 0) | (corners >= count)]
+    if len(wrong):
+        raise ValueError(f"a face names vertex {wrong[0]}, but there are {count}")
 
 
 def triangulate(

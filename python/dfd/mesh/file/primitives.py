@@ -18,13 +18,15 @@ from dfd.mesh.file.assets import shortened
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Geometry", "MeshInstance", "MovedPrimitive", "Primitive", "UniqueNames", "place"]
+__all__ = ["IDENTITY", "Geometry", "MeshInstance", "MovedPrimitive", "Primitive", "UniqueNames", "place"]
 
 MOST_ROWS = 10**8  # vertices or faces that a scene may place: a file of a few kilobytes can name any number of them
 MOST_PRIMITIVES = 20_000  # of a glTF file that are shown: more take seconds to read
 MOST_INSTANCES = 100_000  # primitives that the scene of a glTF file places
 
 Float64 = NDArray[np.float64]
+IDENTITY = np.eye(4)  # of all that the scene shows where it is: found without a comparison
+IDENTITY.setflags(write=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,19 +52,14 @@ class MeshInstance:
     part: str  # the scene's part that it belongs to; equal names that follow each other are one part
     name: str  # the geometry's own name
     geometry: Geometry
-    transform: Float64 | None = None  # (4, 4) from the geometry's coordinates to the scene's; (N, 4, 4) of a skin
+    transform: Float64 = field(default_factory=lambda: IDENTITY)  # (4, 4) to the scene's coordinates, or (N, 4, 4)
     source: tuple[int, int, int] = (0, 0, 0)  # node, mesh and primitive of a glTF file
 
 
-@dataclass(frozen=True)
-class Primitive:
+@dataclass(frozen=True, kw_only=True)
+class Primitive(MeshInstance):
     """An instance with its rows and faces among those of the file."""
 
-    part: str
-    name: str
-    geometry: Geometry
-    transform: Float64  # (4, 4) from the geometry's coordinates to the scene's, or (rows, 4, 4) of a skin's vertices
-    source: tuple[int, int, int]
     rows: slice  # its vertices among all rows of the file
     faces: slice  # its faces among all faces
 
@@ -73,7 +70,10 @@ class Primitive:
 
     def to_scene(self, points: Float64) -> Float64:
         """Return where points (rows, 3) of the geometry are in the scene."""
-        return _transformed(points, self.transform)
+        if self.transform is IDENTITY:
+            return points
+        with np.errstate(over="ignore", invalid="ignore"):  # judged afterwards, for the whole scene at once
+            return _applied(self.transform[..., :3, :3], points) + self.transform[..., :3, 3]
 
     def vectors_from_scene(self, vectors: Float64, rows: Any = slice(None)) -> Float64:
         """Return displacements (N, 3) of some rows in the geometry's own coordinates.
@@ -124,16 +124,13 @@ class MovedPrimitive:
 def place(path: Path, instances: Sequence[MeshInstance]) -> tuple[tuple[Primitive, ...], Float64]:
     """Return the primitives that have faces and the positions (R, 3) of their rows in the scene.
 
-    Raises
-    ------
-    ValueError
-        If there are no faces or too many, or coordinates are not finite, or a face names a vertex that is not there.
+    Raises ValueError if there are no faces or too many, or coordinates are not finite, or a face names a vertex that is
+    not there.
     """
     primitives: list[Primitive] = []
     positions: list[Float64] = []
     row_count = face_count = 0
     checked: set[int] = set()
-    identity = np.eye(4)
     for each in instances:
         geometry, size = each.geometry, len(each.geometry.faces)
         if size == 0:
@@ -141,7 +138,7 @@ def place(path: Path, instances: Sequence[MeshInstance]) -> tuple[tuple[Primitiv
         if id(geometry) not in checked:
             _check(path, each.name, geometry)
             checked.add(id(geometry))
-        if each.transform is not None and not np.isfinite(each.transform).all():
+        if each.transform is not IDENTITY and not np.isfinite(each.transform).all():
             raise ValueError(
                 f"load: `path` {path} must place its parts by finite transforms, got {shortened(each.part)} without"
             )
@@ -150,11 +147,8 @@ def place(path: Path, instances: Sequence[MeshInstance]) -> tuple[tuple[Primitiv
         row_count, face_count = rows.stop, faces.stop
         if max(row_count, face_count) > MOST_ROWS:
             raise ValueError(f"load: `path` {path} places more than {MOST_ROWS} vertices or faces")
-        transform = identity if each.transform is None else each.transform
-        primitives.append(Primitive(each.part, each.name, geometry, transform, each.source, rows, faces))
-        positions.append(
-            geometry.vertices if transform is identity else _transformed(geometry.vertices, each.transform)
-        )
+        primitives.append(Primitive(**vars(each), rows=rows, faces=faces))
+        positions.append(primitives[-1].to_scene(geometry.vertices))
     if not primitives:
         raise ValueError(f"load: `path` {path} holds no faces")
     stacked = np.concatenate(positions)
@@ -179,13 +173,6 @@ def _check(path: Path, name: str, geometry: Geometry) -> None:
             f"load: `path` {path} must have faces between vertices 0 … {len(vertices) - 1} of {shortened(name)}, "
             f"got {low if low < 0 else high}"
         )
-
-
-def _transformed(points: Float64, transform: Float64 | None) -> Float64:
-    if transform is None:
-        return points
-    with np.errstate(over="ignore", invalid="ignore"):  # judged afterwards, for the whole scene at once
-        return _applied(transform[..., :3, :3], points) + transform[..., :3, 3]
 
 
 def _applied(linear: Float64, vectors: Float64) -> Float64:

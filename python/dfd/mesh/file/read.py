@@ -19,7 +19,7 @@ from dfd.mesh.file.gltf import glb
 from dfd.mesh.file.obj import read as obj_read
 from dfd.mesh.file.obj import text as obj_text
 from dfd.mesh.file.plain import off_stl, ply
-from dfd.mesh.file.primitives import MeshInstance, UniqueNames
+from dfd.mesh.file.primitives import IDENTITY, MeshInstance, UniqueNames
 from dfd.mesh.file.scene_file import SceneFile
 
 # What a format needs is imported where it is read: trimesh alone takes half a second.
@@ -75,10 +75,7 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
 def of_trimesh(source: trimesh.Trimesh | trimesh.Scene) -> SceneFile:
     """Return what a trimesh object holds, as a scene; its arrays are copied.
 
-    Raises
-    ------
-    ValueError
-        If it holds no faces, an index out of range or a coordinate that is not finite.
+    Raises ValueError if it holds no faces, an index out of range or a coordinate that is not finite.
     """
     import trimesh
 
@@ -96,7 +93,7 @@ def of_trimesh(source: trimesh.Trimesh | trimesh.Scene) -> SceneFile:
     for node in source.graph.nodes_geometry:
         transform, name = source.graph[node]
         if name in copies:
-            matrix = None if np.array_equal(transform, np.eye(4)) else np.asarray(transform, np.float64)
+            matrix = IDENTITY if np.array_equal(transform, IDENTITY) else np.asarray(transform, np.float64)
             instances.append(MeshInstance(str(node), name, copies[name], matrix))
     return SceneFile.of(None, instances)
 

@@ -115,12 +115,14 @@ def _encode_scene(
     appearance: Appearance | None,
     scene: SceneFile,
 ) -> dict[str, bytes]:
-    moved = _move(vertices, scene.vertices, scene)
+    changed = (vertices != scene.vertices).any(axis=1)
+    normals = moved_normals.follow(vertices, scene.vertices, changed, scene)
     ending = target.suffix.lower()
     if ending == ".obj" and scene.obj is not None:
-        return obj_patch.encode(target, scene.obj, vertices, [each.normals for each in moved])
+        return obj_patch.encode(target, scene.obj, vertices, normals)
     if ending == ".obj":
-        return obj_write.encode_scene(target, vertices, scene, [each.normals for each in moved])
+        return obj_write.encode_scene(target, vertices, scene, normals)
+    moved = _move(vertices, changed, normals, scene)
     if ending == ".ply":
         return {target.name: _encode_ply(vertices, faces, appearance, scene, moved)}
     if scene.gltf is not None:
@@ -148,7 +150,7 @@ def _encode_ply(
     if len(moved) == 1 and (first.geometry.uv is None or (material.texture is None and not material.is_default)):
         normals = None if moved[0].normals is None else first.normals_to_scene(moved[0].normals)
         turned = replace(first.geometry, faces=scene.local_faces(first).astype(np.int64))
-        placed = first.to_scene(moved[0].vertices)  # rows that no face uses have no vertex of the mesh
+        placed = first.to_scene(moved[0].vertices).copy()  # rows that no face uses have no vertex of the mesh
         used = scene.vertex >= 0
         placed[used] = vertices[scene.vertex[used]]
         geometry = to_trimesh(turned, placed, normals, gltf=False, written={})
@@ -161,10 +163,13 @@ def _encode_ply(
     return bytes(export_ply(geometry, vertex_normal=False))
 
 
-def _move(vertices: NDArray[np.float64], before: NDArray[np.float64], scene: SceneFile) -> list[MovedPrimitive]:
-    """Bring moved positions and normals back into each primitive's coordinates; what has not moved keeps its bits."""
-    changed = (vertices != before).any(axis=1)
-    normals = moved_normals.follow(vertices, before, changed, scene)
+def _move(
+    vertices: NDArray[np.float64],
+    changed: NDArray[np.bool_],
+    normals: Sequence[NDArray[np.float64] | None],
+    scene: SceneFile,
+) -> list[MovedPrimitive]:
+    """Bring moved positions back into each primitive's coordinates; what has not moved keeps its bits."""
     result = []
     for each, own_normals in zip(scene.primitives, normals, strict=True):
         rows = scene.vertex[each.rows]

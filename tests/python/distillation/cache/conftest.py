@@ -19,7 +19,7 @@ def _small_and_alone() -> Iterator[None]:
     """Features spread over fewer points, which is quicker; no hub is asked."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HF_HUB_OFFLINE", "1")
-        patch.setattr(smoothing, "NODES", FEW_NODES)
+        patch.setattr(smoothing, "SURFACE_SAMPLES", FEW_NODES)
         yield
 
 

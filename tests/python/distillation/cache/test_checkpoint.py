@@ -71,13 +71,13 @@ def test_pictures_that_were_encoded_are_not_encoded_again(
 
 def test_images_are_looked_at_only_where_tokens_were_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     image, tokens = np.zeros((8, 8, 3), np.uint8), np.ones((2, 2, 3), np.float32)
-    recipe = {"field_version": 1, "mesh": "some"}
+    key = {"field_version": 1, "mesh": "some"}
     looks = count_calls(monkeypatch, "dfd.distillation.checkpoint.hash_arrays")
-    fresh = Checkpoint(tmp_path / "run", recipe)
+    fresh = Checkpoint(tmp_path / "run", key)
     assert fresh.read_tokens(image, None) is None
     assert looks == []
     fresh.write_tokens(image, None, tokens)
-    for checkpoint in (fresh, Checkpoint(tmp_path / "run", recipe)):
+    for checkpoint in (fresh, Checkpoint(tmp_path / "run", key)):
         found = checkpoint.read_tokens(image, None)
         assert found is not None
         np.testing.assert_array_equal(found, tokens)
@@ -106,7 +106,7 @@ def start(mesh: Path, encoder: Path, output: Path) -> subprocess.Popen[str]:
     code = (
         "import signal, sys, time; signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # nohup ignores it
         "import dfd; dfd.set_num_threads(1)\n"
-        f"from dfd.distillation import smoothing; smoothing.NODES = {FEW_NODES}\n"
+        f"from dfd.distillation import smoothing; smoothing.SURFACE_SAMPLES = {FEW_NODES}\n"
         "from dfd.distillation.checkpoint import Checkpoint\n"
         "write = Checkpoint.write_tokens\n"
         "def slow(*given): write(*given); time.sleep(0.15)\n"
@@ -154,12 +154,12 @@ def test_a_killed_command_resumes_at_the_next_picture(encoder: Path, mesh: Mesh,
     assert list(tmp_path.iterdir()) == [shape]
 
 
-def test_other_settings_begin_anew_and_say_so(
+def test_other_settings_restart_and_say_so(
     encoder: Path, mesh: Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     interrupted(mesh, encoder, tmp_path / "run", monkeypatch)
     other = {**SMALL, "steps": 5}
-    with pytest.warns(UserWarning, match=r"run was begun with other settings \(steps 40, now 5\): it is begun anew"):
+    with pytest.warns(UserWarning, match=r"run was made with other settings \(steps 40, now 5\): the run is restarted"):
         field = dfd.distill(mesh, encoder, checkpoint=tmp_path / "run", **other)
     assert same(field, dfd.distill(mesh, encoder, **other))
     interrupted(mesh, encoder, tmp_path / "run", monkeypatch)

@@ -22,7 +22,7 @@ from dfd.distillation.distill import find_distilled
 from dfd.distillation.settings import DistillSettings
 from dfd.encoders import precision
 from dfd.field import cache as field_cache
-from dfd.field.cache_key import hash_recipe
+from dfd.field.cache_key import hash_key
 
 SIZES: dict[str, Any] = {"views": 2, "resolution": 32, "steps": 3, "batch": 32}
 SMALL: dict[str, Any] = {**SIZES, "progress": False, "device": "cpu"}
@@ -113,7 +113,7 @@ def test_another_precision_is_another_field(
         for note in (tmp_path / "cache" / "precision").iterdir():
             note.unlink()
     assert len(list(cache.iterdir())) == 2
-    # A run that was stopped with the one precision is begun anew with the other.
+    # A run that was stopped with the one precision is restarted with the other.
     with monkeypatch.context() as patch:
         patch.setattr(dfd.encoders.encode.Encoder, "encode", stop)
         with pytest.raises(KeyboardInterrupt):
@@ -219,7 +219,7 @@ def test_a_damaged_entry_is_made_again(encoder: Path, mesh: Mesh, work: list[str
 @pytest.mark.parametrize("content", [b"", b"no field", b"\x02" + bytes(7) + b"{}", b"\x05" + bytes(7) + b"[[1]]"])
 def test_an_entry_that_is_no_field_is_none(cache: Path, content: bytes) -> None:
     cache.mkdir(parents=True)
-    (cache / f"{hash_recipe({})}-{hashlib.sha256(content).hexdigest()[:32]}.safetensors").write_bytes(content)
+    (cache / f"{hash_key({})}-{hashlib.sha256(content).hexdigest()[:32]}.safetensors").write_bytes(content)
     assert field_cache.find({}) is None
 
 
@@ -299,5 +299,5 @@ def test_processes_may_do_the_same_at_once(cache: Path) -> None:
     for process in processes:
         _, error = process.communicate(timeout=120)
         assert process.returncode == 0, error
-    wanted = {hash_recipe({"name": name}) for name in range(3)}
+    wanted = {hash_key({"name": name}) for name in range(3)}
     assert {path.name.partition("-")[0] for path in cache.iterdir()} == wanted

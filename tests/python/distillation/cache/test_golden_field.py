@@ -43,7 +43,7 @@ SETTINGS: dict[str, dict[str, Any]] = {"default": {"steps": 40, "batch": 128}, "
 
 @pytest.mark.parametrize("preset", ["default", "paper"])
 def test_the_golden_field(preset: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(smoothing, "NODES", 600)
+    monkeypatch.setattr(smoothing, "SURFACE_SAMPLES", 600)
     encoder = load_encoder(
         save_tiny_encoder(tmp_path / "tiny"), device="cpu", precision="float32", background=preset == "paper"
     )

@@ -179,6 +179,13 @@ def test_binary_ply_with_triangles_and_quads(tmp_path: Path) -> None:
         load(write(tmp_path / "cut.ply", packed_ply(body[:-3], header)))
 
 
+def test_text_ply_with_two_lists_of_several_lengths(tmp_path: Path) -> None:
+    text = PLY.format("ascii 1.0") + "element face 2\nproperty list uchar int vertex_indices\n"
+    text += "property list uchar float texcoord\nend_header\n" + "".join(f"{x:g} {y:g} {z:g}\n" for x, y, z in CORNERS)
+    mesh = load(write(tmp_path / "lists.ply", text + "3 0 1 2 6 0 .5 0 1 1 1\n4 4 5 7 6 8 0 0 0 1 1 1 1 .5\n"))
+    assert mesh.faces.tolist() == [[0, 1, 2], [4, 5, 7], [4, 7, 6]]
+
+
 def test_ply_strips_of_triangles(tmp_path: Path) -> None:
     strip = [0, 1, 2, 3, -1, 4, 6, 5, 7]
     body = struct.pack(f"<i{len(strip)}i", len(strip), *strip)

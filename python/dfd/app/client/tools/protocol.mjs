@@ -1,12 +1,14 @@
-// The types of all messages, made from the JSON Schema that the server writes; with --check only says whether they are
-// current.
-import { readFile, writeFile } from "node:fs/promises";
+// Makes the types of all messages, src/protocol/messages.ts, from the server's own: `npm run protocol`. The Python that
+// has dfd installed is that of DFD_PYTHON, of .venv beside the sources, or `python3`.
+import { execFileSync } from "node:child_process";
+import { existsSync, writeFileSync } from "node:fs";
+import { fileURLToPath } from "node:url";
 import { compile } from "json-schema-to-typescript";
 
-const source = new URL("../src/protocol.schema.json", import.meta.url);
-const target = new URL("../src/protocol/messages.ts", import.meta.url);
-
-const schema = JSON.parse(await readFile(source, "utf8"));
+const place = (path) => fileURLToPath(new URL(path, import.meta.url));
+const own = place("../../../../../.venv/bin/python");
+const python = process.env.DFD_PYTHON ?? (existsSync(own) ? own : "python3");
+const schema = JSON.parse(execFileSync(python, ["-m", "dfd.app.schema"], { encoding: "utf8" }));
 
 /** Without the titles of single keys, which would make a type of each, and with tuples as older drafts wrote them. */
 function readable(node, named = false) {
@@ -26,21 +28,14 @@ function readable(node, named = false) {
 
 // The server writes every key, those with a default too.
 for (const [name, definition] of Object.entries(schema.$defs)) {
-  if (name.endsWith("Message")) definition.required = Object.keys(definition.properties);
+  if (/Message$|State$/.test(name)) definition.required = Object.keys(definition.properties);
 }
 
 const types = await compile(readable(schema, true), "Protocol", {
-  bannerComment: "// Made by `npm run protocol` from protocol.schema.json.",
+  bannerComment: "// Made by `npm run protocol`.",
   additionalProperties: false,
   style: { printWidth: 120 },
 });
-
-if (process.argv.includes("--check")) {
-  const present = await readFile(target, "utf8");
-  if (present !== types) {
-    console.error("src/protocol/messages.ts is not what protocol.schema.json says: run `npm run protocol`");
-    process.exit(1);
-  }
-} else {
-  await writeFile(target, types);
-}
+// Nobody changes a message.
+const tuples = types.replace(/\[(?=number,|\s*\[)/g, "readonly [").replace(/(\w+)\[\]/g, "readonly $1[]");
+writeFileSync(place("../src/protocol/messages.ts"), tuples);

@@ -23,13 +23,14 @@ from dfd.mesh.file.gltf.header import (
     is_index,
     item,
     objects,
+    reference,
     whole,
 )
 
 __all__ = ["GltfData", "data_uri"]
 
 _MOST_DECOMPRESSED = 64  # bytes for each byte of compressed data, all views together
-_SMALL = 2**26  # bytes that nobody misses
+_SMALL = 2**26  # bytes, below which the ratio does not matter
 _DATA_ENDINGS = (".bin", ".glbin", ".glbuf")
 _ALIGNMENT = 4  # bytes to whose multiples data may be filled up
 _UNSIGNED = (5121, 5123, 5125)  # component types
@@ -45,7 +46,7 @@ class GltfData:
         self._assets = assets
         self._buffers: dict[int, bytes] = {}
         self._views: dict[int, bytes] = {}
-        self._draco: dict[int, Any] = {}
+        self._draco: dict[int, tuple[dict[int, NDArray[Any]], NDArray[Any]]] = {}
         self._compressed = self._decompressed = 0
 
     def buffer(self, index: int) -> bytes:
@@ -114,6 +115,22 @@ class GltfData:
             raise ValueError(f"accessor {shortened(index)}, of indices, must hold unsigned whole numbers, got {kinds}")
         return self.accessor(index).ravel()
 
+    def attribute(self, primitive: Header, name: str) -> NDArray[Any] | None:
+        """Return an attribute (rows, components) of a primitive, None where it has none of that name."""
+        packed = self.draco(primitive) or {}
+        if name in packed:
+            return packed[name]
+        return self.accessor(primitive["attributes"][name]) if name in primitive["attributes"] else None
+
+    def corners(self, primitive: Header) -> NDArray[Any]:
+        """Return the rows (N,) that a primitive draws, one after the other."""
+        packed = self.draco(primitive)
+        if packed is not None:
+            return packed["indices"].ravel()
+        if "indices" in primitive:
+            return self.indices(primitive["indices"])
+        return np.arange(len(self.accessor(primitive["attributes"]["POSITION"])))
+
     def draco(self, primitive: Header) -> dict[str, NDArray[Any]] | None:
         """Return the attributes of a primitive that is compressed with Draco by name, and its faces as `indices`.
 
@@ -126,8 +143,7 @@ class GltfData:
         views = self._header.get("bufferViews", [])
         if not isinstance(names, dict) or not isinstance(view, int) or not is_index(view, len(views)):
             raise ValueError(f"its {DRACO} does not say where the data is")
-        decoded = self._draco_mesh(view)
-        by_id = {each["unique_id"]: np.asarray(each["data"]) for each in decoded.attributes}
+        by_id, faces = self._draco_mesh(view)
         found: dict[str, NDArray[Any]] = {}
         for name, number in names.items():
             accessor = item(self._header, "accessors", primitive["attributes"].get(name))
@@ -137,7 +153,7 @@ class GltfData:
                 found[name] = _as_numbers(values, bool(accessor.get("normalized")))
         if "POSITION" not in found:
             raise ValueError(f"its {DRACO} holds no positions")
-        found["indices"] = np.asarray(decoded.faces).reshape(-1, 1)
+        found["indices"] = faces
         if "indices" in primitive and primitive.get("mode", 4) == 4:
             self._require_count(primitive["indices"], len(found["indices"]))
         return found
@@ -147,17 +163,19 @@ class GltfData:
         if stated != count:
             raise ValueError(f"accessor {shortened(index)} has {shortened(stated)} items, but {DRACO} holds {count}")
 
-    def _draco_mesh(self, view: int) -> Any:
+    def _draco_mesh(self, view: int) -> tuple[dict[int, NDArray[Any]], NDArray[Any]]:
+        """Return the attributes of a compressed stream by their ids, and its corners (N, 1)."""
         if view not in self._draco:
             try:
                 import DracoPy
             except ImportError as error:
                 raise ValueError(f"it is compressed with {DRACO}, which needs `pip install dfd[gltf]`") from error
             try:
-                self._draco[view] = DracoPy.decode(bytes(self.view(view)))
-                self._draco[view].faces  # noqa: B018  # a cloud of points has none
+                decoded = DracoPy.decode(bytes(self.view(view)))
+                by_id = {each["unique_id"]: np.asarray(each["data"]) for each in decoded.attributes}
+                self._draco[view] = by_id, np.asarray(decoded.faces).reshape(-1, 1)  # a cloud of points has no faces
             except Exception as error:  # the library raises types of its own, and KeyError, ValueError, …
-                raise ValueError(f"its {DRACO} cannot be decoded: {_said(error)}") from error
+                raise ValueError(f"its {DRACO} cannot be decoded: {_message(error)}") from error
         return self._draco[view]
 
     def _decompress(self, index: int, name: str, packed: Header, length: int) -> bytes:
@@ -167,11 +185,10 @@ class GltfData:
         except ImportError as error:
             raise ValueError(f"it is compressed with {name}, which needs `pip install dfd[gltf]`") from error
         what = f"bufferView {index}, of {name},"
-        buffer, size = whole(packed, "buffer", what), whole(packed, "byteLength", what)
+        buffer = reference(packed, "buffer", len(objects(self._header, "buffers")), what)
+        size = whole(packed, "byteLength", what)
         start = whole(packed, "byteOffset", what, default=0)
         count, stride = whole(packed, "count", what), whole(packed, "byteStride", what)
-        if not is_index(buffer, len(objects(self._header, "buffers"))):
-            raise ValueError(f"{what} names buffer {buffer}, which is not there")
         if count * stride != length:
             raise ValueError(f"{what} should have {length} bytes, but says {count} times {stride}")
         data = self.buffer(buffer)[start : start + size]
@@ -183,7 +200,7 @@ class GltfData:
         try:
             plain = meshopt.decode_gltf_buffer(data, count, stride, packed.get("mode"), packed.get("filter", "NONE"))
         except Exception as error:
-            raise ValueError(f"{what} cannot be decoded: {_said(error)}") from error
+            raise ValueError(f"{what} cannot be decoded: {_message(error)}") from error
         return np.ascontiguousarray(plain).tobytes()
 
     def _stored(self, accessor: Header) -> NDArray[Any]:
@@ -218,10 +235,8 @@ class GltfData:
         for part, dtype, width in zip(
             parts, (np.dtype(COMPONENT_TYPES[kind]), values.dtype), (1, values.shape[1]), strict=True
         ):
-            view, start = whole(part, "bufferView", what), whole(part, "byteOffset", what, default=0)
-            if view >= len(self._header.get("bufferViews", [])):
-                raise ValueError(f"{what} is sparse, but names bufferView {view}")
-            data = self.view(view)
+            start = whole(part, "byteOffset", what, default=0)
+            data = self.view(reference(part, "bufferView", len(self._header.get("bufferViews", [])), what))
             if start + count * width * dtype.itemsize > len(data):
                 raise ValueError(f"{what} has {count} sparse items beyond byte {len(data)}")
             found.append(np.frombuffer(data, dtype, count * width, start).reshape(count, width))
@@ -235,10 +250,7 @@ class GltfData:
 def data_uri(uri: str) -> bytes:
     """Return what a data URI holds.
 
-    Raises
-    ------
-    ValueError
-        If it is not in base 64.
+    Raises ValueError if it is not in base 64.
     """
     head, _, body = uri.partition(",")
     if not head.endswith(";base64"):
@@ -249,7 +261,7 @@ def data_uri(uri: str) -> bytes:
         raise ValueError(f"{shortened(uri)} is not in base 64: {error}") from error
 
 
-def _said(error: Exception) -> str:
+def _message(error: Exception) -> str:
     return str(error) or type(error).__name__
 
 

@@ -21,10 +21,7 @@ def is_glb(data: bytes) -> bool:
 def split(data: bytes) -> tuple[bytes, bytes | None]:
     """Return the JSON text and the data of a GLB file, None where it has none; unknown chunks are passed over.
 
-    Raises
-    ------
-    ValueError
-        If it is cut off, of another version, or does not begin with a chunk of JSON.
+    Raises ValueError if it is cut off, of another version, or does not begin with a chunk of JSON.
     """
     if len(data) < 20:
         raise ValueError(f"it is cut off after {len(data)} bytes")

@@ -15,7 +15,7 @@ from dfd.mesh.file.assets import shortened
 
 __all__ = [
     *("COMPONENTS", "COMPONENT_TYPES", "DRACO", "MESHOPT", "Header"),
-    *("extension", "is_index", "item", "objects", "primitives", "read", "whole"),
+    *("extension", "is_index", "item", "objects", "parents", "primitives", "read", "reference", "whole"),
 ]
 
 Header = dict[str, Any]
@@ -40,16 +40,14 @@ _MOST_ZEROS = 2**20  # items of an accessor without data, if none with data has 
 _DEEPEST = 1000  # nodes below nodes
 _DEEPEST_JSON = 200  # values inside values
 _MOST_OVERLAP = 8  # times the length of its buffers that a file's views may add up to
-_SMALL = 2**24  # bytes that nobody misses, whatever a small file's views add up to
+_SMALL = 2**24  # bytes, below which the overlap does not matter
 
 
 def read(path: Path, text: bytes, *, glb: bool) -> Header:
     """Return the header of a glTF file, or GLB file, from its JSON text.
 
-    Raises
-    ------
-    ValueError
-        If it cannot be read, uses a compression that cannot be read, or its views, accessors or nodes cannot be right.
+    Raises ValueError if it cannot be read, uses a compression that cannot be read, or its views, accessors or nodes
+    cannot be right.
     """
     try:
         header = json.loads(text.decode())
@@ -90,6 +88,12 @@ def extension(owner: Header, name: str) -> Header | None:
     found = owner.get("extensions")
     value = found.get(name) if isinstance(found, dict) else None
     return value if isinstance(value, dict) else None
+
+
+def parents(header: Header) -> dict[int, int]:
+    """Return the node that each node below another is a child of."""
+    nodes = enumerate(objects(header, "nodes"))
+    return {child: index for index, node in nodes for child in node.get("children", [])}
 
 
 def primitives(header: Header) -> Iterator[tuple[int, int, Header]]:
@@ -149,13 +153,11 @@ def _check_views(header: Header) -> None:
     lengths = [whole(buffer, "byteLength", f"buffer {i}") for i, buffer in enumerate(objects(header, "buffers"))]
     total = 0
     for i, view in enumerate(objects(header, "bufferViews")):
-        buffer = whole(view, "buffer", f"bufferView {i}")
-        if buffer >= len(lengths):
-            raise ValueError(f"bufferView {i} names buffer {buffer}, but there are {len(lengths)}")
+        buffer = reference(view, "buffer", len(lengths), f"bufferView {i}")
         length = whole(view, "byteLength", f"bufferView {i}")
-        for packed in (extension(view, name) for name in MESHOPT):
-            if packed is not None and whole(packed, "buffer", f"bufferView {i}") >= len(lengths):
-                raise ValueError(f"bufferView {i} names buffer {packed['buffer']}, but there are {len(lengths)}")
+        for name in MESHOPT:
+            if (packed := extension(view, name)) is not None:
+                reference(packed, "buffer", len(lengths), f"bufferView {i}")
         end = whole(view, "byteOffset", f"bufferView {i}", default=0) + length
         if end > lengths[buffer]:
             raise ValueError(f"bufferView {i} ends at byte {end} of a buffer of {lengths[buffer]}")
@@ -180,9 +182,7 @@ def _check_accessors(header: Header) -> None:
         if "bufferView" not in accessor:
             unfilled.append((i, count))
             continue
-        place = whole(accessor, "bufferView", f"accessor {i}")
-        if place >= len(views):
-            raise ValueError(f"accessor {i} names bufferView {place}, but there are {len(views)}")
+        place = reference(accessor, "bufferView", len(views), f"accessor {i}")
         stride = whole(views[place], "byteStride", f"bufferView {place}", default=max(size, _LEAST_STRIDE))
         if stride < max(size, _LEAST_STRIDE):
             raise ValueError(
@@ -220,13 +220,10 @@ def _check_primitives(header: Header) -> None:
         attributes = primitive.get("attributes")
         if not isinstance(attributes, dict):
             raise ValueError("a primitive has no attributes")
-        named = [("positions", attributes.get("POSITION")), ("indices", primitive.get("indices"))]
-        for name, index in named:
-            if index is None and name == "indices":
-                continue
-            if not is_index(index, len(accessors)):
+        for name, number in (("positions", attributes.get("POSITION")), ("indices", primitive.get("indices"))):
+            if not is_index(number, len(accessors)) and (number is not None or name == "positions"):
                 raise ValueError(
-                    f"a primitive names accessor {shortened(index)} for its {name}, but there are {len(accessors)}"
+                    f"a primitive names accessor {shortened(number)} for its {name}, but there are {len(accessors)}"
                 )
 
 
@@ -256,6 +253,14 @@ def _check_nodes(header: Header) -> None:
 def is_index(value: object, count: int) -> bool:
     """Whether a value of the header names one of `count` things."""
     return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < count
+
+
+def reference(owner: Header, name: str, count: int, what: str) -> int:
+    """Return the number of one of `count` things that an object of the header names."""
+    value = whole(owner, name, what)
+    if value >= count:
+        raise ValueError(f"{what} names {name} {value}, but there are {count}")
+    return value
 
 
 def whole(owner: Header, name: str, what: str, default: int | None = None) -> int:

@@ -9,10 +9,9 @@ from __future__ import annotations
 import base64
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +43,7 @@ def encode(source: GltfSource, moved: Sequence[MovedPrimitive], *, binary: bool)
     shown needs them; whatever else the file names it goes on naming.
     """
     patch = GltfPatch(source)
-    users = Counter(node["mesh"] for node in objects(patch.header, "nodes") if _is_int(node.get("mesh")))
+    users = Counter(each for node in objects(patch.header, "nodes") for each in _numbers([node.get("mesh")]))
     meshes: dict[int, int] = {}  # from a node whose parts moved to the mesh that is now its own
     for each in moved:
         if not each.moved:
@@ -221,53 +220,45 @@ class GltfPatch:
 
 def _needed_buffers(header: Header) -> set[int]:
     """Return the buffers that meshes of the scene's nodes, skins, animations and shown pictures take data from."""
-    accessors: set[int] = set()
+    accessors = _numbers([skin.get("inverseBindMatrices") for skin in objects(header, "skins")])
     views: set[int] = set()
     for primitive in _shown_primitives(header):
-        accessors.update(_whole(_values(primitive.get("attributes")), [primitive.get("indices")]))
         targets = primitive.get("targets")
-        for target in targets if isinstance(targets, list) else []:
-            accessors.update(_whole(_values(target)))
-        views.update(_whole([(extension(primitive, DRACO) or {}).get("bufferView")]))
-    accessors.update(_whole(skin.get("inverseBindMatrices") for skin in objects(header, "skins")))
+        for each in (primitive.get("attributes"), *(targets if isinstance(targets, list) else [])):
+            accessors |= _numbers(each)
+        accessors |= _numbers([primitive.get("indices")])
+        views |= _numbers([(extension(primitive, DRACO) or {}).get("bufferView")])
     for animation in objects(header, "animations"):
         for sampler in objects(animation, "samplers"):
-            accessors.update(_whole((sampler.get("input"), sampler.get("output"))))
-    for index, accessor in enumerate(objects(header, "accessors")):
-        if index in accessors:
-            sparse = accessor.get("sparse")
-            parts = [sparse.get(name) for name in ("indices", "values")] if isinstance(sparse, dict) else []
-            views.update(_whole(each.get("bufferView") for each in (accessor, *parts) if isinstance(each, dict)))
-    views.update(_whole(header["images"][index].get("bufferView") for index in _needed_images(header)))
+            accessors |= _numbers([sampler.get("input"), sampler.get("output")])
+    for accessor in _named(header, "accessors", accessors):
+        sparse = accessor.get("sparse")
+        parts = [sparse.get(name) for name in ("indices", "values")] if isinstance(sparse, dict) else []
+        views |= _numbers([each.get("bufferView") for each in (accessor, *parts) if isinstance(each, dict)])
+    views |= _numbers([header["images"][index].get("bufferView") for index in _needed_images(header)])
     buffers: set[int] = set()
-    for index, view in enumerate(objects(header, "bufferViews")):
-        if index in views:
-            packed = [found for name in MESHOPT if (found := extension(view, name)) is not None]
-            buffers.update(int(each["buffer"]) for each in (view, *packed))
+    for view in _named(header, "bufferViews", views):
+        packed = [found for name in MESHOPT if (found := extension(view, name)) is not None]
+        buffers.update(int(each["buffer"]) for each in (view, *packed))
     return buffers
 
 
 def _needed_images(header: Header) -> set[int]:
     """Return the pictures of the textures of the materials of the primitives that are shown."""
+    used = _numbers([primitive.get("material") for primitive in _shown_primitives(header)])
     textures: set[int] = set()
-    materials = objects(header, "materials")
-    for index in {
-        primitive.get("material") for primitive in _shown_primitives(header) if _is_int(primitive.get("material"))
-    }:
-        if is_index(index, len(materials)):
-            textures.update(_texture_indices(materials[cast(int, index)]))
+    for material in _named(header, "materials", used):
+        textures |= _texture_indices(material)
     found: set[int] = set()
-    count = len(objects(header, "images"))
-    for index, texture in enumerate(objects(header, "textures")):
-        if index in textures:
-            others = _values(texture.get("extensions"))
-            sources = _whole(each.get("source") for each in (texture, *others) if isinstance(each, dict))
-            found.update(each for each in sources if 0 <= each < count)
-    return found
+    for texture in _named(header, "textures", textures):
+        others = texture.get("extensions")
+        owners = (texture, *(others.values() if isinstance(others, dict) else ()))
+        found |= _numbers([each.get("source") for each in owners if isinstance(each, dict)])
+    return {each for each in found if is_index(each, len(objects(header, "images")))}
 
 
 def _texture_indices(material: Header) -> set[int]:
-    """Return the textures that a material names, whatever for, in the format itself or in an extension."""
+    """Return the textures that a material names, in the format itself or in an extension."""
     found: set[int] = set()
     layer: list[Any] = [material]
     while layer:
@@ -275,25 +266,22 @@ def _texture_indices(material: Header) -> set[int]:
         for name, inner in value.items() if isinstance(value, dict) else [("", each) for each in value]:
             if isinstance(inner, dict | list) and name != "extras":
                 layer.append(inner)
-                if name.lower().endswith("texture") and isinstance(inner, dict) and _is_int(inner.get("index")):
-                    found.add(inner["index"])
+                if name.lower().endswith("texture") and isinstance(inner, dict):
+                    found |= _numbers([inner.get("index")])
     return found
 
 
 def _shown_primitives(header: Header) -> list[Header]:
-    meshes = objects(header, "meshes")
-    shown: set[int] = {node["mesh"] for node in objects(header, "nodes") if is_index(node.get("mesh"), len(meshes))}
-    return [each for index in sorted(shown) for each in objects(meshes[index], "primitives")]
+    shown = _numbers([node.get("mesh") for node in objects(header, "nodes")])
+    return [each for mesh in _named(header, "meshes", shown) for each in objects(mesh, "primitives")]
 
 
-def _whole(*values: Iterable[Any]) -> Iterator[int]:
-    """Yield the values that are whole numbers."""
-    return (each for each in chain(*values) if _is_int(each))
+def _named(header: Header, name: str, indices: set[int]) -> list[Header]:
+    """Return the objects of a list of the header that `indices` name."""
+    return [each for index, each in enumerate(objects(header, name)) if index in indices]
 
 
-def _values(value: object) -> list[Any]:
-    return list(value.values()) if isinstance(value, dict) else []
-
-
-def _is_int(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
+def _numbers(values: object) -> set[int]:
+    """Return the whole numbers in a list or among the values of an object."""
+    inner = values.values() if isinstance(values, dict) else values if isinstance(values, list) else ()
+    return {each for each in inner if isinstance(each, int) and not isinstance(each, bool)}

@@ -9,17 +9,25 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from dfd.common.linear_algebra import unit
 from dfd.mesh.appearance import srgb
 from dfd.mesh.file.assets import AssetFolder, shortened
 from dfd.mesh.file.gltf.data import GltfData
-from dfd.mesh.file.gltf.header import Header, is_index, objects, primitives
+from dfd.mesh.file.gltf.header import Header, is_index, objects, parents, primitives
 from dfd.mesh.file.gltf.materials import GltfMaterials
 from dfd.mesh.file.gltf.rest import closed_seams, joint_matrices, morph_weights, morphed, skin_transforms
 from dfd.mesh.file.images import ImageCache
 from dfd.mesh.file.materials import rgba
-from dfd.mesh.file.primitives import MOST_INSTANCES, MOST_PRIMITIVES, Geometry, MeshInstance, UniqueNames
+from dfd.mesh.file.primitives import (
+    IDENTITY,
+    MOST_INSTANCES,
+    MOST_PRIMITIVES,
+    Geometry,
+    MeshInstance,
+    UniqueNames,
+)
 
 __all__ = ["from_below", "read", "shown_nodes", "triangles", "world_transforms"]
 
@@ -31,10 +39,7 @@ def read(header: Header, data: GltfData, assets: AssetFolder, *, at_rest: bool =
 
     Skins and morph targets are posed as the file has them where it is shown `at_rest`, and left out otherwise.
 
-    Raises
-    ------
-    ValueError, OSError
-        If a primitive that is shown cannot be read.
+    Raises ValueError, OSError if a primitive that is shown cannot be read.
     """
     world, shown = world_transforms(header), shown_nodes(header)
     materials = GltfMaterials(header, data, ImageCache(), assets.unreadable)
@@ -46,7 +51,6 @@ def read(header: Header, data: GltfData, assets: AssetFolder, *, at_rest: bool =
         of_mesh.setdefault(mesh, []).append((number, primitive))
     instances: list[MeshInstance] = []
     read_count = 0
-    identity = np.eye(4)
     for node in sorted(shown):
         content = header["nodes"][node]
         mesh = content.get("mesh")
@@ -66,7 +70,7 @@ def read(header: Header, data: GltfData, assets: AssetFolder, *, at_rest: bool =
         skin = content.get("skin") if at_rest else None
         if skin is not None and skin not in joints:
             joints[skin] = joint_matrices(header, skin, data, world)
-        placed = None if world[node] is identity or np.array_equal(world[node], identity) else world[node]
+        placed = IDENTITY if np.array_equal(world[node], IDENTITY) else world[node]
         matrices = joints[skin] if skin is not None else None
         skinned = {} if matrices is None else _skinned(geometries[mesh, weights], meshes[mesh], data, matrices)
         for number, name, geometry in geometries[mesh, weights]:
@@ -95,27 +99,19 @@ def _skinned(
 def _geometry(
     primitive: Header, data: GltfData, materials: GltfMaterials, morph_weights: tuple[float, ...]
 ) -> Geometry:
-    attributes = primitive["attributes"]
-    packed = data.draco(primitive) or {}
+    positions = data.attribute(primitive, "POSITION")
+    assert positions is not None
+    if positions.shape[1] != 3:
+        raise ValueError(f"the positions of a primitive have {positions.shape[1]} coordinates")
+    vertices = positions.astype(np.float64)
 
     def values(name: str, width: int) -> NDArray[Any] | None:
         """Return an attribute, None where there is none of that width for every vertex."""
-        if name not in packed and name not in attributes:
+        found = data.attribute(primitive, name)
+        if found is None or len(found) != len(vertices) or width not in (0, found.shape[1]):
             return None
-        found = packed[name] if name in packed else data.accessor(attributes[name])
-        fits = found.shape == (len(vertices), width) if width else len(found) == len(vertices)
-        return found if fits else None
+        return found
 
-    vertices = packed["POSITION"] if packed else data.accessor(attributes["POSITION"])
-    if vertices.shape[1] != 3:
-        raise ValueError(f"the positions of a primitive have {vertices.shape[1]} coordinates")
-    vertices = vertices.astype(np.float64)
-    if "indices" in packed:
-        indices = packed["indices"].ravel()
-    elif "indices" in primitive:
-        indices = data.indices(primitive["indices"])
-    else:
-        indices = np.arange(len(vertices))
     surface = materials.of(primitive)
     uv = None if surface is None else values(f"TEXCOORD_{surface.uv_set}", 2)
     color, colors = values("COLOR_0", 0), None
@@ -127,11 +123,11 @@ def _geometry(
         normals = normals.astype(np.float64)
         if (turned := morphed(normals, "NORMAL", primitive, morph_weights, data)) is not normals:
             normals = unit(turned)
-    own = {name: values(name, 0) for name in attributes if name.startswith("_")}
+    own = {name: values(name, 0) for name in primitive["attributes"] if name.startswith("_")}
     shown = morphed(vertices, "POSITION", primitive, morph_weights, data)
     return Geometry(
         shown,
-        triangles(indices, primitive.get("mode", 4)),
+        triangles(data.corners(primitive), primitive.get("mode", 4)),
         normals,
         None if surface is None or uv is None else from_below(uv, surface.uv_transform),
         colors,
@@ -181,16 +177,14 @@ def shown_nodes(header: Header) -> set[int]:
 
 def world_transforms(header: Header) -> dict[int, NDArray[np.float64]]:
     """Return the transforms (4, 4) of all nodes: joints need not be in the scene."""
-    nodes = objects(header, "nodes")
-    below = {child for node in nodes for child in node.get("children", [])}
-    identity = np.eye(4)
+    nodes, below = objects(header, "nodes"), parents(header)
     found: dict[int, NDArray[np.float64]] = {}
-    layer = [(i, identity) for i in range(len(nodes)) if i not in below]
+    layer = [(i, IDENTITY) for i in range(len(nodes)) if i not in below]
     with np.errstate(over="ignore", invalid="ignore"):  # judged where something is shown
         while layer:
             node, parent = layer.pop()
             own = _local_transform(nodes[node], node)
-            found[node] = parent if own is None else own if parent is identity else parent @ own
+            found[node] = parent if own is None else own if parent is IDENTITY else parent @ own
             layer.extend((child, found[node]) for child in nodes[node].get("children", []))
     return found
 
@@ -198,7 +192,7 @@ def world_transforms(header: Header) -> dict[int, NDArray[np.float64]]:
 def _roots(header: Header) -> list[int]:
     nodes, scenes = objects(header, "nodes"), objects(header, "scenes")
     if not scenes:
-        below = {child for node in nodes for child in node.get("children", [])}
+        below = parents(header)
         return [i for i in range(len(nodes)) if i not in below]
     index = header.get("scene", 0)
     if not is_index(index, len(scenes)):
@@ -226,21 +220,9 @@ def _local_transform(node: Header, index: int) -> NDArray[np.float64] | None:
         return cast("NDArray[np.float64]", numbers("matrix", [0.0] * 16).reshape(4, 4).T)
     result = np.eye(4)
     if "rotation" in node or "scale" in node:
-        result[:3, :3] = _rotation(numbers("rotation", [0.0, 0.0, 0.0, 1.0])) * numbers("scale", [1.0, 1.0, 1.0])
+        turn = numbers("rotation", [0.0, 0.0, 0.0, 1.0])
+        if not 0 < np.linalg.norm(turn) < np.inf:
+            turn = np.array([0.0, 0.0, 0.0, 1.0])
+        result[:3, :3] = Rotation.from_quat(turn).as_matrix() * numbers("scale", [1.0, 1.0, 1.0])
     result[:3, 3] = numbers("translation", [0.0, 0.0, 0.0])
     return result
-
-
-def _rotation(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the matrix (3, 3) of a quaternion x, y, z, w of any length; the identity for one of none."""
-    length = float(np.linalg.norm(quaternion))
-    if not 0 < length < np.inf:
-        return np.eye(3)
-    x, y, z, w = quaternion / length
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )

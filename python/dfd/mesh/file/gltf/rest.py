@@ -16,7 +16,10 @@ from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import Header, is_index, objects
 from dfd.mesh.weld import weld
 
-__all__ = ["closed_seams", "joint_matrices", "morph_weights", "morphed", "skin_transforms"]
+__all__ = [
+    *("closed_seams", "inverse_binds", "joint_matrices", "joints_and_weights"),
+    *("morph_weights", "morphed", "skin_transforms"),
+]
 
 _SEAM = 1e-4  # of the largest side: rows of one place that a skin takes no further apart are one vertex
 
@@ -51,43 +54,41 @@ def joint_matrices(header: Header, skin: Any, data: GltfData, world: Mapping[int
     skins, nodes = objects(header, "skins"), objects(header, "nodes")
     if not is_index(skin, len(skins)):
         return None
-    content = skins[skin]
-    joints = content.get("joints")
+    joints = skins[skin].get("joints")
     if not isinstance(joints, list) or not joints or not all(is_index(each, len(nodes)) for each in joints):
         raise ValueError(f"skin {skin} has joints {shortened(joints)}, which are not all in the file")
-    placed = np.stack([world[each] for each in joints])
-    if "inverseBindMatrices" not in content:
-        return placed
-    inverse = data.accessor(content["inverseBindMatrices"])
-    if inverse.shape[1] != 16 or len(inverse) < len(joints):
-        raise ValueError(f"skin {skin} has {len(inverse)} inverse bind matrices for {len(joints)} joints")
     with np.errstate(over="ignore", invalid="ignore"):  # judged where vertices are placed
-        return placed @ inverse[: len(joints)].reshape(-1, 4, 4).swapaxes(1, 2).astype(np.float64)
+        return np.stack([world[each] for each in joints]) @ inverse_binds(skins[skin], data)
 
 
-def _joints_and_weights(
+def inverse_binds(skin: Header, data: GltfData) -> Float64:
+    """Return the inverse bind matrices (J, 4, 4) of a skin, the identity where it has none."""
+    count = len(skin["joints"])
+    if "inverseBindMatrices" not in skin:
+        return np.tile(np.eye(4), (count, 1, 1))
+    inverse = data.accessor(skin["inverseBindMatrices"])
+    if inverse.shape[1] != 16 or len(inverse) < count:
+        raise ValueError(f"a skin has {len(inverse)} inverse bind matrices for {count} joints")
+    return inverse[:count].reshape(-1, 4, 4).swapaxes(1, 2).astype(np.float64)
+
+
+def joints_and_weights(
     primitive: Header, data: GltfData, rows: int, joint_count: int
 ) -> list[tuple[NDArray[np.int64], Float64]]:
     """Return the joints and weights (rows, 4) of each pair of attributes; weights that are not positive are 0.
 
-    Raises
-    ------
-    ValueError
-        If there are other counts, or a vertex follows a joint that is not there.
+    Raises ValueError if there are other counts, or a vertex follows a joint that is not there.
     """
-    attributes, packed = primitive["attributes"], data.draco(primitive) or {}
     found = []
-    for name in sorted(each for each in attributes if each.startswith("WEIGHTS_")):
+    for name in sorted(each for each in primitive["attributes"] if each.startswith("WEIGHTS_")):
         other = name.replace("WEIGHTS_", "JOINTS_")
-        if other not in attributes:
+        numbers, stored = data.attribute(primitive, other), data.attribute(primitive, name)
+        if numbers is None or stored is None:
             continue
-        pair: list[NDArray[Any]] = [
-            packed[each] if each in packed else data.accessor(attributes[each]) for each in (other, name)
-        ]
-        if any(each.shape != (rows, 4) for each in pair):
-            raise ValueError(f"a skinned primitive has {len(pair[1])} weights for {rows} vertices")
-        weights = np.where(np.isfinite(pair[1]), pair[1], 0).astype(np.float64)
-        joints = np.where(weights > 0, pair[0], 0).astype(np.int64)
+        if numbers.shape != (rows, 4) or stored.shape != (rows, 4):
+            raise ValueError(f"a skinned primitive has {len(stored)} weights for {rows} vertices")
+        weights = np.where(np.isfinite(stored), stored, 0).astype(np.float64)
+        joints = np.where(weights > 0, numbers, 0).astype(np.int64)
         if len(joints) and joints.max() >= joint_count:
             raise ValueError(f"a skinned primitive follows joint {joints.max()} of a skin of {joint_count}")
         found.append((joints, np.maximum(weights, 0.0)))
@@ -99,7 +100,7 @@ def skin_transforms(primitive: Header, data: GltfData, rows: int, matrices: Floa
 
     Weights count by their share of the sum; a vertex without any follows the first joint, as three.js has it.
     """
-    pairs = _joints_and_weights(primitive, data, rows, len(matrices))
+    pairs = joints_and_weights(primitive, data, rows, len(matrices))
     if not pairs:
         return None
     total = np.sum([weights.sum(axis=1) for _, weights in pairs], axis=0)

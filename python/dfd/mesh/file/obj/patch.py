@@ -65,7 +65,7 @@ class _Edits:
 
     def __init__(self, data: bytes) -> None:
         self._data = data
-        self._text = data.decode("latin-1")  # a letter for each byte, whatever they mean
+        self._text = data.decode("latin-1")  # one character a byte, in any encoding
         self._starts: NDArray[np.int64] | None = None  # of lines, from the second on
         self._spans: list[NDArray[np.int64]] = []
         self._new: list[str] = []

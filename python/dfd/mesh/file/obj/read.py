@@ -58,29 +58,24 @@ def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInsta
     order = faces
     if len(faces) and ((material != material[0]).any() or (part != part[0]).any()):
         order = faces[np.lexsort((_by_appearance(material)[faces], _by_appearance(part)[faces]))]
-    key = part[order] * (len(material_names) + 1) + material[order] + 1
-    bounds = np.flatnonzero(np.diff(key, prepend=-1, append=-1))
-    first = np.cumsum(text.sizes) - text.sizes
+    begins = np.flatnonzero(np.diff(part[order] * (len(material_names) + 1) + material[order], prepend=-2))
+    counts = np.diff(begins, append=len(order))  # faces of each primitive: of one part and one material
+    sizes = text.sizes[order]
+    primitive = np.repeat(np.repeat(np.arange(len(begins)), counts), sizes)
+    corners = ranges((np.cumsum(text.sizes) - text.sizes)[order], sizes)
+    rows, row = _distinct(np.column_stack([primitive, text.corners[corners]]))
     corner_rows = np.full(len(text.corners), -1, np.int32)
-    instances, numbers, row_count = [], [], 0
-    for begin, end in itertools.pairwise(bounds):
-        some = order[begin:end]
-        where = ranges(first[some], text.sizes[some])
-        rows, inverse = _distinct(text.corners[where])
-        corner_rows[where] = inverse + row_count
-        used = material[some[0]]
-        geometry = _geometry(
-            text,
-            rows,
-            inverse[triangulate(text.positions, text.corners[where, 0], text.sizes[some])],
-            materials.get(material_names[used]) if used >= 0 else None,
-        )
-        name = part_names[part[some[0]]]
-        instances.append(MeshInstance(name, name, geometry))
-        numbers.append(rows[:, 0])
-        row_count += len(rows)
-    vertex = np.concatenate(numbers) if numbers else np.zeros(0, np.int64)
-    return instances, vertex, ObjSource(text.data, path.parent, corner_rows, tuple(map(len, numbers)))
+    corner_rows[corners] = row
+    triangles = row[triangulate(text.positions, text.corners[corners, 0], sizes)]
+    row_bounds = np.searchsorted(rows[:, 0], np.arange(len(begins) + 1))
+    triangle_bounds = np.append(0, np.cumsum(sizes - 2))[np.append(begins, len(order))]
+    bounds = zip(itertools.pairwise(row_bounds.tolist()), itertools.pairwise(triangle_bounds.tolist()), strict=True)
+    instances = []
+    for face, ((begin, end), (first, last)) in zip(order[begins].tolist(), bounds, strict=True):
+        used = materials.get(material_names[material[face]]) if material[face] >= 0 else None
+        geometry = _geometry(text, rows[begin:end, 1:], triangles[first:last] - begin, used)
+        instances.append(MeshInstance(part_names[part[face]], part_names[part[face]], geometry))
+    return instances, rows[:, 1], ObjSource(text.data, path.parent, corner_rows, tuple(np.diff(row_bounds).tolist()))
 
 
 def libraries(text: ObjText, assets: AssetFolder) -> list[str]:
@@ -105,16 +100,17 @@ def _geometry(text: ObjText, rows: NDArray[np.int64], faces: NDArray[np.int64], 
     )
 
 
-def _distinct(corners: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the distinct rows (R, 3) of corners (C, 3), sorted, and which of them each corner is."""
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    span = [int(each) for each in high - low + 1]
-    if span[0] * span[1] * span[2] < 2**62:
-        key = ((corners[:, 0] - low[0]) * span[1] + (corners[:, 1] - low[1])) * span[2] + (corners[:, 2] - low[2])
-        _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
-        return corners[first], inverse
-    rows, inverse = np.unique(corners, axis=0, return_inverse=True)
-    return rows, inverse.ravel()
+def _distinct(rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the distinct rows (R, K), sorted, and which of them each of `rows` (C, K) is."""
+    key = np.zeros(len(rows), np.int64)
+    for column in rows.T:
+        shifted = column - column.min(initial=0)
+        span = int(shifted.max(initial=0)) + 1
+        if (int(key.max(initial=0)) + 1) * span >= 2**62:
+            key = np.unique(key, return_inverse=True)[1]
+        key = key * span + shifted
+    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    return rows[first], inverse
 
 
 def _parts(text: ObjText, default: str) -> tuple[list[str], NDArray[np.int64]]:

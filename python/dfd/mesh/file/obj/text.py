@@ -73,10 +73,7 @@ def decoded(data: bytes) -> str:
 def parse(data: bytes) -> ObjText:
     """Read the text of an OBJ file.
 
-    Raises
-    ------
-    ValueError
-        If a line of a vertex or a face cannot be right.
+    Raises ValueError if a line of a vertex or a face cannot be right.
     """
     data = data.removeprefix(codecs.BOM_UTF8)
     data = data.replace(b"\\\r\n", b"   ").replace(b"\\\n", b"  ")
@@ -91,13 +88,13 @@ def parse(data: bytes) -> ObjText:
     uv, first_uv = _values(uv_tokens, "vt", at_least=1)
     faces = lines.tokens(b"f")
     counts = (vertices.lines, uv_tokens.lines, normal_tokens.lines)
-    two = np.minimum(uv_tokens.counts, 2) - 1  # of a texture with one coordinate the other is the same number
+    second_uv = first_uv + np.minimum(uv_tokens.counts, 2) - 1  # of one coordinate the other is the same number
     return ObjText(
         data=data,
         positions=values[first[:, None] + np.arange(3)],
         position_spans=_spans(vertices, first),
         colors=_colors(values, first, vertices.counts),
-        uv=_values_of_two(uv, first_uv, two),
+        uv=uv[np.stack([first_uv, second_uv], axis=1)],
         normals=normals[first_normal[:, None] + np.arange(3)],
         normal_spans=_spans(normal_tokens, first_normal),
         corners=_corners(faces, counts),
@@ -202,8 +199,8 @@ def _values(tokens: Tokens, keyword: str, at_least: int) -> tuple[NDArray[np.flo
     values = _numbers(tokens.text, np.float64, len(tokens.starts))
     if values is None:
         words = (tokens.text[start:end] for start, end in zip(tokens.starts, tokens.ends, strict=True))
-        wrong = next((word for word in words if not _is_number(word)), b"")
-        raise ValueError(f"its {keyword!r} lines hold {shortened(decoded(wrong))}, which is no number")
+        wrong = next((word for word in words if _numbers(word, np.float64, 1) is None), b"")
+        raise ValueError(f"its {keyword!r} lines hold {shortened(decoded(wrong))}, which is not a number")
     return values, first
 
 
@@ -218,17 +215,6 @@ def _numbers(text: bytes, dtype: Any, count: int) -> NDArray[Any] | None:
         except (ValueError, DeprecationWarning):
             return None
     return values if len(values) == count else None
-
-
-def _is_number(word: bytes) -> bool:
-    return _numbers(word, np.float64, 1) is not None
-
-
-def _values_of_two(
-    values: NDArray[np.float64], first: NDArray[np.int64], second: NDArray[np.int64]
-) -> NDArray[np.float64]:
-    """Return two numbers (L, 2) of each line: the first, and the one `second` after it."""
-    return values[np.stack([first, first + second], axis=1)]
 
 
 def _spans(tokens: Tokens, first: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.mesh.appearance import GREY, Material
+from dfd.mesh.file.images import as_png
 from dfd.mesh.file.obj.library import Companions
 from dfd.mesh.file.scene_file import SceneFile
 
@@ -100,7 +100,7 @@ class _MaterialLibrary:
             self._names[id(material)] = name
             lines = [f"newmtl {name}", "Kd " + " ".join(f"{each:.6g}" for each in material.color[:3])]
             if material.texture is not None:  # the stem keeps it from overwriting another file's
-                picture = self._companions.add(f"{self._stem}_{name}.png", _png(material.texture))
+                picture = self._companions.add(f"{self._stem}_{name}.png", as_png(material.texture))
                 lines.append(f"map_Kd {picture}")
             self.text += "\n".join([*lines, "", ""])
         return self._names[id(material)]
@@ -131,16 +131,6 @@ def _vertex_colors(scene: SceneFile) -> NDArray[np.float64] | None:
     used = look.corners >= 0
     colors[look.corners[used]] = look.colors[used, :3]
     return colors[scene.representative]
-
-
-def _png(texels: NDArray[np.uint8]) -> bytes:
-    """Return RGBA texels as a PNG file, without alpha where all is opaque."""
-    from PIL import Image
-
-    stream = io.BytesIO()
-    opaque = bool((texels[..., 3] == 255).all())
-    Image.fromarray(np.ascontiguousarray(texels[..., :3]) if opaque else texels).save(stream, "PNG")
-    return stream.getvalue()
 
 
 def _lines(kind: str, values: NDArray[np.float64]) -> bytes:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dfd.mesh.file.assets import shortened
 from dfd.mesh.file.obj.text import decoded
-from dfd.mesh.file.polygons import triangulate
+from dfd.mesh.file.polygons import check_corners, triangulate
 from dfd.mesh.file.primitives import Geometry
 
 __all__ = ["read_off", "read_stl"]
@@ -26,10 +26,7 @@ _STL_VERTEX = re.compile(rf"\bvertex\s+({_NUMBER})\s+({_NUMBER})\s+({_NUMBER})",
 def read_off(data: bytes) -> Geometry:
     """Return the vertices and faces of an OFF file.
 
-    Raises
-    ------
-    ValueError
-        If it holds fewer vertices, faces or corners than it says, or a face of fewer than three corners.
+    Raises ValueError if it holds fewer vertices, faces or corners than it says, or a face of fewer than three corners.
     """
     lines = [line.split("#", 1)[0] for line in decoded(data).splitlines()]
     lines = [line for line in lines if line and not line.isspace()]
@@ -70,21 +67,14 @@ def read_off(data: bytes) -> Geometry:
     except (ValueError, OverflowError):
         wrong = next(word for word in corners if not re.fullmatch(r"[-+]?\d{1,18}", word))
         raise ValueError(f"a face names the vertex {shortened(wrong)}") from None
-    if len(numbers) and not 0 <= numbers.min() <= numbers.max() < vertex_count:
-        wrong_number = numbers.min() if numbers.min() < 0 else numbers.max()
-        raise ValueError(f"a face names vertex {wrong_number}, but there are {vertex_count}")
-    return Geometry(
-        vertices, numbers[triangulate(vertices, numbers, sizes)] if face_count else np.zeros((0, 3), np.int64)
-    )
+    check_corners(numbers, vertex_count)
+    return Geometry(vertices, numbers[triangulate(vertices, numbers, sizes)])
 
 
 def read_stl(data: bytes) -> list[tuple[str, Geometry]]:
     """Return the solids of an STL file by name, "" for one without.
 
-    Raises
-    ------
-    ValueError
-        If its length is not what it says, or it is cut off.
+    Raises ValueError if its length is not what it says, or it is cut off.
     """
     if len(data) >= _STL_HEADER:
         count = int.from_bytes(data[80:84], "little")

@@ -20,29 +20,16 @@ from dfd.mesh.file.assets import AssetFolder, shortened
 from dfd.mesh.file.images import ImageCache
 from dfd.mesh.file.materials import rgba
 from dfd.mesh.file.obj.text import decoded
-from dfd.mesh.file.polygons import ranges, triangulate
+from dfd.mesh.file.polygons import check_corners, ranges, triangulate
 from dfd.mesh.file.primitives import Geometry
 
 __all__ = ["read"]
 
-_TYPES = {
-    "char": "i1",
-    "uchar": "u1",
-    "short": "i2",
-    "ushort": "u2",
-    "int": "i4",
-    "uint": "u4",
-    "float": "f4",
-    "double": "f8",
-    "int8": "i1",
-    "uint8": "u1",
-    "int16": "i2",
-    "uint16": "u2",
-    "int32": "i4",
-    "uint32": "u4",
-    "float32": "f4",
-    "float64": "f8",
-}
+_NAMES = (
+    *("char", "uchar", "short", "ushort", "int", "uint", "float", "double"),
+    *("int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "float64"),
+)
+_TYPES = dict(zip(_NAMES, ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8") * 2, strict=True))
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
 _KNOWN = {
@@ -55,8 +42,9 @@ _TEXTURE = re.compile(r"comment\s+TextureFile\s+(\S.*)")
 @dataclass(frozen=True)
 class _Property:
     name: str
-    dtype: np.dtype[Any]
-    counts: np.dtype[Any] | None  # of a list, what its length is stored as
+    dtype: np.dtype[Any]  # of its values
+    stored: np.dtype[Any]  # as what they stand in the data
+    counts: np.dtype[Any] | None  # of a list, as what its length stands there
 
 
 @dataclass(frozen=True)
@@ -68,6 +56,7 @@ class _List:
 
 
 _Element = dict[str, "NDArray[Any] | _List"]
+_NOTHING = np.zeros(0), np.zeros(0, np.int64)  # the values of no rows, and how many each has
 
 
 def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, NDArray[np.float64], NDArray[np.int64]]:
@@ -93,23 +82,25 @@ def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, NDArra
         raise ValueError("its vertices have no x, y and z")
     positions = _columns(vertex, ("x", "y", "z"), np.float64)
     assert positions is not None
-    corners, sizes = _corners(path, found, len(positions))
-    triangles = triangulate(positions, corners.values, sizes)
+    face = found.get("face", {})
+    polygons = _indices(face) or _List(np.zeros(0, np.int64), np.zeros(0, np.int64))
+    corners, sizes, kept = _polygons(path, polygons, _indices(found.get("tristrips", {})), len(positions))
+    triangles = triangulate(positions, corners, sizes)
     picture = next((match[1].strip() for line in lines if (match := _TEXTURE.match(line))), None)
     material = None if picture is None else _material(picture, assets)
     uv = next((each for names in _UV_NAMES if (each := _columns(vertex, names, np.float64)) is not None), None)
-    of_corners = found.get("face", {}).get("texcoord")
+    of_corners = face.get("texcoord")
     numbers = np.arange(len(positions))
-    faces = corners.values[triangles]
-    if isinstance(of_corners, _List) and np.array_equal(of_corners.sizes, 2 * corners.sizes) and material is not None:
-        pairs = of_corners.values.astype(np.float64).reshape(-1, 2)[corners.kept]
-        rows, where = np.unique(np.column_stack([corners.values, pairs]), axis=0, return_inverse=True)
+    faces = corners[triangles]
+    if isinstance(of_corners, _List) and np.array_equal(of_corners.sizes, 2 * polygons.sizes) and material is not None:
+        pairs = of_corners.values.astype(np.float64).reshape(-1, 2)[kept]
+        rows, where = np.unique(np.column_stack([corners, pairs]), axis=0, return_inverse=True)
         numbers, uv, faces = rows[:, 0].astype(np.int64), rows[:, 1:], where.ravel()[triangles]
     others = {name: each for name, each in vertex.items() if isinstance(each, np.ndarray) and name not in _KNOWN}
     normals, colors = _columns(vertex, ("nx", "ny", "nz"), np.float64), _colors(vertex)
-    face_colors = _colors(found.get("face", {}))
-    if face_colors is not None and len(face_colors) == len(corners.sizes):
-        face_colors = np.repeat(face_colors, np.maximum(corners.sizes - 2, 0), axis=0)
+    face_colors = _colors(face)
+    if face_colors is not None and len(face_colors) == len(polygons.sizes):
+        face_colors = np.repeat(face_colors, np.maximum(polygons.sizes - 2, 0), axis=0)
     if face_colors is not None and len(face_colors) != len(faces):  # strips have none
         face_colors = None
     geometry = Geometry(
@@ -125,36 +116,25 @@ def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, NDArra
     return geometry, positions, numbers
 
 
-@dataclass(frozen=True)
-class _Corners:
-    """The corners of faces of at least three."""
-
-    values: NDArray[np.int64]  # (C,) their vertices
-    kept: NDArray[np.bool_]  # which of the file's corners they are
-    sizes: NDArray[np.int64]  # of all faces of the file
-
-
-def _corners(path: Path, found: dict[str, _Element], count: int) -> tuple[_Corners, NDArray[np.int64]]:
-    """Return the corners of polygons and of triangle strips, and how many each polygon has."""
-    lists = [_indices(found.get("face", {})), _indices(found.get("tristrips", {}))]
-    faces = lists[0] or _List(np.zeros(0, np.int64), np.zeros(0, np.int64))
-    values = faces.values.astype(np.int64)
-    if len(short := np.flatnonzero(faces.sizes < 3)):
+def _polygons(
+    path: Path, faces: _List, strips: _List | None, count: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+    """Return the corners (C,) of faces and strips, how many each face has, and which corners of `faces` they keep."""
+    long = faces.sizes >= 3
+    if not long.all():
         warnings.warn(
-            f"load: `path` {path} has {len(short)} faces of fewer than three corners, the first is face {short[0]}; "
-            "they are left out",
+            f"load: `path` {path} has {int((~long).sum())} faces of fewer than three corners, the first is face "
+            f"{long.argmin()}; they are left out",
             stacklevel=6,  # where `load` is called
         )
-    kept = np.repeat(faces.sizes >= 3, faces.sizes)
-    values, sizes = values[kept], faces.sizes[faces.sizes >= 3]
-    if lists[1] is not None:
-        strips = _strip_triangles(lists[1])
-        values = np.concatenate([values, strips.ravel()])
-        sizes = np.concatenate([sizes, np.full(len(strips), 3)])
-    if len(values) and not 0 <= values.min() <= values.max() < count:
-        wrong = values.min() if values.min() < 0 else values.max()
-        raise ValueError(f"a face names vertex {wrong}, but there are {count}")
-    return _Corners(values, kept, faces.sizes), sizes
+    kept = np.repeat(long, faces.sizes)
+    corners, sizes = faces.values[kept].astype(np.int64), faces.sizes[long]
+    if strips is not None:
+        triangles = _strip_triangles(strips)
+        corners = np.concatenate([corners, triangles.ravel()])
+        sizes = np.concatenate([sizes, np.full(len(triangles), 3)])
+    check_corners(corners, count)
+    return corners, sizes, kept
 
 
 def _indices(element: _Element) -> _List | None:
@@ -224,114 +204,93 @@ def _elements(lines: list[str], body: bytes) -> dict[str, _Element]:
             dtypes = [np.dtype((order or "=") + _TYPES[each]) for each in types]
             if dtypes[:-1] and dtypes[0].kind == "f":
                 raise ValueError(f"it has the malformed line {shortened(line)}")
-            layout[-1][2].append(_Property(words[-1], dtypes[-1], dtypes[0] if len(types) == 2 else None))
+            stored = [np.dtype(np.float64) if order == "" else each for each in dtypes]
+            layout[-1][2].append(_Property(words[-1], dtypes[-1], stored[-1], stored[0] if len(types) == 2 else None))
     if order is None:
         raise ValueError("its header does not name a known format")
-    text = order == ""
-    if text:
-        data, start = _numbers(body), 0
-    else:  # the header ends with its line
-        start = 2 if body[:2] == b"\r\n" else 1
-        data = np.frombuffer(body, np.uint8)
+    if order:  # the header ends with its line
+        data, start = body, 2 if body[:2] == b"\r\n" else 1
+    else:  # all numbers of a text as if they were the data of a binary file
+        data, start = _numbers(body).tobytes(), 0
     found: dict[str, _Element] = {}
     for name, count, properties in layout:
         if count > len(data):
-            raise ValueError(f"it should have {count} of {shortened(name)}, but is cut off")
-        element, start = _rows(data, start, name, count, properties, text)
+            raise _cut_off(name, count)
+        columns, start = _columns_of(data, start, name, count, properties) if count and properties else ([], start)
+        element: _Element = {}
+        for each, (values, sizes) in zip(properties, columns or [_NOTHING] * len(properties), strict=True):
+            typed = _typed(values, each.dtype)
+            element[each.name] = typed if each.counts is None else _List(typed, sizes)
         found.setdefault(name, element)
     return found
 
 
-def _numbers(body: bytes) -> NDArray[Any]:
-    words = body.split()
+def _cut_off(name: str, count: int) -> ValueError:
+    return ValueError(f"it should have {count} of {shortened(name)}, but is cut off")
+
+
+def _numbers(body: bytes) -> NDArray[np.float64]:
     try:
-        return np.array(words, np.float64) if words else np.zeros(0)
+        return np.array(body.split(), np.float64)
     except ValueError as error:
         raise ValueError(f"its numbers hold something else: {shortened(str(error))}") from error
 
 
-def _rows(
-    data: NDArray[Any], start: int, name: str, count: int, properties: list[_Property], text: bool
-) -> tuple[_Element, int]:
-    """Return the properties of `count` rows from `start` on, and where they end."""
-    width = [1 if text else each.dtype.itemsize for each in properties]
-    head = [0 if each.counts is None else 1 if text else each.counts.itemsize for each in properties]
-    cut = ValueError(f"it should have {count} of {shortened(name)}, but is cut off")
+def _columns_of(
+    data: bytes, start: int, name: str, count: int, properties: list[_Property]
+) -> tuple[list[tuple[NDArray[Any], NDArray[np.int64]]], int]:
+    """Return the values of each property in `count` rows from byte `start` on, how many each row has, and the end."""
 
-    def value(place: int, dtype: np.dtype[Any]) -> int:
-        if place + (1 if text else dtype.itemsize) > len(data):
-            raise cut
-        found = data[place] if text else data[place : place + dtype.itemsize].view(dtype)[0]
-        if not 0 <= found <= len(data) or found != int(found):
-            raise ValueError(f"a list of {shortened(name)} has the length {found:g}")
-        return int(found)
-
-    if count == 0 or not properties:
-        starts = [np.zeros(0, np.int64)] * len(properties)
-        sizes = [np.zeros(0, np.int64) if each.counts is not None else None for each in properties]
-        return _gathered(data, properties, starts, sizes, text), start
-    # most files have rows that are all alike: as the first, in one step
-    place = start
-    first: list[int] = []
-    lengths: list[int | None] = []
-    for each, size, before in zip(properties, width, head, strict=True):
-        length = 1 if each.counts is None else value(place, each.counts)
-        first.append(place + before)
-        lengths.append(None if each.counts is None else length)
-        place += before + length * size
-    stride = place - start
-    rows = np.arange(count) * stride
-    if start + count * stride <= len(data):
-        all_starts = [each + rows for each in first]
-        if all(
-            each.counts is None or (_gather(data, where - before, each.counts, text) == size).all()
-            for each, where, before, size in zip(properties, all_starts, head, lengths, strict=True)
-        ):
-            full = [None if size is None else np.full(count, size) for size in lengths]
-            return _gathered(data, properties, all_starts, full, text), start + count * stride
-    found_starts = np.empty((len(properties), count), np.int64)
-    found_sizes = np.ones((len(properties), count), np.int64)
-    place = start
-    for row in range(count):
-        for number, each in enumerate(properties):
+    def row_at(place: int) -> tuple[list[int], int]:
+        """Return how many values the row at a place has of each property, and where it ends."""
+        lengths = []
+        for each in properties:
+            length = 1
             if each.counts is not None:
-                found_sizes[number, row] = value(place, each.counts)
-            found_starts[number, row] = place + head[number]
-            place += head[number] + int(found_sizes[number, row]) * width[number]
-    if place > len(data):
-        raise cut
-    listed = [None if each.counts is None else found_sizes[number] for number, each in enumerate(properties)]
-    return _gathered(data, properties, list(found_starts), listed, text), place
+                if place + each.counts.itemsize > len(data):
+                    raise _cut_off(name, count)
+                said = np.frombuffer(data, each.counts, 1, place)[0]
+                if not 0 <= said <= len(data) or said != int(said):
+                    raise ValueError(f"a list of {shortened(name)} has the length {said:g}")
+                length, place = int(said), place + each.counts.itemsize
+            lengths.append(length)
+            place += length * each.stored.itemsize
+        return lengths, place
+
+    first, end = row_at(start)
+    if start + count * (end - start) <= len(data):  # most files have rows that are all alike
+        fields: list[tuple[str, Any, tuple[int, ...]]] = []
+        for number, (each, length) in enumerate(zip(properties, first, strict=True)):
+            fields += [] if each.counts is None else [(f"count {number}", each.counts, ())]
+            fields.append((f"values {number}", each.stored, (length,)))
+        rows = np.frombuffer(data, fields, count, start)
+        if all((rows[field] == first[int(field.split()[1])]).all() for field, _, _ in fields if field[0] == "c"):
+            columns = [rows[f"values {number}"].ravel() for number in range(len(properties))]
+            alike = [np.full(count, length) for length in first]
+            return list(zip(columns, alike, strict=True)), start + count * (end - start)
+    sizes, places, end = np.empty((count, len(properties)), np.int64), np.empty(count, np.int64), start
+    for row in range(count):
+        places[row] = end
+        sizes[row], end = row_at(end)
+    if end > len(data):
+        raise _cut_off(name, count)
+    found, letters = [], np.frombuffer(data, np.uint8)
+    for each, size in zip(properties, sizes.T, strict=True):
+        places += 0 if each.counts is None else each.counts.itemsize
+        width = each.stored.itemsize
+        where = np.repeat(places, size) + width * ranges(np.zeros(count, np.int64), size)
+        found.append((letters[where[:, None] + np.arange(width)].ravel().view(each.stored), size))
+        places += size * width
+    return found, end
 
 
-def _gathered(
-    data: NDArray[Any],
-    properties: list[_Property],
-    starts: list[NDArray[np.int64]],
-    sizes: list[NDArray[np.int64] | None],
-    text: bool,
-) -> _Element:
-    found: _Element = {}
-    for each, where, size in zip(properties, starts, sizes, strict=True):
-        if size is None:
-            found[each.name] = _gather(data, where, each.dtype, text)
-            continue
-        width = 1 if text else each.dtype.itemsize
-        places = np.repeat(where, size) + width * ranges(np.zeros(len(size), np.int64), size)
-        found[each.name] = _List(_gather(data, places, each.dtype, text), size)
-    return found
-
-
-def _gather(data: NDArray[Any], places: NDArray[np.int64], dtype: np.dtype[Any], text: bool) -> NDArray[Any]:
-    """Return the values at places: numbers of a text, or first bytes of values."""
-    if text:
-        values = data[places]
-        if dtype.kind in "iu" and not np.array_equal(values, np.trunc(values)):
-            raise ValueError("a whole number of it is written with a fraction")
-        limits = np.iinfo(dtype) if dtype.kind in "iu" else None
-        if limits is not None and len(values) and not limits.min <= values.min() <= values.max() <= limits.max:
-            raise ValueError(f"a number of it is too large for the {dtype.name} that it should be")
-        return values.astype(np.float64 if dtype.kind == "f" else dtype)
-    if not len(places):
-        return np.zeros(0, dtype)
-    return np.ascontiguousarray(data[places[:, None] + np.arange(dtype.itemsize)]).view(dtype)[:, 0]
+def _typed(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Return the numbers of a text as the type that the header says; real ones stay 64-bit."""
+    if values.dtype == dtype or dtype.kind == "f":
+        return values
+    if not np.array_equal(values, np.trunc(values)):
+        raise ValueError("a whole number of it is written with a fraction")
+    limits = np.iinfo(dtype)
+    if len(values) and not limits.min <= values.min() <= values.max() <= limits.max:
+        raise ValueError(f"a number of it is too large for the {dtype.name} that it should be")
+    return values.astype(dtype)

@@ -1,10 +1,9 @@
 /** Files in and out: uploads, exports, and what was done as Python or as a command. */
 
+import type { Export } from "../protocol/messages";
 import { store } from "../store/state";
-import { ask } from "./server";
+import { ask } from "./connection";
 import { note, problem } from "./toasts";
-
-export type ExportFormat = "glb" | "obj" | "ply" | "stl" | "animation" | "edit" | "field";
 
 export async function upload(files: readonly File[]): Promise<void> {
   const { session } = store.get();
@@ -39,21 +38,12 @@ export function chooseFiles(): void {
   const input = document.createElement("input");
   input.type = "file";
   input.multiple = true;
-  const formats = store.get().session?.formats ?? [];
-  input.accept = [...formats, ".json", ".safetensors", ".zip"].map((ending) => ending.replace(/^\.?/, ".")).join(",");
+  input.accept = store.get().session?.formats.join(",") ?? "";
   input.onchange = () => void upload([...(input.files ?? [])]);
   input.click();
 }
 
-export function openSample(name: string): void {
-  void ask({ type: "open_sample", name });
-}
-
-export function closeMesh(): void {
-  void ask({ type: "close_mesh" });
-}
-
-export async function exportAs(format: ExportFormat): Promise<void> {
+export async function exportAs(format: Export["format"]): Promise<void> {
   const received = await ask({ type: "export", format });
   if (received?.message.type !== "download") return;
   save(new URL(received.message.url, location.href).href, received.message.name);
@@ -71,7 +61,7 @@ export async function copyScript(as: "python" | "command"): Promise<void> {
   }
 }
 
-export function save(address: string, name: string): void {
+function save(address: string, name: string): void {
   const anchor = document.createElement("a");
   anchor.href = address;
   anchor.download = name;

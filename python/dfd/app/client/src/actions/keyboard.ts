@@ -1,21 +1,31 @@
 /** Every key of the page, in one table that the overlay shows too. */
 
-import { alive, store, type State } from "../store/state";
+import { ready, store, type State } from "../store/state";
+import { send } from "./connection";
 import * as edit from "./edit";
 import { chooseFiles } from "./files";
 import { play, storePose } from "./timeline";
 
-export interface Shortcut {
-  readonly keys: string;
-  readonly group: "Handle" | "View" | "Edit" | "Tools" | "Timeline";
-  readonly label: string;
-  /** `event.key`, in lower case, and whether Ctrl or Cmd and Shift are held. */
-  readonly match: { readonly key: string; readonly control?: boolean; readonly shift?: boolean };
-  readonly run: () => void;
+type Group = "Handle" | "View" | "Edit" | "Tools" | "Timeline";
+
+/** Keys as they are shown, what they do, and whether they do it on the start page, too. */
+export type Shortcut = readonly [keys: string, group: Group, label: string, run: () => void, everywhere?: true];
+
+export const LOOKS = ["texture", "clay", "features", "heat"] as const;
+const set = (change: Partial<State>) => () => store.set(change);
+
+/** Switch what is on or off. */
+export function toggle(name: "snap" | "wireframe" | "inspector" | "help" | "timeline" | "uniformScale"): void {
+  store.set({ [name]: !store.get()[name] });
 }
 
-const LOOKS = ["texture", "clay", "features", "heat"] as const;
-const set = (change: Partial<State>) => () => store.set(change);
+export function toggleSpace(): void {
+  store.set({ space: store.get().space === "world" ? "local" : "world" });
+}
+
+export function toggleQuality(): void {
+  store.set({ quality: store.get().quality === "auto" ? "full" : "auto" });
+}
 
 const withSelected = (run: (handle: number) => void) => () => {
   const { selected } = store.get();
@@ -38,160 +48,77 @@ function holdNext(): void {
   else if (suggestions.length === 0) edit.suggest();
 }
 
-export function shortcuts(frame: () => void): readonly Shortcut[] {
-  return [
-    { keys: "W", group: "Handle", label: "Move", match: { key: "w" }, run: set({ gizmo: "translate", tool: "hold" }) },
-    { keys: "E", group: "Handle", label: "Rotate", match: { key: "e" }, run: set({ gizmo: "rotate", tool: "hold" }) },
-    { keys: "R", group: "Handle", label: "Scale", match: { key: "r" }, run: set({ gizmo: "scale", tool: "hold" }) },
-    {
-      keys: "L",
-      group: "Handle",
-      label: "Local or world axes",
-      match: { key: "l" },
-      run: () => store.set({ space: store.get().space === "world" ? "local" : "world" }),
-    },
-    {
-      keys: "S",
-      group: "Handle",
-      label: "Snap",
-      match: { key: "s" },
-      run: () => store.set({ snap: !store.get().snap }),
-    },
-    {
-      keys: "]",
-      group: "Handle",
-      label: "More reach",
-      match: { key: "]" },
-      run: withSelected((h) => edit.wheelReach(h, 1.08)),
-    },
-    {
-      keys: "[",
-      group: "Handle",
-      label: "Less reach",
-      match: { key: "[" },
-      run: withSelected((h) => edit.wheelReach(h, 1 / 1.08)),
-    },
-    { keys: "N", group: "Handle", label: "Next handle", match: { key: "n" }, run: () => cycle(1) },
-    {
-      keys: "Shift N",
-      group: "Handle",
-      label: "Previous handle",
-      match: { key: "n", shift: true },
-      run: () => cycle(-1),
-    },
-    { keys: "0", group: "Handle", label: "Return to rest", match: { key: "0" }, run: withSelected(edit.resetOne) },
-    { keys: "Delete", group: "Handle", label: "Remove", match: { key: "delete" }, run: withSelected(edit.remove) },
-    {
-      keys: "Esc",
-      group: "Handle",
-      label: "Let go of the selection",
-      match: { key: "escape" },
-      run: () => edit.select(null),
-    },
-    { keys: "H", group: "Tools", label: "Hold points", match: { key: "h" }, run: set({ tool: "hold" }) },
-    { keys: "X", group: "Tools", label: "Fix points", match: { key: "x" }, run: set({ tool: "fix" }) },
-    { keys: "B", group: "Tools", label: "Brush", match: { key: "b" }, run: set({ tool: "paint" }) },
-    { keys: "P", group: "Tools", label: "Move the pivot", match: { key: "p" }, run: set({ tool: "pivot" }) },
-    { keys: "G", group: "Tools", label: "Suggest handles", match: { key: "g" }, run: edit.suggest },
-    {
-      keys: "Shift G",
-      group: "Tools",
-      label: "Hold the next suggestion",
-      match: { key: "g", shift: true },
-      run: holdNext,
-    },
-    { keys: "1 … 4", group: "View", label: "Texture, clay, features, heat map", match: { key: "1" }, run: look(0) },
-    ...[1, 2, 3].map((i): Shortcut => ({
-      keys: "",
-      group: "View",
-      label: "",
-      match: { key: String(i + 1) },
-      run: look(i),
-    })),
-    {
-      keys: "Z",
-      group: "View",
-      label: "Wireframe",
-      match: { key: "z" },
-      run: () => store.set({ wireframe: !store.get().wireframe }),
-    },
-    {
-      keys: "Q",
-      group: "View",
-      label: "Full quality while moving",
-      match: { key: "q" },
-      run: () => store.set({ quality: store.get().quality === "auto" ? "full" : "auto" }),
-    },
-    { keys: "F", group: "View", label: "Frame the shape", match: { key: "f" }, run: frame },
-    {
-      keys: "I",
-      group: "View",
-      label: "Inspector",
-      match: { key: "i" },
-      run: () => store.set({ inspector: !store.get().inspector }),
-    },
-    {
-      keys: "?",
-      group: "View",
-      label: "These keys",
-      match: { key: "?", shift: true },
-      run: () => store.set({ help: !store.get().help }),
-    },
-    { keys: "Ctrl Z", group: "Edit", label: "Undo", match: { key: "z", control: true }, run: edit.undo },
-    {
-      keys: "Ctrl Shift Z",
-      group: "Edit",
-      label: "Redo",
-      match: { key: "z", control: true, shift: true },
-      run: edit.redo,
-    },
-    { keys: "Ctrl O", group: "Edit", label: "Open a file", match: { key: "o", control: true }, run: chooseFiles },
-    {
-      keys: "T",
-      group: "Timeline",
-      label: "Timeline",
-      match: { key: "t" },
-      run: () => store.set({ timeline: !store.get().timeline }),
-    },
-    { keys: "K", group: "Timeline", label: "Store a key pose", match: { key: "k" }, run: storePose },
-    { keys: "Space", group: "Timeline", label: "Play", match: { key: " " }, run: play },
-  ];
+export function undo(): void {
+  if (store.get().edit?.can_undo) send({ type: "undo" });
 }
 
-/** Held, not pressed, so it has a place of its own. */
-export const COMPARE = { keys: "C", group: "View", label: "Hold to see the original" } as const;
-
-function look(i: number): () => void {
-  return () => store.set({ look: LOOKS[i] });
+export function redo(): void {
+  if (store.get().edit?.can_redo) send({ type: "redo" });
 }
 
-export function listen(frame: () => void): void {
-  const table = shortcuts(frame);
+export const SHORTCUTS: readonly Shortcut[] = [
+  ["W", "Handle", "Move", set({ gizmo: "translate", tool: "hold" })],
+  ["E", "Handle", "Rotate", set({ gizmo: "rotate", tool: "hold" })],
+  ["R", "Handle", "Scale", set({ gizmo: "scale", tool: "hold" })],
+  ["L", "Handle", "Local or world axes", toggleSpace],
+  ["S", "Handle", "Snap", () => toggle("snap")],
+  ["]", "Handle", "More reach", withSelected((handle) => edit.wheelReach(handle, 1.08))],
+  ["[", "Handle", "Less reach", withSelected((handle) => edit.wheelReach(handle, 1 / 1.08))],
+  ["N", "Handle", "Next handle", () => cycle(1)],
+  ["Shift N", "Handle", "Previous handle", () => cycle(-1)],
+  ["0", "Handle", "Return to rest", withSelected((handle) => send({ type: "reset", handle }))],
+  ["Delete", "Handle", "Remove", withSelected((handle) => send({ type: "remove", handle }))],
+  ["Esc", "Handle", "Let go of the selection", () => edit.select(null)],
+  ["H", "Tools", "Hold points", set({ tool: "hold" })],
+  ["X", "Tools", "Fix points", set({ tool: "fix" })],
+  ["B", "Tools", "Brush", set({ tool: "paint" })],
+  ["P", "Tools", "Move the pivot", set({ tool: "pivot" })],
+  ["G", "Tools", "Suggest handles", edit.suggest],
+  ["Shift G", "Tools", "Hold the next suggestion", holdNext],
+  ["Z", "View", "Wireframe", () => toggle("wireframe")],
+  ["Q", "View", "Full quality while moving", toggleQuality],
+  ["F", "View", "Frame the shape", () => store.set({ framed: store.get().framed + 1 })],
+  ["I", "View", "Inspector", () => toggle("inspector")],
+  ["?", "View", "These keys", () => toggle("help"), true],
+  ["Ctrl Z", "Edit", "Undo", undo],
+  ["Ctrl Shift Z", "Edit", "Redo", redo],
+  ["Ctrl O", "Edit", "Open a file", chooseFiles, true],
+  ["T", "Timeline", "Timeline", () => toggle("timeline")],
+  ["K", "Timeline", "Store a key pose", storePose],
+  ["Space", "Timeline", "Play", play],
+];
+
+const NAMES: Record<string, string> = { " ": "Space", escape: "Esc", backspace: "Delete", delete: "Delete" };
+
+/** The keys of an event, as the table has them. */
+function keysOf({ key, ctrlKey, metaKey, shiftKey }: KeyboardEvent): string {
+  const name = NAMES[key.toLowerCase()] ?? key.toUpperCase();
+  // Where "?" lies under Shift differs from keyboard to keyboard.
+  return `${ctrlKey || metaKey ? "Ctrl " : ""}${shiftKey && name !== "?" ? "Shift " : ""}${name}`;
+}
+
+export function listen(): void {
   addEventListener("keydown", (event) => {
     const target = event.target as HTMLElement;
     if (target.matches("input:not([type=range], [type=checkbox]), textarea, select")) return;
-    if (event.key.toLowerCase() === "c" && !event.ctrlKey && !event.metaKey && !event.repeat) {
-      if (alive(store.get())) store.set({ comparing: true });
+    const keys = keysOf(event);
+    if (keys === "C" && !event.repeat) {
+      if (ready(store.get())) store.set({ comparing: true });
       return;
     }
     if (event.key === " " && target.matches("button, input, [role=menuitem]")) return;
     const { help, page } = store.get();
-    if (event.key === "Escape" && help) {
+    if (keys === "Esc" && help) {
       store.set({ help: false });
       return;
     }
-    const key = event.key === "Backspace" ? "delete" : event.key.toLowerCase();
-    const control = event.ctrlKey || event.metaKey;
-    const found = table.find(
-      ({ match }) =>
-        match.key === key &&
-        (match.control ?? false) === control &&
-        // Where "?" lies under Shift differs from keyboard to keyboard.
-        (match.key === "?" || (match.shift ?? false) === event.shiftKey),
-    );
-    if (!found || (page !== "shape" && found.label !== "These keys" && found.label !== "Open a file")) return;
+    const look = LOOKS.at(Number(keys) - 1);
+    const found = SHORTCUTS.find((shortcut) => shortcut[0] === keys);
+    if (page !== "shape" && !found?.[4]) return;
+    if (found) found[3]();
+    else if (look && Number(keys) >= 1) store.set({ look });
+    else return;
     event.preventDefault();
-    found.run();
   });
   addEventListener("keyup", (event) => {
     if (event.key.toLowerCase() === "c") store.set({ comparing: false });

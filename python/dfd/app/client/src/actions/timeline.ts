@@ -1,10 +1,10 @@
 /** Key poses: stored, scrubbed and played on the page alone; the edit is touched only when a pose is applied. */
 
+import { interpolate, REST, type Transform } from "../posing/affine";
 import type { KeyPose, PoseTransform } from "../protocol/messages";
 import { store } from "../store/state";
-import { interpolate, REST, type Transform } from "../viewer/posing/affine";
+import { send } from "./connection";
 import { poseTo } from "./edit";
-import { ask } from "./server";
 import { note } from "./toasts";
 
 const SECONDS_BETWEEN = 1;
@@ -33,18 +33,12 @@ export function removePose(index: number): void {
   store.set({ moment: null, playing: false });
 }
 
-export function retime(index: number, seconds: number): void {
-  const poses = store.get().edit?.poses ?? [];
-  set(poses.map((pose, i) => (i === index ? { ...pose, seconds: Math.max(seconds, 0) } : pose)));
-}
-
-export function renamePose(index: number, name: string): void {
-  if (!name.trim()) return;
-  set((store.get().edit?.poses ?? []).map((pose, i) => (i === index ? { ...pose, name: name.trim() } : pose)));
+export function changePose(index: number, part: Partial<Pick<KeyPose, "name" | "seconds">>): void {
+  set((store.get().edit?.poses ?? []).map((pose, i) => (i === index ? { ...pose, ...part } : pose)));
 }
 
 function set(poses: KeyPose[]): void {
-  void ask({ type: "set_poses", poses: [...poses].sort((a, b) => a.seconds - b.seconds) });
+  send({ type: "set_poses", poses: [...poses].sort((a, b) => a.seconds - b.seconds) });
 }
 
 /** Transforms by handle at a moment; handles that a pose does not name rest there. */
@@ -77,8 +71,8 @@ export function leave(): void {
 export function applyMoment(): void {
   const { moment, edit } = store.get();
   if (!moment || !edit) return;
-  const living = edit.handles.map(({ handle }) => [handle, moment.get(handle)] as const);
-  poseTo(new Map(living.filter((entry): entry is [number, Transform] => entry[1] !== undefined)));
+  const present = new Set(edit.handles.map(({ handle }) => handle));
+  poseTo(new Map([...moment].filter(([handle]) => present.has(handle))));
   leave();
 }
 

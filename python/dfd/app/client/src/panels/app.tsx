@@ -1,7 +1,6 @@
 import { useEffect, useState } from "preact/hooks";
 
 import { upload } from "../actions/files";
-import { store } from "../store/state";
 import { useStore } from "../store/use";
 import type { Viewer } from "../viewer/viewer";
 import { Help } from "./help";
@@ -14,9 +13,7 @@ import { Topbar } from "./topbar";
 
 /** All panels; the canvas lies beneath them and is none of Preact's. */
 export function App({ viewer }: { readonly viewer: Viewer }) {
-  const page = useStore(store, (state) => state.page);
-  const inspector = useStore(store, (state) => state.inspector);
-  const timeline = useStore(store, (state) => state.timeline);
+  const [page, inspector, timeline] = useStore((state) => [state.page, state.inspector, state.timeline] as const);
   const shape = page === "shape";
   useEffect(() => {
     const root = document.documentElement;
@@ -29,7 +26,7 @@ export function App({ viewer }: { readonly viewer: Viewer }) {
       {shape && (
         <>
           <Topbar viewer={viewer} />
-          <Toolbar frame={() => viewer.frame()} />
+          <Toolbar />
           <Inspector />
           <Timeline />
           <StatusLine />
@@ -47,7 +44,7 @@ export function App({ viewer }: { readonly viewer: Viewer }) {
 }
 
 function Waiting() {
-  const link = useStore(store, (state) => state.link);
+  const link = useStore((state) => state.link);
   return (
     <main class="start waiting">
       <p role="status">{link === "lost" ? "The server does not answer. Trying again…" : "Connecting…"}</p>

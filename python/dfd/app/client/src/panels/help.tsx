@@ -1,27 +1,33 @@
 import { useEffect, useRef } from "preact/hooks";
 
-import { COMPARE, shortcuts, type Shortcut } from "../actions/keyboard";
-import { store } from "../store/state";
+import { SHORTCUTS, toggle, type Shortcut } from "../actions/keyboard";
 import { useStore } from "../store/use";
 import { IconButton } from "../widgets/controls";
 
-const POINTER = [
-  { keys: "Click", label: "Take hold of a point" },
-  { keys: "Drag", label: "Orbit; right button pans" },
-  { keys: "Wheel", label: "Zoom; while dragging a handle: reach" },
-  { keys: "Alt Wheel", label: "Reach of the selected handle" },
+type Entry = readonly [keys: string, label: string];
+const POINTER: readonly Entry[] = [
+  ["Click", "Take hold of a point"],
+  ["Drag", "Orbit; right button pans"],
+  ["Wheel", "Zoom; while dragging a handle: reach"],
+  ["Alt Wheel", "Reach of the selected handle"],
 ];
-const GROUPS: readonly Shortcut["group"][] = ["Handle", "Tools", "View", "Edit", "Timeline"];
+const GROUPS: readonly Shortcut[1][] = ["Handle", "Tools", "View", "Edit", "Timeline"];
+const LOOKS: Entry = ["1 … 4", "Texture, clay, features, heat map"];
+const COMPARE: Entry = ["C", "Hold to see the original"];
+
+function entriesOf(group: Shortcut[1]): readonly Entry[] {
+  const entries = SHORTCUTS.filter((shortcut) => shortcut[1] === group).map(([keys, , label]): Entry => [keys, label]);
+  return group === "View" ? [LOOKS, ...entries, COMPARE] : entries;
+}
 
 export function Help() {
-  const open = useStore(store, (state) => state.help);
+  const open = useStore((state) => state.help);
   const box = useRef<HTMLDivElement>(null);
   useEffect(() => {
     if (open) box.current?.focus();
   }, [open]);
   if (!open) return null;
-  const close = () => store.set({ help: false });
-  const table = [...shortcuts(close).filter((shortcut) => shortcut.keys), COMPARE];
+  const close = () => toggle("help");
   return (
     <div class="veil" onClick={(event) => event.target === event.currentTarget && close()}>
       <div class="dialog keys" role="dialog" aria-modal="true" aria-label="Keys" tabIndex={-1} ref={box}>
@@ -32,7 +38,7 @@ export function Help() {
         <div class="key-groups">
           <KeyGroup title="Pointer" entries={POINTER} />
           {GROUPS.map((group) => (
-            <KeyGroup key={group} title={group} entries={table.filter((entry) => entry.group === group)} />
+            <KeyGroup key={group} title={group} entries={entriesOf(group)} />
           ))}
         </div>
       </div>
@@ -42,7 +48,7 @@ export function Help() {
 
 interface KeyGroupProps {
   readonly title: string;
-  readonly entries: readonly { readonly keys: string; readonly label: string }[];
+  readonly entries: readonly Entry[];
 }
 
 function KeyGroup({ title, entries }: KeyGroupProps) {
@@ -50,7 +56,7 @@ function KeyGroup({ title, entries }: KeyGroupProps) {
     <section aria-label={title}>
       <h3>{title}</h3>
       <dl>
-        {entries.map(({ keys, label }) => (
+        {entries.map(([keys, label]) => (
           <div key={label}>
             <dt>{keys.split(" ").map((key) => (key === "…" ? " … " : <kbd key={key}>{key}</kbd>))}</dt>
             <dd>{label}</dd>

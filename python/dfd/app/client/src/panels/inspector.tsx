@@ -1,46 +1,207 @@
-import { resetOne } from "../actions/edit";
-import { alive, selectedHandle, store } from "../store/state";
+/** The panels at the right: what is held, fixed and painted, and how it acts. */
+
+import { send } from "../actions/connection";
+import { regionOf, setDefault, throttle } from "../actions/edit";
+import { niceStep, REST, type Transform } from "../posing/affine";
+import type { FixedState, StateMessage } from "../protocol/messages";
+import { handleName, placeName, ready, selectedHandle, store } from "../store/state";
 import { useStore } from "../store/use";
-import { BrushPanel } from "./handles/brush_panel";
-import { IconButton, Panel } from "../widgets/controls";
-import { DefaultPanel } from "./handles/default_panel";
-import { FixedPanel } from "./handles/fixed_panel";
-import { HandleList } from "./handles/handle_list";
-import { HandlePanel } from "./handles/handle_panel";
-import { ShapePanel } from "./shape_panel";
+import { Button, Facts, IconButton, Panel, percent, Scale, Select, Slider, titled, Triple } from "../widgets/controls";
+import { HandleList } from "./handle_list";
+import { HandlePanel } from "./handle_panel";
 import { SymmetryPanel } from "./symmetry_panel";
 
 export function Inspector() {
-  const open = useStore(store, (state) => state.inspector);
-  const known = useStore(store, (state) => state.edit);
-  const handle = useStore(store, selectedHandle);
-  const ready = useStore(store, alive);
-  const painting = useStore(store, (state) => state.tool === "paint" || state.painted !== null);
+  const [open, edit, handle, alive, painting] = useStore(
+    (state) =>
+      [
+        state.inspector,
+        state.edit,
+        selectedHandle(state),
+        ready(state),
+        state.tool === "paint" || state.painted !== null,
+      ] as const,
+  );
   if (!open) return null;
   return (
     <aside class="inspector" aria-label="Inspector">
       {painting && <BrushPanel />}
       <HandleList />
-      {handle && (
-        <Panel
-          title="Transform and reach"
-          action={
-            <IconButton
-              icon="reset"
-              label="Return this handle to rest"
-              keys="0"
-              disabled={!handle.moved}
-              onPress={() => resetOne(handle.handle)}
-            />
-          }
-        >
-          <HandlePanel known={handle} />
-        </Panel>
-      )}
-      {known && known.fixed.length > 0 && <FixedPanel fixed={known.fixed} />}
-      {known && ready && <SymmetryPanel known={known} />}
-      {known && ready && <DefaultPanel known={known} />}
-      {known && <ShapePanel known={known} />}
+      {handle && <HandlePanel known={handle} />}
+      {edit && edit.fixed.length > 0 && <FixedPanel fixed={edit.fixed} />}
+      {edit && alive && <SymmetryPanel known={edit} />}
+      {edit && alive && <DefaultPanel known={edit} />}
+      {edit && <ShapePanel known={edit} />}
     </aside>
+  );
+}
+
+function BrushPanel() {
+  const [brush, painted, selected] = useStore((state) => [state.brush, state.painted, selectedHandle(state)] as const);
+  const use = (what: (region: { mask: string }) => void) => () => {
+    if (!painted) return;
+    what(regionOf(painted.mask));
+    store.set({ painted: null, tool: "hold" });
+  };
+  return (
+    <Panel title="Brush">
+      <Slider
+        label="Size"
+        value={brush.radius}
+        range={[0.005, 0.2, 0.005]}
+        text={`${(100 * brush.radius).toFixed(1)} %`}
+        onInput={(radius) => store.set({ brush: { ...brush, radius } })}
+      />
+      <Slider
+        label="Strength of fixing"
+        value={brush.strength}
+        range={[0.05, 1, 0.05]}
+        text={percent(brush.strength)}
+        onInput={(strength) => store.set({ brush: { ...brush, strength } })}
+      />
+      <p class="empty" role="status">
+        {painted ? `${painted.count} vertices painted.` : "Paint over the shape; Shift erases."}
+      </p>
+      <div class="buttons">
+        <Button
+          text="Fix"
+          style="primary"
+          disabled={!painted}
+          onPress={use((at) => send({ type: "fix", at, strength: brush.strength }))}
+        />
+        <Button text="Hold" disabled={!painted} onPress={use((at) => send({ type: "add", at }))} />
+        {selected && (
+          <Button
+            text="Limit"
+            disabled={!painted}
+            title={`${handleName(selected)} is to act nowhere else`}
+            onPress={use((within) => send({ type: "change", handle: selected.handle, controls: { within } }))}
+          />
+        )}
+        <Button text="Clear" disabled={!painted} onPress={() => store.set({ painted: null })} />
+      </div>
+    </Panel>
+  );
+}
+
+function FixedPanel({ fixed }: { readonly fixed: readonly FixedState[] }) {
+  return (
+    <Panel title="Fixed">
+      <ul class="rows">
+        {fixed.map((place, index) => {
+          const name = titled(placeName(place));
+          return (
+            <li key={`${name} ${index}`} class="row tall">
+              <span class="row-name">
+                <span class="dot fixed" aria-hidden="true" />
+                <span>{name}</span>
+              </span>
+              <IconButton icon="remove" label={`Release ${name}`} onPress={() => send({ type: "release", index })} />
+              <Slider
+                label="Strength"
+                of={` of ${name}`}
+                hint="How much of what looks like it is held in place"
+                value={place.strength}
+                range={[0, 1, 0.05]}
+                text={percent(place.strength)}
+                onInput={(strength) =>
+                  throttle(`fixed ${index}`, (merge) => send({ type: "change_fixed", index, strength, merge }))
+                }
+              />
+            </li>
+          );
+        })}
+      </ul>
+    </Panel>
+  );
+}
+
+/** D₀ of Eq. 1: what happens to what no handle holds. */
+function DefaultPanel({ known }: { readonly known: StateMessage }) {
+  const size = useStore((state) => state.mesh?.diagonal ?? 1);
+  const now = known.default ?? REST;
+  const set = (part: Partial<Transform>) => setDefault({ ...now, ...part });
+  const reset = (
+    <IconButton
+      icon="reset"
+      label="Leave it where it is"
+      disabled={known.default === null}
+      onPress={() => setDefault(REST)}
+    />
+  );
+  return (
+    <Panel title="What no handle holds" action={reset}>
+      <Triple
+        label="Move"
+        of=" the rest"
+        value={now.translation}
+        step={niceStep(size / 100)}
+        onChange={(translation) => set({ translation })}
+      />
+      <Triple
+        label="Rotate °"
+        of=" the rest"
+        value={now.rotation}
+        step={1}
+        onChange={(rotation) => set({ rotation })}
+      />
+      <Scale of=" the rest" value={now.scale} onChange={(scale) => set({ scale })} />
+    </Panel>
+  );
+}
+
+const PRESETS: Record<StateMessage["preset"], string> = { default: "Default", paper: "Paper" };
+const OVERLAPS: Record<StateMessage["overlap"], string> = {
+  add: "Add",
+  interpolate: "Interpolate",
+  normalize: "Normalize",
+  paper: "Paper",
+};
+const BLENDS: Record<StateMessage["blend"], string> = {
+  linear: "Linear",
+  dual_quaternion: "Dual quaternion",
+  polar: "Polar",
+};
+
+function ShapePanel({ known }: { readonly known: StateMessage }) {
+  const [mesh, report] = useStore((state) => [state.mesh, state.report] as const);
+  const { status, origin } = known.field;
+  const features = status === "ready" ? (origin ?? "ready") : status === "none" ? "not learned yet" : `${status}…`;
+  const counts: [string, number][] = mesh
+    ? [
+        ["Faces", mesh.faces],
+        ["Vertices", mesh.vertices],
+        ["Parts", Math.max(mesh.parts, 1)],
+      ]
+    : [];
+  return (
+    <Panel title="Shape">
+      {status === "ready" && (
+        <>
+          <Select
+            label="Preset"
+            hint="How handles act and are put together: dfd's own way, or the paper's equations to the letter"
+            value={known.preset}
+            options={PRESETS}
+            onChange={(preset) => send({ type: "set_mode", preset })}
+          />
+          <Select
+            label="Overlap"
+            hint="What happens where handles hold the same"
+            value={known.overlap}
+            options={OVERLAPS}
+            onChange={(overlap) => send({ type: "set_mode", overlap })}
+          />
+          <Select
+            label="Blending"
+            value={known.blend}
+            options={BLENDS}
+            onChange={(blend) => send({ type: "set_mode", blend })}
+          />
+        </>
+      )}
+      <Facts entries={[...counts, ["Features", features]]} />
+      {report && <p class="report">{report.text}</p>}
+    </Panel>
   );
 }

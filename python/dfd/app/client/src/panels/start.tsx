@@ -1,9 +1,8 @@
-import { chooseFiles, megabytes, openSample } from "../actions/files";
-import { store } from "../store/state";
+import { send } from "../actions/connection";
+import { chooseFiles, megabytes } from "../actions/files";
 import { useStore } from "../store/use";
+import { count } from "../widgets/controls";
 import { Icon } from "../widgets/icons";
-
-const count = new Intl.NumberFormat("en");
 
 const BESIDE = [".zip", ".json", ".safetensors"];
 
@@ -14,8 +13,7 @@ function meshFormats(endings: readonly string[]): string {
 
 /** What to begin with, while there is no shape. */
 export function Start() {
-  const session = useStore(store, (state) => state.session);
-  const uploading = useStore(store, (state) => state.uploading);
+  const [session, uploading] = useStore((state) => [state.session, state.uploading] as const);
   return (
     <main class="start">
       <div class="start-card">
@@ -36,7 +34,7 @@ export function Start() {
             <ul class="samples">
               {session.samples.map((sample) => (
                 <li key={sample.name}>
-                  <button type="button" onClick={() => openSample(sample.name)}>
+                  <button type="button" onClick={() => send({ type: "open_sample", name: sample.name })}>
                     <strong>{sample.title}</strong>
                     <small>{count.format(sample.faces)} faces</small>
                   </button>

@@ -1,8 +1,9 @@
-import { cancel, distill } from "../actions/edit";
+import { send } from "../actions/connection";
+import { toggle } from "../actions/keyboard";
 import { dismiss } from "../actions/toasts";
-import { store } from "../store/state";
+import { ready } from "../store/state";
 import { useStore } from "../store/use";
-import { IconButton, titled } from "../widgets/controls";
+import { Button, IconButton, titled } from "../widgets/controls";
 
 const HINTS = {
   hold: "Click to take hold · drag to orbit",
@@ -12,24 +13,23 @@ const HINTS = {
 } as const;
 
 export function StatusLine() {
-  const link = useStore(store, (state) => state.link);
-  const tool = useStore(store, (state) => state.tool);
-  const hover = useStore(store, (state) => state.hover);
-  const dragging = useStore(store, (state) => state.dragging);
-  const report = useStore(store, (state) => state.report);
-  const known = useStore(store, (state) => state.edit);
-  const timeline = useStore(store, (state) => state.timeline);
-  const pending = useStore(store, (state) => state.ahead.size > 0);
-  const comparing = useStore(store, (state) => state.comparing);
-  const seen = useStore(store, (state) => state.seen);
+  const [link, tool, hover, dragging, report, alive, timeline, pending, comparing, seen] = useStore(
+    (s) =>
+      [
+        s.link,
+        s.tool,
+        s.hover,
+        s.dragging,
+        s.report,
+        ready(s),
+        s.timeline,
+        s.ahead.size > 0,
+        s.comparing,
+        s.seen,
+      ] as const,
+  );
   const said = report && !dragging ? report.text : "";
-  const hint = dragging
-    ? "Wheel changes reach"
-    : comparing
-      ? "The original"
-      : known?.field.status === "ready"
-        ? HINTS[tool]
-        : "Drag to orbit";
+  const hint = dragging ? "Wheel changes reach" : comparing ? "The original" : alive ? HINTS[tool] : "Drag to orbit";
   return (
     <footer class="status">
       <span class={`link ${link}`} role="status">
@@ -48,7 +48,7 @@ export function StatusLine() {
         class="status-button"
         aria-pressed={timeline}
         title="Timeline (T)"
-        onClick={() => store.set({ timeline: !timeline })}
+        onClick={() => toggle("timeline")}
       >
         Timeline
       </button>
@@ -57,7 +57,7 @@ export function StatusLine() {
 }
 
 export function Toasts() {
-  const toasts = useStore(store, (state) => state.toasts);
+  const toasts = useStore((state) => state.toasts);
   return (
     <div class="toasts" aria-live="polite">
       {toasts.map((toast) => (
@@ -70,32 +70,30 @@ export function Toasts() {
   );
 }
 
+const TITLES = {
+  open: "Opening",
+  distill: "Learning what looks alike",
+  prepare: "Preparing",
+  export: "Writing the file",
+};
+
 /** What keeps the shape from being held yet, and how long that takes. */
 export function ProgressCard() {
-  const progress = useStore(store, (state) => state.progress);
-  const status = useStore(store, (state) => state.edit?.field.status);
-  const mesh = useStore(store, (state) => state.mesh);
+  const [progress, status, mesh] = useStore((s) => [s.progress, s.edit?.field.status, s.mesh] as const);
   if (progress) {
     const part = progress.total ? Math.min(progress.done / progress.total, 1) : null;
-    const title = {
-      open: "Opening",
-      distill: "Learning what looks alike",
-      prepare: "Preparing",
-      export: "Writing the file",
-    };
+    const title = TITLES[progress.task];
     return (
       <section class="card progress" aria-label="Progress">
         <div class="card-line">
-          <strong>{title[progress.task]}</strong>
+          <strong>{title}</strong>
           <span>{remaining(progress.seconds_left)}</span>
         </div>
-        <progress aria-label={title[progress.task]} {...(part === null ? {} : { value: part })} max={1} />
+        <progress aria-label={title} {...(part === null ? {} : { value: part })} max={1} />
         <div class="card-line">
           <small>{titled(progress.stage)}</small>
           {progress.task === "distill" && (
-            <button type="button" class="button small" onClick={cancel}>
-              Cancel
-            </button>
+            <Button text="Cancel" style="small" onPress={() => send({ type: "cancel" })} />
           )}
         </div>
       </section>
@@ -106,9 +104,7 @@ export function ProgressCard() {
     <section class="card" aria-label="Features">
       <div class="card-line">
         <span>This shape's features are not learned yet.</span>
-        <button type="button" class="button primary small" onClick={distill}>
-          Learn features
-        </button>
+        <Button text="Learn features" style="primary small" onPress={() => send({ type: "distill" })} />
       </div>
     </section>
   );
@@ -122,16 +118,14 @@ function remaining(seconds: number | null): string {
 
 /** The last thing said where nothing more can be done here. */
 export function Ended() {
-  const ended = useStore(store, (state) => state.ended);
+  const ended = useStore((state) => state.ended);
   if (ended === null) return null;
   return (
     <div class="veil" role="alertdialog" aria-label="The session has ended">
       <div class="dialog">
         <h2>That is all here</h2>
         <p>{ended}</p>
-        <button type="button" class="button primary" onClick={() => location.reload()}>
-          Reload
-        </button>
+        <Button text="Reload" style="primary" onPress={() => location.reload()} />
       </div>
     </div>
   );

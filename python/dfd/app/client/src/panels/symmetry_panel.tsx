@@ -1,66 +1,53 @@
-import { setBand, setSymmetry } from "../actions/edit";
+import { send } from "../actions/connection";
+import { throttle } from "../actions/edit";
 import type { Plane, StateMessage } from "../protocol/messages";
 import { store } from "../store/state";
 import { useStore } from "../store/use";
 import { Panel, readable, Slider, Toggle } from "../widgets/controls";
 
-export function SymmetryPanel({ known }: { readonly known: StateMessage }) {
-  const shown = useStore(store, (state) => state.showPlanes);
-  const size = useStore(store, (state) => state.mesh?.diagonal ?? 1);
-  const used = known.symmetry;
-  const found = known.planes;
-  const others = (["x", "y", "z"] as const).filter((axis) => !found.some((plane) => isAcross(plane, axis)));
+const AXES = ["x", "y", "z"] as const;
+type Axis = (typeof AXES)[number];
+
+export function SymmetryPanel({ known: { symmetry: used, planes: found } }: { readonly known: StateMessage }) {
+  const [shown, size] = useStore((state) => [state.showPlanes, state.mesh?.diagonal ?? 1] as const);
+  const others = AXES.filter((axis) => !found.some((plane) => isAcross(plane, axis)));
   const foreign = used && !found.some((plane) => same(plane, used)) && !others.some((axis) => isAcross(used, axis));
+  const chip = (text: string, title: string, pressed: boolean, plane: Plane | Axis | null, isFound = false) => (
+    <button
+      key={`${text} ${title}`}
+      type="button"
+      class={isFound ? "chip found" : "chip"}
+      aria-pressed={pressed}
+      title={title}
+      onClick={() => send({ type: "set_symmetry", plane })}
+    >
+      {text}
+    </button>
+  );
   return (
     <Panel title="Symmetry">
       <div class="chips" role="group" aria-label="Mirror plane">
-        <button type="button" class="chip" aria-pressed={!used} onClick={() => setSymmetry(null)}>
-          None
-        </button>
-        {found.map((plane, i) => (
-          <button
-            key={i}
-            type="button"
-            class="chip found"
-            aria-pressed={used !== null && same(plane, used)}
-            title={
-              plane.score === undefined || plane.score === null
-                ? "Found"
-                : `Found: its sides differ by ${plane.score.toFixed(3)}`
-            }
-            onClick={() => setSymmetry(plane)}
-          >
-            {nameOf(plane)}
-          </button>
-        ))}
-        {others.map((axis) => (
-          <button
-            key={axis}
-            type="button"
-            class="chip"
-            aria-pressed={used !== null && isAcross(used, axis)}
-            title={`Across ${axis}, through the middle of the box`}
-            onClick={() => setSymmetry(axis)}
-          >
-            {axis.toUpperCase()}
-          </button>
-        ))}
-        {foreign && (
-          <button type="button" class="chip" aria-pressed={true}>
-            {nameOf(used)}
-          </button>
-        )}
+        {chip("None", "", !used, null)}
+        {found.map((plane) => {
+          const title = plane.score ? `Found: its sides differ by ${plane.score.toFixed(3)}` : "Found";
+          return chip(nameOf(plane), title, used !== null && same(plane, used), plane, true);
+        })}
+        {others.map((axis) => {
+          const title = `Across ${axis}, through the middle of the box`;
+          return chip(axis.toUpperCase(), title, used !== null && isAcross(used, axis), axis);
+        })}
+        {foreign && chip(nameOf(used), "", true, used)}
       </div>
       {used && (
         <Slider
           label="Blend width"
           hint="How far from the plane the two sides pass into each other; 0 is a sharp cut"
           value={(used.band ?? 0) / size}
-          min={0}
-          max={0.1}
-          step={0.0025}
+          range={[0, 0.1, 0.0025]}
           text={used.band ? `${readable(used.band)} · ${((100 * used.band) / size).toFixed(1)} %` : "sharp"}
-          onInput={(part) => setBand(used, part * size)}
+          onInput={(part) =>
+            throttle("band", (merge) => send({ type: "set_symmetry", plane: used, band: part * size, merge }))
+          }
         />
       )}
       {found.length > 0 && (
@@ -70,13 +57,12 @@ export function SymmetryPanel({ known }: { readonly known: StateMessage }) {
   );
 }
 
-function isAcross(plane: Plane, axis: "x" | "y" | "z"): boolean {
-  return Math.abs(plane.normal[{ x: 0, y: 1, z: 2 }[axis]]) > 0.999;
+function isAcross(plane: Plane, axis: Axis): boolean {
+  return Math.abs(plane.normal[AXES.indexOf(axis)]) > 0.999;
 }
 
 function nameOf(plane: Plane): string {
-  const axis = (["x", "y", "z"] as const).find((name) => isAcross(plane, name));
-  return axis ? axis.toUpperCase() : (plane.name ?? "Slanted");
+  return AXES.find((axis) => isAcross(plane, axis))?.toUpperCase() ?? plane.name ?? "Slanted";
 }
 
 function same(a: Plane, b: Plane): boolean {

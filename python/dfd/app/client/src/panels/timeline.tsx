@@ -1,21 +1,17 @@
 import { useState } from "preact/hooks";
 
-import { applyMoment, leave, play, removePose, renamePose, retime, scrub, storePose } from "../actions/timeline";
-import type { KeyPose } from "../protocol/messages";
+import { applyMoment, changePose, leave, play, removePose, scrub, storePose } from "../actions/timeline";
 import { store } from "../store/state";
 import { useStore } from "../store/use";
-import { IconButton, NumberField } from "../widgets/controls";
-
-const NONE: readonly KeyPose[] = [];
+import { Button, IconButton, NumberField } from "../widgets/controls";
 
 export function Timeline() {
-  const open = useStore(store, (state) => state.timeline);
-  const poses = useStore(store, (state) => state.edit?.poses) ?? NONE;
-  const playhead = useStore(store, (state) => state.playhead);
-  const playing = useStore(store, (state) => state.playing);
-  const away = useStore(store, (state) => state.moment !== null);
+  const [open, edit, playhead, playing, away] = useStore(
+    (state) => [state.timeline, state.edit, state.playhead, state.playing, state.moment !== null] as const,
+  );
   const [chosen, setChosen] = useState(0);
   if (!open) return null;
+  const poses = edit?.poses ?? [];
   const end = Math.max(1, ...poses.map((pose) => pose.seconds));
   const index = Math.min(chosen, poses.length - 1);
   const pose = index >= 0 ? poses[index] : null;
@@ -31,12 +27,8 @@ export function Timeline() {
         <IconButton icon="add" label="Store the present pose" keys="K" onPress={storePose} />
         {away && (
           <>
-            <button type="button" class="button small primary" onClick={applyMoment}>
-              Use this pose
-            </button>
-            <button type="button" class="button small" onClick={leave}>
-              Back to the edit
-            </button>
+            <Button text="Use this pose" style="primary small" onPress={applyMoment} />
+            <Button text="Back to the edit" style="small" onPress={leave} />
           </>
         )}
         <span class="spacer" />
@@ -47,13 +39,13 @@ export function Timeline() {
               aria-label="Name of the pose"
               key={`${index} ${pose.name}`}
               defaultValue={pose.name}
-              onChange={(event) => renamePose(index, event.currentTarget.value)}
+              onChange={({ currentTarget: { value } }) => value.trim() && changePose(index, { name: value.trim() })}
             />
             <NumberField
               label="Seconds"
               value={pose.seconds}
               step={0.1}
-              onChange={(seconds) => retime(index, seconds)}
+              onChange={(seconds) => changePose(index, { seconds: Math.max(seconds, 0) })}
             />
             <span class="unit">s</span>
             <IconButton icon="remove" label={`Remove ${pose.name}`} onPress={() => removePose(index)} />

@@ -1,73 +1,72 @@
-import { resetAll, suggest } from "../actions/edit";
-import { alive, store, type GizmoMode, type Tool } from "../store/state";
+import { send } from "../actions/connection";
+import { suggest } from "../actions/edit";
+import { toggle, toggleSpace } from "../actions/keyboard";
+import { ready, store, type GizmoMode, type Tool } from "../store/state";
 import { useStore } from "../store/use";
 import { IconButton } from "../widgets/controls";
-import type { IconName } from "../widgets/icons";
 
-const TOOLS: readonly (readonly [Tool, IconName, string, string])[] = [
-  ["hold", "hold", "Hold points", "H"],
-  ["fix", "fix", "Fix points", "X"],
-  ["paint", "paint", "Brush a region", "B"],
-  ["pivot", "pivot", "Move the pivot", "P"],
+const TOOLS: readonly (readonly [Tool, string, string])[] = [
+  ["hold", "Hold points", "H"],
+  ["fix", "Fix points", "X"],
+  ["paint", "Brush a region", "B"],
+  ["pivot", "Move the pivot", "P"],
 ];
-const MODES: readonly (readonly [GizmoMode, IconName, string, string])[] = [
-  ["translate", "translate", "Move", "W"],
-  ["rotate", "rotate", "Rotate", "E"],
-  ["scale", "scale", "Scale", "R"],
+const MODES: readonly (readonly [GizmoMode, string, string])[] = [
+  ["translate", "Move", "W"],
+  ["rotate", "Rotate", "E"],
+  ["scale", "Scale", "R"],
 ];
 
-export function Toolbar({ frame }: { readonly frame: () => void }) {
-  const tool = useStore(store, (state) => state.tool);
-  const gizmo = useStore(store, (state) => state.gizmo);
-  const space = useStore(store, (state) => state.space);
-  const snap = useStore(store, (state) => state.snap);
-  const comparing = useStore(store, (state) => state.comparing);
-  const suggested = useStore(store, (state) => state.suggestions.length > 0);
-  const ready = useStore(store, alive);
-  const still = useStore(store, (state) => !state.edit?.handles.some((handle) => handle.moved));
+export function Toolbar() {
+  const [tool, gizmo, space, snap, comparing, suggested, off, still] = useStore(
+    (s) =>
+      [
+        s.tool,
+        s.gizmo,
+        s.space,
+        s.snap,
+        s.comparing,
+        s.suggestions.length > 0,
+        !ready(s),
+        !s.edit?.handles.some((handle) => handle.moved),
+      ] as const,
+  );
   const compare = (on: boolean) => () => store.set({ comparing: on });
   return (
     <nav class="toolbar" aria-label="Tools">
       <div role="group" aria-label="What a click does">
-        {TOOLS.map(([name, icon, label, keys]) => (
+        {TOOLS.map(([name, label, keys]) => (
           <IconButton
             key={name}
-            icon={icon}
+            icon={name}
             label={label}
             keys={keys}
             pressed={tool === name}
-            disabled={!ready}
+            disabled={off}
             onPress={() => store.set({ tool: name })}
           />
         ))}
       </div>
       <div role="group" aria-label="Gizmo">
-        {MODES.map(([name, icon, label, keys]) => (
+        {MODES.map(([name, label, keys]) => (
           <IconButton
             key={name}
-            icon={icon}
+            icon={name}
             label={label}
             keys={keys}
             pressed={gizmo === name}
-            disabled={!ready}
-            onPress={() => store.set({ gizmo: name, tool: tool === "hold" ? tool : "hold" })}
+            disabled={off}
+            onPress={() => store.set({ gizmo: name, tool: "hold" })}
           />
         ))}
         <IconButton
           icon={space}
           label={space === "world" ? "World axes" : "Local axes"}
           keys="L"
-          disabled={!ready}
-          onPress={() => store.set({ space: space === "world" ? "local" : "world" })}
+          disabled={off}
+          onPress={toggleSpace}
         />
-        <IconButton
-          icon="snap"
-          label="Snap"
-          keys="S"
-          pressed={snap}
-          disabled={!ready}
-          onPress={() => store.set({ snap: !snap })}
-        />
+        <IconButton icon="snap" label="Snap" keys="S" pressed={snap} disabled={off} onPress={() => toggle("snap")} />
       </div>
       <div role="group" aria-label="Shape">
         <IconButton
@@ -75,35 +74,33 @@ export function Toolbar({ frame }: { readonly frame: () => void }) {
           label="Suggest handles"
           keys="G"
           pressed={suggested}
-          disabled={!ready}
+          disabled={off}
           onPress={suggest}
         />
-        <button
-          type="button"
-          class="icon-button"
-          aria-label="Hold to see the original"
-          title="Hold to see the original (C)"
-          aria-pressed={comparing}
-          disabled={!ready}
+        <IconButton
+          icon="compare"
+          label="Hold to see the original"
+          keys="C"
+          pressed={comparing}
+          disabled={off}
           onPointerDown={compare(true)}
           onPointerUp={compare(false)}
           onPointerLeave={compare(false)}
           onPointerCancel={compare(false)}
-        >
-          <CompareIcon />
-        </button>
-        <IconButton icon="reset" label="Return everything to rest" disabled={still} onPress={resetAll} />
-        <IconButton icon="frame" label="Frame the shape" keys="F" onPress={frame} />
+        />
+        <IconButton
+          icon="reset"
+          label="Return everything to rest"
+          disabled={still}
+          onPress={() => send({ type: "reset" })}
+        />
+        <IconButton
+          icon="frame"
+          label="Frame the shape"
+          keys="F"
+          onPress={() => store.set({ framed: store.get().framed + 1 })}
+        />
       </div>
     </nav>
-  );
-}
-
-function CompareIcon() {
-  return (
-    <svg class="icon" viewBox="0 0 20 20" aria-hidden="true">
-      <path d="M10 2.5v15M8 5H3.5v10H8" />
-      <path d="M12 5h4.5v10H12" stroke-dasharray="2 2" />
-    </svg>
   );
 }

@@ -1,30 +1,31 @@
 /** Everything that the page shows; what the server says of the edit lies in `edit` as it came. */
 
-import type { Link } from "../protocol/connection";
+import type { Frame, Transform, Vec3 } from "../posing/affine";
+import type { Layer } from "../posing/columns";
+import type { Payload } from "../protocol/binary_messages";
 import type {
-  AlikeMessage,
+  DetailMessage,
   HandleState,
   MeshMessage,
   ProgressMessage,
   ReportMessage,
   SessionMessage,
+  SimilarMessage,
   StateMessage,
   Suggestion,
 } from "../protocol/messages";
-import type { Frame, Transform, Vec3 } from "../viewer/posing/affine";
-import type { Layer } from "../viewer/posing/columns";
-import type { Level, Quality } from "../viewer/pace";
-import { createStore, type Store } from "./store";
+import { createStore } from "./store";
 
 export type Look = "texture" | "clay" | "features" | "heat";
 export type Tool = "hold" | "fix" | "paint" | "pivot";
 export type GizmoMode = "translate" | "rotate" | "scale";
 export type Theme = "system" | "light" | "dark";
+/** Whether movement may be drawn coarser than rest. */
+export type Quality = "auto" | "full";
+/** All of the shape, or its coarse level. */
+export type Level = "coarse" | "full";
 
 export interface Instance {
-  readonly instance: number;
-  readonly on: boolean;
-  readonly pivot: Vec3;
   /** Rows of the orthogonal matrix that turns or mirrors the handle's motion into the instance's. */
   readonly frame: Frame;
   /** Of the handle's counterpart. */
@@ -33,20 +34,15 @@ export interface Instance {
   readonly share: Layer;
 }
 
-/** What came of a column. */
 export interface ColumnData {
   readonly layer: Layer;
   readonly instances: readonly Instance[];
 }
 
 /** What the page knows before the server does: a drag or a slider under way. It ends with a state that includes it. */
-export interface Ahead {
-  readonly transform?: Transform;
-  readonly reach?: number;
-  readonly falloff?: string;
-  readonly locality?: number;
-  readonly radius?: number;
-  readonly strength?: number;
+export interface Ahead extends Partial<
+  Readonly<Pick<HandleState, "reach" | "falloff" | "locality" | "strength"> & { transform: Transform; radius: number }>
+> {
   /** The newest request that tells the server of it. */
   readonly request: number;
 }
@@ -68,13 +64,27 @@ export interface Toast {
   readonly kind: "note" | "problem";
 }
 
+/** What the server posed, per vertex: (V, 3) positions and (V, 4) normals. */
+export interface Posed {
+  readonly positions: Float32Array;
+  readonly normals: Int16Array;
+}
+
 export interface State {
-  readonly link: Link;
+  readonly link: "connecting" | "open" | "lost" | "closed";
   /** Why the connection is closed for good. */
   readonly ended: string | null;
   readonly session: SessionMessage | null;
   readonly page: "waiting" | "start" | "shape";
   readonly mesh: MeshMessage | null;
+  /** The arrays of `mesh`. */
+  readonly meshArrays: Payload | null;
+  /** The whole of a mesh that came as its coarse level. */
+  readonly detail: { readonly message: DetailMessage; readonly arrays: Payload } | null;
+  /** (V, 4) colors of the features' main directions. */
+  readonly featureColors: Uint8Array | null;
+  /** What the server posed, where the shader cannot. */
+  readonly posed: Posed | null;
   readonly edit: StateMessage | null;
   readonly columns: ReadonlyMap<number, ColumnData>;
   readonly ahead: ReadonlyMap<number, Ahead>;
@@ -86,7 +96,7 @@ export interface State {
   readonly painted: { readonly mask: Uint8Array; readonly layer: Layer; readonly count: number } | null;
   readonly suggestions: readonly Suggestion[];
   /** The places that look like the one that the selected handle holds. */
-  readonly alike: AlikeMessage | null;
+  readonly similar: SimilarMessage | null;
   readonly progress: ProgressMessage | null;
   readonly uploading: string | null;
   readonly report: ReportMessage | null;
@@ -98,7 +108,6 @@ export interface State {
   readonly dragging: boolean;
   readonly look: Look;
   readonly wireframe: boolean;
-  /** Whether movement may be drawn coarser than rest. */
   readonly quality: Quality;
   /** What of the shape is seen: all of it, its coarse level, or that because the rest has not come yet. */
   readonly seen: Level | "loading";
@@ -115,14 +124,20 @@ export interface State {
   readonly help: boolean;
   readonly brush: { readonly radius: number; readonly strength: number };
   readonly toasts: readonly Toast[];
+  /** How often somebody asked to see the whole shape again. */
+  readonly framed: number;
 }
 
-export const INITIAL: State = {
+const INITIAL: State = {
   link: "connecting",
   ended: null,
   session: null,
   page: "waiting",
   mesh: null,
+  meshArrays: null,
+  detail: null,
+  featureColors: null,
+  posed: null,
   edit: null,
   columns: new Map(),
   ahead: new Map(),
@@ -132,7 +147,7 @@ export const INITIAL: State = {
   probe: null,
   painted: null,
   suggestions: [],
-  alike: null,
+  similar: null,
   progress: null,
   uploading: null,
   report: null,
@@ -158,11 +173,10 @@ export const INITIAL: State = {
   help: false,
   brush: { radius: 0.05, strength: 1 },
   toasts: [],
+  framed: 0,
 };
 
-export type AppStore = Store<State>;
-
-export const store: AppStore = createStore(INITIAL);
+export const store = createStore(INITIAL);
 
 /** A handle as it acts now: the server's numbers, what the page knows before it, and the timeline's moment. */
 export function present(state: State, handle: HandleState): HandleState & { readonly transform: Transform } {
@@ -176,12 +190,10 @@ export function present(state: State, handle: HandleState): HandleState & { read
   };
   return {
     ...handle,
-    reach: ahead?.reach ?? handle.reach,
-    falloff: ahead?.falloff ?? handle.falloff,
-    locality: ahead?.locality ?? handle.locality,
     exponent: ahead?.locality ?? handle.exponent,
-    radius: ahead?.radius ?? (ahead?.locality === undefined ? handle.radius : null),
-    strength: ahead?.strength ?? handle.strength,
+    // One of locality and radius ends the other.
+    radius: ahead?.locality === undefined ? handle.radius : null,
+    ...ahead,
     transform: state.moment?.get(handle.handle) ?? ahead?.transform ?? own,
   };
 }
@@ -191,6 +203,15 @@ export function selectedHandle(state: State): HandleState | null {
 }
 
 /** Whether the shape can be held: its field is there. */
-export function alive(state: State): boolean {
+export function ready(state: State): boolean {
   return state.edit?.field.status === "ready";
+}
+
+export function handleName({ name, handle }: HandleState): string {
+  return name ?? `Handle ${handle}`;
+}
+
+export function placeName({ vertex, region }: { readonly vertex: number | null; readonly region: number }): string {
+  if (region > 0) return `region of ${region} vertices`;
+  return vertex === null ? "point" : `vertex ${vertex}`;
 }

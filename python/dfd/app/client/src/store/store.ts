@@ -1,28 +1,22 @@
 /** A value that is replaced and never changed, and those who want to hear of it. */
-export interface Store<State extends object> {
-  get(): State;
-  /** Replace some of its parts; those who selected a part that is now another one hear of it at once. */
-  set(change: Partial<State>): void;
-  /** Call `listener` whenever what `select` takes from the state becomes another value; returns how to stop it. */
-  watch<Part>(select: (state: State) => Part, listener: (part: Part, before: Part) => void): () => void;
-}
-
-export function createStore<State extends object>(initial: State): Store<State> {
+export function createStore<State extends object>(initial: State) {
   let state = initial;
   const watchers = new Set<() => void>();
   return {
     get: () => state,
-    set(change) {
+    /** Replace some of its parts; those who watch a part that is now another one hear of it at once. */
+    set(change: Partial<State>): void {
       state = { ...state, ...change };
       // A copy: a watcher may stop another one, or itself.
       for (const watcher of [...watchers]) if (watchers.has(watcher)) watcher();
     },
-    watch(select, listener) {
+    /** Call `listener` whenever `select` takes another value, or array of values, from the state; returns how to stop. */
+    watch<Part>(select: (state: State) => Part, listener: (part: Part, before: Part) => void): () => void {
       let part = select(state);
       const watcher = () => {
         const before = part;
         const now = select(state);
-        if (Object.is(now, before)) return;
+        if (same(now, before)) return;
         part = now;
         listener(now, before);
       };
@@ -30,4 +24,10 @@ export function createStore<State extends object>(initial: State): Store<State> 
       return () => watchers.delete(watcher);
     },
   };
+}
+
+/** Whether two values are the same, or arrays of the same values. */
+export function same(one: unknown, other: unknown): boolean {
+  if (!Array.isArray(one) || !Array.isArray(other)) return Object.is(one, other);
+  return one.length === other.length && one.every((part, i) => Object.is(part, other[i]));
 }

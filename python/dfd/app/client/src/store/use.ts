@@ -1,28 +1,23 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 
-import type { Store } from "./store";
-
-const AT_ONCE = () => 0;
+import { store, type State } from "./state";
+import { same } from "./store";
 
 /**
- * What `select` takes from the state; the component is drawn again when it becomes another value, but not
- * within `pause` milliseconds after it was drawn.
+ * What `select` takes from the state; the component is drawn again when it becomes another value, or array of values,
+ * but not within `pause` milliseconds after it was drawn.
  */
-export function useStore<State extends object, Part>(
-  store: Store<State>,
-  select: (state: State) => Part,
-  pause: () => number = AT_ONCE,
-): Part {
+export function useStore<Part>(select: (state: State) => Part, pause: () => number = () => 0): Part {
   const part = select(store.get());
-  const latest = useRef({ select, part });
-  latest.current = { select, part };
+  const latest = useRef({ select, pause, part });
+  latest.current = { select, pause, part };
   const [, redraw] = useState(0);
   useEffect(() => {
     let timer = 0;
     let drawn = 0;
     const look = () => {
-      if (Object.is(latest.current.select(store.get()), latest.current.part)) return;
-      const wait = drawn + pause() - performance.now();
+      if (same(latest.current.select(store.get()), latest.current.part)) return;
+      const wait = drawn + latest.current.pause() - performance.now();
       if (wait > 0) {
         timer ||= window.setTimeout(() => {
           timer = 0;
@@ -43,6 +38,6 @@ export function useStore<State extends object, Part>(
       clearTimeout(timer);
       stop();
     };
-  }, [store]);
+  }, []);
   return part;
 }

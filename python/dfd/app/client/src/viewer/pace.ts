@@ -1,11 +1,6 @@
 /** How finely the next frame is drawn: decided from how long frames took, never from how large a shape is. */
 
-export const QUALITIES = ["auto", "full"] as const;
-/** Whether movement may be drawn coarser than rest. */
-export type Quality = (typeof QUALITIES)[number];
-
-/** All of the shape, or its coarse level. */
-export type Level = "coarse" | "full";
+import type { Level, Quality } from "../store/state";
 
 export interface Drawing {
   readonly level: Level;

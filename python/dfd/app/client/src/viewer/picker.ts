@@ -12,13 +12,14 @@ import {
   type WebGLRenderer,
 } from "three";
 
-import type { Vec3 } from "./posing/affine";
-import type { FacePoint } from "./posing/faces";
+import type { Vec3 } from "../posing/affine";
 import { material } from "./posing/shaders";
 import type { Shape } from "./shape";
 
-export interface Pick extends FacePoint {
+export interface Pick {
   readonly vertex: number;
+  /** A row of the mesh that stands for the vertex. */
+  readonly row: number;
   /** The point of the surface, at rest, relative to the mesh's center. */
   readonly point: Vec3;
 }
@@ -59,8 +60,8 @@ export class Picker {
     if (bits[3] === 0) return null;
     const [px, py, pz] = new Float32Array(bits.buffer, 0, 3);
     const point: Vec3 = [px, py, pz];
-    const face = this.shape.drawn.faces.find(point, bits[3] - 1);
-    return face && { ...face, point, vertex: this.shape.vertexOf[face.row] };
+    const row = this.shape.drawn.faces.nearestRow(point, bits[3] - 1);
+    return row === null ? null : { row, point, vertex: this.shape.vertexOf[row] };
   }
 
   dispose(): void {

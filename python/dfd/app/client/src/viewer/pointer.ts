@@ -13,7 +13,7 @@ export interface PointerEvents {
   wheel(delta: number): boolean;
   paint(picked: Pick, erase: boolean): void;
   /** The pointer has rested on a point. */
-  rest(picked: Pick | null): void;
+  rest(picked: Pick): void;
 }
 
 const CLICK_DISTANCE = 5;

@@ -1,7 +1,5 @@
 /** From what the store says to what the shader poses by, in coordinates relative to the mesh's center. */
 
-import type { NewHandle, Plane } from "../protocol/messages";
-import { present, type ColumnData, type Instance, type State } from "../store/state";
 import {
   add,
   apply,
@@ -12,8 +10,10 @@ import {
   type Affine,
   type Transform,
   type Vec3,
-} from "./posing/affine";
-import { EMPTY_SCENE, isFalloff, type Column, type Mirror, type Scene } from "./posing/columns";
+} from "../posing/affine";
+import { EMPTY_SCENE, type Column, type Layer, type Mirror, type Scene } from "../posing/columns";
+import type { NewHandle, Plane } from "../protocol/messages";
+import { present, type Instance, type State } from "../store/state";
 
 /** The map that does to p − center what `transform` does to p. */
 export function relative(transform: Affine, center: Vec3): Affine {
@@ -31,10 +31,9 @@ export function instanceMatrix(transform: Affine, pivot: Vec3, instance: Instanc
   return relative(turned, subtract([0, 0, 0], own));
 }
 
-/** About what an instance turns: with a pivot of the handle's own, what lies from the counterpart as that from it. */
+/** About what an instance turns: what lies from the counterpart of the handle as the pivot lies from the handle. */
 export function instancePivot(transform: Transform, position: Vec3, instance: Instance): Vec3 {
-  if (!transform.pivot) return instance.pivot;
-  const offset = subtract(transform.pivot, position);
+  const offset = subtract(transform.pivot ?? position, position);
   const turned = instance.frame.map((row) => row[0] * offset[0] + row[1] * offset[1] + row[2] * offset[2]);
   return add(instance.position, turned as unknown as Vec3);
 }
@@ -46,81 +45,62 @@ export function mirrorOf(plane: Plane, center: Vec3): Mirror {
 }
 
 export function sceneOf(state: State): Scene {
-  const { edit, mesh } = state;
+  const { edit, mesh, columns: known, painted, probe } = state;
   if (!edit || !mesh) return EMPTY_SCENE;
   const { center } = mesh;
-  const fixed = state.columns.get(edit.fixed_column)?.layer ?? null;
+  const { symmetry } = edit;
+  const fixed = known.get(edit.fixed_column)?.layer ?? null;
   const columns: Column[] = [];
-  for (const known of edit.handles) {
-    const data = state.columns.get(known.column);
+  for (const own of edit.handles) {
+    const data = known.get(own.column);
     if (!data) continue;
-    const handle = present(state, known);
-    const matrix = state.comparing ? IDENTITY : matrixOf(handle.transform, handle.position);
-    const column = {
-      handle: handle.handle,
+    const handle = present(state, own);
+    const { transform, position, reach, falloff, exponent, gain, strength } = handle;
+    const matrix = state.comparing ? IDENTITY : matrixOf(transform, position);
+    const column: Column = {
+      handle: own.handle,
       layer: data.layer,
       fixed: data.layer.kind === "weight" ? null : fixed,
-      reach: handle.reach,
-      falloff: isFalloff(handle.falloff) ? handle.falloff : ("linear" as const),
-      exponent: handle.exponent,
-      gain: handle.gain,
-      strength: handle.strength,
-      positive: isPositive(edit.symmetry, handle.position),
-      heat: !state.probe && !state.painted && state.selected === handle.handle ? 1 : 0,
+      share: null,
+      shareGain: 1,
+      reach,
+      falloff,
+      exponent,
+      gain,
+      strength,
+      positive: isPositive(symmetry, position),
+      heat: !probe && !painted && state.selected === own.handle ? 1 : 0,
+      transform: relative(matrix, center),
       acts: true,
     };
-    columns.push(...ofInstances(column, data, { matrix, handle, symmetry: edit.symmetry, center }));
+    const ofInstance = (instance: Instance): Column => ({
+      ...column,
+      share: instance.share,
+      shareGain: instance.gain,
+      positive: isPositive(symmetry, instance.position),
+      transform: relative(
+        instanceMatrix(matrix, transform.pivot ?? position, instance, instancePivot(transform, position, instance)),
+        center,
+      ),
+    });
+    columns.push(...(data.instances.length > 0 ? data.instances.map(ofInstance) : [column]));
   }
-  const shown = state.painted?.layer ?? state.probe?.layer;
   // What was painted in a color of the ramp that stands out from pale shapes too.
-  if (shown)
-    columns.push(shownColumn(shown, state.painted ? null : fixed, state.painted ? PAINTED : 1, edit.new_handle));
-  const d0 = edit.default && !state.comparing ? edit.default : null;
-  const rest = d0 ? matrixOf({ ...d0, pivot: d0.pivot ?? null, axes: d0.axes ?? null }, center) : null;
+  if (painted) columns.push(shownColumn(painted.layer, null, PAINTED, edit.new_handle));
+  else if (probe) columns.push(shownColumn(probe.layer, fixed, 1, edit.new_handle));
+  const d0 = state.comparing ? null : edit.default;
+  const rest = d0 && matrixOf({ ...d0, pivot: d0.pivot ?? null, axes: d0.axes ?? null }, center);
   return {
     columns,
     defaultTransform: rest && relative(rest, center),
-    mirror: edit.symmetry && mirrorOf(edit.symmetry, center),
+    mirror: symmetry && mirrorOf(symmetry, center),
   };
-}
-
-type Shared = Omit<Column, "share" | "shareGain" | "transform">;
-
-interface Motion {
-  readonly matrix: Affine;
-  readonly handle: ReturnType<typeof present>;
-  readonly symmetry: Plane | null;
-  readonly center: Vec3;
-}
-
-function ofInstances(column: Shared, data: ColumnData, { matrix, handle, symmetry, center }: Motion): Column[] {
-  if (data.instances.length === 0) {
-    return [{ ...column, share: null, shareGain: 1, transform: relative(matrix, center) }];
-  }
-  const pivot = handle.transform.pivot ?? handle.position;
-  return data.instances
-    .filter((instance) => instance.on)
-    .map((instance) => {
-      const own = instancePivot(handle.transform, handle.position, instance);
-      return {
-        ...column,
-        share: instance.share,
-        shareGain: instance.gain,
-        positive: isPositive(symmetry, instance.position),
-        transform: relative(instanceMatrix(matrix, pivot, instance, own), center),
-      };
-    });
 }
 
 const PAINTED = 0.66;
 
 /** A column that only the heat map shows: what a new handle would hold. */
-function shownColumn(
-  layer: Column["layer"],
-  fixed: Column["fixed"],
-  heat: number,
-  { reach, falloff }: NewHandle,
-): Column {
+function shownColumn(layer: Layer, fixed: Layer | null, heat: number, { reach, falloff }: NewHandle): Column {
   return {
     handle: 0,
     layer,
@@ -128,7 +108,7 @@ function shownColumn(
     share: null,
     shareGain: 1,
     reach,
-    falloff: isFalloff(falloff) ? falloff : "linear",
+    falloff,
     exponent: 0,
     gain: 1,
     strength: 1,

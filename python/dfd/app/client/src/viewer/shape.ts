@@ -22,13 +22,12 @@ import {
   type WebGLRenderer,
 } from "three";
 
-import type { Payload } from "../protocol/frames";
+import { IDENTITY, type Vec3 } from "../posing/affine";
+import { sameScene, type Scene } from "../posing/columns";
+import type { Payload } from "../protocol/binary_messages";
 import type { DetailMessage, MaterialEntry, MeshMessage } from "../protocol/messages";
-import type { Look } from "../store/state";
-import { IDENTITY, type Vec3 } from "./posing/affine";
-import { sameScene, type Scene } from "./posing/columns";
-import { Levels, type Drawn, type Given, type Triangles } from "./posing/levels";
-import type { Level } from "./pace";
+import type { Level, Look, Posed } from "../store/state";
+import { Levels, type Drawn, type Triangles } from "./posing/levels";
 import { PoseTextures } from "./posing/pose_textures";
 import { define, material } from "./posing/shaders";
 import { SHAPE_LAYER, type Parts } from "./still";
@@ -54,7 +53,7 @@ export class Shape {
   private wires: Mesh | null = null;
   private readonly textures: Texture[] = [];
   private featureColors: Uint8Array | null = null;
-  private given: Given | null = null;
+  private given: Posed | null = null;
 
   constructor(
     readonly message: MeshMessage,
@@ -88,7 +87,7 @@ export class Shape {
     this.levels = new Levels(this.renderer, this.pose, payload, { coarse: this.first, full }, this.radius);
     if (this.featureColors) this.levels.setFeatureColors(this.featureColors);
     this.levels.posed.useGiven(before.posed.usesGiven);
-    this.levels.setGiven(this.given);
+    this.levels.setPosed(this.given);
     this.use(this.level);
     this.shapes++;
     this.looks++;
@@ -221,16 +220,16 @@ export class Shape {
   }
 
   /** Show what the server posed: (V, 3) positions and (V, 4) normals; null lets the shader pose again. */
-  setGiven(given: Given | null): void {
-    this.useGiven(true);
-    this.given = given;
-    if (given) this.shapes++;
+  setPosed(posed: Posed | null): void {
+    this.usePosed(true);
+    this.given = posed;
+    if (posed) this.shapes++;
     this.looks++;
-    this.levels.setGiven(given);
+    this.levels.setPosed(posed);
   }
 
   /** Whether to show what the server posed, where there is something. */
-  useGiven(on: boolean): void {
+  usePosed(on: boolean): void {
     if (!this.levels.posed.useGiven(on)) return;
     this.shapes++;
     this.looks++;

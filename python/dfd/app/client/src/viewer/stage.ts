@@ -3,10 +3,10 @@
 import { PerspectiveCamera, Scene as ThreeScene, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
-import type { Vec3 } from "./posing/affine";
+import type { Vec3 } from "../posing/affine";
+import type { Level } from "../store/state";
 import { Clock } from "./clock";
-import { drawsInSoftware } from "./posing/graphics";
-import { COARSE, Pace, WHOLE, type Drawing, type Level } from "./pace";
+import { COARSE, Pace, WHOLE, type Drawing } from "./pace";
 import { SHAPE_LAYER, Still, type Parts } from "./still";
 
 const FIELD_OF_VIEW = 38;
@@ -247,6 +247,22 @@ export class Stage {
     // At once: a resized canvas is empty until something is drawn.
     this.next(performance.now(), false);
   }
+}
+
+let software: boolean | null = null;
+
+/** Whether a processor draws, not a graphics card: there every pixel that is painted anew counts. */
+export function drawsInSoftware(): boolean {
+  software ??= /swiftshader|llvmpipe|software|basic render/i.test(rendererName());
+  return software;
+}
+
+function rendererName(): string {
+  const context = document.createElement("canvas").getContext("webgl2");
+  const names = context?.getExtension("WEBGL_debug_renderer_info");
+  const name = context && names ? String(context.getParameter(names.UNMASKED_RENDERER_WEBGL)) : "";
+  context?.getExtension("WEBGL_lose_context")?.loseContext();
+  return name;
 }
 
 /** A canvas that lets nothing shine through: three.js would ask for a clear one, which browsers blend over the page. */

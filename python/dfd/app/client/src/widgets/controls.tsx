@@ -3,7 +3,28 @@
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 
+import type { Vec3 } from "../posing/affine";
+import { toggle } from "../actions/keyboard";
+import { useStore } from "../store/use";
 import { Icon, type IconName } from "./icons";
+
+export const count = new Intl.NumberFormat("en");
+
+export function percent(part: number): string {
+  return `${Math.round(100 * part)} %`;
+}
+
+export function titled(name: string): string {
+  return name.charAt(0).toUpperCase() + name.slice(1).replaceAll("_", " ");
+}
+
+/** As many digits as a field shows. */
+export function readable(value: number): string {
+  const size = Math.abs(value);
+  if (size < 5e-7) return "0";
+  if (size < 0.01) return String(Number(value.toPrecision(2)));
+  return String(Number(value.toFixed(size < 1 ? 3 : size < 100 ? 2 : 1)));
+}
 
 interface IconButtonProps {
   readonly icon: IconName;
@@ -12,9 +33,13 @@ interface IconButtonProps {
   readonly pressed?: boolean;
   readonly disabled?: boolean;
   readonly onPress?: () => void;
+  readonly onPointerDown?: () => void;
+  readonly onPointerUp?: () => void;
+  readonly onPointerLeave?: () => void;
+  readonly onPointerCancel?: () => void;
 }
 
-export function IconButton({ icon, label, keys, pressed, disabled, onPress }: IconButtonProps) {
+export function IconButton({ icon, label, keys, pressed, disabled, onPress, ...rest }: IconButtonProps) {
   return (
     <button
       type="button"
@@ -24,8 +49,25 @@ export function IconButton({ icon, label, keys, pressed, disabled, onPress }: Ic
       aria-pressed={pressed}
       disabled={disabled}
       onClick={onPress}
+      {...rest}
     >
       <Icon name={icon} />
+    </button>
+  );
+}
+
+interface ButtonProps {
+  readonly text: string;
+  readonly style?: "primary" | "small" | "primary small";
+  readonly title?: string;
+  readonly disabled?: boolean;
+  readonly onPress: () => void;
+}
+
+export function Button({ text, style, title, disabled, onPress }: ButtonProps) {
+  return (
+    <button type="button" class={`button ${style ?? ""}`} title={title} disabled={disabled} onClick={onPress}>
+      {text}
     </button>
   );
 }
@@ -33,19 +75,40 @@ export function IconButton({ icon, label, keys, pressed, disabled, onPress }: Ic
 interface SegmentedProps<Value extends string> {
   readonly label: string;
   readonly value: Value;
-  readonly options: readonly (readonly [Value, string])[];
+  readonly options: Readonly<Record<Value, string>>;
   readonly onChange: (value: Value) => void;
 }
 
 export function Segmented<Value extends string>({ label, value, options, onChange }: SegmentedProps<Value>) {
   return (
     <div class="segmented" role="group" aria-label={label}>
-      {options.map(([option, text]) => (
+      {(Object.keys(options) as Value[]).map((option) => (
         <button key={option} type="button" aria-pressed={option === value} onClick={() => onChange(option)}>
-          {text}
+          {options[option]}
         </button>
       ))}
     </div>
+  );
+}
+
+export function Select<Value extends string>({
+  label,
+  value,
+  options,
+  hint,
+  onChange,
+}: SegmentedProps<Value> & { readonly hint?: string }) {
+  return (
+    <label class="select" title={hint}>
+      <span>{label}</span>
+      <select value={value} onChange={(event) => onChange(event.currentTarget.value as Value)}>
+        {(Object.keys(options) as Value[]).map((option) => (
+          <option key={option} value={option}>
+            {options[option]}
+          </option>
+        ))}
+      </select>
+    </label>
   );
 }
 
@@ -92,32 +155,70 @@ export function NumberField({ label, value, step, onChange, axis }: NumberFieldP
   );
 }
 
-/** As many digits as a field shows. */
-export function readable(value: number): string {
-  const size = Math.abs(value);
-  if (size < 5e-7) return "0";
-  if (size < 0.01) return String(Number(value.toPrecision(2)));
-  return String(Number(value.toFixed(size < 1 ? 3 : size < 100 ? 2 : 1)));
+const AXES = ["x", "y", "z"] as const;
+
+interface TripleProps {
+  readonly label: string;
+  readonly value: Vec3;
+  readonly step: number;
+  readonly onChange: (value: Vec3, axis: number) => void;
+  /** For screen readers, where `label` stands more than once. */
+  readonly of?: string;
+  readonly action?: ComponentChildren;
+}
+
+/** Three numbers, one for each axis. */
+export function Triple({ label, of = "", value, step, onChange, action }: TripleProps) {
+  return (
+    <div class="triple" role="group" aria-label={`${label}${of}`}>
+      <span class="triple-label">
+        {label}
+        {action}
+      </span>
+      {AXES.map((axis, i) => (
+        <NumberField
+          key={axis}
+          axis={axis}
+          label={`${label}${of} ${axis}`}
+          value={value[i]}
+          step={step}
+          onChange={(number) => onChange(value.with(i, number) as unknown as Vec3, i)}
+        />
+      ))}
+    </div>
+  );
+}
+
+/** One factor for all axes where they are the same, and a switch to have three. */
+export function Scale({ value, onChange, ...rest }: Pick<TripleProps, "value" | "of" | "onChange">) {
+  const uniform = useStore((state) => state.uniformScale);
+  const link = (
+    <IconButton icon="link" label="Scale all axes alike" pressed={uniform} onPress={() => toggle("uniformScale")} />
+  );
+  const scale = (next: Vec3, axis: number) => {
+    const factor = next[axis] / value[axis];
+    if (factor === 0) return;
+    const all = value.map((other, i) => (i === axis ? next[axis] : other * factor));
+    onChange(uniform ? (all as unknown as Vec3) : next, axis);
+  };
+  return <Triple label="Scale" value={value} step={0.05} onChange={scale} action={link} {...rest} />;
 }
 
 interface SliderProps {
   readonly label: string;
-  /** For those who hear it, where `label` stands more than once. */
+  /** For screen readers, where `label` stands more than once. */
   readonly of?: string;
   readonly hint?: string;
   readonly value: number;
-  readonly min: number;
-  readonly max: number;
-  readonly step: number;
-  readonly disabled?: boolean;
+  readonly range: readonly [min: number, max: number, step: number];
   readonly text: string;
   readonly onInput: (value: number) => void;
 }
 
-export function Slider({ label, of = "", hint, value, min, max, step, disabled, text, onInput }: SliderProps) {
+export function Slider({ label, of = "", hint, value, range: [min, max, step], text, onInput }: SliderProps) {
   const [held, setHeld] = useState<number | null>(null);
   const shown = held ?? value;
-  // What the hand has said last stays until the server has said it too.
+  // The newest value that was set by hand stays until the server has sent it back.
   useEffect(() => {
     if (held === null) return undefined;
     const timer = setTimeout(() => setHeld(null), 1000);
@@ -137,7 +238,6 @@ export function Slider({ label, of = "", hint, value, min, max, step, disabled, 
         max={max}
         step={step}
         value={shown}
-        disabled={disabled}
         aria-label={`${label}${of}`}
         aria-valuetext={text}
         onInput={(event) => {
@@ -147,33 +247,6 @@ export function Slider({ label, of = "", hint, value, min, max, step, disabled, 
       />
     </div>
   );
-}
-
-interface SelectProps {
-  readonly label: string;
-  readonly value: string;
-  readonly options: readonly string[];
-  readonly hint?: string;
-  readonly onChange: (value: string) => void;
-}
-
-export function Select({ label, value, options, hint, onChange }: SelectProps) {
-  return (
-    <label class="select" title={hint}>
-      <span>{label}</span>
-      <select value={value} onChange={(event) => onChange(event.currentTarget.value)}>
-        {options.map((option) => (
-          <option key={option} value={option}>
-            {titled(option)}
-          </option>
-        ))}
-      </select>
-    </label>
-  );
-}
-
-export function titled(name: string): string {
-  return name.charAt(0).toUpperCase() + name.slice(1).replaceAll("_", " ");
 }
 
 interface ToggleProps {
@@ -196,12 +269,8 @@ export function Toggle({ label, checked, onChange }: ToggleProps) {
   );
 }
 
-export interface MenuItem {
-  readonly text: string;
-  readonly hint?: string;
-  readonly disabled?: boolean;
-  readonly run: () => void;
-}
+/** A line of a menu: its text, a hint beside it, and what it does; without that it is disabled. */
+export type MenuItem = readonly [text: string, hint: string, run: (() => void) | null];
 
 interface MenuProps {
   readonly icon: IconName;
@@ -213,9 +282,10 @@ interface MenuProps {
 export function Menu({ icon, label, text, groups }: MenuProps) {
   const [open, setOpen] = useState(false);
   const box = useRef<HTMLDivElement>(null);
+  const items = () => [...(box.current?.querySelectorAll<HTMLElement>("[role=menuitem]:not(:disabled)") ?? [])];
   useEffect(() => {
     if (!open) return undefined;
-    box.current?.querySelector<HTMLElement>("[role=menuitem]:not(:disabled)")?.focus();
+    items()[0]?.focus();
     const outside = (event: Event) => {
       if (!box.current?.contains(event.target as Node)) setOpen(false);
     };
@@ -223,9 +293,8 @@ export function Menu({ icon, label, text, groups }: MenuProps) {
     return () => removeEventListener("pointerdown", outside, true);
   }, [open]);
   const step = (by: number) => {
-    const items = [...(box.current?.querySelectorAll<HTMLElement>("[role=menuitem]:not(:disabled)") ?? [])];
-    const at = items.indexOf(document.activeElement as HTMLElement);
-    items[(at + by + items.length) % items.length]?.focus();
+    const all = items();
+    all[(all.indexOf(document.activeElement as HTMLElement) + by + all.length) % all.length]?.focus();
   };
   return (
     <div
@@ -256,21 +325,21 @@ export function Menu({ icon, label, text, groups }: MenuProps) {
       </button>
       {open && (
         <div class="menu-list" role="menu" aria-label={label}>
-          {groups.map((items, i) => (
+          {groups.map((group, i) => (
             <div key={i} role="group">
-              {items.map((item) => (
+              {group.map(([line, hint, run]) => (
                 <button
-                  key={item.text}
+                  key={line}
                   type="button"
                   role="menuitem"
-                  disabled={item.disabled}
+                  disabled={!run}
                   onClick={() => {
                     setOpen(false);
-                    item.run();
+                    run?.();
                   }}
                 >
-                  <span>{item.text}</span>
-                  {item.hint && <small>{item.hint}</small>}
+                  <span>{line}</span>
+                  {hint && <small>{hint}</small>}
                 </button>
               ))}
             </div>
@@ -296,5 +365,17 @@ export function Panel({ title, action, children }: PanelProps) {
       </header>
       {children}
     </section>
+  );
+}
+
+/** Names and what they stand for; numbers are written as counts. */
+export function Facts({ entries }: { readonly entries: readonly (readonly [string, string | number])[] }) {
+  return (
+    <dl class="facts">
+      {entries.map(([name, fact]) => [
+        <dt key={name}>{name}</dt>,
+        <dd key={`${name}:`}>{typeof fact === "number" ? count.format(fact) : fact}</dd>,
+      ])}
+    </dl>
   );
 }

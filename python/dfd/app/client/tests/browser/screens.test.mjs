@@ -24,7 +24,7 @@ for (const viewport of SIZES) {
       await shot(page, `${size}-start`);
       await openShape(page);
       await hold(page, JSON.parse(process.env.DFD_ALIKE), 1);
-      await until(page, (s) => s.alike !== null && s.alike.places.length > 1);
+      await until(page, (s) => s.similar !== null && s.similar.places.length > 1);
       await page.mouse.move(4, viewport.height - 4);
       for (const look of ["texture", "clay", "features", "heat"]) {
         await page.evaluate((name) => window.dfd.store.set({ look: name }), look);

@@ -89,12 +89,12 @@ step("a click takes hold", async () => {
 });
 
 step("a look-alike is switched off and on by itself", async () => {
-  await until(page, (s) => s.alike !== null && s.alike.places.length > 1);
+  await until(page, (s) => s.similar !== null && s.similar.places.length > 1);
   const first = page.getByRole("switch", { name: /^Look-alike 1 / });
   await first.locator("xpath=..").click();
-  await until(page, (s) => s.edit.handles[0].without_instances.length === 1 && s.alike.places[1].on === false);
+  await until(page, (s) => s.edit.handles[0].without_instances.length === 1 && s.similar.places[1].on === false);
   await first.locator("xpath=..").click();
-  await until(page, (s) => s.edit.handles[0].without_instances.length === 0 && s.alike.places[1].on);
+  await until(page, (s) => s.edit.handles[0].without_instances.length === 0 && s.similar.places[1].on);
 });
 
 step("a drag moves the shape as the kernel does, and the wheel changes reach under way", async () => {
@@ -107,9 +107,7 @@ step("a drag moves the shape as the kernel does, and the wheel changes reach und
   });
   const [after] = await handles();
   assert.ok(Math.hypot(...after.translation) > 0, "the handle did not move");
-  if (await state(page, (s) => s.edit.controls.includes("reach"))) {
-    await until(page, (s, reach) => s.edit.handles[0].reach < reach, before.reach);
-  }
+  await until(page, (s, reach) => s.edit.handles[0].reach < reach, before.reach);
   const error = await shaderError(page);
   assert.ok(error <= TOLERANCE, `the shader differs from the kernel by ${error}`);
 });

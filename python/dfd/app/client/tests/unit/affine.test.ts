@@ -13,7 +13,7 @@ import {
   slerp,
   type Transform,
   type Vec3,
-} from "../../src/viewer/posing/affine";
+} from "../../src/posing/affine";
 
 function close(a: readonly number[], b: readonly number[], digits = 10): void {
   expect(a.length).toBe(b.length);

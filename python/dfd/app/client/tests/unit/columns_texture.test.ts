@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 
-import { IDENTITY, matrixOf, REST } from "../../src/viewer/posing/affine";
-import { EMPTY_SCENE, type Column, type Layer } from "../../src/viewer/posing/columns";
+import { IDENTITY, matrixOf, REST } from "../../src/posing/affine";
+import { EMPTY_SCENE, type Column, type Layer } from "../../src/posing/columns";
 import { PoseTextures } from "../../src/viewer/posing/pose_textures";
 import { madeColumn } from "./made_column";
 

@@ -1,5 +1,5 @@
-import { IDENTITY } from "../../src/viewer/posing/affine";
-import type { Column, Layer } from "../../src/viewer/posing/columns";
+import { IDENTITY } from "../../src/posing/affine";
+import type { Column, Layer } from "../../src/posing/columns";
 
 /** A handle's column that changes nothing of what its layer says, but for `part`. */
 export function madeColumn(layer: Layer, part: Partial<Column> = {}): Column {

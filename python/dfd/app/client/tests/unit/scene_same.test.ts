@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 
-import { IDENTITY, matrixOf, REST } from "../../src/viewer/posing/affine";
-import { EMPTY_SCENE, sameScene, type Scene } from "../../src/viewer/posing/columns";
+import { IDENTITY, matrixOf, REST } from "../../src/posing/affine";
+import { EMPTY_SCENE, sameScene, type Scene } from "../../src/posing/columns";
 import { madeColumn } from "./made_column";
 
 const layer = { values: Uint16Array.of(1, 2), scale: 2, kind: "distance", geodesic: null } as const;

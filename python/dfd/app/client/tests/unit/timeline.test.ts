@@ -2,7 +2,7 @@ import { describe, expect, it } from "vitest";
 
 import { momentAt } from "../../src/actions/timeline";
 import type { KeyPose } from "../../src/protocol/messages";
-import { REST } from "../../src/viewer/posing/affine";
+import { REST } from "../../src/posing/affine";
 
 const pose = (seconds: number, y: number, handle = 1): KeyPose => ({
   name: `at ${seconds}`,

@@ -1,10 +1,18 @@
 import { describe, expect, it } from "vitest";
 
-import { apply, matrixOf, REST, type Frame, type Vec3 } from "../../src/viewer/posing/affine";
-import { falloff, FALLOFFS, weightOf, type Column, type Layer, type Scene } from "../../src/viewer/posing/columns";
-import { heldPart } from "../../src/viewer/overlays/measure";
+import { apply, matrixOf, REST, type Frame, type Vec3 } from "../../src/posing/affine";
+import {
+  CURVES,
+  heldPart,
+  mirrored,
+  posePoint,
+  weightOf,
+  type Column,
+  type Falloff,
+  type Layer,
+  type Scene,
+} from "../../src/posing/columns";
 import { instanceMatrix, instancePivot, relative } from "../../src/viewer/scene";
-import { mirrored, posePoint } from "../../src/viewer/posing/twin";
 import { madeColumn } from "./made_column";
 
 const layer = (values: number[], scale = 2, geodesic: number[] | null = null): Layer => ({
@@ -56,8 +64,8 @@ describe("weightOf", () => {
 });
 
 describe("falloff", () => {
-  it.each(FALLOFFS)("%s goes from 0 to 1 and never down", (kind) => {
-    const values = Array.from({ length: 101 }, (_, i) => falloff(i / 100, kind));
+  it.each(Object.keys(CURVES) as Falloff[])("%s goes from 0 to 1 and never down", (kind) => {
+    const values = Array.from({ length: 101 }, (_, i) => CURVES[kind](i / 100));
     expect(values[0]).toBe(0);
     expect(values[100]).toBe(1);
     values.slice(1).forEach((value, i) => expect(value).toBeGreaterThanOrEqual(values[i]));
@@ -118,7 +126,7 @@ describe("transforms of places", () => {
   it("do at an instance, in its frame, what they do at the handle", () => {
     const pivot: Vec3 = [1, 0, 0];
     const at: Vec3 = [-1, 0, 0];
-    const instance = { instance: 1, on: true, pivot: at, position: at, gain: 1, share: weights([1]) };
+    const instance = { position: at, gain: 1, share: weights([1]) };
     const turn = matrixOf({ ...REST, rotation: [0, 0, 90], translation: [1, 0, 0] }, pivot);
     const frame: [Vec3, Vec3, Vec3] = [
       [-1, 0, 0],
@@ -141,15 +149,12 @@ describe("instancePivot", () => {
     ];
     const share = weights([1]);
     const instance = {
-      instance: 1,
-      on: true,
-      pivot: [-9, 0, 0] as Vec3,
       position: [-2, 0, 0] as Vec3,
       gain: 1,
       share,
       frame,
     };
-    expect(instancePivot(REST, [2, 0, 0], instance)).toEqual([-9, 0, 0]);
+    expect(instancePivot(REST, [2, 0, 0], instance)).toEqual([-2, 0, 0]);
     expect(instancePivot({ ...REST, pivot: [3, 1, 0] }, [2, 0, 0], instance)).toEqual([-3, 1, 0]);
   });
 });

@@ -4,37 +4,24 @@ import { store } from "../../store/state";
 import type { Pick } from "../picker";
 import type { Shape } from "../shape";
 
-export class Brush {
-  private readonly values = new WeakMap<Uint8Array, Uint16Array>();
-
-  constructor(private readonly shape: () => Shape | null) {}
-
-  paint(picked: Pick, erase: boolean): void {
-    const shape = this.shape();
-    const { painted, brush, mesh } = store.get();
-    if (!shape || !mesh) return;
-    const mask = painted?.mask ?? new Uint8Array(Math.ceil(mesh.vertices / 8));
-    let values = this.values.get(mask);
-    if (!values) {
-      values = new Uint16Array(mesh.vertices);
-      this.values.set(mask, values);
-    }
-    const reach = (brush.radius * mesh.diagonal) ** 2;
-    const { positions, vertexOf } = shape;
-    const [x, y, z] = picked.point;
-    let count = painted?.count ?? 0;
-    for (let row = 0; row < vertexOf.length; row++) {
-      const dx = positions[3 * row] - x;
-      const dy = positions[3 * row + 1] - y;
-      const dz = positions[3 * row + 2] - z;
-      if (dx * dx + dy * dy + dz * dz > reach) continue;
-      const vertex = vertexOf[row];
-      if (values[vertex] > 0 !== erase) continue;
-      values[vertex] = erase ? 0 : 65535;
-      mask[vertex >> 3] ^= 1 << (vertex & 7);
-      count += erase ? -1 : 1;
-    }
-    const layer = { values, scale: 1, kind: "weight", geodesic: null } as const;
-    store.set({ painted: count > 0 ? { mask, layer, count } : null, probe: null });
+export function paint({ positions, vertexOf, message: mesh }: Shape, picked: Pick, erase: boolean): void {
+  const { painted, brush } = store.get();
+  const mask = painted?.mask ?? new Uint8Array(Math.ceil(mesh.vertices / 8));
+  const values = painted?.layer.values ?? new Uint16Array(mesh.vertices);
+  const reach = (brush.radius * mesh.diagonal) ** 2;
+  const [x, y, z] = picked.point;
+  let count = painted?.count ?? 0;
+  for (let row = 0; row < vertexOf.length; row++) {
+    const dx = positions[3 * row] - x;
+    const dy = positions[3 * row + 1] - y;
+    const dz = positions[3 * row + 2] - z;
+    if (dx * dx + dy * dy + dz * dz > reach) continue;
+    const vertex = vertexOf[row];
+    if (values[vertex] > 0 !== erase) continue;
+    values[vertex] = erase ? 0 : 65535;
+    mask[vertex >> 3] ^= 1 << (vertex & 7);
+    count += erase ? -1 : 1;
   }
+  const layer = { values, scale: 1, kind: "weight", geodesic: null } as const;
+  store.set({ painted: count > 0 ? { mask, layer, count } : null, probe: null });
 }

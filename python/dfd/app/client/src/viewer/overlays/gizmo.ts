@@ -3,15 +3,10 @@
 import { MathUtils, Matrix4, Object3D, Quaternion, Vector3, type Camera } from "three";
 import { TransformControls } from "three/addons/controls/TransformControls.js";
 
+import { dragTo, endDrag, startDrag } from "../../actions/edit";
+import { quaternionOf, rotationOf, type Transform, type Vec3 } from "../../posing/affine";
 import type { GizmoMode } from "../../store/state";
-import { quaternionOf, rotationOf, type Transform, type Vec3 } from "../posing/affine";
 import { gripOf } from "../scene";
-
-export interface GizmoEvents {
-  started(): void;
-  moved(transform: Transform): void;
-  ended(): void;
-}
 
 export interface Held {
   readonly transform: Transform;
@@ -30,15 +25,15 @@ export class Gizmo {
   private held: Held | null = null;
   private pivoting = false;
 
-  constructor(camera: Camera, canvas: HTMLElement, events: GizmoEvents, redraw: () => void) {
+  constructor(camera: Camera, canvas: HTMLElement, redraw: () => void) {
     this.controls = new TransformControls(camera, canvas);
     this.controls.setSize(0.85);
     this.controls.setColors(0xd64545, 0x3f9b4a, 0x3b6fd8, 0xf2b632);
     this.helper = this.controls.getHelper();
     this.controls.addEventListener("change", redraw);
-    this.controls.addEventListener("dragging-changed", (event) => (event.value ? events.started() : events.ended()));
+    this.controls.addEventListener("dragging-changed", (event) => (event.value ? startDrag() : endDrag()));
     this.controls.addEventListener("objectChange", () => {
-      if (this.held) events.moved(this.read(this.held));
+      if (this.held) dragTo(this.read(this.held));
     });
   }
 
@@ -72,11 +67,6 @@ export class Gizmo {
     this.controls.setTranslationSnap(snap);
     this.controls.setRotationSnap(snap === null ? null : SNAP_ANGLE);
     this.controls.setScaleSnap(snap === null ? null : SNAP_SCALE);
-  }
-
-  dispose(): void {
-    this.controls.detach();
-    this.controls.dispose();
   }
 
   private read(held: Held): Transform {

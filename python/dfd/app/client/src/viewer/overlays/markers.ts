@@ -1,6 +1,6 @@
 /** Marks over the canvas: handles, fixed places, instances, suggestions, the point under the pointer, the ring of reach. */
 
-import type { Vec3 } from "../posing/affine";
+import type { Vec3 } from "../../posing/affine";
 
 export interface Mark {
   readonly key: string;

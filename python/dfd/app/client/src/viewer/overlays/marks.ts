@@ -1,16 +1,14 @@
 /** Which marks and which ring lie over the shape. */
 
-import { othersOf, switchLookAlike } from "../../actions/alike";
-import { select, release, hold } from "../../actions/edit";
-import { present, selectedHandle, type State } from "../../store/state";
-import { apply, matrixOf, subtract, type Vec3 } from "../posing/affine";
-import type { Scene } from "../posing/columns";
-import { isFalloff } from "../posing/columns";
-import type { Mark, Ring } from "./markers";
-import { heldPart } from "./measure";
+import { send } from "../../actions/connection";
+import { select, hold } from "../../actions/edit";
+import { otherPlaces, toggleInstance } from "../../actions/similar";
+import { apply, matrixOf, subtract, type Vec3 } from "../../posing/affine";
+import { heldPart, posePoint, type Scene } from "../../posing/columns";
+import { handleName, placeName, present, selectedHandle, type State } from "../../store/state";
 import { gripOf } from "../scene";
 import type { Shape } from "../shape";
-import { posePoint } from "../posing/twin";
+import type { Mark, Ring } from "./markers";
 
 export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
   const { edit, mesh } = state;
@@ -26,8 +24,8 @@ export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
       key: `fixed ${index}`,
       kind: "fixed",
       at: posed(fixed.vertex, fixed.position),
-      label: `Fixed ${place(fixed.vertex, fixed.region)}: press to release`,
-      press: () => release(index),
+      label: `Fixed ${placeName(fixed)}: press to release`,
+      press: () => send({ type: "release", index }),
     });
   });
   for (const known of edit.handles) {
@@ -66,13 +64,13 @@ export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
 function instanceMarks(state: State, posed: (vertex: number | null, position: Vec3) => Vec3): Mark[] {
   const { selected } = state;
   if (selected === null) return [];
-  return othersOf(state).map(({ vertex, position, on }, i) => ({
+  return otherPlaces(state).map(({ vertex, position, on }, i) => ({
     key: `instance ${selected} ${vertex}`,
     kind: "instance",
     at: posed(vertex, position),
     label: `Look-alike ${i + 1}: press to ${on ? "leave it behind" : "take it along"}`,
     off: !on,
-    press: () => switchLookAlike(selected, vertex),
+    press: () => toggleInstance(selected, vertex),
   }));
 }
 
@@ -82,17 +80,7 @@ export function ringOf(state: State): Ring | null {
   const handle = present(state, known);
   const data = state.columns.get(handle.column);
   if (!data) return null;
-  const kind = isFalloff(handle.falloff) ? handle.falloff : "linear";
-  const held = heldPart(data.layer, handle.reach, kind);
+  const held = heldPart(data.layer, handle.reach, handle.falloff);
   const at = gripOf(handle.transform, handle.position, state.mesh.center);
   return { at, held, text: `reach ${handle.reach.toFixed(2)} · holds ${Math.round(100 * held)} %` };
-}
-
-export function handleName(handle: { readonly name: string | null; readonly handle: number }): string {
-  return handle.name ?? `Handle ${handle.handle}`;
-}
-
-function place(vertex: number | null, region: number): string {
-  if (region > 0) return `region of ${region} vertices`;
-  return vertex === null ? "point" : `vertex ${vertex}`;
 }

@@ -16,7 +16,7 @@ import {
   type Material,
 } from "three";
 
-import type { Mirror } from "../posing/columns";
+import type { Mirror } from "../../posing/columns";
 
 const CORNERS = [-0.5, -0.5, 0.5, -0.5, 0.5, 0.5, -0.5, 0.5];
 

@@ -1,15 +1,6 @@
-/** From what a pick says, a point at rest and the last corner of its triangle, to the triangle and its nearest vertex. */
+/** From what a pick says, a point at rest and the last corner of its triangle, to the nearest corner of that triangle. */
 
-import type { Vec3 } from "./affine";
-
-export interface FacePoint {
-  readonly face: number;
-  /** The triangle's corner that lies nearest to the point. */
-  readonly row: number;
-  /** Barycentric coordinates of the point. */
-  readonly barycentric: Vec3;
-  readonly corners: readonly [number, number, number];
-}
+import type { Vec3 } from "../../posing/affine";
 
 export class Faces {
   /** Triangles in the order of their last corners, and where those of each corner begin; made at the first pick. */
@@ -25,9 +16,10 @@ export class Faces {
     return this.triangles.length / 3;
   }
 
-  find(point: Vec3, lastCorner: number): FacePoint | null {
+  /** The corner that lies nearest to the point, of the triangle that holds it. */
+  nearestRow(point: Vec3, lastCorner: number): number | null {
     const { order, starts } = this.sorted();
-    let best: FacePoint | null = null;
+    let best: number | null = null;
     let least = Infinity;
     for (let i = starts[lastCorner]; i < starts[lastCorner + 1]; i++) {
       const face = order[i];
@@ -37,7 +29,7 @@ export class Faces {
       const outside = Math.max(...barycentric.map((share) => -share), 0) + this.distance(point, corners, barycentric);
       if (outside >= least) continue;
       least = outside;
-      best = { face, corners, barycentric, row: corners[barycentric.indexOf(Math.max(...barycentric))] };
+      best = corners[barycentric.indexOf(Math.max(...barycentric))];
     }
     return best;
   }

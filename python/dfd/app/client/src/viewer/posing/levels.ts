@@ -2,10 +2,10 @@
 
 import { BufferAttribute, BufferGeometry, Sphere, Vector3, type WebGLRenderer } from "three";
 
-import type { Payload } from "../../protocol/frames";
+import type { Payload } from "../../protocol/binary_messages";
 import type { Group } from "../../protocol/messages";
+import type { Level, Posed } from "../../store/state";
 import { Faces } from "./faces";
-import type { Level } from "../pace";
 import { PosePass } from "./pose_pass";
 import type { PoseTextures } from "./pose_textures";
 
@@ -20,12 +20,6 @@ export interface Drawn {
   readonly faces: Faces;
   /** How many rows it is drawn from, the first ones. */
   readonly rows: number;
-}
-
-/** What the server posed, per vertex: (V, 3) positions and (V, 4) normals. */
-export interface Given {
-  readonly positions: Float32Array;
-  readonly normals: Int16Array;
 }
 
 export class Levels {
@@ -82,9 +76,9 @@ export class Levels {
     for (const { geometry } of this.drawn.values()) geometry.setAttribute("featureColor", rows);
   }
 
-  setGiven(given: Given | null): void {
+  setPosed(posed: Posed | null): void {
     this.posed.setGiven(
-      given && { positions: this.perRow(given.positions, 3), normals: this.perRow(given.normals, 4) },
+      posed && { positions: this.perRow(posed.positions, 3), normals: this.perRow(posed.normals, 4) },
     );
   }
 

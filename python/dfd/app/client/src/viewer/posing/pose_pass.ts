@@ -2,6 +2,7 @@
 
 import { GLBufferAttribute, Matrix4, type WebGLRenderer } from "three";
 
+import type { Posed } from "../../store/state";
 import { ATTRIBUTES, PosePrograms } from "./pose_program";
 import { matrix4, type PoseTextures } from "./pose_textures";
 
@@ -10,12 +11,6 @@ export interface Rows {
   readonly positions: Float32Array;
   readonly normals: Int16Array;
   readonly vertexOf: Uint32Array;
-}
-
-/** (R, 3) positions and (R, 4) normals that the server posed. */
-export interface Given {
-  readonly positions: Float32Array;
-  readonly normals: Int16Array;
 }
 
 export class PosePass {
@@ -29,7 +24,7 @@ export class PosePass {
   private readonly programs: PosePrograms;
   private readonly count: number;
   private made: Buffers;
-  private given: Given | null = null;
+  private given: Posed | null = null;
   private showsGiven = false;
   /** How many rows, from the first on, are posed as the scene is now. */
   private fresh = 0;
@@ -56,8 +51,8 @@ export class PosePass {
     this.fresh = 0;
   }
 
-  /** Take what the server posed, or null; it is shown where `useGiven` says so. */
-  setGiven(given: Given | null): void {
+  /** Take what the server posed, (R, 3) and (R, 4), or null; it is shown where `useGiven` says so. */
+  setGiven(given: Posed | null): void {
     if (!given && !this.given) return;
     this.given = given;
     this.made.setGiven(given);
@@ -169,7 +164,7 @@ class Buffers {
     this.output = gl.createTransformFeedback();
   }
 
-  setGiven(given: Given | null): void {
+  setGiven(given: Posed | null): void {
     const { gl } = this;
     gl.bindVertexArray(this.input);
     const places = [ATTRIBUTES.givenPosition, ATTRIBUTES.givenNormal];

@@ -12,9 +12,8 @@ import {
   type Texture,
 } from "three";
 
-import { IDENTITY, type Affine } from "./affine";
-import { EMPTY_SCENE, FALLOFFS, type Layer, type Scene } from "./columns";
-import { mirrored } from "./twin";
+import { IDENTITY, type Affine } from "../../posing/affine";
+import { EMPTY_SCENE, FALLOFFS, mirrored, type Layer, type Scene } from "../../posing/columns";
 
 const WIDTH = 4096;
 const TEXELS = 10;
@@ -53,7 +52,7 @@ export class PoseTextures {
       const at = 4 * TEXELS * k;
       writeMove(table, at, column.transform);
       writeMove(table, at + 12, scene.mirror ? mirrored(column.transform, scene.mirror) : column.transform);
-      table.set([column.reach, FALLOFFS.indexOf(column.falloff), column.exponent, column.gain], at + 24);
+      table.set([column.reach, FALLOFFS[column.falloff], column.exponent, column.gain], at + 24);
       const places = [column.layer, column.fixed, column.share].map((layer) => this.place(layer));
       table.set([...places, column.positive ? 1 : -1], at + 28);
       const isWeight = column.layer.kind === "weight" ? 1 : 0;

@@ -1,0 +1,303 @@
+"""Pages that compare methods: Fig. 8, 9, 14 to 16, 21 and 22, sets of handles, and the sheets of both user studies."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.paper.compare import (
+    LEGEND,
+    Float64,
+    Row,
+    cameras_of,
+    compare,
+    drawn,
+    marked,
+    methods_of,
+    pulled,
+    solve,
+    table,
+)
+from bench.paper.context import PRESETS, BoxHandle, Context, Shape, named
+from bench.paper.drawing import silhouettes
+from bench.paper.handles import Case, find
+from bench.paper.report import Page, Section, Table
+from dfd.pictures.picture import picture
+
+__all__ = ["farthest"]
+
+# A handle, how far it goes, and what other methods hold.
+FEET = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 1.0))
+TOP = ((0.1, 1.0, 0.1), (0.9, 1.0, 0.1), (0.5, 1.0, 0.9))
+TAIL = ((0.5, 0.5, 1.0), (0.5, 0.5, 0.0), (0.5, 1.0, 0.5))
+WINGS = ((0.5, 0.5, 0.5), (1.0, 0.5, 0.5), (0.5, 1.0, 0.0))
+BODY = ((0.5, 0.0, 0.5), (0.5, 0.9, 0.2), *FEET)
+PULLS = {
+    "spot": BoxHandle((0.1, 1.0, 0.4), (-0.06, 0.1, 0.0), fixed=FEET),
+    "kaykit_chair_A": BoxHandle((0.0, 0.0, 1.0), (0.0, -0.15, 0.0), fixed=TOP),
+    "scorpion": BoxHandle((0.0, 0.2, 1.0), (-0.05, 0.0, 0.1), fixed=BODY),
+    "koala": BoxHandle((0.0, 0.95, 0.75), (-0.08, 0.08, 0.0), fixed=FEET),
+    "fox": BoxHandle((0.2, 1.0, 0.7), (0.0, 0.12, 0.0), fixed=FEET),
+    "table_roundlarge": BoxHandle((0.0, 0.0, 0.5), (0.0, -0.12, 0.0), fixed=TOP),
+    "shark": BoxHandle((0.0, 0.4, 0.6), (-0.12, 0.0, 0.0), fixed=TAIL),
+    "stegosaurus": BoxHandle((0.5, 1.0, 0.5), (0.0, 0.12, 0.0), fixed=FEET),
+    "boat": BoxHandle((0.5, 1.0, 0.5), (0.0, 0.15, 0.0), fixed=FEET),
+    "plane_holes": BoxHandle((0.0, 0.2, 0.4), (-0.1, 0.1, 0.0), fixed=WINGS),
+    "chair": BoxHandle((0.0, 0.0, 1.0), (0.0, -0.15, 0.0), fixed=TOP),
+    "quadruped": BoxHandle((0.2, 1.0, 0.9), (0.0, 0.12, 0.0), fixed=FEET),
+    "*": BoxHandle((0.5, 1.0, 0.5), (0.0, 0.15, 0.0), fixed=FEET),
+}
+
+# Shapes of the dense layouts, and by how much of its height each grows downwards: what a network learned on furniture
+# would offer. A control point goes down by how far it lies below the height LIFTED.
+STRETCHED = {
+    "kaykit_chair_A": 0.25,
+    "table_roundlarge": 0.3,
+    "chair_2": 0.25,
+    "nightstand_1": 0.2,
+    "chair": 0.25,
+    "*": 0.25,
+}
+CONTROL_POINTS, LIFTED = 50, 0.4
+DENSE_TEXT = (
+    "The network of DeepMetaHandles cannot be had. A folder in its layout is taken as it is; without one the control "
+    "points are fifty farthest points, and their offsets lengthen the legs, as we chose."
+)
+
+# What the paper's users chose of such pictures (Table 2 and Sec. K), per cent.
+DESIRABLE = {"DFD-T": 82, "DFD-A": 79, "ARAP": 19, "biharmonic": 3, "APAP": 4, "NeuralMLS": 11}
+REALISTIC = {"DFD": 64, "ARAP": 17.7, "NeuralMLS": 15.2, "biharmonic": 2.2, "APAP": 0.93}
+STUDY_PEERS = ("ARAP", "biharmonic", "NeuralMLS")
+SEED = 0
+
+Cases = Sequence[tuple[str, Case | str]]  # by name; a text says why there is none
+
+
+def pulls(context: Context, most: tuple[int, int]) -> Cases:
+    """The sets of handles in the folder that was given, else pulls of our own on the meshes at hand."""
+    found = context.cases(PULLS, most)
+    return _sets(context, most) or [(shape.name, _pulled(shape.refined(), pull)) for shape, pull in found]
+
+
+def dense(context: Context, most: tuple[int, int]) -> Cases:
+    """The sets in the folder in the layout of DeepMetaHandles, else fifty control points and a stretch of our own."""
+    own = [(name, case) for name, case in _sets(context, most) if isinstance(case, str) or case.dense]
+    found = context.cases(STRETCHED, most)
+    return own or [(shape.name, _stretched(shape.refined(), by)) for shape, by in found]
+
+
+def _sets(context: Context, most: tuple[int, int]) -> Cases:
+    try:
+        return _read(context.folder, context.of(most)) if context.folder else []
+    except ValueError as error:
+        context.say(f"No sets of handles: {error}")
+        return []
+
+
+def _read(folder: Path, most: int | None = None) -> Cases:
+    read: list[tuple[str, Case | str]] = []
+    for found in find(folder)[:most]:
+        try:
+            read.append((found.name, found.read()))
+        except (ValueError, OSError) as error:
+            read.append((found.name, " ".join(str(error).split())))
+    return read
+
+
+def _pulled(shape: Shape, pull: BoxHandle) -> Case:
+    vertices, handle = shape.mesh.vertices, pull.on(shape)
+    fixed = np.array([each for each in dict.fromkeys(map(shape.at, pull.fixed)) if each != handle["at"]], np.int64)
+    target = vertices[[handle["at"]]] + handle["translation"]
+    held = np.concatenate([[handle["at"]], fixed])
+    return Case(shape.mesh, held[:1], target, fixed, held, np.concatenate([target, vertices[fixed]]))
+
+
+def _stretched(shape: Shape, by: float) -> Case:
+    mesh = shape.mesh
+    corners = np.unique(mesh.faces)
+    held = corners[farthest(mesh.vertices[corners], CONTROL_POINTS)].astype(np.int64)
+    low, height = mesh.bounds[0][1], mesh.extents[1]
+    below = np.maximum(LIFTED - (mesh.vertices[held, 1] - low) / height, 0) / LIFTED
+    held_to = mesh.vertices[held] - below[:, None] * np.array([0, by * height, 0])
+    handle = int(below.argmax())
+    return Case(mesh, held[[handle]], held_to[[handle]], np.empty(0, np.int64), held, held_to, dense=True)
+
+
+def farthest(points: Float64, count: int) -> NDArray[np.int64]:
+    """Rows of `points` (N, 3) that lie as far apart as can be, one after the other, the first at the far end of x."""
+    chosen = [int(points[:, 0].argmin())]
+    distance = np.linalg.norm(points - points[chosen[0]], axis=1)
+    while len(chosen) < min(count, len(points)):
+        chosen.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    return np.array(chosen, np.int64)
+
+
+# --- figures
+
+
+def fig8(context: Context) -> Page:
+    """The cases of APAP-Bench where the folder given has them, else pulls of our own, with the weights."""
+    look_for = "Both ears, all legs go along with the one that is pulled, and nothing else moves or turns."
+    return _page(context, "Fig. 8: one handle beside other methods", look_for, pulls(context, (2, 6)), weights=True)
+
+
+def fig9(context: Context) -> Page:
+    """Other methods with all control points, DFD with the one that goes farthest."""
+    look_for = "All legs lengthen alike, seat and back stay; DFD needs one handle for it, others fifty."
+    title = "Fig. 9: layouts of DeepMetaHandles (as Fig. 16)"
+    return _page(context, title, look_for, dense(context, (2, 12)), DENSE_TEXT, ball=0.0)
+
+
+def fig14(context: Context, name: str = "Fig. 14", ball: float | None = None) -> Page:
+    """Every pull, other methods given all within the ball."""
+    ball = context.ball if ball is None else ball
+    given = f"a ball of {ball:g}" if ball else "points alone, without neighbors"
+    look_for = (
+        "Parts that look like the one that is pulled follow it; other methods tilt the shape or draw out a spike."
+    )
+    text = (
+        f"The paper's users found {_chosen(DESIRABLE)} among the best two of six, and {_chosen(REALISTIC)} realistic."
+    )
+    return _page(
+        context, f"{name}: one handle, others with {given}", look_for, pulls(context, (2, 10)), text, ball=ball
+    )
+
+
+def fig15(context: Context) -> Page:
+    """Every pull, other methods given the points alone."""
+    return fig14(context, "Fig. 15", 0.0)
+
+
+def fig22(context: Context) -> Page:
+    """Two pulls, with pictures."""
+    text = (
+        "Area, angle, edge and volume are the measures of Implicit-ARAP, in which the paper reports its deformations; "
+        "it says that DFD distorts more by all four."
+    )
+    look_for = "A method that distorts least is not the one that looks most natural: compare pictures and table."
+    return _page(context, "Fig. 22: surface metrics", look_for, pulls(context, (2, 2)), text)
+
+
+def handles(context: Context) -> Page:
+    """All cases of the folder, with fixed points held too; ValueError or OSError if it holds none."""
+    if context.folder is None:
+        raise ValueError("handles: give the folder of the set, as `python -m bench.paper handles FOLDER`")
+    look_for = "Parts that look like the one that is pulled follow it, and nothing else moves."
+    return _page(context, "The paper's comparisons on sets of handles", look_for, _read(context.folder), fixed=True)
+
+
+def _page(
+    context: Context,
+    title: str,
+    look_for: str,
+    cases: Cases,
+    text: str = "",
+    *,
+    ball: float | None = None,
+    fixed: bool = False,
+    weights: bool = False,
+) -> Page:
+    pictures, rows, failed = [], [], 0
+    for name, case in cases:
+        context.say(name)
+        if isinstance(case, str):
+            failed += 1
+            context.say(f"  {case}")
+            rows.append(Row(name, "", note=case))
+            continue
+        own = compare(name, case, methods_of(context, case, context.ball if ball is None else ball, fixed=fixed))
+        pictures.append(drawn(context, case, own, weights=weights))
+        rows += own
+    text = f"{text}\n\n{LEGEND}" if text else LEGEND
+    return Page(title, look_for, [Section("Results", text, pictures, table(rows))], failed=failed)
+
+
+def fig21(context: Context) -> Page:
+    """DFD with all control points as handles."""
+    pictures, rows, sums = [], [], []
+    for name, case in dense(context, (2, 6)):
+        if isinstance(case, str):
+            continue
+        sessions = {named(preset): pulled(context, case, preset, dense=True) for preset in PRESETS}
+        for method, deformer in sessions.items():
+            total = deformer.weights.sum(axis=1)
+            sums.append([name, method, float(total.mean()), float(total.max())])
+        own = compare(name, case, {method: lambda each=each: each.vertices for method, each in sessions.items()})
+        pictures.append(drawn(context, case, own))
+        rows += own
+    look_for = (
+        "The paper finds shapes reasonable although weights sum to more than 1. By Eq. 1 to the letter they then also "
+        "grow about the origin, by that sum; dfd's default prevents it in part."
+    )
+    sections = [
+        Section("Fifty handles", f"{DENSE_TEXT}\n\n{LEGEND}", pictures, table(rows)),
+        Section("Sums of weights", table=Table(["shape", "preset", "mean sum", "largest sum"], sums)),
+    ]
+    return Page("Fig. 21: dense handles", look_for, sections)
+
+
+# --- user studies: anonymous options in an order of chance, and the key in a file of its own
+
+
+def study1(context: Context) -> Page:
+    """The first study (Fig. 23): the best two, by what moves and what does not."""
+    text = (
+        "Imagine that you shape models by dragging single points of them. For each question select the **best 2** "
+        "deformations: those that move only parts **related** to the dragged point, keep all **symmetries**, and whose "
+        "silhouettes **overlap** wherever the shape is unrelated to it."
+    )
+    return _study(context, "study1", "Study of deformations", text, 15, ("translation", "affine"))
+
+
+def study2(context: Context) -> Page:
+    """The second study (Fig. 24): the most realistic."""
+    text = (
+        "For each question select the **most realistic** deformation: how well are the details of the shape, and the "
+        "parts that are deformed, preserved?"
+    )
+    return _study(context, "study2", "Study of realism", text, 14, ("translation",))
+
+
+def _study(context: Context, name: str, title: str, text: str, most: int, kinds: Sequence[str]) -> Page:
+    draws = np.random.default_rng(SEED)
+    sections, key = [], {}
+    for number, (shape, case) in enumerate(pulls(context, (2, most)), 1):
+        context.say(shape)
+        if isinstance(case, str):
+            continue
+        every = methods_of(context, case, context.ball)
+        methods = {
+            f"{named(preset)}, {kind}": partial(solve, context, case, preset, affine=kind == "affine")
+            for preset in PRESETS
+            for kind in kinds
+        }
+        methods |= {peer: every[peer] for peer in STUDY_PEERS}
+        moved = {}
+        for row in compare(shape, case, methods):
+            if row.vertices is None:
+                context.say(f"  {row.method} is left out: {row.note}")
+            else:
+                moved[row.method] = row.vertices
+        order = [list(moved)[each] for each in draws.permutation(len(moved))]
+        key[f"question {number}"] = {"shape": shape, **{f"option {at}": method for at, method in enumerate(order, 1)}}
+        where, cameras = cameras_of(case, list(moved.values()))
+        images = [(marked(case, where, picture(case.mesh, **where)), "before")]
+        for at, method in enumerate(order, 1):
+            camera = cameras[list(moved).index(method)]
+            images.append((marked(case, camera, silhouettes(case.mesh, moved[method], camera)), f"Option {at}"))
+        sections.append(Section(f"Question {number}", pictures=[(f"Question {number}", images)]))
+    text += (
+        " Original point: blue dot; dragged point: green dot. Silhouette before: blue; after: green. Missing textures "
+        "or colors do not count."
+    )
+    return Page(title, text, sections, files={f"{name}_key.json": json.dumps({"seed": SEED, **key}, indent=2) + "\n"})
+
+
+def _chosen(shares: Mapping[str, float]) -> str:
+    return ", ".join(f"{method} {share:g} %" for method, share in shares.items())

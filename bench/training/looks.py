@@ -1,0 +1,67 @@
+"""What a metric is learned from: what an encoder sees at the vertices of a shape, and how thick the shape is there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+import dfd
+from dfd.common.files import atomic_write
+from dfd.common.progress import Stages
+from dfd.distillation.settings import DistillSettings
+from dfd.distillation.smoothing import smooth_along_surface
+from dfd.distillation.targets import PixelTargets, unit
+from dfd.distillation.thickness import thickness_bands
+from dfd.encoders.encode import Encoder
+from dfd.upright.find_up import resolve_up
+from dfd.views.render import render
+
+__all__ = ["Looks", "kept_looks", "looks"]
+
+NEAREST = 3  # points that a vertex is interpolated from
+
+
+@dataclass(frozen=True, eq=False)
+class Looks:
+    """What distillation has at the vertices of a shape before a field is fitted, by the plain distance."""
+
+    features: NDArray[np.float32]  # (V, D) unit rows
+    thickness: NDArray[np.float32]  # (V, BANDS), see `dfd.distillation.thickness`
+
+
+def kept_looks(folder: Path, mesh: dfd.Mesh, encoder: Encoder) -> Looks:
+    """`looks`, from `folder` if they are there: taking them takes seconds for each shape."""
+    path = folder / f"{mesh.content_hash}.npz"
+    if not path.is_file():
+        folder.mkdir(parents=True, exist_ok=True)
+        with atomic_write(path) as temporary, temporary.open("wb") as stream:
+            seen = looks(mesh, encoder)
+            np.savez(stream, features=seen.features.astype(np.float16), thickness=seen.thickness)
+    with np.load(path) as kept:
+        return Looks(unit(kept["features"].astype(np.float32)), kept["thickness"])
+
+
+def looks(mesh: dfd.Mesh, encoder: Encoder, **changes: Any) -> Looks:
+    """What `mesh`, +y up, looks like at its vertices, as distillation has it at the surface points around them.
+
+    `changes` are settings of `dfd.distill` that are not its defaults.
+    """
+    settings, stages = DistillSettings(up="file", **changes), Stages(show=False)
+    frames = resolve_up(mesh, encoder, settings.up, stages=stages).frames
+    views = render(mesh, **settings.of_pictures(), frame=frames, stages=stages)
+    pixels = PixelTargets(views, encoder.encode(views.images, covered=views.covered))
+    targets = smooth_along_surface(views, pixels, smoothing=settings.smoothing, seed=settings.seed, stages=stages)
+    vertices = (mesh.vertices - views.center) * views.scale
+    distance, near = cKDTree(targets.points).query(vertices, NEAREST)
+    shares = 1 / np.square(distance + 1e-6)
+    shares /= shares.sum(axis=1, keepdims=True)
+
+    def at_vertices(rows: NDArray[np.float32]) -> NDArray[np.float32]:
+        return np.asarray(np.einsum("vkd,vk->vd", rows[near], shares.astype(np.float32)), np.float32)
+
+    return Looks(unit(at_vertices(targets.features)), at_vertices(thickness_bands(views, targets)))

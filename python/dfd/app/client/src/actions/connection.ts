@@ -1,0 +1,103 @@
+/** The WebSocket to the server: it comes back by itself, and every request knows what became of it. */
+
+import { decode, type Received, type Request } from "../protocol/binary_messages";
+import { store } from "../store/state";
+import { problem } from "./toasts";
+
+export const PROTOCOL = 1;
+const SESSION_KEY = "dfd-session";
+
+/** Close codes after which another try would only be refused again. */
+const DISMISSALS: Record<number, string> = {
+  4001: "This session was opened in another tab, where it goes on.",
+  4002: "This session has ended. Reload the page to begin another one.",
+  4403: "The server does not know this page. Open the address that `dfd app` printed.",
+};
+
+const FIRST_WAIT = 400;
+const LONGEST_WAIT = 8000;
+/** Bytes that wait to be sent, beyond which frames of a drag are skipped. */
+const CONGESTED = 16_384;
+
+let socket: WebSocket | null = null;
+let receive: (received: Received) => void = () => undefined;
+let next = 1;
+let wait = FIRST_WAIT;
+let timer = 0;
+/** Those who wait for an answer; it is null where the request failed. */
+const waiting = new Map<number, (received: Received | null) => void>();
+
+export function start(receiver: (received: Received) => void): void {
+  receive = receiver;
+  connect();
+  // A laptop that wakes, or a network that is back, need not wait for the next try.
+  const hurry = () => {
+    if (document.hidden || store.get().ended !== null || (socket?.readyState ?? 0) < WebSocket.CLOSING) return;
+    clearTimeout(timer);
+    connect();
+  };
+  addEventListener("online", hurry);
+  document.addEventListener("visibilitychange", hurry);
+}
+
+/** Send without waiting for the answer; returns the request's number, or 0 where there is no connection. */
+export function send(request: Request): number {
+  if (socket?.readyState !== WebSocket.OPEN) return 0;
+  const id = next++;
+  socket.send(JSON.stringify({ ...request, id }));
+  return id;
+}
+
+/** Send and wait for the answer; null where it is refused, which the person is told, or the connection was lost. */
+export function ask(request: Request): Promise<Received | null> {
+  const id = send(request);
+  return id === 0 ? Promise.resolve(null) : new Promise((resolve) => waiting.set(id, resolve));
+}
+
+export function congested(): boolean {
+  return (socket?.bufferedAmount ?? 0) > CONGESTED;
+}
+
+/** Lose the connection, as a network does. */
+export function drop(): void {
+  socket?.close();
+}
+
+function connect(): void {
+  store.set({ link: socket ? "lost" : "connecting" });
+  const address = new URL("ws", location.href);
+  address.protocol = address.protocol === "https:" ? "wss:" : "ws:";
+  address.search = address.hash = "";
+  const own = new WebSocket(address);
+  socket = own;
+  own.binaryType = "arraybuffer";
+  own.onopen = () => {
+    wait = FIRST_WAIT;
+    store.set({ link: "open" });
+    send({ type: "hello", version: PROTOCOL, session: sessionStorage.getItem(SESSION_KEY) });
+  };
+  own.onmessage = ({ data }: MessageEvent<string | ArrayBuffer>) => {
+    try {
+      const received = decode(data);
+      const { message } = received;
+      if (message.type === "session") sessionStorage.setItem(SESSION_KEY, message.session);
+      receive(received);
+      waiting.get(message.id)?.(message.type === "failure" ? null : received);
+      waiting.delete(message.id);
+    } catch (error) {
+      problem(`A message of the server could not be read: ${error instanceof Error ? error.message : String(error)}`);
+    }
+  };
+  own.onclose = ({ code }) => {
+    if (socket !== own) return;
+    for (const resolve of waiting.values()) resolve(null);
+    waiting.clear();
+    if (code in DISMISSALS) {
+      store.set({ link: "closed", ended: DISMISSALS[code] });
+      return;
+    }
+    store.set({ link: "lost" });
+    timer = window.setTimeout(connect, wait);
+    wait = Math.min(2 * wait, LONGEST_WAIT);
+  };
+}

@@ -1,0 +1,143 @@
+/** What the server's messages do to the store. */
+
+import type { Payload, Received } from "../protocol/binary_messages";
+import type { ColumnsMessage, InstancesMessage, StateMessage } from "../protocol/messages";
+import { store, type ColumnData, type State } from "../store/state";
+import { PROTOCOL } from "./connection";
+import { note, problem } from "./toasts";
+
+export function receive({ message, payload }: Received): void {
+  switch (message.type) {
+    case "session":
+      store.set({ session: message });
+      if (message.version !== PROTOCOL) problem("The page is of another version than the server: reload it.");
+      break;
+    case "start":
+      store.set({ ...CLOSED, page: "start" });
+      break;
+    case "mesh":
+      store.set({ ...CLOSED, page: "shape", mesh: message, meshArrays: payload });
+      message.warnings.forEach((warning) => note(warning));
+      break;
+    case "detail":
+      if (message.mesh === store.get().mesh?.mesh) store.set({ detail: { message, arrays: payload } });
+      break;
+    case "state":
+      store.set(followed(message));
+      break;
+    case "columns":
+      store.set({ columns: new Map([...store.get().columns, ...columnsOf(message, payload)]) });
+      break;
+    case "instances":
+      store.set({ columns: withInstances(message, payload) });
+      break;
+    case "heat": {
+      if (message.vertex === null || store.get().hover?.vertex !== message.vertex) break;
+      const layer = { values: payload.get("values", "uint16"), scale: message.scale, kind: "distance" } as const;
+      store.set({ probe: { vertex: message.vertex, layer: { ...layer, geodesic: null } } });
+      break;
+    }
+    case "progress": {
+      const ended = ["done", "cancelled", "failed"].includes(message.stage);
+      store.set({ progress: ended ? null : message });
+      break;
+    }
+    case "report":
+      store.set({ report: message });
+      break;
+    case "suggestions":
+      store.set({ suggestions: message.suggestions });
+      break;
+    case "similar":
+      store.set({ similar: message });
+      break;
+    case "colors":
+      store.set({ featureColors: payload.get("colors", "uint8") });
+      break;
+    case "positions":
+      if (store.get().edit?.posing !== "server") break;
+      store.set({
+        posed: { positions: payload.get("positions", "float32"), normals: payload.get("normals", "int16") },
+      });
+      break;
+    case "failure":
+      problem(message.message);
+      takeBack(message.id);
+      if (message.fatal) store.set({ ended: message.message });
+      break;
+    case "done":
+    case "download":
+    case "script":
+      break;
+  }
+}
+
+/** What no shape has. */
+const CLOSED = {
+  mesh: null,
+  meshArrays: null,
+  detail: null,
+  featureColors: null,
+  posed: null,
+  edit: null,
+  columns: new Map<number, ColumnData>(),
+  ahead: new Map(),
+  selected: null,
+  hidden: new Set<number>(),
+  hover: null,
+  probe: null,
+  painted: null,
+  suggestions: [],
+  similar: null,
+  report: null,
+  moment: null,
+  playing: false,
+  comparing: false,
+  tool: "hold",
+} as const;
+
+/** Take back what was shown before the server refused it. */
+function takeBack(request: number): void {
+  const { ahead } = store.get();
+  const kept = [...ahead].filter(([, part]) => part.request !== request);
+  if (kept.length < ahead.size) store.set({ ahead: new Map(kept) });
+}
+
+function followed(message: StateMessage): Partial<State> {
+  const state = store.get();
+  const used = new Set([message.fixed_column, ...message.handles.map((handle) => handle.column)]);
+  const present = new Set(message.handles.map((handle) => handle.handle));
+  const before = new Set(state.edit?.handles.map((handle) => handle.handle));
+  const added = message.handles.filter((handle) => !before.has(handle.handle));
+  const kept = state.selected !== null && present.has(state.selected) ? state.selected : null;
+  return {
+    edit: message,
+    ahead: new Map([...state.ahead].filter(([handle, { request }]) => present.has(handle) && request > message.after)),
+    columns: new Map([...state.columns].filter(([column]) => used.has(column))),
+    posed: message.posing === "server" ? state.posed : null,
+    // One that was just added is what the person wants to move.
+    selected: state.edit && added.length === 1 ? added[0].handle : kept,
+    page: "shape",
+  };
+}
+
+function columnsOf(message: ColumnsMessage, payload: Payload): [number, ColumnData][] {
+  return message.columns.map(({ column, values, scale, kind, geodesic }) => {
+    const along = geodesic === null ? null : payload.get(geodesic, "uint16");
+    return [column, { layer: { values: payload.get(values, "uint16"), scale, kind, geodesic: along }, instances: [] }];
+  });
+}
+
+/** The columns, with the instances of some of them. */
+function withInstances(message: InstancesMessage, payload: Payload): Map<number, ColumnData> {
+  const columns = new Map(store.get().columns);
+  for (const entry of message.columns) {
+    const data = columns.get(entry.column);
+    const instances = entry.instances.map(({ share, ...rest }) => ({
+      ...rest,
+      share: { values: payload.get(share, "uint16"), scale: 1, kind: "weight", geodesic: null } as const,
+    }));
+    if (data) columns.set(entry.column, { ...data, instances });
+  }
+  return columns;
+}

@@ -1,0 +1,36 @@
+/** The places that look like the one that the selected handle holds: asked for once that is cheap, switched singly. */
+
+import type { SimilarPoint } from "../protocol/messages";
+import { selectedHandle, store, type State } from "../store/state";
+import { ask, send } from "./connection";
+
+/** What they depend on; null while there is nothing to ask, or finding them would hold up what is more urgent. */
+function key(state: State): string | null {
+  const handle = selectedHandle(state);
+  const column = handle && state.columns.get(handle.column);
+  if (!column || state.dragging || handle.instances === "only") return null;
+  if (handle.instances === "own" && column.instances.length === 0) return null;
+  const symmetry = JSON.stringify(state.edit?.symmetry?.normal ?? null);
+  return [handle.handle, handle.position, handle.without_instances, handle.instances, symmetry].join(" ");
+}
+
+export function followSimilar(): void {
+  store.watch(key, (wanted) => {
+    const { selected, similar } = store.get();
+    if (wanted !== null && selected !== null) send({ type: "instances", handle: selected });
+    else if (similar && similar.handle !== selected) store.set({ similar: null });
+  });
+}
+
+/** Those of the selected handle besides its own place. */
+export function otherPlaces(state: State): readonly SimilarPoint[] {
+  const handle = selectedHandle(state);
+  return handle && state.similar?.handle === handle.handle && handle.instances !== "only"
+    ? state.similar.places.slice(1)
+    : [];
+}
+
+export function toggleInstance(handle: number, vertex: number): void {
+  const off = otherPlaces(store.get()).filter((place) => place.on === (place.vertex === vertex));
+  void ask({ type: "change", handle, controls: { without_instances: off.map((place) => place.vertex) } });
+}

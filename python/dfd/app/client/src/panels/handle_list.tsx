@@ -1,0 +1,91 @@
+import { useState } from "preact/hooks";
+
+import { send } from "../actions/connection";
+import { select } from "../actions/edit";
+import type { HandleState } from "../protocol/messages";
+import { handleName, ready, store } from "../store/state";
+import { useStore } from "../store/use";
+import { IconButton, Menu, Panel } from "../widgets/controls";
+
+const CLEAR = ["Remove all handles and fixed points", "", () => send({ type: "clear" })] as const;
+
+export function HandleList() {
+  const [edit, alive] = useStore((state) => [state.edit, ready(state)] as const);
+  const handles = edit?.handles ?? [];
+  const edited = handles.length + (edit?.fixed.length ?? 0) > 0;
+  return (
+    <Panel title="Handles" action={edited && <Menu icon="more" label="All handles" groups={[[CLEAR]]} />}>
+      {handles.length === 0 ? (
+        <p class="empty">
+          {alive
+            ? "Click a point of the shape to take hold of it. All that looks alike will follow."
+            : "The shape can be held once its features are learned."}
+        </p>
+      ) : (
+        <ul class="rows">
+          {handles.map((handle) => (
+            <HandleRow key={handle.handle} handle={handle} />
+          ))}
+        </ul>
+      )}
+    </Panel>
+  );
+}
+
+function HandleRow({ handle }: { readonly handle: HandleState }) {
+  const id = handle.handle;
+  const [selected, hidden] = useStore((state) => [state.selected === id, state.hidden.has(id)] as const);
+  const [naming, setNaming] = useState(false);
+  const name = handleName(handle);
+  const toggleHidden = () => {
+    const all = new Set(store.get().hidden);
+    if (!all.delete(id)) all.add(id);
+    store.set({ hidden: all });
+  };
+  return (
+    <li class={selected ? "row selected" : "row"}>
+      {naming ? (
+        <input
+          class="rename"
+          aria-label={`New name of ${name}`}
+          defaultValue={name}
+          ref={(input) => input?.focus()}
+          onBlur={(event) => {
+            setNaming(false);
+            const typed = event.currentTarget.value.trim();
+            if (typed && typed !== name) send({ type: "change", handle: id, controls: { name: typed } });
+          }}
+          onKeyDown={(event) => {
+            if (event.key === "Escape") event.currentTarget.value = name;
+            if (event.key === "Enter" || event.key === "Escape") event.currentTarget.blur();
+            event.stopPropagation();
+          }}
+        />
+      ) : (
+        <button
+          type="button"
+          class="row-name"
+          aria-pressed={selected}
+          title={`${name}: double-click or F2 to rename`}
+          onClick={() => select(selected ? null : id)}
+          onDblClick={() => setNaming(true)}
+          onKeyDown={(event) => {
+            if (event.key === "F2") setNaming(true);
+          }}
+        >
+          <span class={handle.moved ? "dot moved" : "dot"} aria-hidden="true" />
+          <span>{name}</span>
+          <small>
+            {handle.region > 0 ? `${handle.region} vertices` : handle.vertex !== null && `vertex ${handle.vertex}`}
+          </small>
+        </button>
+      )}
+      <IconButton
+        icon={hidden ? "hidden" : "eye"}
+        label={hidden ? `Show ${name}` : `Hide ${name}`}
+        onPress={toggleHidden}
+      />
+      <IconButton icon="remove" label={`Remove ${name}`} onPress={() => send({ type: "remove", handle: id })} />
+    </li>
+  );
+}

@@ -1,0 +1,79 @@
+"""What tells an encoder from any other before it is loaded, and loading it on a thread of its own.
+
+torch takes seconds to import, and is not needed to look.
+"""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any
+
+from dfd.encoders.precision import saved_device, saved_precision
+from dfd.encoders.sources import find_fingerprint, is_cached
+
+if TYPE_CHECKING:
+    import torch
+
+    from dfd.encoders.encode import Encoder
+
+__all__ = ["find_identity", "load_in_background", "loaded_identity"]
+
+
+def find_identity(
+    encoder: str | os.PathLike[str] | Encoder, device: str | torch.device | None = None
+) -> dict[str, Any] | None:
+    """Return all that the tokens of `encoder` on `device` depend on, besides the pictures, without loading it.
+
+    None where its weights are not cached, or no encoder was ever loaded on this machine: then where it computes, and
+    with which precision, is not decided yet.
+    """
+    if not isinstance(encoder, str | os.PathLike):
+        return encoder.identity()
+    target = saved_device() if device is None else str(device)
+    precision = saved_precision(target) if target else None
+    weights = find_fingerprint(encoder) if precision else None
+    if weights is None:
+        return None
+    return {
+        "encoder": os.fspath(encoder),
+        "encoder_weights": weights,
+        "encoder_precision": precision,
+        "device": target,
+    }
+
+
+def loaded_identity(
+    encoder: str | os.PathLike[str] | Encoder, device: str | torch.device | None, model: Encoder
+) -> dict[str, Any]:
+    """Return the same once `encoder` is loaded as `model`.
+
+    What was known before may not be what was loaded: the hub may have given other weights than those in its cache.
+    """
+    identity = model.identity()
+    known = find_identity(encoder, device)
+    if known is None or not str(known["encoder_weights"]).startswith(str(identity["encoder_weights"])):
+        return identity
+    same = all(known[name] == identity[name] for name in ("encoder_precision", "device"))
+    return known if same else identity
+
+
+def load_in_background(
+    encoder: str | os.PathLike[str], *, device: str | torch.device | None = None, **options: Any
+) -> Future[Encoder] | None:
+    """Load what `dfd.encoders.encode.load_encoder` loads on a thread of its own; the result raises what that raises.
+
+    None where it would have to be downloaded first, which is waited for, or interrupted, where its result is wanted.
+    """
+    if not is_cached(encoder):
+        return None
+
+    def load() -> Encoder:
+        from dfd.encoders.encode import load_encoder
+
+        return load_encoder(encoder, device=device, **options)
+
+    pool = ThreadPoolExecutor(1, "dfd-encoder")
+    loading = pool.submit(load)
+    pool.shutdown(wait=False)
+    return loading
