@@ -104,7 +104,8 @@ def part_colors(labels: ArrayLike) -> NDArray[np.float32]:
     hue = 2 * np.pi * (number * 0.618034 % 1)
     lightness = np.array([0.72, 0.6, 0.82])[number % 3]
     table = _from_oklab(np.stack([lightness, 0.13 * np.cos(hue), 0.13 * np.sin(hue)], axis=1))
-    return table[numbers].astype(np.float32)
+    colours: NDArray[np.float32] = table[numbers].astype(np.float32)
+    return colours
 
 
 def oklab(colors: NDArray[np.floating[Any]]) -> NDArray[np.float64]:

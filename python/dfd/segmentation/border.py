@@ -61,7 +61,8 @@ def snapped(patches: Patches, inside: Mask, held: int | None = None) -> Mask:
     left.eliminate_zeros()
     on_side = np.zeros(count + 2, bool)
     on_side[breadth_first_order(left, count, return_predecessors=False)] = True
-    return on_side[number][patches.twin]
+    result: Mask = on_side[number][patches.twin]
+    return result
 
 
 def pieces_of(patches: Patches, inside: Mask) -> NDArray[np.int64]:

@@ -114,7 +114,7 @@ class Hierarchy:
     def shown(self) -> NDArray[np.int64]:
         """(P,) the part of each patch in `cut`; what is too small for one goes where its border is the longest."""
         borders, area = self._patches.borders, self._patches.area
-        part = np.argmax([self.branches[node].inside for node in self.cut], axis=0)
+        part: NDArray[np.int64] = np.argmax([self.branches[node].inside for node in self.cut], axis=0)
         for small in sorted(set(part.tolist()), key=lambda number: area[part == number].sum()):
             if area[part == small].sum() >= LEAST_SHOWN:
                 break
@@ -157,4 +157,4 @@ def smoothed(patches: Patches, features: Float64) -> Float64:
         conductance = borders.graph(ease * np.exp(-steps / STEP**2))
         laplacian = diags_array(np.asarray(conductance.sum(axis=1)).ravel()) - conductance
         values = splu((area + DIFFUSION * laplacian).tocsc()).solve(area @ values)
-    return values
+    return np.asarray(values, np.float64)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +13,11 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from dfd.common import check
-from dfd.field.field import FieldOnMesh
+from dfd.field.field import Field
 from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 from dfd.segmentation.border import CRUMB, pieces_of, snapped
 from dfd.segmentation.hierarchy import Hierarchy
 from dfd.segmentation.patches import Patches
-
-if TYPE_CHECKING:
-    from dfd.field.field import Field
 
 __all__ = ["Level", "Parts", "parts"]
 
@@ -196,4 +193,4 @@ class Parts:
 def parts(field: Field, mesh: MeshLike) -> Parts:
     """Find the parts of `mesh`, or of whatever `dfd.load` makes one of, by the features that `field` gives there."""
     shape = as_mesh(mesh)
-    return Parts(shape, FieldOnMesh(field, shape).rows)
+    return Parts(shape, field.on(shape).rows)

@@ -140,8 +140,10 @@ def _surface(mesh: Mesh, nodes: Nodes, size: float) -> tuple[Float64, Float64, I
     area = np.linalg.norm(normal, axis=1)
     node = nodes.of_vertex[faces]
     count = len(nodes.center)
-    areas = np.bincount(node.ravel(), np.repeat(area / 3, 3), minlength=count)
-    normals = np.stack([np.bincount(node.ravel(), np.repeat(axis, 3), minlength=count) for axis in normal.T], axis=1)
+    areas: Float64 = np.bincount(node.ravel(), np.repeat(area / 3, 3), minlength=count).astype(np.float64)
+    normals: Float64 = np.stack(
+        [np.bincount(node.ravel(), np.repeat(axis, 3), minlength=count) for axis in normal.T], axis=1
+    )
     pairs, lengths = [], []
     for one, other in ((0, 1), (1, 2), (2, 0)):
         between = node[:, one] != node[:, other]
@@ -160,7 +162,8 @@ def _contracted(
     ends = np.sort(of[pairs].astype(np.int64), axis=1)
     apart = ends[:, 0] != ends[:, 1]
     key, which = np.unique(ends[apart] @ [count, 1], return_inverse=True)
-    return np.stack(np.divmod(key, count), axis=1), np.bincount(which, length[apart], minlength=len(key))
+    joined: Float64 = np.bincount(which, length[apart], minlength=len(key)).astype(np.float64)
+    return np.stack(np.divmod(key, count), axis=1).astype(np.int64), joined
 
 
 def _links(graph: csr_array, pairs: Indices) -> Indices:
@@ -200,4 +203,5 @@ def _summed(group: Indices, values: Float64, count: int) -> Float64:
 
 
 def _unit(vectors: Float64) -> Float64:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
+    unit: Float64 = vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
+    return unit

@@ -320,7 +320,7 @@ def test_a_point_of_space_has_the_normal_of_the_nearest_vertex(session, mesh):
     [
         ({"reach": 0}, r"Deformer.add: `reach` must be above 0, got 0"),
         ({"reach": -1}, r"Deformer.add: `reach` must be above 0, got -1"),
-        ({"reach": "far"}, r"Deformer.add: `reach` must be \"auto\" or a number above 0, got 'far'"),
+        ({"reach": "far"}, r"Deformer.add: `reach` must be \"auto\", \"part\" or a number above 0, got 'far'"),
         ({"falloff": "steep"}, r"Deformer.add: `falloff` must be one of linear, smooth, .*, got 'steep'"),
         ({"radius": 0}, r"Deformer.add: `radius` must be above 0, got 0"),
         ({"radius": "wide"}, r"Deformer.add: `radius` must be a length or a percentage such as 20%, got 'wide'"),
