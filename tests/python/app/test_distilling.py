@@ -14,7 +14,7 @@ from app_page import Page, Shape
 
 from dfd.app.options import SessionOptions, Source
 from dfd.app.session.distill_process import DistillProcess
-from dfd.app.session.preparation import USUAL, TimeLeft
+from dfd.app.session.preparation import USUAL_SECONDS, TimeLeft
 from dfd.app.web.launch import RunningApp
 
 
@@ -127,7 +127,7 @@ def test_one_distillation_at_a_time(shape: Shape, tmp_path: Path) -> None:
 
 def test_the_time_left_falls_to_nothing() -> None:
     left, now, last = TimeLeft(), 0.0, None
-    for stage, seconds in USUAL.items():
+    for stage, seconds in USUAL_SECONDS.items():
         for step in range(10):
             last = left.after(stage, step, 10, now + 2 * seconds * step / 10)
             assert last is not None
@@ -143,7 +143,7 @@ def test_the_time_left_follows_the_machine() -> None:
     left, now = TimeLeft(), 0.0
     for stage in ("read", "load", "simplify", "render"):
         left.after(stage, 0, None, now)
-        now += 3 * USUAL[stage]
+        now += 3 * USUAL_SECONDS[stage]
     told = left.after("encode", 0, 24, now)
-    assert told == pytest.approx(3 * (USUAL["encode"] + USUAL["smooth"] + USUAL["fit"]))
+    assert told == pytest.approx(3 * (USUAL_SECONDS["encode"] + USUAL_SECONDS["smooth"] + USUAL_SECONDS["fit"]))
     assert left.after("a stage of another kind", 0, 1, now) is None

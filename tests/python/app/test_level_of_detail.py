@@ -21,15 +21,15 @@ Arrays = tuple[NDArray[np.float64], NDArray[np.int32]]
 def checked(vertices: NDArray[np.float64], faces: NDArray[np.int32], most: int) -> CoarseLevel:
     """The level, which must be sound."""
     given = vertices.copy(), faces.copy()
-    level = coarse_level(vertices, faces, most=most)
+    level = coarse_level(vertices, faces, max_faces=most)
     np.testing.assert_array_equal(vertices, given[0], err_msg="inputs unchanged")
     np.testing.assert_array_equal(faces, given[1], err_msg="inputs unchanged")
     assert level is not None
     assert np.isin(level.faces, faces).all(), "only vertices that have faces"
-    assert len(level.faces) == len(level.stands_for) > 0
+    assert len(level.faces) == len(level.source_faces) > 0
     assert 2 * len(level.faces) <= len(faces)
-    assert (level.stands_for >= 0).all()
-    assert (level.stands_for < len(faces)).all()
+    assert (level.source_faces >= 0).all()
+    assert (level.source_faces < len(faces)).all()
     ordered = np.sort(level.faces, axis=1)
     assert (np.diff(ordered, axis=1) > 0).all(), "three corners each"
     assert len(np.unique(ordered, axis=0)) == len(ordered), "every face once"
@@ -99,10 +99,10 @@ def test_small_shapes_have_none() -> None:
 
 def test_shapes_without_an_area_have_none() -> None:
     faces = np.tile(np.array([[0, 1, 2]], np.int32), (5000, 1))
-    assert coarse_level(np.ones((3, 3)), faces, most=100) is None, "all in one point"
+    assert coarse_level(np.ones((3, 3)), faces, max_faces=100) is None, "all in one point"
     line = np.column_stack([np.linspace(0, 1, 5000), np.zeros(5000), np.zeros(5000)])
     along = np.arange(4998, dtype=np.int32)[:, None] + np.array([0, 1, 2], np.int32)
-    assert coarse_level(line, along, most=100) is None, "all on one line"
+    assert coarse_level(line, along, max_faces=100) is None, "all on one line"
 
 
 def test_a_flat_shape_has_one() -> None:
@@ -129,5 +129,5 @@ def test_soups_of_triangles(seed: int, count: int, most: int) -> None:
     random = np.random.default_rng(seed)
     vertices = random.standard_normal((count, 3)) * random.choice([1e-6, 1.0, 1e6], 3)
     faces = random.integers(0, count, (2000, 3)).astype(np.int32)
-    if coarse_level(vertices, faces, most=most) is not None:
+    if coarse_level(vertices, faces, max_faces=most) is not None:
         checked(vertices, faces, most)

@@ -153,7 +153,7 @@ def test_every_answer_holds_the_page_to_itself(known: bool) -> None:
 
 
 def test_frames_are_for_who_was_named() -> None:
-    headers = client(Rules(token="t", frames=("http://localhost:*",))).get("/").headers
+    headers = client(Rules(token="t", frame_ancestors=("http://localhost:*",))).get("/").headers
     assert headers["content-security-policy"].endswith("frame-ancestors http://localhost:*")
     assert "x-frame-options" not in headers
 

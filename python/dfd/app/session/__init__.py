@@ -1,1 +1,1 @@
-"""What one tab does, from its first message to its export."""
+"""The session of one tab: state, requests, columns, exports."""

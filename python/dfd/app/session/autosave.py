@@ -1,4 +1,4 @@
-"""What a session leaves on disk, so that it can go on after a reload, a crash or a rest: shape, field, edit, poses."""
+"""Saves a session to disk (shape, field, edit, poses), to restore it after a reload, a crash or idle time."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _POSES: TypeAdapter[tuple[KeyPose, ...]] = TypeAdapter(tuple[KeyPose, ...])
 
 
 class Saved(BaseModel):
-    """What was open: nothing where `source` is None, the start page."""
+    """What was open; with `source` None, the start page."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -32,7 +32,7 @@ class Saved(BaseModel):
 
 
 class Autosave:
-    """The files of one session in its folder."""
+    """The saved files of one session."""
 
     def __init__(self, folder: Path) -> None:
         self._manifest = folder / "session.json"
@@ -40,14 +40,14 @@ class Autosave:
         self._poses = folder / "poses.json"
 
     def saved(self) -> Saved | None:
-        """What was open when the session ended; None for a new one, or where the file cannot be read."""
+        """What was open when the session ended; None if there is no readable file."""
         try:
             return Saved.model_validate_json(self._manifest.read_bytes())
         except (OSError, ValueError):
             return None
 
     def save_opened(self, saved: Saved) -> None:
-        """Note what is open; another shape starts without edit and poses."""
+        """Save what is open; for another shape, delete the saved edit and poses."""
         before = self.saved()
         if before is None or before.source != saved.source:
             self.edit.unlink(missing_ok=True)
@@ -65,9 +65,8 @@ class Autosave:
             temporary.write_bytes(_POSES.dump_json(poses))
 
     def poses(self) -> tuple[KeyPose, ...]:
-        """The key poses that were written; none where there are none to read."""
+        """The saved key poses; empty if there is no readable file."""
         try:
-            # JSON has lists where the models have tuples; `validate_json` knows that.
             return _POSES.validate_json(self._poses.read_bytes())
         except (OSError, ValueError):
             return ()

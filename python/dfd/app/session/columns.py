@@ -1,4 +1,4 @@
-"""What the page makes weights of: a column of distances for each handle, sent once and again when it changes."""
+"""The columns of distances, one per handle, from which the page computes weights; sent only when they change."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ if TYPE_CHECKING:
     from dfd.editing.influence.instances import Instance
     from dfd.editing.points import Place
 
-__all__ = ["Columns", "column_kind", "heat_message", "nearest"]
+__all__ = ["Columns", "column_kind", "feature_distances", "heat_message"]
 
-FARTHEST = 2.0  # unit rows are never farther apart
-STEPS = 65535  # that a column's numbers have
+MAX_DISTANCE = 2.0  # between unit vectors
+UINT16_MAX = 65535  # quantization steps of a column
 
 Arrays = dict[str, NDArray[Any]]
 
 
 class Columns:
-    """The columns of one session, numbered, and which of them the page has, with or without their instances."""
+    """The numbered columns of one session, and which of them (and of their instances) the page has received."""
 
     def __init__(self, deformer: Deformer) -> None:
         self._deformer = deformer
         self._numbers: dict[Hashable, int] = {}
         self._sent: set[int] = set()
-        self._whole: set[int] = set()  # of those sent, the ones whose instances were sent too
+        self._complete: set[int] = set()  # columns whose instances were sent as well
 
     def of_handle(self, handle: Handle) -> int:
         """The number of a handle's column."""
@@ -52,19 +52,19 @@ class Columns:
         return self._number(("fixed", fixed)) if fixed else 0
 
     def forget(self) -> None:
-        """Know of a page that has none."""
+        """Mark all columns as not sent: a new page has connected."""
         self._sent.clear()
-        self._whole.clear()
+        self._complete.clear()
 
     @property
     def has_pending(self) -> bool:
-        """Whether there are columns of the present edit whose instances the page has not got."""
+        """Whether there are columns of the present edit whose instances were not sent yet."""
         return bool(self._pending())
 
     def message(self) -> bytes | None:
-        """The columns of the present edit that the page has not got; None where it has them all.
+        """The columns of the present edit that were not sent yet; None if all were.
 
-        They come without their instances, which take longer to find than a person waits for a heat map.
+        Instances follow separately, because computing them would delay the heat map.
         """
         deformer = self._deformer
         wanted: dict[int, int | None] = {self.of_handle(handle): i for i, handle in enumerate(deformer.handles)}
@@ -79,21 +79,21 @@ class Columns:
         for number, handle in missing.items():
             if handle is None:
                 arrays[f"values{number}"] = _packed(deformer.bound.held(deformer.edit), 1.0)
-                entries.append(_entry(number, "weight"))
+                entries.append(_column_entry(number, "weight"))
             else:
                 entries.append(self._handle_entry(number, handle, arrays))
         message = pack(ColumnsMessage, arrays, columns=tuple(entries))
         self._sent |= set(missing)
-        self._whole &= self._sent - set(missing)
+        self._complete &= self._sent - set(missing)
         return message
 
     def instances_message(self) -> bytes | None:
-        """The instances of one of the columns that were sent without; None where there are none such."""
+        """The instances of one pending column; None if nothing is pending."""
         pending = self._pending()
         if not pending:
             return None
         number, index = next(iter(pending.items()))
-        self._whole.add(number)  # also where it fails: once is enough
+        self._complete.add(number)  # before computing: a failure is not retried
         arrays: Arrays = {}
         found: list[InstanceEntry] = []
         for instance, gain in self._acting(self._deformer.handles[index], index):
@@ -108,7 +108,7 @@ class Columns:
         """The instances through which the handle at `index` acts, and the gain of each."""
         bound, edit = self._deformer.bound, self._deformer.edit
         if handle.controls.instances == "own" and not handle.controls.level:
-            # Without the weights of all handles, which a person need not wait for.
+            # Gains are 1, so the weights of all handles need not be computed.
             return [(instance, 1.0) for instance, on in bound.instances(edit, handle) if on]
         columns = bound.columns(edit)[1]
         return [
@@ -118,9 +118,9 @@ class Columns:
         ]
 
     def _pending(self) -> dict[int, int]:
-        """The handles whose instances are still to be sent, by the numbers of their columns."""
+        """Column number to handle index, for instances still to be sent."""
         numbers = {self.of_handle(handle): i for i, handle in enumerate(self._deformer.handles) if _instanced(handle)}
-        return {number: i for number, i in numbers.items() if number in self._sent and number not in self._whole}
+        return {number: i for number, i in numbers.items() if number in self._sent and number not in self._complete}
 
     def _handle_entry(self, number: int, index: int, arrays: Arrays) -> ColumnEntry:
         """The column of the handle at `index`; its buffers go into `arrays`."""
@@ -130,32 +130,32 @@ class Columns:
         geodesic = None
         if kind == "weight":
             whole = deformer.weights[:, index]
-            if not _instanced(handle):  # what its instances make of it together
+            if not _instanced(handle):  # the sum over its instances
                 weights, columns = deformer.bound.columns(deformer.edit)
                 whole = weights[:, [column.handle for column in columns].index(index)]
             arrays[f"values{number}"] = _packed(whole, 1.0)
         else:
-            arrays[f"values{number}"] = _packed(nearest(deformer, handle.place), FARTHEST)
+            arrays[f"values{number}"] = _packed(feature_distances(deformer, handle.place), MAX_DISTANCE)
             _, along, _ = deformer.bound.locality(deformer.edit, handle)
             if along is not None:
                 geodesic = f"geodesic{number}"
                 arrays[geodesic] = _packed(along, 1.0)
-        return _entry(number, kind, geodesic)
+        return _column_entry(number, kind, geodesic)
 
     def _key(self, handle: Handle) -> Hashable:
-        """What the handle's column depends on besides mesh and field; equal keys are the same column."""
+        """Everything the handle's column depends on besides mesh and field; equal keys mean equal columns."""
         edit = self._deformer.edit
         controls = handle.controls
         sources, _, _ = self._deformer.bound.locality(edit, handle)
         kind = column_kind(handle)
         if kind == "distance" and not controls.level:
-            # Instances are found by looks alone, so that reach and falloff stay the page's own.
+            # Instances depend on features alone, so reach and falloff change without a new column.
             instances = None
             if _instanced(handle):
                 axes = handle.transform.axes if handle.transform.along is not None else None
                 instances = (controls.instances, controls.without_instances, edit.symmetry, axes)
             return (kind, handle.place, sources, edit.bridges, controls.radius, instances)
-        # What weights are when they are sent as such, or are at the counterparts, depends on all that shapes them.
+        # Weights sent as such, and those at instances, depend on every control.
         return (kind, handle.place, sources, edit.bridges, controls, edit.fixed, edit.arrive, edit.symmetry)
 
     def _number(self, key: Hashable) -> int:
@@ -163,7 +163,7 @@ class Columns:
 
 
 def column_kind(handle: Handle) -> Literal["distance", "weight"]:
-    """What travels of a handle: weights where they are more than a curve over distances."""
+    """What is sent of a handle: "weight" where weights are not a function of one distance per vertex."""
     controls = handle.controls
     shared = controls.instances == "together" and (controls.level or bool(controls.without_instances))
     return "weight" if handle.place.region is not None or controls.within is not None or shared else "distance"
@@ -175,30 +175,30 @@ def _instanced(handle: Handle) -> bool:
 
 def heat_message(deformer: Deformer, place: Place, *, request: int) -> bytes:
     """The answer to `probe`."""
-    values = _packed(nearest(deformer, place), FARTHEST)
-    return pack(HeatMessage, {"values": values}, id=request, vertex=place.vertex, scale=FARTHEST)
+    values = _packed(feature_distances(deformer, place), MAX_DISTANCE)
+    return pack(HeatMessage, {"values": values}, id=request, vertex=place.vertex, scale=MAX_DISTANCE)
 
 
-def nearest(deformer: Deformer, place: Place) -> NDArray[np.float32]:
+def feature_distances(deformer: Deformer, place: Place) -> NDArray[np.float32]:
     """(V,) in [0, 2], the distance of each vertex from `place` in feature space."""
-    distances: NDArray[np.float32] = bind(deformer.features, deformer.bound.asked(place), reach=FARTHEST)[:, 0]
+    distances: NDArray[np.float32] = bind(deformer.features, deformer.bound.asked(place), reach=MAX_DISTANCE)[:, 0]
     np.subtract(1.0, distances, out=distances)
-    distances *= FARTHEST
+    distances *= MAX_DISTANCE
     return distances
 
 
-def _entry(number: int, kind: Literal["distance", "weight"], geodesic: str | None = None) -> ColumnEntry:
+def _column_entry(number: int, kind: Literal["distance", "weight"], geodesic: str | None = None) -> ColumnEntry:
     return ColumnEntry(
         column=number,
         kind=kind,
         values=f"values{number}",
-        scale=FARTHEST if kind == "distance" else 1.0,
+        scale=MAX_DISTANCE if kind == "distance" else 1.0,
         geodesic=geodesic,
     )
 
 
 def _packed(values: NDArray[np.floating[Any]], scale: float) -> NDArray[np.uint16]:
-    """Numbers in [0, `scale`] as steps."""
-    scaled = values * np.float32(STEPS / scale)
+    """Values in [0, `scale`], quantized to 16 bits."""
+    scaled = values * np.float32(UINT16_MAX / scale)
     np.rint(scaled, out=scaled)
-    return scaled.clip(0, STEPS, out=scaled).astype(np.uint16)
+    return scaled.clip(0, UINT16_MAX, out=scaled).astype(np.uint16)

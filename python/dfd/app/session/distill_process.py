@@ -1,8 +1,8 @@
-"""A distillation in a process of its own, so that it can be stopped at any moment and take nothing down with it.
+"""A distillation in a process of its own, so that it can be stopped at any time and a crash affects nothing else.
 
-    python -m dfd.app.session.distill_process     reads its order, pickled; writes JSON lines, how far it is
+    python -m dfd.app.session.distill_process     reads a pickled job; writes progress as JSON lines
 
-It ends when its input ends, and so with whoever started it.
+It exits when its input is closed, and so together with its parent process.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ INTERVAL = 0.1  # seconds between two lines about one stage
 
 
 class DistillProcess:
-    """The process, from outside.
+    """The parent's side of the process.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class DistillProcess:
     options
         The encoder and the settings.
     folder
-        Of the session: the field is written into it, and what is done until then is kept there.
+        The session's, for the checkpoint and the field.
     """
 
     def __init__(self, source: Source, options: SessionOptions, folder: Path, lock: Path | None) -> None:
@@ -51,12 +51,12 @@ class DistillProcess:
         self._process.stdin.flush()
 
     def run(self, tell: Callable[[str, int, int | None], object]) -> Path | None:
-        """Wait for the field's file; None if it was cancelled. `tell` hears stages, what is done and of how much.
+        """Wait for the field's file; None if cancelled. `tell` is called with a stage, items done and their total.
 
         Raises
         ------
         ValueError
-            With a sentence, if there is no field.
+            If the distillation failed.
         """
         assert self._process.stdout is not None
         result: dict[str, Any] = {}
@@ -74,13 +74,13 @@ class DistillProcess:
         raise ValueError(result.get("error", f"The distillation ended before it was done{lost}"))
 
     def cancel(self) -> None:
-        """Stop it; what is done is kept for the next one."""
+        """Stop it; the checkpoint stays, so the next one resumes."""
         self._cancelled = True
         self._process.kill()
 
 
-class TellingStages(Stages):
-    """Stages that write how far they are, a JSON line each."""
+class JsonStages(Stages):
+    """Stages that write their progress as JSON lines."""
 
     def __init__(self, stream: IO[str]) -> None:
         super().__init__(show=False)
@@ -93,16 +93,16 @@ class TellingStages(Stages):
 
     @contextmanager
     def stage(self, name: str, total: int | None = None) -> Iterator[Any]:
-        """Time the block under `name` and tell of every step, though not too often."""
-        done, told = 0, time.monotonic()
+        """Time the block under `name` and write its progress, at most once per `INTERVAL`."""
+        done, written = 0, time.monotonic()
         self.tell(stage=name, done=0, total=total)
 
         def advance(count: int = 1) -> None:
-            nonlocal done, told
+            nonlocal done, written
             done += count
             now = time.monotonic()
-            if now - told >= INTERVAL or done == total:
-                told = now
+            if now - written >= INTERVAL or done == total:
+                written = now
                 self.tell(stage=name, done=done, total=total)
 
         with super().stage(name, total):
@@ -110,14 +110,14 @@ class TellingStages(Stages):
 
 
 def main() -> None:
-    """Carry out the order that the input begins with."""
-    # Whatever a library prints would be taken for an answer.
-    stages = TellingStages(os.fdopen(os.dup(1), "w", encoding="utf-8"))
+    """Run the job read from the input."""
+    # Redirect stdout to stderr: output of libraries must not mix with the JSON lines.
+    stages = JsonStages(os.fdopen(os.dup(1), "w", encoding="utf-8"))
     os.dup2(2, 1)
     source, options, folder, lock = pickle.load(sys.stdin.buffer)
     threading.Thread(target=_end_with_input, daemon=True).start()
     try:
-        with _alone(lock, stages):
+        with _exclusive(lock, stages):
             path = _distill(source, options, folder, stages)
     except MemoryError as error:
         stages.tell(error=": ".join(["Memory ran out", *filter(None, [str(error)])]))
@@ -127,7 +127,7 @@ def main() -> None:
         stages.tell(field=str(path))
 
 
-def _distill(source: Source, options: SessionOptions, folder: Path, stages: TellingStages) -> Path:
+def _distill(source: Source, options: SessionOptions, folder: Path, stages: JsonStages) -> Path:
     from dfd.distillation.distill import distill
 
     with stages.stage("read"):
@@ -144,11 +144,8 @@ def _end_with_input() -> None:
 
 
 @contextmanager
-def _alone(lock: Path | None, stages: TellingStages) -> Iterator[None]:
-    """Wait until no other distillation of the same server runs: two at once would take twice as long each.
-
-    What the other one made may be what this one is for; it then finds it in the cache.
-    """
+def _exclusive(lock: Path | None, stages: JsonStages) -> Iterator[None]:
+    """Wait until no other distillation of the same server runs: two at once would each take twice as long."""
     if lock is None:
         yield
         return
@@ -161,7 +158,7 @@ def _alone(lock: Path | None, stages: TellingStages) -> Iterator[None]:
 
 
 def try_lock(stream: IO[str]) -> bool:
-    """Whether this process holds the file's lock now; the system releases it when the process ends, however that is."""
+    """Whether this process holds the file's lock now; the system releases it when the process ends in any way."""
     try:
         if sys.platform == "win32":
             import msvcrt

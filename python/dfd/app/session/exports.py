@@ -1,4 +1,4 @@
-"""Files that a person takes along: the posed mesh from the C++ kernel, the edit, the field. Each is served once."""
+"""Files for download: the posed mesh from the C++ kernel, the edit, the field. Each is served once."""
 
 from __future__ import annotations
 
@@ -26,81 +26,81 @@ LONGEST_STEM = 80
 def export(
     deformer: Deformer, kind: str, name: str, folder: Path, poses: Sequence[parts.KeyPose] = ()
 ) -> tuple[str, str]:
-    """Write what `kind` says, a format of the protocol, and return its address, relative to the page, and name.
+    """Write a file of the format `kind` (see the protocol); return its URL, relative to the page, and its name.
 
     `name` is the shape's, `folder` the session's, `poses` are those of the timeline.
 
     Raises
     ------
     ValueError
-        If an animation is asked for and there are fewer than two poses, or two at one moment.
+        If an animation is requested with fewer than two poses, or with two at the same time.
     OSError
         If it cannot be written.
     """
     number = secrets.token_hex(16)
-    place = folder / EXPORTS / number
-    place.mkdir(parents=True)
+    directory = folder / EXPORTS / number
+    directory.mkdir(parents=True)
     stem = file_stem(name)
     try:
         if kind == "edit":
-            path = place / f"{stem}_edit.json"
-            write_edit(path, deformer.edit, deformer.mesh)  # without the places of files here, which are nobody else's
+            path = directory / f"{stem}_edit.json"
+            write_edit(path, deformer.edit, deformer.mesh)  # without paths of this machine
         elif kind == "field":
-            path = place / f"{stem}.field.safetensors"
+            path = directory / f"{stem}.field.safetensors"
             deformer.field.save(path)
         elif kind == "animation":
-            path = place / f"{stem}_poses.glb"
+            path = directory / f"{stem}_poses.glb"
             _animation(deformer, path, poses)
         else:
-            path = _mesh(deformer, place, f"{stem}_edited", kind)
+            path = _mesh(deformer, directory, f"{stem}_edited", kind)
     except BaseException:
-        shutil.rmtree(place, ignore_errors=True)
+        shutil.rmtree(directory, ignore_errors=True)
         raise
     return f"download/{folder.name}/{number}", path.name
 
 
 def file_stem(name: str) -> str:
-    """A file's name without its ending, made of what every system takes."""
+    """A file's name without its ending, of characters that every file system accepts."""
     stem = re.sub(r"\.[A-Za-z0-9]{1,8}$", "", name)
     return re.sub(r"[^\w-]+", "_", stem)[:LONGEST_STEM].strip("_") or "mesh"
 
 
 def _animation(deformer: Deformer, path: Path, poses: Sequence[parts.KeyPose]) -> None:
-    """The shape on joints, or on morph targets where it is on joints of its own, moving from pose to pose."""
+    """An animation through the poses: a skin, or morph targets if the mesh has a skin already."""
     from dfd.export.export_rig import export_rig
     from dfd.export.key_poses import KeyPose
 
     if len(poses) < 2:
         raise ValueError("Store at least two poses on the timeline: the animation goes from one to the next")
-    present = {handle.id for handle in deformer.handles}
-    moments = [
+    existing = {handle.id for handle in deformer.handles}
+    key_poses = [
         KeyPose(
             pose.seconds,
             {
                 each.handle: Transform(each.translation, each.rotation, each.scale, each.pivot, each.axes)
                 for each in pose.transforms
-                if each.handle in present
+                if each.handle in existing
             },
             pose.name,
         )
         for pose in poses
     ]
     try:
-        export_rig(deformer, path, form="skin", poses=moments)
-    except ValueError as refused:
+        export_rig(deformer, path, form="skin", poses=key_poses)
+    except ValueError as skin_error:
         try:
-            export_rig(deformer, path, form="morph", poses=moments)
+            export_rig(deformer, path, form="morph", poses=key_poses)
         except ValueError:
-            raise refused from None
+            raise skin_error from None
 
 
-def _mesh(deformer: Deformer, place: Path, stem: str, kind: str) -> Path:
-    """The posed mesh as one file: a zip where the format needs others beside it."""
-    written = place / "files"
+def _mesh(deformer: Deformer, directory: Path, stem: str, kind: str) -> Path:
+    """The posed mesh as one file: a zip if the format needs several."""
+    written = directory / "files"
     written.mkdir()
     deformer.mesh.save(written / f"{stem}.{kind}", deformer.vertices)
     files = sorted(written.iterdir())
-    path = place / (f"{stem}.{kind}" if len(files) == 1 else f"{stem}.zip")
+    path = directory / (f"{stem}.{kind}" if len(files) == 1 else f"{stem}.zip")
     if len(files) == 1:
         files[0].rename(path)
     else:

@@ -1,7 +1,7 @@
-"""A shape over few of its own vertices, drawn while the whole takes too long: vertex clustering (Rossignac 1993).
+"""A coarse level of a large mesh, drawn while the full one is too slow: vertex clustering (Rossignac 1993).
 
-A grid of cubes is laid over the shape; of each cube one vertex stands for all in it, and faces within a cube or between
-two vanish. Vertices are chosen, not made, so that their weights, looks and numbers are those of the whole.
+The vertices in each cube of a regular grid are merged into one of them; faces that then degenerate are dropped. Because
+vertices are selected, not created, the coarse level shares weights, materials and indices with the full mesh.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 __all__ = ["MOST_FACES", "CoarseLevel", "coarse_level"]
 
-MOST_FACES = 16_000  # a processor draws about as many, posed anew, sixty times a second
+MOST_FACES = 16_000  # about as many as a CPU poses and draws 60 times a second
 FINEST_GRID = 256  # cubes along the longest side
 FACES_PER_CUBE = 2.0  # closed surfaces have two faces per vertex
-SAMPLES = 200_000  # vertices that tell how many cubes a grid fills
+SAMPLES = 200_000  # vertices used to count the cubes that a grid fills
 
 Ints = NDArray[np.int32]
 Floats = NDArray[np.float32]
@@ -24,35 +24,35 @@ Floats = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class CoarseLevel:
-    """Faces (K, 3) over the mesh's own vertices, and (K,) the face of the mesh that each stands for."""
+    """Faces (K, 3) over the vertices of the mesh, and (K,) the face of the mesh that each came from."""
 
     faces: Ints
-    stands_for: Ints
+    source_faces: Ints
 
-    def sorted_by(self, kind: NDArray[np.integer]) -> CoarseLevel:
-        """The same faces, in the order of what `kind` (F,) says of those that they stand for."""
-        order = np.argsort(kind[self.stands_for], kind="stable")
-        return CoarseLevel(self.faces[order], self.stands_for[order])
+    def sorted_by(self, keys: NDArray[np.integer]) -> CoarseLevel:
+        """The same faces, sorted by the `keys` (F,) of their source faces."""
+        order = np.argsort(keys[self.source_faces], kind="stable")
+        return CoarseLevel(self.faces[order], self.source_faces[order])
 
 
-def coarse_level(vertices: NDArray[np.float64], faces: Ints, *, most: int = MOST_FACES) -> CoarseLevel | None:
-    """About `most` faces at most of a shape with vertices (V, 3) and faces (F, 3); None where they save less than half.
+def coarse_level(vertices: NDArray[np.float64], faces: Ints, *, max_faces: int = MOST_FACES) -> CoarseLevel | None:
+    """About `most` faces at most of a shape with vertices (V, 3) and faces (F, 3); None if that saves less than half.
 
-    Every cube of the grid in which there is a face with an area keeps one, so that thin and small pieces stay seen.
+    Every cube that contains a face of nonzero area keeps one, so that thin and small parts stay visible.
     """
-    if len(faces) < 2 * most:
+    if len(faces) < 2 * max_faces:
         return None
     used = np.zeros(len(vertices), bool)
     used[faces] = True
     numbers = np.flatnonzero(used).astype(np.int32)
     points = _within_unit_cube(vertices[numbers])
-    clusters = _Clusters(points, _finest(points, most / FACES_PER_CUBE))
+    clusters = _Clusters(points, _finest_grid(points, max_faces / FACES_PER_CUBE))
     local = np.cumsum(used, dtype=np.int32) - np.int32(1)
     corners = faces if used.all() else local[faces]
-    found, stands_for = _clustered(clusters, points, corners)
+    found, source_faces = _clustered(clusters, points, corners)
     if len(found) == 0 or 2 * len(found) > len(faces):
         return None
-    return CoarseLevel(numbers[found], stands_for)
+    return CoarseLevel(numbers[found], source_faces)
 
 
 def _within_unit_cube(points: NDArray[np.float64]) -> Floats:
@@ -72,20 +72,20 @@ def _cubes(points: Floats, grid: int) -> Ints:
     return cubes
 
 
-def _finest(points: Floats, most: float) -> int:
-    """The finest grid of which the points fill at most so many cubes."""
+def _finest_grid(points: Floats, max_cubes: float) -> int:
+    """The finest grid of which the points fill at most `max_cubes` cubes."""
     some = points[:: max(len(points) // SAMPLES, 1)]
     low, high = 1, FINEST_GRID + 1
     while high - low > 1:
         grid = (low + high) // 2
         filled = np.zeros(grid**3, bool)
         filled[_cubes(some, grid)] = True
-        low, high = (grid, high) if np.count_nonzero(filled) <= most else (low, grid)
+        low, high = (grid, high) if np.count_nonzero(filled) <= max_cubes else (low, grid)
     return low
 
 
 class _Clusters:
-    """The points of each cube: `of` (N,) their cluster, and of each cluster the `middle` and the `rim` one."""
+    """Points by cube: `of` (N,) their cluster; per cluster, `middle` is the point nearest to the mean, `rim` far from it."""
 
     def __init__(self, points: Floats, grid: int) -> None:
         cubes = _cubes(points, grid)
@@ -96,11 +96,11 @@ class _Clusters:
         sizes = np.bincount(self.of, minlength=self.count)
         sums = np.stack([np.bincount(self.of, points[:, k], self.count) for k in range(3)], axis=1)
         means = (sums / sizes[:, None]).astype(np.float32)
-        self.middle = self._first_least(_squared(points - means[self.of]))
-        self.rim = self._first_least(-_squared(points - points[self.middle][self.of]))
+        self.middle = self._first_minimum(_squared(points - means[self.of]))
+        self.rim = self._first_minimum(-_squared(points - points[self.middle][self.of]))
 
-    def _first_least(self, values: Floats) -> Ints:
-        """(C,) of each cluster the first point with the least value."""
+    def _first_minimum(self, values: Floats) -> Ints:
+        """(C,) per cluster, the first point with the minimal value."""
         least = np.full(self.count, np.inf, np.float32)
         np.minimum.at(least, self.of, values)
         hits = np.flatnonzero(values == least[self.of])[::-1]
@@ -117,19 +117,19 @@ def _clustered(clusters: _Clusters, points: Floats, corners: Ints) -> tuple[Ints
     splits = apart[0] | apart[1] | apart[2]
     found, came_from = [clusters.middle[ends[spans]]], [np.flatnonzero(spans)]
 
-    # What is thinner than a cube has faces between two clusters at most: ribbons, as wide as it, join them.
-    lost = _without(clusters.count, ends[spans])
-    joins = splits & ~spans & _any(lost, ends)
+    # A part thinner than a cube has faces between at most two clusters: keep ribbons of its width that join them.
+    lost = _unused(clusters.count, ends[spans])
+    joins = splits & ~spans & _any_marked(lost, ends)
     here, there = _pairs(ends[joins])
     here, there = np.where(lost[here], here, there), np.where(lost[here], there, here)
     found.append(np.stack([clusters.middle[here], clusters.rim[here], clusters.middle[there]], axis=1))
     came_from.append(np.flatnonzero(joins))
 
-    # What lies in one cube alone keeps its largest face.
+    # A part inside a single cube keeps its largest face.
     areas = _areas(points, found[1])
     found[1], came_from[1] = found[1][areas > 0], came_from[1][areas > 0]
-    lost = lost & _without(clusters.count, clusters.of[found[1]])
-    within = np.flatnonzero(_any(lost, ends))
+    lost = lost & _unused(clusters.count, clusters.of[found[1]])
+    within = np.flatnonzero(_any_marked(lost, ends))
     largest = _largest(_areas(points, corners[within]), ends[within], lost)
     found.append(corners[within[largest]])
     came_from.append(within[largest])
@@ -147,12 +147,12 @@ def _squared(offsets: Floats) -> Floats:
     return squares
 
 
-def _any(marked: NDArray[np.bool_], ends: Ints) -> NDArray[np.bool_]:
+def _any_marked(marked: NDArray[np.bool_], ends: Ints) -> NDArray[np.bool_]:
     """(N,) whether one of (N, 3) is marked."""
     return marked[ends[:, 0]] | marked[ends[:, 1]] | marked[ends[:, 2]]
 
 
-def _without(count: int, ends: Ints) -> NDArray[np.bool_]:
+def _unused(count: int, ends: Ints) -> NDArray[np.bool_]:
     """(count,) which clusters are in none of `ends`."""
     lost = np.ones(count, bool)
     lost[ends] = False

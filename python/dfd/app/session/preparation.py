@@ -1,4 +1,4 @@
-"""The field of one shape: found, opened or made in the background, and asked for the features of all vertices."""
+"""Background work for one shape: find, open or distill its field, then evaluate the features of all vertices."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ class Preparation:
     Parameters
     ----------
     mesh, source
-        The shape, and where another process can read it.
+        The shape, and the source from which another process reads it.
     options
         The encoder and the settings of a distillation.
     folder
-        Of the session, for the field's file.
+        The session's, where the field is saved.
     lock
-        A file that one distillation at a time holds.
+        A lock file, so that only one distillation runs at a time.
     session
-        The session, whose methods `field_…` are called as the work goes on.
+        The session, whose methods `field_…` are called with progress and results.
     post
-        Carries a call to the session's thread.
+        Runs a call on the session's thread.
     """
 
     def __init__(
@@ -52,8 +52,8 @@ class Preparation:
         self._dropped = False
         self._process: DistillProcess | None = None
 
-    def look(self) -> None:
-        """Look into the cache for a field of the shape, and open it."""
+    def find_cached(self) -> None:
+        """Search the cache for a field of the shape, and open it."""
         self._start("prepare", self._find)
 
     def open(self, path: Path, origin: str) -> None:
@@ -61,7 +61,7 @@ class Preparation:
         self._start("prepare", lambda: self._prepare(path, origin))
 
     def distill(self) -> None:
-        """Make the field."""
+        """Distill the field in a process of its own."""
         self._process = DistillProcess(self._source, self._options, self._folder, self._lock)
         self._start("distill", self._distill)
 
@@ -99,9 +99,9 @@ class Preparation:
 
         given = self._options.distill_arguments()
         encoder = given.pop("encoder")
-        look, device = given.pop("cache", True), given.pop("device", None)
-        settings, place = DistillSettings(**given), None if device is None else str(device)
-        found = find_distilled(self._mesh, encoder, settings, device=place) if look else None
+        use_cache, device = given.pop("cache", True), given.pop("device", None)
+        settings, device_name = DistillSettings(**given), None if device is None else str(device)
+        found = find_distilled(self._mesh, encoder, settings, device=device_name) if use_cache else None
         if found is None:
             self._tell("field_missing")
             return
@@ -135,18 +135,18 @@ class Preparation:
             warnings.simplefilter("always", UserWarning)
             field = Field.load(path, mesh=self._mesh)
             deformer = Deformer(self._mesh, field, preset=self._options.preset)
-        told = [str(each.message) for each in caught if issubclass(each.category, UserWarning)]
-        count, done, said = len(self._mesh.vertices), 0, 0.0
+        messages = [str(each.message) for each in caught if issubclass(each.category, UserWarning)]
+        count, done, reported = len(self._mesh.vertices), 0, 0.0
 
         def advance(rows: int) -> None:
-            nonlocal done, said
+            nonlocal done, reported
             done += rows
-            if time.monotonic() - said > 0.1:
-                said = time.monotonic()
+            if time.monotonic() - reported > 0.1:
+                reported = time.monotonic()
                 self._tell("field_progress", "prepare", "features", done, count, None)
 
         deformer.prepare(advance)
-        self._tell("field_ready", deformer, path, origin, told)
+        self._tell("field_ready", deformer, path, origin, messages)
         planes = {
             preset: symmetry_planes(field, self._mesh, candidates=defaults.candidates, threshold=defaults.threshold)
             for preset, defaults in PRESETS.items()
@@ -155,13 +155,13 @@ class Preparation:
         self._tell("field_planes", planes)
 
 
-# Seconds of each stage of a distillation with the default settings on two cores, in their order. Only their proportions
-# matter: how fast this machine is shows in the stages that it has done.
-USUAL = {"read": 0.5, "load": 5.0, "simplify": 1.0, "render": 1.0, "encode": 8.0, "smooth": 1.5, "fit": 4.0}
+# Seconds of each stage of a distillation with the default settings on two cores, in order. Only the proportions
+# matter: the speed of this machine is estimated from the stages already finished.
+USUAL_SECONDS = {"read": 0.5, "load": 5.0, "simplify": 1.0, "render": 1.0, "encode": 8.0, "smooth": 1.5, "fit": 4.0}
 
 
 class TimeLeft:
-    """Estimates the seconds that are left from the steps that were done."""
+    """Estimates the seconds left from the finished steps."""
 
     def __init__(self) -> None:
         self._stage: str | None = None
@@ -169,22 +169,22 @@ class TimeLeft:
         self._spent: dict[str, float] = {}
 
     def after(self, stage: str, done: int, total: int | None, now: float) -> float | None:
-        """Seconds left when `done` of `total` items of `stage` are done at the time `now`; None when nothing tells."""
+        """Seconds left when `done` of `total` items of `stage` are done at time `now`; None if unknown."""
         if stage != self._stage:
             if self._stage is not None:
                 self._spent[self._stage] = self._spent.get(self._stage, 0.0) + now - self._start
             self._stage, self._start = stage, now
-        if stage not in USUAL:
+        if stage not in USUAL_SECONDS:
             return None
-        names = list(USUAL)
-        later = sum(USUAL[name] for name in names[names.index(stage) + 1 :])
-        known = [name for name in self._spent if name in USUAL]
-        usual = sum(USUAL[name] for name in known)
+        names = list(USUAL_SECONDS)
+        later = sum(USUAL_SECONDS[name] for name in names[names.index(stage) + 1 :])
+        known = [name for name in self._spent if name in USUAL_SECONDS]
+        usual = sum(USUAL_SECONDS[name] for name in known)
         pace = sum(self._spent[name] for name in known) / usual if usual > 0 else 1.0
-        here = max(USUAL[stage] * pace - (now - self._start), 0.0)
+        stage_left = max(USUAL_SECONDS[stage] * pace - (now - self._start), 0.0)
         if total and done:
-            here = (now - self._start) * (total - done) / done
-            # What this stage shows of the machine's pace counts as far as it has come.
-            share = done / total
-            pace = (1 - share) * pace + share * (now - self._start) / (USUAL[stage] * share)
-        return here + later * pace
+            stage_left = (now - self._start) * (total - done) / done
+            # Weight this stage's measured pace by how much of it is done.
+            fraction = done / total
+            pace = (1 - fraction) * pace + fraction * (now - self._start) / (USUAL_SECONDS[stage] * fraction)
+        return stage_left + later * pace

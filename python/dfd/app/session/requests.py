@@ -1,4 +1,4 @@
-"""What a session does for each message of the page: a function each, whose parameters are what the message holds."""
+"""The requests of the page, a function each: its parameters are the fields of the message."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ NO_TRANSFORM, NO_CONTROLS = Transform(), Controls()
 
 
 def answer(session: Session, message: Request) -> None:
-    """Do what the page asks, and answer; whatever goes wrong is said, and the session goes on."""
+    """Handle a request and send the answer; an exception becomes a `failure` message."""
 
     def work() -> None:
         reply = call(session, message)
@@ -68,7 +68,7 @@ def answer(session: Session, message: Request) -> None:
     session.guarded(message.id, work)
 
 
-# --- opening and making
+# --- opening, distilling
 
 
 @request
@@ -85,29 +85,29 @@ def close_mesh(session: Session) -> None:
 
 @request
 def distill(session: Session) -> None:
-    """Make the shape's field, in the background: `progress`, then `state` and `columns`."""
+    """Distill the shape's field in the background. Sends `progress`, then `state` and `columns`."""
     session.distill()
 
 
 @request
 def cancel(session: Session) -> None:
-    """Stop the distillation; what is done is kept for the next one."""
+    """Stop the distillation; finished steps are kept, so the next one resumes."""
     session.cancel()
 
 
-# --- looking
+# --- queries
 
 
 @request
 def probe(session: Session, at: VertexPlace | PointPlace) -> bytes:
-    """The column that a handle at `at` would have; a newer one overtakes it unanswered. Answer: `heat`."""
+    """The column that a handle at `at` would have; a newer request replaces it unanswered. Answer: `heat`."""
     deformer = session.require_deformer()
     return heat_message(deformer, place_on(deformer.mesh, _at(session, at)), request=session.after)
 
 
 @request
 def compute(session: Session) -> bytes:
-    """The posed shape from the kernel. Answer: `positions`; a newer one overtakes it unanswered."""
+    """The posed shape from the kernel. Answer: `positions`; a newer request replaces it unanswered."""
     return positions_message(session.require_deformer(), request=session.after)
 
 
@@ -132,7 +132,7 @@ def suggest(session: Session, count: Annotated[int, Field(ge=1, le=64)] = 12) ->
 
 @request
 def instances(session: Session, handle: int) -> Answer:
-    """The places that look like the one a handle holds, and whether each moves along. Answer: `similar`."""
+    """The handle's similar points, and whether each follows the handle. Answer: `similar`."""
     places = []
     for instance, on in session.require_deformer().instances(handle):
         x, y, z = (float(value) for value in instance.position)
@@ -146,7 +146,7 @@ def instances(session: Session, handle: int) -> Answer:
 
 @request
 def add(session: Session, at: Place, transform: Transform = NO_TRANSFORM, controls: Controls = NO_CONTROLS) -> Answer:
-    """Take hold. Answer: `done` with the `handle`."""
+    """Add a handle. Answer: `done` with the `handle`."""
     given = {"at": _at(session, at), **_transform_parts(transform), **_controls(session, controls)}
     return DoneMessage(handle=session.change(lambda deformer: deformer.add(**given)))
 
@@ -162,8 +162,8 @@ def move(
 ) -> None:
     """Set parts of a handle's transform, from the resting shape.
 
-    A drag is a plain move, then moves with `merge`, one step of undo; those are answered by `done` alone, the last one,
-    with `settle`, by `state` and `report` as well. That one may bring `controls` that were changed on the way.
+    A drag is a plain move, then moves with `merge`, together one step of undo; those are answered by `done` alone. The
+    last one has `settle`, is answered by `state` and `report` as well, and may carry `controls` changed meanwhile.
     """
     parts, changed = _transform_parts(transform), _controls(session, controls)
     if merge and not (settle or changed):
@@ -216,7 +216,7 @@ def _pose(deformer: Any, transforms: tuple[PoseTransform, ...]) -> None:
 def change(
     session: Session, handle: int, at: Place | None = None, controls: Controls = NO_CONTROLS, merge: bool = False
 ) -> None:
-    """Set what a handle holds, or where it sits; with `merge`, one step with a change of that handle just before."""
+    """Set a handle's position or controls; with `merge`, one step with the preceding change of that handle."""
     given = _controls(session, controls)
     if at is not None:
         given["at"] = _at(session, at)
@@ -225,7 +225,7 @@ def change(
 
 @request
 def remove(session: Session, handle: int) -> None:
-    """Let go of a handle."""
+    """Remove a handle."""
     session.change(lambda deformer: deformer.remove(handle))
 
 
@@ -234,14 +234,14 @@ def remove(session: Session, handle: int) -> None:
 
 @request
 def fix(session: Session, at: Place, strength: Annotated[float, Field(ge=0, le=1)] = 1.0) -> None:
-    """Hold a place, and what looks like it."""
+    """Fix a point or region, and everything similar to it."""
     place = _at(session, at)
     session.change(lambda deformer: deformer.fix(place, strength=strength))
 
 
 @request
 def release(session: Session, index: Index) -> None:
-    """Take back a fixed place: the `index` among those of `state`."""
+    """Release the fixed place at `index` in `state`."""
     place = _fixed(session, index).place
     session.change(lambda deformer: deformer.release(place))
 
@@ -250,7 +250,7 @@ def release(session: Session, index: Index) -> None:
 def change_fixed(
     session: Session, index: Index, strength: Annotated[float, Field(ge=0, le=1)], merge: bool = False
 ) -> None:
-    """Set how much the fixed place at `index` takes away; with `merge`, one step with such a change just before."""
+    """Set the strength of the fixed place at `index`; with `merge`, one step with the preceding such change."""
     fixed = list(session.require_deformer().fixed)
     changed = replace(_fixed(session, index), strength=strength)
     after = (*fixed[:index], changed, *fixed[index + 1 :])
@@ -271,7 +271,7 @@ def set_symmetry(
     band: Annotated[float, Field(ge=0)] | None = None,
     merge: bool = False,
 ) -> None:
-    """Let handles act on both sides of a plane; with `merge`, one step with such a request just before."""
+    """Mirror handles across a plane; with `merge`, one step with the preceding such request."""
     chosen: Any = SymmetryPlane(plane.normal, plane.offset, band=plane.band) if isinstance(plane, Plane) else plane
     session.change(lambda deformer: deformer.set_symmetry(chosen, band=band), "symmetry", merge=merge)
 
@@ -280,7 +280,7 @@ def set_symmetry(
 def set_mode(
     session: Session, preset: Preset | None = None, overlap: Overlap | None = None, blend: Blend | None = None
 ) -> None:
-    """Set how handles act together, as one step; a preset puts all that it says in the place of what was there."""
+    """Set how handles act together, as one step; a preset replaces all settings that it defines."""
 
     def work(deformer: Any) -> None:
         with deformer.step():
@@ -293,39 +293,39 @@ def set_mode(
 
 @request
 def set_default(session: Session, transform: Transform, merge: bool = False) -> None:
-    """Set D₀, what happens to what no handle holds; all null is nothing. `merge` is as in `set_symmetry`."""
+    """Set D₀, the transform where weights sum to less than 1; all null removes it. `merge` is as in `set_symmetry`."""
     parts = _transform_parts(transform)
     session.change(lambda deformer: deformer.set_default(**parts), "default", merge=merge)
 
 
 @request
 def undo(session: Session) -> None:
-    """Take the newest step back."""
+    """Undo the newest step."""
     if session.require_deformer().undo():
         session.tell_all()
 
 
 @request
 def redo(session: Session) -> None:
-    """Take a step again that was taken back."""
+    """Redo the step that was undone last."""
     if session.require_deformer().redo():
         session.tell_all()
 
 
 @request
 def clear(session: Session) -> None:
-    """Let go of everything, as one step."""
+    """Remove all handles and fixed places, as one step."""
     session.change(lambda deformer: deformer.apply(empty_edit(deformer.preset)))
 
 
 @request
 def set_poses(session: Session, poses: KeyPoses) -> None:
-    """Replace the key poses; they are no part of the edit and of its undo."""
+    """Replace the key poses; they are not part of the edit, nor of undo."""
     session.require_deformer()
     session.set_poses(poses)
 
 
-# --- taking along
+# --- export
 
 
 @request
@@ -333,7 +333,7 @@ def export(
     session: Session,
     format: Literal["glb", "obj", "ply", "stl", "animation", "edit", "field"],  # noqa: A002
 ) -> Answer:
-    """Write what was done; "animation" is a GLB with the key poses, on joints. Answer: `download`."""
+    """Export the posed mesh, the edit or the field; "animation" is a GLB of the key poses. Answer: `download`."""
     url, name = exports.export(
         session.require_deformer(), format, session.name, session.folder, session.view_state.poses
     )
@@ -342,7 +342,7 @@ def export(
 
 @request
 def script(session: Session) -> Answer:
-    """What was done as Python and as a command. Answer: `script`."""
+    """The edit as a Python script and as a command. Answer: `script`."""
     deformer = session.require_deformer()
     return ScriptMessage(python=as_python(deformer, session.name), command=as_command(deformer, session.name))
 

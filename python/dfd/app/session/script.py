@@ -1,4 +1,4 @@
-"""What was done, as Python and as a command, for people to go on without the page."""
+"""The edit as a Python script and as a command line."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ AT_REST = {"translation": [0.0] * 3, "rotation": [0.0] * 3, "scale": [1.0] * 3, 
 
 
 def as_python(deformer: Deformer, name: str) -> str:
-    """A script that makes the same shape, given the mesh's file `name` and its field beside it."""
+    """A script that makes the same edit, given the mesh's file `name` and its field in the same folder."""
     document = to_document(deformer.edit, deformer.mesh)
     stem = file_stem(name)
     preset = "" if document["preset"] == "default" else f", preset={document['preset']!r}"
@@ -32,15 +32,17 @@ def as_python(deformer: Deformer, name: str) -> str:
         f'field = dfd.Field.load("{stem}.field.safetensors")',
         f"session = dfd.Deformer(mesh, field{preset})",
     ]
-    rest = _at_rest(document)
-    if any(_said(entry, rest).keys() & {"region", "within", "without_instances"} for entry in _held(document)):
-        # Sets of places are too long for a script.
+    defaults = _defaults(document)
+    if any(
+        _changed(entry, defaults).keys() & {"region", "within", "without_instances"} for entry in _entries(document)
+    ):
+        # Regions are too long for a script.
         lines[-1] = f'session = dfd.Deformer.load("{stem}_edit.json", mesh, field)'
         lines.append(f'mesh.save("{stem}_edited.glb", session.vertices)')
         return "\n".join(lines) + "\n"
     for handle in document["handles"]:
-        lines.append(f"session.add({_arguments(_place(handle), _said(handle, rest))})")
-    lines += [f"session.fix({_arguments(_place(fixed), _said(fixed, rest))})" for fixed in document["fixed"]]
+        lines.append(f"session.add({_arguments(_place(handle), _changed(handle, defaults))})")
+    lines += [f"session.fix({_arguments(_place(fixed), _changed(fixed, defaults))})" for fixed in document["fixed"]]
     usual = PRESETS[document["preset"]].whole_shape
     lines += [f"session.{key} = {document[key]!r}" for key in usual if document[key] != usual[key]]
     plane = document["symmetry"]
@@ -48,13 +50,13 @@ def as_python(deformer: Deformer, name: str) -> str:
         shown = f"dfd.SymmetryPlane({_tuple(plane['normal'])}, {plane['offset']!r}, band={plane['band']!r})"
         lines.append(f"session.set_symmetry({shown})")
     if document["default"] is not None:
-        lines.append(f"session.set_default({_arguments('', _said(document['default'], rest))})")
+        lines.append(f"session.set_default({_arguments('', _changed(document['default'], defaults))})")
     lines.append(f'mesh.save("{stem}_edited.glb", session.vertices)')
     return "\n".join(lines) + "\n"
 
 
 def as_command(deformer: Deformer, name: str) -> str:
-    """The command that makes the same shape: of one handle by options, of more by the exported edit."""
+    """The command that makes the same edit: by options for one handle, else by the exported edit file."""
     document = to_document(deformer.edit, deformer.mesh)
     stem = file_stem(name)
     words = ["dfd", "deform", _mesh_file(name), "--field", f"{stem}.field.safetensors"]
@@ -64,49 +66,51 @@ def as_command(deformer: Deformer, name: str) -> str:
 
 
 def _options(document: dict[str, Any]) -> list[str] | None:
-    """The options of `dfd deform` that say the whole edit; None where they cannot."""
+    """The options of `dfd deform` that express the whole edit; None if it cannot be expressed."""
     usual = all(document[key] == value for key, value in PRESETS[document["preset"]].whole_shape.items())
     if len(document["handles"]) != 1 or not usual or document["symmetry"] or document["default"]:
         return None
     (handle,) = document["handles"]
-    rest = _at_rest(document)
-    said = _said(handle, rest)
-    said.pop("name", None)
+    defaults = _defaults(document)
+    changed = _changed(handle, defaults)
+    changed.pop("name", None)
     flags = {"translation": "--translate", "rotation": "--rotate", "pivot": "--pivot", "scale": "--scale"}
     words = [] if document["preset"] == "default" else ["--preset", document["preset"]]
     words.append(f"--handle={_point(handle)}")
-    for key, value in said.items():
+    for key, value in changed.items():
         if key in flags:
             words += [flags[key], *(repr(number) for number in value)]
         elif key == "locality":
             words += ["--locality", repr(value)]
         else:
             return None
-    if any(_said(fixed, rest) for fixed in document["fixed"]):
+    if any(_changed(fixed, defaults) for fixed in document["fixed"]):
         return None
-    if any(entry["vertex"] is None for entry in _held(document)):  # the command takes the nearest point of the surface
+    if any(
+        entry["vertex"] is None for entry in _entries(document)
+    ):  # the command takes the nearest point of the surface
         return None
     return words + [f"--fix={_point(fixed)}" for fixed in document["fixed"]]
 
 
-def _held(document: dict[str, Any]) -> list[dict[str, Any]]:
+def _entries(document: dict[str, Any]) -> list[dict[str, Any]]:
     return [*document["handles"], *document["fixed"]]
 
 
-def _at_rest(document: dict[str, Any]) -> dict[str, Any]:
-    """What a new handle of the document's preset has."""
+def _defaults(document: dict[str, Any]) -> dict[str, Any]:
+    """The values of a new handle in the document's preset."""
     controls = controls_of(document["preset"])
     return {**AT_REST, **{key: getattr(controls, key) for key in CONTROLS if key != "without_instances"}}
 
 
-def _said(entry: dict[str, Any], rest: dict[str, Any]) -> dict[str, Any]:
-    """What of a handle is not as a new one has it."""
+def _changed(entry: dict[str, Any], defaults: dict[str, Any]) -> dict[str, Any]:
+    """The values of a handle that differ from the defaults."""
     if entry.get("along") is not None:
         entry = {**entry, "axes": entry["along"]}
     return {
         key: value
         for key, value in entry.items()
-        if key not in NOT_CONTROLS and value is not None and rest.get(key, ...) != value
+        if key not in NOT_CONTROLS and value is not None and defaults.get(key, ...) != value
     }
 
 

@@ -1,4 +1,4 @@
-"""One tab's work: its shape, its field, its edit, and what the page is told of them. Knows nothing of networks."""
+"""The state of one tab: its shape, its field, its edit, and the messages about them. Independent of the transport."""
 
 from __future__ import annotations
 
@@ -37,17 +37,17 @@ class Session:
     Parameters
     ----------
     folder
-        Its own, for what it keeps and makes.
+        Where the session saves its state and its exports.
     options
-        What it opens first, and how it makes fields.
+        What to open first, and how to distill fields.
     send
-        Carries a message to the page, text or binary; what is sent while no page listens is lost.
+        Sends a message to the page, text or binary; without a connected page the message is dropped.
     post
-        Carries a call to the session's thread, from any other.
+        Runs a call on the session's thread; safe from any thread.
     lock
-        A file that one distillation at a time holds.
+        A lock file, so that only one distillation runs at a time.
     deformer
-        An editing session that somebody else has begun, in this process.
+        An existing editing session of this process, as in a notebook.
     """
 
     def __init__(
@@ -65,16 +65,16 @@ class Session:
         self._send, self._post, self._lock = send, post, lock
         self._autosave = Autosave(folder)
         self._preparation: Preparation | None = None
-        self._progress: ProgressMessage | None = None  # of what the page waits for
+        self._progress: ProgressMessage | None = None  # the last one sent, while its task runs
         self._number, self._warnings = 0, list[str]()
         self.after = 0  # the number of the newest request
-        self._names: dict[str, str] = {}  # the names that people know opened files by, by their paths
-        self._saved: Edit | None = None  # what is on disk
-        self._shown: Edit | None = None  # what the page was told last
-        self._gesture: tuple[Hashable, Edit] | None = None  # the subject and the result of the newest step
+        self._names: dict[str, str] = {}  # path of each opened file: its name as the user knows it
+        self._saved_edit: Edit | None = None  # as on disk
+        self._shown_edit: Edit | None = None  # as last sent to the page
+        self._gesture: tuple[Hashable, Edit] | None = None  # the topic and the result of the newest step
         self._ready = True  # whether instances can be found
-        self._unreported = False  # whether the page lacks a report
-        self._pending_edit: OpenedFile | None = None  # opened as soon as the field is there
+        self._unreported = False  # whether a report is due
+        self._pending_edit: OpenedFile | None = None  # opened once the field is ready
         self.source: Source | None = None
         self.mesh: Mesh | None = None
         self.view_state = ViewState()
@@ -87,13 +87,13 @@ class Session:
 
     @property
     def name(self) -> str:
-        """What people call the shape."""
+        """The name of the shape."""
         return "mesh" if self.source is None else self.source.name
 
     # --- opening
 
     def begin(self) -> None:
-        """Go on where a session in the same folder ended, or open what new ones open."""
+        """Restore the session saved in the folder, or open what the options name."""
         if self.mesh is not None:
             self.attach()
             return
@@ -116,7 +116,7 @@ class Session:
             raise
 
     def open_shape(self, source: Source, *, field: OpenedFile | None = None, edit: OpenedFile | None = None) -> None:
-        """Show another shape; what was open is lost, unless this one cannot be read.
+        """Show another shape in place of the present one, which stays open if the new one cannot be read.
 
         Raises
         ------
@@ -127,20 +127,20 @@ class Session:
             self._names[str(source.path)] = source.name
         self._tell_progress("open", "read")
         try:
-            mesh, told = read_shape(source)
-            messages = mesh_messages(mesh, number=self._number + 1, name=source.name, warnings=told)
+            mesh, warnings = read_shape(source)
+            messages = mesh_messages(mesh, number=self._number + 1, name=source.name, warnings=warnings)
             first = next(messages)
         finally:
             self._tell_progress("open", "done")
         self.close_shape()
         self._number += 1
-        self.source, self.mesh, self._warnings, self._pending_edit = source, mesh, told, edit
+        self.source, self.mesh, self._warnings, self._pending_edit = source, mesh, warnings, edit
         self._autosave.save_opened(Saved(source=source, field=field))
         self._send(first)
         self._preparation = Preparation(mesh, source, self.options, self.folder, self._lock, self, self._post)
         self._tell_field("preparing")
         if field is None:
-            self._preparation.look()
+            self._preparation.find_cached()
         else:
             self._names[str(field.path)] = field.name
             self._preparation.open(field.path, "file")
@@ -148,10 +148,10 @@ class Session:
             self._send(message)
 
     def close_shape(self) -> None:
-        """Let go of the shape and everything about it."""
+        """Drop the shape and everything that belongs to it."""
         if self._preparation is not None:
             self._preparation.drop()
-        self._preparation = self._progress = self._saved = self._shown = self._pending_edit = None
+        self._preparation = self._progress = self._saved_edit = self._shown_edit = self._pending_edit = None
         self.source = self.mesh = self.deformer = self.columns = None
         self.view_state, self._unreported = ViewState(), False
 
@@ -162,7 +162,7 @@ class Session:
         self.send(StartMessage())
 
     def open_files(self, mesh: Source | None, field: OpenedFile | None, edit: OpenedFile | None) -> None:
-        """Open what was uploaded together: a mesh with its field and edit, or those for the mesh that is open."""
+        """Open uploaded files: a mesh with its field and edit, or a field and an edit for the open mesh."""
         if mesh is not None:
             self.open_shape(mesh, field=field, edit=edit)
             return
@@ -172,7 +172,7 @@ class Session:
             self.open_edit(edit)
 
     def open_field(self, field: OpenedFile) -> None:
-        """Take the field in a file."""
+        """Load the field from a file."""
         if self._preparation is None:
             raise ValueError("Open a mesh before its field")
         self._names[str(field.path)] = field.name
@@ -181,7 +181,7 @@ class Session:
         self._preparation.open(field.path, "file")
 
     def open_edit(self, edit: OpenedFile) -> None:
-        """Take the edit in a file, as one step, once the field is there."""
+        """Apply the edit in a file as one step, once the field is ready."""
         if self.mesh is None:
             raise ValueError("Open a mesh before its edit")
         self._names[str(edit.path)] = edit.name
@@ -192,7 +192,7 @@ class Session:
         self.change(lambda deformer: deformer.apply(read))
 
     def distill(self) -> None:
-        """Begin to make the field."""
+        """Start distilling the field."""
         if self._preparation is None:
             raise ValueError("Open a mesh first")
         if self.view_state.field.status != "none":
@@ -201,24 +201,24 @@ class Session:
         self._preparation.distill()
 
     def cancel(self) -> None:
-        """Stop making the field."""
+        """Stop the distillation."""
         if self._preparation is not None:
             self._preparation.cancel()
 
-    # --- what the background says
+    # --- called by the background work
 
     def field_missing(self) -> None:
-        """Neither a file nor the cache has a field: make it."""
+        """The cache has no field: distill one."""
         self._tell_field("none")
         self.distill()
 
     def field_progress(self, task: str, stage: str, done: int, total: int | None, seconds_left: float | None) -> None:
-        """How far it is."""
+        """Forward progress to the page."""
         if task == "prepare" and self.view_state.field.status == "distilling":
             self._tell_field("preparing")
         self._tell_progress(task, stage, done, total, seconds_left)
 
-    def field_ready(self, deformer: Deformer, path: Path | None, origin: str, told: list[str]) -> None:
+    def field_ready(self, deformer: Deformer, path: Path | None, origin: str, warnings: list[str]) -> None:
         """The shape can be edited."""
         self.deformer, self.columns = deformer, Columns(deformer)
         self._ready = path is None
@@ -226,21 +226,21 @@ class Session:
             self._autosave.save_opened(Saved(source=self.source, field=OpenedFile(name="field", path=path)))
         self.view_state.field = FieldState(status="ready", origin=origin)
         self._tell_progress("prepare", "done")
-        for warning in told:
+        for warning in warnings:
             self.fail(0, warning)
-        wanted, self._pending_edit = self._pending_edit, None
+        pending_edit, self._pending_edit = self._pending_edit, None
         self.tell_state()
-        if wanted is not None:
-            self.guarded(0, lambda: self.open_edit(wanted))
+        if pending_edit is not None:
+            self.guarded(0, lambda: self.open_edit(pending_edit))
 
     def field_planes(self, planes: dict[Preset, list[SymmetryPlane]]) -> None:
-        """The planes across which the shape looks alike, by each preset's rules; now instances can be found, too."""
+        """Store the symmetry planes, by preset; from now on instances can be computed."""
         self.view_state.planes = planes
         self._ready = True
         self.tell_state()
 
     def field_failed(self, task: str, message: str) -> None:
-        """There will be none; the shape can still be looked at, and an earlier field stays."""
+        """Report the failure; the shape stays visible, and an earlier field stays in use."""
         self._ready = True
         self._tell_progress(task, "failed")
         self.fail(0, message)
@@ -251,10 +251,10 @@ class Session:
         self._tell_progress("distill", "cancelled")
         self._tell_field("none" if self.deformer is None else "ready")
 
-    # --- what the page says
+    # --- called for the page
 
     def attach(self) -> None:
-        """Tell a page that has just come everything there is."""
+        """Send the whole state to a page that has just connected."""
         if self.mesh is None or self.source is None:
             self.send(StartMessage())
             return
@@ -276,7 +276,7 @@ class Session:
             self.fail(number, sentence(error))
 
     def fail(self, number: int, why: str) -> None:
-        """Say that request `number` was not done, without the places of files on this machine."""
+        """Report that request `number` failed, without paths of this machine."""
         self.send(FailureMessage(id=number, message=without_paths(why, self._names, self.folder)))
 
     def require_deformer(self) -> Deformer:
@@ -286,9 +286,9 @@ class Session:
         return self.deformer
 
     def change(self, work: Callable[[Deformer], Result], topic: Hashable = None, *, merge: bool = False) -> Result:
-        """Change the edit and tell the page what came of it; where that fails, nothing was changed.
+        """Change the edit and send the result to the page; if anything fails, the edit is unchanged.
 
-        With `merge` it is one step with the newest one, where that was about the same `topic`.
+        With `merge`, the change joins the newest step if that has the same `topic`.
         """
         deformer = self.require_deformer()
         assert self.columns is not None
@@ -298,7 +298,7 @@ class Session:
             result = as_one_step(deformer, work) if joins else work(deformer)
             check_drawable(deformer)
             columns = self.columns.message()
-            did = None if self.columns.has_pending else report(deformer)
+            edit_report = None if self.columns.has_pending else report(deformer)
         except BaseException:
             if deformer.edit is not before:
                 deformer.undo()
@@ -310,23 +310,23 @@ class Session:
         if columns is not None:
             self._send(columns)
         self.tell_state()
-        if did is not None:
-            self.send(did)
+        if edit_report is not None:
+            self.send(edit_report)
         return result
 
     def note_drag(self, handle: int) -> None:
-        """Note that the newest step is a drag of `handle`, which the page has drawn itself."""
-        self._shown = self.require_deformer().edit
-        self._gesture = (("move", handle), self._shown)
+        """Record that the newest step is a drag of `handle`, which the page has already drawn."""
+        self._shown_edit = self.require_deformer().edit
+        self._gesture = (("move", handle), self._shown_edit)
 
-    # --- telling
+    # --- messages
 
     def send(self, message: Answer | bytes) -> None:
-        """Send a message, with arrays where it is packed already."""
+        """Send a message: a model, or a packed binary message."""
         self._send(message if isinstance(message, bytes) else message.model_dump_json())
 
     def tell_state(self) -> None:
-        """Tell the page the present state, and first the columns that it lacks."""
+        """Send the missing columns, then the present state."""
         if self.mesh is None:
             return
         if self.deformer is None or self.columns is None:
@@ -335,50 +335,50 @@ class Session:
         columns = self.columns.message()
         if columns is not None:
             self._send(columns)
-        self._shown = self.deformer.edit
+        self._shown_edit = self.deformer.edit
         self.send(state_message(self.view_state, self.deformer, self.columns, after=self.after))
         self._unreported = self._unreported or self.columns.has_pending
 
     @property
     def has_pending_columns(self) -> bool:
-        """Whether there are instances to send, which the page needs less urgently than the columns themselves."""
+        """Whether there are instances to send; they have lower priority than the columns themselves."""
         return self._ready and self.columns is not None and self.columns.has_pending
 
     def send_pending_columns(self) -> None:
-        """Send the instances of one handle; not of all, so that the next click does not wait for all."""
+        """Send the instances of one handle; only one, so that a request can be answered in between."""
         instances = None if self.columns is None else self.columns.instances_message()
         if instances is not None:
             self._send(instances)
 
     def tell_all(self) -> None:
-        """Tell the page the present state and what the edit does."""
+        """Send the present state and the report."""
         self.tell_state()
         self._report()
 
     def _report(self) -> None:
-        """Tell the page what the edit does, unless instances must be found first."""
+        """Send the report, unless instances must be computed first."""
         if self.deformer is not None and self.columns is not None and not self.columns.has_pending:
             self._unreported = False
             self.send(report(self.deformer))
 
     def set_poses(self, poses: tuple[KeyPose, ...]) -> None:
-        """Take and save the key poses."""
+        """Replace and save the key poses."""
         self.view_state.poses = poses
         self._autosave.save_poses(poses)
         self.tell_state()
 
     def rest(self) -> None:
-        """Use a pause: report, save, and tell the page of an edit that was changed from outside."""
+        """Do deferred work between requests: report, save, and send an edit that was changed from outside."""
         if self.deformer is None or self.mesh is None:
             return
         edit = self.deformer.edit
-        if edit is not self._shown:
+        if edit is not self._shown_edit:
             self.tell_all()
         elif self._unreported:
             self._report()
-        if edit is not self._saved:
+        if edit is not self._saved_edit:
             self._autosave.save_edit(edit, self.mesh)
-            self._saved = edit
+            self._saved_edit = edit
 
     def end(self) -> None:
         """Save, and stop background work."""
@@ -400,31 +400,31 @@ class Session:
 
 log = logging.getLogger("dfd.app")
 
-# What the package's own messages begin with, for those who call its functions.
+# Error messages of the package start with the name of the function: `bind: …`.
 _FUNCTION = re.compile(r"^\w+(\.\w+)?: ")
 
 NO_MEMORY = "Memory ran out; nothing was changed. Take a smaller mesh, or close other programs"
 
 
 def sentence(error: Exception) -> str:
-    """Why a request was not done; unexpected exceptions are logged as well."""
-    if isinstance(error, MemoryError) or "can't allocate memory" in str(error):  # as torch says it
+    """The error as a sentence for the user; unexpected exceptions are logged as well."""
+    if isinstance(error, MemoryError) or "can't allocate memory" in str(error):  # torch raises a RuntimeError
         return NO_MEMORY
     if isinstance(error, (ValueError, OSError)):
         return str(error)
     log.error("a request failed", exc_info=error)
-    return f"That did not work, for a fault of this program: {type(error).__name__}: {error}"
+    return f"Internal error: {type(error).__name__}: {error}"
 
 
 def without_paths(why: str, names: Mapping[str, str], folder: Path) -> str:
-    """`why` without the session's `folder`, and with files by the `names` that people know them by."""
+    """`why` with each path of `names` replaced by its name, and without the session's `folder`."""
     for path, name in names.items():
         why = why.replace(f"`path` {path}", name).replace(path, name)
     return _FUNCTION.sub("", why.replace(f"{folder}/", ""))
 
 
 def as_one_step(deformer: Deformer, work: Callable[[Deformer], Result]) -> Result:
-    """Do `work` as one step with the newest one; where it fails, that one stays as it is."""
+    """Do `work` as part of the newest step; if it fails, that step is unchanged."""
     newest = deformer.edit
     deformer.undo()
     try:

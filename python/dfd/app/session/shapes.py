@@ -21,7 +21,7 @@ SAMPLES = (
 
 
 def sample_source(name: str) -> Source:
-    """The sample of that name; raises ValueError where there is none."""
+    """The sample of that name; raises ValueError if there is none."""
     for entry in SAMPLES:
         if entry.name == name:
             return Source(name=entry.title, sample=name)
@@ -29,7 +29,7 @@ def sample_source(name: str) -> Source:
 
 
 def read_shape(source: Source) -> tuple[Mesh, list[str]]:
-    """The mesh of `source`, and what reading it warned of; no message names the place of the file.
+    """The mesh of `source`, and the warnings of reading it, without paths of this machine.
 
     Raises
     ------
@@ -47,5 +47,5 @@ def read_shape(source: Source) -> tuple[Mesh, list[str]]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         mesh = load(source.path)
-    told = [str(warning.message) for warning in caught if issubclass(warning.category, UserWarning)]
-    return mesh, [message.replace(str(source.path), source.name).removeprefix("load: ") for message in told]
+    messages = [str(warning.message) for warning in caught if issubclass(warning.category, UserWarning)]
+    return mesh, [message.replace(str(source.path), source.name).removeprefix("load: ") for message in messages]

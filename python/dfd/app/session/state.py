@@ -45,7 +45,7 @@ NO_FIELD = FieldState(status="none", origin=None)
 
 @dataclass
 class ViewState:
-    """What a state message says besides the edit."""
+    """The parts of a state message that are not the edit."""
 
     field: FieldState = NO_FIELD
     planes: Mapping[Preset, Sequence[SymmetryPlane]] = dataclass_field(default_factory=dict)  # by each preset's rules
@@ -55,7 +55,7 @@ class ViewState:
 def state_message(
     view_state: ViewState, deformer: Deformer | None = None, columns: Columns | None = None, *, after: int
 ) -> StateMessage:
-    """The state of an editing session, or of a shape whose field is still missing, which can only be looked at."""
+    """The state of an editing session, or of a shape without a field, which cannot be edited yet."""
     common: dict[str, Any] = {"after": after, "field": view_state.field, "poses": view_state.poses}
     if deformer is None or columns is None:
         overlap, blend = PRESETS["default"].overlap, PRESETS["default"].blend
@@ -154,7 +154,7 @@ def positions_message(deformer: Deformer, *, request: int) -> bytes:
 
 
 def feature_colors_message(deformer: Deformer, *, request: int) -> bytes:
-    """The answer to `features`: as pictures color them."""
+    """The answer to `features`, with the colors of `dfd.pictures`."""
     features = deformer.features
     colors = feature_colors(features.principal(3) if isinstance(features, CompactFeatures) else features)
     packed = np.full((len(colors), 4), 255, np.uint8)
@@ -162,11 +162,11 @@ def feature_colors_message(deformer: Deformer, *, request: int) -> bytes:
     return pack(ColorsMessage, {"colors": packed}, id=request)
 
 
-LARGEST = 1e30  # graphics have 32-bit numbers, and multiply them with coordinates
+LARGEST = 1e30  # shaders multiply it with coordinates in 32-bit floats
 
 
 def check_drawable(deformer: Deformer) -> None:
-    """Refuse, before anything is told of it, what no page could draw.
+    """Reject transforms that the page could not draw.
 
     Raises
     ------
@@ -180,7 +180,7 @@ def check_drawable(deformer: Deformer) -> None:
 
 
 def report(deformer: Deformer) -> ReportMessage:
-    """How much moved, how far, and whether the handles arrived where they were sent."""
+    """How much moved, how far, and whether the handles reached their targets."""
     if not deformer.handles and deformer.default is None:
         return ReportMessage(moved=0.0, text="Nothing has moved")
     found = deformer.report()

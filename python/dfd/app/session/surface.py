@@ -1,4 +1,4 @@
-"""The resting shape as the page draws it: rows, triangles, materials."""
+"""The rest shape for the page: rows, triangles, materials."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from dfd.mesh.mesh import Mesh
 
 __all__ = ["center_of", "mesh_messages", "packed_normals"]
 
-LONGEST_TEXTURE = 4096  # texels along a side that every graphics card takes
+LONGEST_TEXTURE = 4096  # texels along a side, supported by every graphics card
 JPEG_QUALITY = 92
 
 Arrays = dict[str, NDArray[Any]]
 
 
 def center_of(mesh: Mesh) -> NDArray[np.float64]:
-    """(3,) the center of the box, mesh units: what positions are relative to, so that float32 keeps their digits."""
+    """(3,) the center of the box, mesh units: positions are sent relative to it, to keep precision in float32."""
     center: NDArray[np.float64] = mesh.bounds[0] / 2 + mesh.bounds[1] / 2
     return center
 
@@ -32,7 +32,7 @@ def center_of(mesh: Mesh) -> NDArray[np.float64]:
 def mesh_messages(mesh: Mesh, *, number: int, name: str, warnings: Sequence[str]) -> Iterator[bytes]:
     """The messages that show `mesh`, the `number`-th of its session.
 
-    Where there is a coarse level it comes first, and after it the whole, made when it is asked for.
+    A coarse level, if there is one, comes first; the full mesh follows, built lazily.
     """
     rows, corner_faces = _rows(mesh)
     level = coarse_level(mesh.vertices, mesh.faces)
@@ -53,7 +53,7 @@ def mesh_messages(mesh: Mesh, *, number: int, name: str, warnings: Sequence[str]
             coarse=level is not None,
             center=tuple(center_of(mesh).tolist()),
             diagonal=mesh.diagonal,
-            groups=_runs(material_of),
+            groups=_material_runs(material_of),
             materials=materials,
             warnings=tuple(warnings),
         )
@@ -66,79 +66,79 @@ def mesh_messages(mesh: Mesh, *, number: int, name: str, warnings: Sequence[str]
     chosen = np.zeros(len(rows), bool)
     chosen[corners] = True
     order = np.concatenate([np.flatnonzero(chosen), np.flatnonzero(~chosen)])
-    place = np.empty(len(rows), np.int32)
-    place[order] = np.arange(len(rows), dtype=np.int32)
+    new_index = np.empty(len(rows), np.int32)
+    new_index[order] = np.arange(len(rows), dtype=np.int32)
     first = order[: np.count_nonzero(chosen)]
-    yield message(_taken(arrays, first), place[corners], material_of[level.stands_for])
+    yield message(_select_rows(arrays, first), new_index[corners], material_of[level.source_faces])
     yield pack(
         DetailMessage,
-        {**_taken(arrays, order), "triangles": place[corner_faces].astype(np.uint32)},
+        {**_select_rows(arrays, order), "triangles": new_index[corner_faces].astype(np.uint32)},
         mesh=number,
-        groups=_runs(material_of),
+        groups=_material_runs(material_of),
     )
 
 
 def _row_arrays(mesh: Mesh, rows: NDArray[np.int32]) -> Arrays:
-    """What the page knows of each row, by the names of its buffers."""
+    """The per-row arrays, by the names of their buffers."""
     arrays: Arrays = {
         "positions": (mesh.vertices[rows] - center_of(mesh)).astype(np.float32),
         "vertex": rows.astype(np.uint32),
         "normals": packed_normals(_row_normals(mesh, rows)),
     }
-    looks = mesh.appearance
-    if looks is not None:
+    appearance = mesh.appearance
+    if appearance is not None:
         used = _used_rows(mesh)
-        if looks.uv is not None:
-            arrays["uv"] = looks.uv[used]
-        if looks.colors is not None:
-            arrays["colors"] = np.rint(looks.colors[used] * 255).astype(np.uint8)
+        if appearance.uv is not None:
+            arrays["uv"] = appearance.uv[used]
+        if appearance.colors is not None:
+            arrays["colors"] = np.rint(appearance.colors[used] * 255).astype(np.uint8)
     return arrays
 
 
-def _taken(arrays: Arrays, rows: NDArray[np.int64]) -> Arrays:
+def _select_rows(arrays: Arrays, rows: NDArray[np.int64]) -> Arrays:
     return {name: values[rows] for name, values in arrays.items()}
 
 
 def _corner_rows(
     level: CoarseLevel, rows: NDArray[np.int32], corner_faces: NDArray[np.int32], arrays: Arrays
 ) -> NDArray[np.int32]:
-    """(K, 3) the rows of the coarse faces' corners: of those of a vertex, the most like the corner it stands for."""
+    """(K, 3) rows of the coarse faces' corners: of a vertex's rows, the most similar to the source face's corner."""
     vertices = level.faces.reshape(-1)
-    wanted = np.zeros(int(rows.max()) + 1, bool)
-    wanted[vertices] = True
-    some = np.flatnonzero(wanted[rows])
+    needed = np.zeros(int(rows.max()) + 1, bool)
+    needed[vertices] = True
+    some = np.flatnonzero(needed[rows])
     some = some[np.argsort(rows[some], kind="stable")]
     starts = np.searchsorted(rows[some], vertices)
     counts = np.searchsorted(rows[some], vertices, side="right") - starts
-    # Every corner beside every row of its vertex.
+    # Pair every corner with every row of its vertex.
     corner = np.repeat(np.arange(len(vertices)), counts)
     begins = np.cumsum(counts) - counts
     candidates = some[np.arange(len(corner)) - np.repeat(begins - starts, counts)]
-    origins = corner_faces[level.stands_for].reshape(-1)[corner]
-    unlike = _unlike(arrays["normals"] / np.float32(32767), candidates, origins)
+    origins = corner_faces[level.source_faces].reshape(-1)[corner]
+    dissimilarity = _row_distances(arrays["normals"] / np.float32(32767), candidates, origins)
     if "uv" in arrays:
-        unlike += _unlike(arrays["uv"], candidates, origins)
-    best = np.lexsort((unlike, corner))[begins]
+        dissimilarity += _row_distances(arrays["uv"], candidates, origins)
+    best = np.lexsort((dissimilarity, corner))[begins]
     corners: NDArray[np.int32] = candidates[best].reshape(-1, 3).astype(np.int32)
     return corners
 
 
-def _unlike(values: NDArray[Any], some: NDArray[np.int64], others: NDArray[np.int32]) -> NDArray[Any]:
+def _row_distances(values: NDArray[Any], some: NDArray[np.int64], others: NDArray[np.int32]) -> NDArray[Any]:
     offsets: NDArray[Any] = values[some] - values[others]
     distances: NDArray[Any] = np.linalg.norm(offsets, axis=1)
     return distances
 
 
 def _materials(mesh: Mesh) -> tuple[Arrays, tuple[MaterialEntry, ...]]:
-    """The textures' files as buffers, and what the faces look like."""
-    looks = mesh.appearance
+    """The encoded textures as buffers, and the materials."""
+    appearance = mesh.appearance
     arrays: Arrays = {}
     materials: list[MaterialEntry] = []
-    for index, material in enumerate(looks.materials if looks is not None else (Material(),)):
+    for index, material in enumerate(appearance.materials if appearance is not None else (Material(),)):
         texture = media_type = None
-        if material.texture is not None and looks is not None and looks.uv is not None:
+        if material.texture is not None and appearance is not None and appearance.uv is not None:
             texture = f"texture{index}"
-            data, media_type = _picture_file(material.texture)
+            data, media_type = _encode_texture(material.texture)
             arrays[texture] = np.frombuffer(data, np.uint8)
         materials.append(
             MaterialEntry(
@@ -154,7 +154,7 @@ def _materials(mesh: Mesh) -> tuple[Arrays, tuple[MaterialEntry, ...]]:
 
 
 def packed_normals(normals: NDArray[np.floating[Any]]) -> NDArray[np.int16]:
-    """(N, 3) unit normals as (N, 4) whole numbers of 1 / 32767, the fourth 0: aligned as graphics cards read."""
+    """(N, 3) unit normals as (N, 4) int16 in units of 1 / 32767; the fourth is 0, for alignment."""
     packed = np.zeros((len(normals), 4), np.int16)
     packed[:, :3] = np.rint(normals * 32767)
     return packed
@@ -186,24 +186,24 @@ def _rows(mesh: Mesh) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
 
 
 def _row_normals(mesh: Mesh, rows: NDArray[np.int32]) -> NDArray[np.float64]:
-    """(R, 3) unit normals: the file's own where it has them, so that its sharp edges stay sharp, else smooth ones."""
+    """(R, 3) unit normals: those of the file, so that sharp edges stay sharp, else smooth ones."""
     normals = mesh.normals[rows].astype(np.float64)
     scene = mesh.scene
     vertex, _ = _corners(mesh)
-    if scene is None or len(vertex) != len(scene.vertex):  # faces with colors of their own have rows of their own
+    if scene is None or len(vertex) != len(scene.vertex):  # face colors split rows
         return normals
-    every = np.zeros((len(vertex), 3))
+    all_normals = np.zeros((len(vertex), 3))
     for primitive in scene.primitives:
         if primitive.normals is not None:
-            every[primitive.rows] = primitive.normals_to_scene(primitive.normals)
-    given = every[_used_rows(mesh)]
+            all_normals[primitive.rows] = primitive.normals_to_scene(primitive.normals)
+    file_normals = all_normals[_used_rows(mesh)]
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        given = given / np.linalg.norm(given, axis=1, keepdims=True)
-    return np.where(np.isfinite(given).all(axis=1, keepdims=True), given, normals)
+        file_normals = file_normals / np.linalg.norm(file_normals, axis=1, keepdims=True)
+    return np.where(np.isfinite(file_normals).all(axis=1, keepdims=True), file_normals, normals)
 
 
-def _runs(material_of: NDArray[np.int32]) -> tuple[Group, ...]:
-    """Runs of triangles that share their material, given that of each."""
+def _material_runs(material_of: NDArray[np.int32]) -> tuple[Group, ...]:
+    """Runs of consecutive triangles with the same material."""
     starts = np.flatnonzero(np.diff(material_of, prepend=-1)).tolist()
     ends = [*starts[1:], len(material_of)]
     return tuple(
@@ -212,8 +212,8 @@ def _runs(material_of: NDArray[np.int32]) -> tuple[Group, ...]:
     )
 
 
-def _picture_file(texture: NDArray[np.uint8]) -> tuple[bytes, str]:
-    """A texture (rows, columns, 4) as the bytes of a picture's file, and their media type."""
+def _encode_texture(texture: NDArray[np.uint8]) -> tuple[bytes, str]:
+    """A texture (rows, columns, 4) as a JPEG or PNG file, and its media type."""
     image = Image.fromarray(texture)
     if max(image.size) > LONGEST_TEXTURE:
         image.thumbnail((LONGEST_TEXTURE, LONGEST_TEXTURE))

@@ -1,4 +1,4 @@
-"""The server's life: a free port, the address with its token, and an orderly end."""
+"""Starting and stopping the server: the port, the address with its token, cleanup."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ if TYPE_CHECKING:
 __all__ = ["DEFAULT_PORT", "Frame", "RunningApp", "check_built", "serve", "session_memory", "show"]
 
 DEFAULT_PORT = 8765
-MEMORY_SHARE = 0.75  # for one session; the rest is for the server, the browser and the system
+MEMORY_FRACTION = 0.75  # of the machine, for one session; the rest is left to the server, the browser and the system
 FOLDER_PREFIX = "dfd-app-"
-RUNNING = "running"  # a file in the server's folder that the server holds a lock on
-FRAMES = ("http://localhost:*", "http://127.0.0.1:*")  # where notebooks are
+LOCK_NAME = "running"  # a file in the server's folder, locked while the server runs
+NOTEBOOK_ORIGINS = ("http://localhost:*", "http://127.0.0.1:*")  # of notebooks
 
 
 class RunningApp:
@@ -46,20 +46,20 @@ class RunningApp:
     options
         What a new tab opens.
     host, port
-        Where it listens; port 0 is any free one.
+        The address to listen at; port 0 is any free one.
     make_link
-        How sessions are reached where they are no processes of their own.
+        Makes the link to a session that is not a process of its own.
     frames
         Origins whose pages may show this one in a frame.
     upload_bytes
-        The largest upload, its files together, unpacked.
+        The limit of an upload: all its files together, unpacked.
     static
         The built page.
 
     Raises
     ------
     OSError
-        If the port is taken, or the host is none of this machine's.
+        If the port is taken, or the host is not an address of this machine.
     """
 
     def __init__(
@@ -69,23 +69,23 @@ class RunningApp:
         host: str = "127.0.0.1",
         port: int = 0,
         make_link: Callable[[], Link] | None = None,
-        frames: tuple[str, ...] = (),
+        frame_ancestors: tuple[str, ...] = (),
         upload_bytes: int = UPLOAD_BYTES,
         static: Path = STATIC,
     ) -> None:
         self._socket = _listen(host, port)
         self.host, self.port = host, int(self._socket.getsockname()[1])
-        self.rules = Rules(host=host, cookie=f"dfd-{self.port}", frames=frames)
+        self.rules = Rules(host=host, cookie=f"dfd-{self.port}", frame_ancestors=frame_ancestors)
         _remove_abandoned()
         self._root = Path(tempfile.mkdtemp(prefix=FOLDER_PREFIX))
-        self._running = (self._root / RUNNING).open("w")
-        try_lock(self._running)
+        self._lock = (self._root / LOCK_NAME).open("w")
+        try_lock(self._lock)
         self.tabs = Tabs(self._root, options, make_link)
         config = uvicorn.Config(
             create(self.tabs, self.rules, upload_bytes=upload_bytes, static=static),
             ws="websockets-sansio",
             ws_max_size=MESSAGE_BYTES,
-            ws_per_message_deflate=False,  # meshes would be compressed on the event loop, for seconds
+            ws_per_message_deflate=False,  # compressing a mesh would block the event loop for seconds
             log_level="warning",
             access_log=False,
             server_header=False,
@@ -104,22 +104,22 @@ class RunningApp:
         return f"http://{host}:{self.port}/?token={self.rules.token}"
 
     def redirecting_file(self) -> Path:
-        """A page for this user alone that leads to `url`: all users of a machine see what a browser is started with."""
+        """A page readable by this user alone that redirects to `url`: command lines are visible to all users."""
         path = self._root / "open.html"
         path.touch(0o600, exist_ok=False)
         path.write_text(f'<!doctype html><meta http-equiv="refresh" content="0; url={html.escape(self.url)}">')
         return path
 
     def run(self) -> None:
-        """Serve until the process is asked to end; then nothing of any session stays behind."""
+        """Serve until the process is asked to end; then delete the files of all sessions."""
         if threading.current_thread() is threading.main_thread():
-            # uvicorn hands the signal on when the server has ended; the default action would skip what follows here.
+            # uvicorn raises the signal again after its shutdown; the default action would skip the cleanup below.
             signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
         try:
             asyncio.run(self._serve())
         finally:
             self._socket.close()
-            self._running.close()
+            self._lock.close()
             shutil.rmtree(self._root, ignore_errors=True)
 
     async def _serve(self) -> None:
@@ -127,7 +127,7 @@ class RunningApp:
         await self.server.serve(sockets=[self._socket])
 
     def start(self) -> None:
-        """Serve on a thread, and return when requests are answered."""
+        """Serve on a thread; return once the server accepts requests."""
         self._thread = threading.Thread(target=self.run, name="dfd-app", daemon=True)
         self._thread.start()
         while not self.server.started and self._thread.is_alive():
@@ -149,17 +149,17 @@ def _listen(host: str, port: int) -> socket.socket:
         listening.listen(128)
     except OSError as error:
         listening.close()
-        raise OSError(error.errno, f"{host}:{port} cannot be listened at: {error.strerror}") from None
+        raise OSError(error.errno, f"cannot listen at {host}:{port}: {error.strerror}") from None
     return listening
 
 
 def check_built(static: Path = STATIC) -> None:
-    """Say what to do where the page was not built.
+    """Check that the page was built.
 
     Raises
     ------
     FileNotFoundError
-        In one sentence.
+        If not; the message says how to build it.
     """
     if not (static / "index.html").is_file():
         raise FileNotFoundError(
@@ -171,7 +171,7 @@ def check_built(static: Path = STATIC) -> None:
 def serve(options: SessionOptions, *, host: str, port: int | None, browser: bool, tell: Callable[[str], None]) -> None:
     """Run the app until it is interrupted; `tell` gets its address, in one line.
 
-    A `port` that is given is the one; otherwise it is the default one or, where that is taken, any free one.
+    Without a `port` it is the default one or, if that is taken, any free one.
 
     Raises
     ------
@@ -197,21 +197,21 @@ def serve(options: SessionOptions, *, host: str, port: int | None, browser: bool
 
 
 def session_memory() -> int | None:
-    """Bytes that one session may take where nobody says otherwise: a part of the machine's, or of its container's.
+    """The default memory limit of a session, bytes: a fraction of the machine's or of its container's.
 
-    None, where the system does not tell, sets no limit.
+    None (no limit) if the system does not tell.
     """
-    told = []
+    sizes = []
     with contextlib.suppress(AttributeError, OSError, ValueError):
-        told.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+        sizes.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     with contextlib.suppress(OSError, ValueError):  # "max" is no limit
-        told.append(int(Path("/sys/fs/cgroup/memory.max").read_text()))
-    return min((int(MEMORY_SHARE * size) for size in told if size > 0), default=None)
+        sizes.append(int(Path("/sys/fs/cgroup/memory.max").read_text()))
+    return min((int(MEMORY_FRACTION * size) for size in sizes if size > 0), default=None)
 
 
 def _remove_abandoned() -> None:
-    """Remove the folders of servers that ended without doing so themselves: nobody holds their locks."""
-    for path in Path(tempfile.gettempdir()).glob(f"{FOLDER_PREFIX}*/{RUNNING}"):
+    """Remove the folders of servers that were killed: their lock files are not locked."""
+    for path in Path(tempfile.gettempdir()).glob(f"{FOLDER_PREFIX}*/{LOCK_NAME}"):
         with contextlib.suppress(OSError), path.open("r+") as stream:
             if try_lock(stream):
                 shutil.rmtree(path.parent, ignore_errors=True)
@@ -238,12 +238,12 @@ class Frame:
         return self.app.url
 
     def __repr__(self) -> str:
-        """The address, where there are no frames."""
+        """The address, where HTML is not shown."""
         return f"Frame({self.url})"
 
     def _repr_html_(self) -> str:
-        # Browsers take localhost and 127.0.0.1 for two sites, and give no cookie to a frame of another site than the
-        # page: so the frame goes by the name that the notebook goes by.
+        # Browsers treat localhost and 127.0.0.1 as two sites and send no cookies to a frame of another site, so the
+        # frame must use the host name of the notebook.
         address = html.escape(self.url)
         name = f"dfd-{self.app.port}"
         return (
@@ -255,13 +255,12 @@ class Frame:
 
 
 def show(deformer: Deformer, *, height: int = 640) -> Frame:
-    """Show an editing session in a cell of a notebook, or at the address that `Frame.url` has: what is done there is
-    done to `deformer`.
+    """Show an editing session in a cell of a notebook, or at the address `Frame.url`; edits there change `deformer`.
 
     Parameters
     ----------
     deformer
-        The session, which the page and the notebook then share; change it in one of them at a time.
+        The session, shared by the page and the notebook; change it in one of them at a time.
     height
         Of the frame, pixels.
 
@@ -273,7 +272,7 @@ def show(deformer: Deformer, *, height: int = 640) -> Frame:
     check_built()
     running = _SHOWN.get(id(deformer))
     if running is None:
-        running = RunningApp(SessionOptions(), make_link=lambda: ThreadLink(deformer), frames=FRAMES)
+        running = RunningApp(SessionOptions(), make_link=lambda: ThreadLink(deformer), frame_ancestors=NOTEBOOK_ORIGINS)
         running.start()
         _SHOWN[id(deformer)] = running
     return Frame(running, height)

@@ -13,31 +13,31 @@ from typing import TYPE_CHECKING, Any
 
 from dfd.app.options import SessionOptions
 from dfd.app.session.session import Session
-from dfd.app.web.worker import BINARY, HEADER_BYTES, ORDER, TEXT, Loop, frame, frame_length
+from dfd.app.web.worker import BINARY, HEADER_BYTES, ORDER, TEXT, Loop, packet, payload_length
 
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
 
 __all__ = ["Link", "ProcessLink", "ThreadLink"]
 
-READ_AHEAD = 4 << 20  # bytes of a session's messages that wait for a slow page
-GRACE = 3.0  # seconds that a session has to save and end
+READ_AHEAD = 4 << 20  # bytes of a session's messages to buffer for a slow page
+GRACE = 3.0  # seconds for a session to save and end
 
 
 class Link(ABC):
-    """Messages to one session and from it; all methods belong to the event loop."""
+    """The connection to one session; all methods are called on the event loop."""
 
     @abstractmethod
     async def start(self, folder: Path, options: SessionOptions, lock: Path | None) -> None:
-        """Begin, or go on in a folder where a session has been."""
+        """Start a session, or restore the one saved in `folder`."""
 
     @abstractmethod
     async def send(self, text: str) -> None:
-        """Hand on a message of the page."""
+        """Forward a message of the page."""
 
     @abstractmethod
     async def order(self, name: str, **arguments: Any) -> None:
-        """Have the session call its method of that name."""
+        """Call the session's method of that name."""
 
     @abstractmethod
     async def receive(self) -> str | bytes | None:
@@ -45,17 +45,17 @@ class Link(ABC):
 
     @abstractmethod
     async def close(self) -> None:
-        """Let it save and end; what does not end by itself is ended."""
+        """Let the session save and end; kill it after `GRACE` seconds."""
 
 
 class ProcessLink(Link):
-    """A session in a process of its own, which may be begun before anybody needs it."""
+    """A session in a process of its own, which can be started in advance."""
 
     def __init__(self) -> None:
         self._process: asyncio.subprocess.Process | None = None
 
     async def prepare(self) -> None:
-        """Begin the process; it imports what takes seconds, and waits."""
+        """Start the process, which imports slow modules and waits."""
         if self._process is None:
             self._process = await asyncio.create_subprocess_exec(
                 sys.executable,
@@ -68,7 +68,7 @@ class ProcessLink(Link):
 
     @property
     def pid(self) -> int | None:
-        """Of the process."""
+        """The process id."""
         return None if self._process is None else self._process.pid
 
     async def start(self, folder: Path, options: SessionOptions, lock: Path | None) -> None:
@@ -84,8 +84,8 @@ class ProcessLink(Link):
     async def _write(self, kind: bytes, data: bytes) -> None:
         assert self._process is not None
         assert self._process.stdin is not None
-        with contextlib.suppress(ConnectionError):  # it has ended, as `receive` tells
-            self._process.stdin.write(frame(kind, data))
+        with contextlib.suppress(ConnectionError):  # it has ended; `receive` returns None
+            self._process.stdin.write(packet(kind, data))
             await self._process.stdin.drain()
 
     async def receive(self) -> str | bytes | None:
@@ -93,7 +93,7 @@ class ProcessLink(Link):
         assert self._process.stdout is not None
         try:
             header = await self._process.stdout.readexactly(HEADER_BYTES)
-            data = await self._process.stdout.readexactly(frame_length(header))
+            data = await self._process.stdout.readexactly(payload_length(header))
         except (asyncio.IncompleteReadError, ConnectionError):
             await self._process.wait()
             return None

@@ -1,8 +1,8 @@
-"""Who may speak to the server: the page that this server gave to the person who started it, and nobody else.
+"""Access control: only the page opened by the user who started the server may send requests.
 
-A page of any other site can make a browser send requests here, and even, by giving its own name this machine's address,
-read the answers. So a request must name this server as its host, must come from a page of this server where it says
-where it comes from, and must carry a cookie that only the address with the token gives.
+A page of another site can make a browser send requests here and, by DNS rebinding, even read the answers. So a request
+must have a Host header that names this server, an Origin header (if any) of this server, and a cookie that is set
+only at the address with the token.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ CONTENT = (
 
 @dataclass(frozen=True)
 class Rules:
-    """What the guard goes by.
+    """The settings of the guard.
 
     Attributes
     ----------
     host
         The address that the server listens at.
     token
-        What the first address carries.
+        The secret in the address that is opened first.
     cookie
-        Its cookie's name: servers on other ports of this machine have others.
+        The cookie's name, different for each port of this machine.
     frames
         Origins whose pages may show this one in a frame.
     """
@@ -50,13 +50,13 @@ class Rules:
     host: str = "127.0.0.1"
     token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
     cookie: str = "dfd"
-    frames: Collection[str] = ()
+    frame_ancestors: Collection[str] = ()
 
     def knows_host(self, name: str) -> bool:
-        """Whether `name` (without a port) is one that this server goes by.
+        """Whether `name` (without a port) is a host name of this server.
 
-        A number for an address is nobody's to give away, unlike a name: where the server listens beyond this machine,
-        every number is its own, and of names the machine's alone.
+        If the server listens beyond this machine, that is any IP address, which unlike a name cannot be rebound by
+        DNS, and the names of the machine.
         """
         name = name.lower()
         if name in LOOPBACK_NAMES or name == self.host.lower():
@@ -77,21 +77,21 @@ def loopback(host: str) -> bool:
 
 
 class Guard:
-    """Refuses what the rules refuse, before anything else sees it, and adds the headers that hold a page to them."""
+    """Middleware that rejects requests by the rules, and adds security headers to all responses."""
 
     def __init__(self, app: ASGIApp, rules: Rules) -> None:
         self._app = app
         self._rules = rules
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Let a request through, or not."""
+        """Pass a request on, or reject it."""
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
         headers = Headers(scope=scope)
-        refusal = self._foreign(scope, headers)
-        if refusal is None and not self._known(headers):
-            refusal = self._enter(scope, headers)
+        refusal = self._check_origin(scope, headers)
+        if refusal is None and not self._has_cookie(headers):
+            refusal = self._admit(scope, headers)
         if scope["type"] == "websocket":
             if refusal is None:
                 await self._app(scope, receive, send)
@@ -101,18 +101,18 @@ class Guard:
             return
         await (refusal or self._app)(scope, receive, self._with_headers(send))
 
-    def _foreign(self, scope: Scope, headers: Headers) -> Response | None:
-        """The refusal of a request that names another host, or comes from a page of another origin."""
+    def _check_origin(self, scope: Scope, headers: Headers) -> Response | None:
+        """The refusal of a request with another Host or Origin; None for one of this server."""
         hosts = headers.getlist("host")
         if len(hosts) != 1 or not self._rules.knows_host(_without_port(hosts[0])):
-            return PlainTextResponse("This server does not go by that name.", 421)
+            return PlainTextResponse("This server has another host name.", 421)
         origins = headers.getlist("origin")
-        must_say = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
-        if (must_say or origins) and origins != [f"http://{hosts[0]}"]:
-            return PlainTextResponse("Pages of other sites may not ask this of the server.", 403)
+        needs_origin = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
+        if (needs_origin or origins) and origins != [f"http://{hosts[0]}"]:
+            return PlainTextResponse("Requests from pages of other sites are not allowed.", 403)
         return None
 
-    def _known(self, headers: Headers) -> bool:
+    def _has_cookie(self, headers: Headers) -> bool:
         try:
             cookies = SimpleCookie(headers.get("cookie", ""))
         except CookieError:
@@ -120,25 +120,27 @@ class Guard:
         cookie = cookies.get(self._rules.cookie)
         return cookie is not None and _equal(cookie.value, self._rules.token)
 
-    def _enter(self, scope: Scope, headers: Headers) -> Response:
-        """Give the cookie to who has the token, and refuse everybody else."""
+    def _admit(self, scope: Scope, headers: Headers) -> Response:
+        """Set the cookie if the request has the token, else refuse it."""
         if scope["type"] == "http" and scope["method"] == "GET":
             query = parse_qs(scope["query_string"].decode("latin-1"))
             if _equal(query.pop("token", [""])[0], self._rules.token):
                 rest = urlencode(query, doseq=True)
-                path = "/" + scope["path"].lstrip("/\\")  # what begins with two would name another server
+                path = "/" + scope["path"].lstrip(
+                    "/\\"
+                )  # a path with two leading slashes would redirect to another server
                 response = RedirectResponse(f"{path}{'?' if rest else ''}{rest}", 303)
                 response.set_cookie(self._rules.cookie, self._rules.token, httponly=True, samesite="strict")
                 return response
             if headers.get("sec-fetch-site") == "cross-site" and headers.get("sec-fetch-mode") == "navigate":
-                # Who followed a link from elsewhere does not send a strict cookie; one step from here, it does.
+                # A link from another site omits SameSite=strict cookies; a refresh from this page sends them.
                 return Response(status_code=200, headers={"Refresh": "0; url=/"})
-        return PlainTextResponse("Open the address that dfd printed: it holds the key.", 403)
+        return PlainTextResponse("Open the address that dfd printed: it contains the token.", 403)
 
     def _with_headers(self, send: Send) -> Send:
-        ancestors = " ".join(self._rules.frames) or "'none'"
+        ancestors = " ".join(self._rules.frame_ancestors) or "'none'"
 
-        async def sending(message: Message) -> None:
+        async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
                 headers["Content-Security-Policy"] = f"{CONTENT}frame-ancestors {ancestors}"
@@ -148,11 +150,11 @@ class Guard:
                 headers["Cross-Origin-Resource-Policy"] = "same-origin"
                 headers["Permissions-Policy"] = "camera=(), microphone=(), geolocation=()"
                 headers.setdefault("Cache-Control", "no-store")
-                if not self._rules.frames:
+                if not self._rules.frame_ancestors:
                     headers["X-Frame-Options"] = "DENY"
             await send(message)
 
-        return sending
+        return send_with_headers
 
 
 def _equal(one: str, other: str) -> bool:

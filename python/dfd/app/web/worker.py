@@ -1,10 +1,10 @@
-"""The process of one session. It may crash, hang or run out of memory: no other session and no server notices.
+"""The process of one session. A crash, a hang or a lack of memory affects neither other sessions nor the server.
 
-    python -m dfd.app.web.worker     reads frames from its input and writes frames to its output
+    python -m dfd.app.web.worker     reads packets from its input and writes packets to its output
 
-A frame is its kind, one byte; the length of what follows, four bytes, little-endian; and that: a text of the page, a
-binary message for it, or an order of the server, which is the pickled name and arguments of a method of the session.
-The arguments of the first are what the session is made with, and the process ends when its input ends.
+A packet is its kind, one byte; the length of the payload, four bytes, little-endian; and the payload: a text of the
+page, a binary message for it, or an order of the server: the pickled name and arguments of a method of the session. The
+arguments of the first order construct the session, and the process ends when its input ends.
 """
 
 from __future__ import annotations
@@ -25,60 +25,60 @@ from dfd.app.protocol.requests import Request, RequestError, read_request
 from dfd.app.session import requests
 from dfd.app.session.session import Session
 
-__all__ = ["BINARY", "HEADER_BYTES", "ORDER", "TEXT", "Loop", "frame", "frame_length"]
+__all__ = ["BINARY", "HEADER_BYTES", "ORDER", "TEXT", "Loop", "packet", "payload_length"]
 
 TEXT, BINARY, ORDER = b"T", b"B", b"O"
 HEADER_BYTES = 5
 OOM_SCORE_ADJ = "900"  # of 1000: when memory runs out, the kernel ends sessions first
-OVERTAKEN = ("probe", "compute")  # only the newest of these is answered: the pointer, or the shape, has moved on
+NEWEST_ONLY = ("probe", "compute")  # older requests of these are dropped: the pointer or the shape has changed since
 SAVE_PAUSE = 0.5  # seconds without a request, after which the session is saved
-INSTANCES_PAUSE = 0.05  # seconds without a request, after which instances are found
+INSTANCES_PAUSE = 0.05  # seconds without a request, after which instances are computed
 
 Work = Callable[[Session], None]
 
 
-def frame(kind: bytes, data: bytes) -> bytes:
-    """A frame's bytes."""
+def packet(kind: bytes, data: bytes) -> bytes:
+    """The bytes of a packet."""
     return kind + len(data).to_bytes(4, "little") + data
 
 
-def frame_length(header: bytes) -> int:
-    """How much follows the first `HEADER_BYTES` of a frame."""
+def payload_length(header: bytes) -> int:
+    """The length of the payload, from the first `HEADER_BYTES` of a packet."""
     return int.from_bytes(header[1:], "little")
 
 
 class Loop:
-    """The inbox of a session's thread. `run` works on the caller's thread, the others may be called from any."""
+    """The queue of a session's thread. `run` blocks the calling thread; all other methods are thread-safe."""
 
     def __init__(self) -> None:
         self._inbox: queue.Queue[Work | None] = queue.Queue()
         self._newest: dict[str, int] = {}
 
     def page(self, text: str) -> None:
-        """Take a message of the page."""
+        """Queue a message of the page."""
         try:
             message = read_request(text)
         except RequestError as error:
             self._inbox.put(lambda session, error=error: session.fail(error.number, str(error)))  # type: ignore[misc]
             return
-        if message.type in OVERTAKEN:
+        if message.type in NEWEST_ONLY:
             self._newest[message.type] = message.id
         self._inbox.put(lambda session: self._answer(session, message))
 
     def order(self, name: str, **arguments: Any) -> None:
-        """Take an order of the server: a method of the session and its arguments."""
+        """Queue a call of a method of the session by the server."""
         self._inbox.put(lambda session: session.guarded(0, partial(getattr(session, name), **arguments)))
 
     def post(self, call: Callable[[], None]) -> None:
-        """Take a call that has to happen on the session's thread."""
+        """Queue a call for the session's thread."""
         self._inbox.put(lambda session: call())
 
     def end(self) -> None:
-        """Let `run` return when it has done what came before."""
+        """Let `run` return once the queue is empty."""
         self._inbox.put(None)
 
     def run(self, session: Session) -> None:
-        """Do one thing after the other, until `end`."""
+        """Process the queue until `end`."""
         while True:
             pending = session.has_pending_columns
             try:
@@ -92,23 +92,23 @@ class Loop:
             work(session)
 
     def _answer(self, session: Session, message: Request) -> None:
-        if message.type not in OVERTAKEN or message.id == self._newest[message.type]:
+        if message.type not in NEWEST_ONLY or message.id == self._newest[message.type]:
             requests.answer(session, message)
 
 
 def main() -> None:
-    """Be a session until the input ends."""
+    """Run a session until the input ends."""
     logging.basicConfig(level=logging.WARNING, format="dfd app: %(message)s")
     source = os.fdopen(os.dup(0), "rb")
     output = os.fdopen(os.dup(1), "wb")
-    # What a library prints or reads must not mix with frames.
+    # Libraries must not print into the packets, nor read them.
     os.dup2(2, 1)
     with Path(os.devnull).open("rb") as nothing:
         os.dup2(nothing.fileno(), 0)
     with contextlib.suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text(OOM_SCORE_ADJ)
     _import_early()
-    start = _read_frame(source)
+    start = _read_packet(source)
     if start is None:
         return
     _, arguments = pickle.loads(start[1])
@@ -118,7 +118,7 @@ def main() -> None:
     def send(message: str | bytes) -> None:
         kind, data = (TEXT, message.encode()) if isinstance(message, str) else (BINARY, message)
         with writing:
-            output.write(frame(kind, data))
+            output.write(packet(kind, data))
             output.flush()
 
     session = Session(send=send, post=loop.post, **arguments)
@@ -126,11 +126,11 @@ def main() -> None:
     threading.Thread(target=_read, args=(source, loop), name="dfd-reader", daemon=True).start()
     with contextlib.suppress(BrokenPipeError):
         loop.run(session)
-    os._exit(0)  # without waiting for threads of the background
+    os._exit(0)  # without joining background threads
 
 
 def _import_early() -> None:
-    """Import what takes seconds before anybody waits for it."""
+    """Import slow modules while the process is still waiting for its first order."""
     import dfd.editing.deformer
     import dfd.mesh.mesh  # noqa: F401
 
@@ -138,7 +138,7 @@ def _import_early() -> None:
 
 
 def _read(source: BinaryIO, loop: Loop) -> None:
-    while (found := _read_frame(source)) is not None:
+    while (found := _read_packet(source)) is not None:
         kind, data = found
         if kind == TEXT:
             loop.page(data.decode())
@@ -148,19 +148,19 @@ def _read(source: BinaryIO, loop: Loop) -> None:
     loop.end()
 
 
-def _read_frame(source: BinaryIO) -> tuple[bytes, bytes] | None:
+def _read_packet(source: BinaryIO) -> tuple[bytes, bytes] | None:
     header = source.read(HEADER_BYTES)
-    return (header[:1], source.read(frame_length(header))) if len(header) == HEADER_BYTES else None
+    return (header[:1], source.read(payload_length(header))) if len(header) == HEADER_BYTES else None
 
 
-def _limit_memory(most: int | None) -> None:
-    """Let what asks for more than `most` bytes fail as a `MemoryError`, where the system supports such a limit."""
-    if most is None or sys.platform == "win32":
+def _limit_memory(max_bytes: int | None) -> None:
+    """Make allocations beyond `max_bytes` raise a `MemoryError`, where the system supports such a limit."""
+    if max_bytes is None or sys.platform == "win32":
         return
     import resource
 
     with contextlib.suppress(OSError, ValueError):
-        resource.setrlimit(resource.RLIMIT_DATA, (most, most))
+        resource.setrlimit(resource.RLIMIT_DATA, (max_bytes, max_bytes))
 
 
 if __name__ == "__main__":
