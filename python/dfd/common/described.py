@@ -80,7 +80,7 @@ def _plain(value: Any) -> Any:
 
 
 @cache
-def about(owner: type[object]) -> dict[str, tuple[Any, About | None]]:
+def about(owner: type[Any]) -> dict[str, tuple[Any, About | None]]:
     """The type and the description of each field of a dataclass, by its name."""
     found: dict[str, tuple[Any, About | None]] = {}
     for name, hint in get_type_hints(owner, include_extras=True).items():
@@ -89,7 +89,7 @@ def about(owner: type[object]) -> dict[str, tuple[Any, About | None]]:
     return found
 
 
-def check_fields(value: object) -> None:
+def check_fields(value: Any) -> None:
     """Refuse what the fields of a frozen dataclass may not be: numbers, names and switches, each once.
 
     Numbers become floats; what is None where a field may be None is left.
