@@ -80,7 +80,7 @@ def _plain(value: Any) -> Any:
 
 
 @cache
-def about(owner: type[Any]) -> dict[str, tuple[Any, About | None]]:
+def about(owner: Any) -> dict[str, tuple[Any, About | None]]:
     """The type and the description of each field of a dataclass, by its name."""
     found: dict[str, tuple[Any, About | None]] = {}
     for name, hint in get_type_hints(owner, include_extras=True).items():
