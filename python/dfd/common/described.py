@@ -80,7 +80,7 @@ def _plain(value: Any) -> Any:
 
 
 @cache
-def about(owner: Any) -> dict[str, tuple[Any, About | None]]:
+def about(owner: type) -> dict[str, tuple[Any, About | None]]:
     """The type and the description of each field of a dataclass, by its name."""
     found: dict[str, tuple[Any, About | None]] = {}
     for name, hint in get_type_hints(owner, include_extras=True).items():
@@ -99,8 +99,9 @@ def check_fields(value: Any) -> None:
     ArgumentError
         In the name of the class.
     """
-    function = type(value).__name__
-    for name, (kind, said) in about(type(value)).items():
+    owner: type = type(value)
+    function = owner.__name__
+    for name, (kind, said) in about(owner).items():
         given, kinds = getattr(value, name), (kind, *get_args(kind))
         words = next(
             (each for each in kinds if get_origin(each) is Literal and isinstance(get_args(each)[0], str)), None
