@@ -18,11 +18,11 @@ from dfd.weights.bind import bind
 from dfd.weights.compact import CompactFeatures, compact
 
 if _typing.TYPE_CHECKING:
-    from dfd import reference, samples
+    from dfd import samples
     from dfd.distillation.distill import distill
     from dfd.distillation.settings import DistillSettings
     from dfd.editing.deformer import Deformer
-    from dfd.editing.document import edit_schema
+    from dfd.editing.edit_file import edit_schema
     from dfd.export.export_rig import export_rig
     from dfd.export.export_weights import export_weights
     from dfd.export.key_poses import KeyPose
@@ -37,35 +37,38 @@ if _typing.TYPE_CHECKING:
     from dfd.symmetry.rotation import RotationalSymmetry, rotational_symmetries
     from dfd.symmetry.search import symmetry_planes
 
+# Stable: they change with a new major version alone.
 __all__ = [
     "CompactFeatures",
     "Deformer",
     "DistillSettings",
-    "Drag",
     "Field",
     "Geodesics",
-    "KeyPose",
     "Mesh",
-    "Parts",
-    "RotationalSymmetry",
     "SymmetryPlane",
-    "VertexField",
     "bind",
     "compact",
     "distill",
     "edit_schema",
-    "export_rig",
-    "export_weights",
     "get_num_threads",
     "load",
-    "parts",
     "pose",
-    "reference",
-    "rotational_symmetries",
     "samples",
     "set_num_threads",
-    "show",
     "symmetry_planes",
+]
+# Experimental: they may change with any version.
+__all__ += [
+    "Drag",
+    "KeyPose",
+    "Parts",
+    "RotationalSymmetry",
+    "VertexField",
+    "export_rig",
+    "export_weights",
+    "parts",
+    "rotational_symmetries",
+    "show",
     "weigh_skin",
 ]
 
@@ -83,7 +86,7 @@ _LATER = {
     "SymmetryPlane": "dfd.symmetry.plane",
     "VertexField": "dfd.field.vertex_field",
     "distill": "dfd.distillation.distill",
-    "edit_schema": "dfd.editing.document",
+    "edit_schema": "dfd.editing.edit_file",
     "export_rig": "dfd.export.export_rig",
     "export_weights": "dfd.export.export_weights",
     "load": "dfd.mesh.mesh",
@@ -96,10 +99,12 @@ _LATER = {
 
 
 def __getattr__(name: str) -> _typing.Any:
-    if name in ("reference", "samples"):
+    if name == "samples":
         return _importlib.import_module(f"dfd.{name}")
     if name in _LATER:
         value = getattr(_importlib.import_module(_LATER[name]), name)
+        if name == "Deformer":  # no room below the app may know it
+            value.page = lambda session, **how: _importlib.import_module("dfd.app").show(session, **how)
         globals()[name] = value
         return value
     raise AttributeError(f"module 'dfd' has no attribute {name!r}")

@@ -7,10 +7,10 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+import reference
 from hypothesis import strategies as st
 
 import dfd
-from dfd import reference
 
 __all__ = ["kernel_input", "run_kernels"]
 

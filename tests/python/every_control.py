@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 import dfd
 from dfd import Deformer, Field, Geodesics, Mesh
-from dfd.editing.controls import Blend, Falloff, Instances, Overlap
+from dfd.editing.controls import Falloff, Instances
 from dfd.editing.edit import Edit
 from dfd.editing.influence.regions import Ball, Box, HalfSpace, VertexSet
 from dfd.editing.suggestions import suggest_handles
 from dfd.geometry.findings import findings
 from dfd.geometry.metrics import area_ratios, surface_metrics
-from dfd.posing.pose import pose
+from dfd.posing.pose import Blend, Overlap, pose
 from dfd.posing.transforms import affine
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.symmetry.rotation import rotational_symmetries

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import reference
 
 import dfd
-from dfd import reference
 
 
 def test_feature_weights():

@@ -30,13 +30,13 @@ ROOMS = (
     "app",
     "cli",
 )
-# They stand beside the path: made shapes and slow twins know the rooms, no room of the path knows them.
-BESIDE = {"samples": "mesh", "reference": "symmetry", "demo": "cli"}
-# A command starts the demo, and the app offers the samples.
-MAY_ALSO = {"app": ("samples",), "cli": ("demo", "samples")}
+# They stand beside the path: made shapes know the rooms, no room of the path knows them.
+BESIDE = {"samples": "mesh"}
+# The demo is of the samples, and the app offers them.
+MAY_ALSO = {"app": ("samples",), "cli": ("samples",)}
 
 # What may use the public names, as users do.
-ABOVE = {"batch", "cli", "demo"}
+ABOVE = {"batch", "cli"}
 
 PACKAGE = Path(dfd.__file__).parent
 
@@ -91,3 +91,14 @@ def test_no_file_imports_one_that_imports_it() -> None:
         tuple(TopologicalSorter({name: found - {"dfd"} for name, found in IMPORTS.items()}).static_order())
     except CycleError as error:
         pytest.fail(f"circle: {' -> '.join(error.args[1])}")
+
+
+def test_the_core_needs_none_of_the_tools() -> None:
+    """Who computes with meshes, fields, weights and poses loads nothing of app, batches, pictures or commands."""
+    reached = {name for name in FILES if room_of(name) in ("mesh", "field", "weights", "posing")}
+    waiting = list(reached)
+    while waiting:
+        found = IMPORTS[waiting.pop()] - reached - {"dfd"}
+        reached |= found
+        waiting += found
+    assert {room_of(name) for name in reached}.isdisjoint({"app", "batch", "cli", "export", "pictures"})

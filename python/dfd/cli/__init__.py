@@ -9,6 +9,7 @@ import atexit
 import gc
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -16,12 +17,12 @@ import typer
 from dfd.cli.app import app as app_command
 from dfd.cli.batch import batch
 from dfd.cli.deform import deform
-from dfd.cli.demo import demo
 from dfd.cli.distill import distill
 from dfd.cli.errors import CommandGroup
 from dfd.cli.export import export, rig
 from dfd.cli.handles import HandlesCommand
 from dfd.cli.inspect import inspect
+from dfd.cli.options import PresetOption, chosen_preset
 from dfd.cli.parts import parts
 from dfd.cli.show import pick, show
 
@@ -55,7 +56,17 @@ def root(
     """Deep Feature Deformation: grab a point of a mesh, and everything that looks alike follows."""
 
 
-app.command()(demo)
+@app.command()
+def demo(
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for meshes and pictures.")] = Path("demo"),
+    preset: PresetOption = None,
+) -> None:
+    """Make shapes, distill them, deform them, and draw the story."""
+    from dfd.cli.demo import run
+
+    run(output, preset=chosen_preset(preset) or "default")
+
+
 app.command()(distill)
 app.command(cls=HandlesCommand)(deform)
 app.command()(show)

@@ -12,6 +12,7 @@ import typer
 
 from dfd.cli.handles import is_number
 from dfd.common import check
+from dfd.common.errors import ArgumentError
 
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
@@ -70,8 +71,8 @@ class Places:
             return place_on(self._mesh, part)
         try:
             found = find(self._mesh, text)
-        except ValueError as error:
-            raise ValueError(re.sub(r"^(\w+: )?`(at|region)`", f"`{option}`", str(error))) from None
+        except ArgumentError as error:
+            raise ArgumentError(option, error.reason) from None
         if not re.fullmatch(r"\s*[-+]?\d+\s*", text):
             self.notes.append(f"{option} {found.note}")
         return found.place
@@ -81,7 +82,7 @@ class Places:
         named, _, last = text.rpartition(":")
         if named in ("", "part", "group", "ball", "box") or not is_number(last):
             return self.find(option, text), 1.0
-        strength = check.number("dfd", option, float(last), minimum=0.0, maximum=1.0)
+        strength = check.number(None, option, float(last), minimum=0.0, maximum=1.0)
         return self.find(option, named), strength
 
     def tell(self) -> None:
@@ -137,6 +138,6 @@ def check_camera(azimuth: float | None, elevation: float, zoom: float) -> None:
         If an angle is not finite, `elevation` is above 90 or below −90, or `zoom` is not above 0.
     """
     if azimuth is not None:
-        check.number("dfd", "--azimuth", azimuth)
-    check.number("dfd", "--elevation", elevation, minimum=-90.0, maximum=90.0)
-    check.number("dfd", "--zoom", zoom, minimum=0.0, exclusive=True)
+        check.number(None, "--azimuth", azimuth)
+    check.number(None, "--elevation", elevation, minimum=-90.0, maximum=90.0)
+    check.number(None, "--zoom", zoom, minimum=0.0, exclusive=True)

@@ -134,7 +134,8 @@ def batch(
             sharded=len(shapes) > LARGE,
         )
     except ValidationError as error:
-        raise ValueError(f"batch: {error.errors()[0]['msg'].removeprefix('Value error, ')}") from None
+        first = error.errors()[0]
+        raise ValueError(f"batch: {first.get('ctx', {}).get('error', first['msg'])}") from None
     if any(each.startswith("rig.usd") for each in settings.exports):
         import_module("dfd.export.usd.export_usd")  # without its package it says so, before a shape is begun
     if memory is not None:

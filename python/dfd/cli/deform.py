@@ -8,27 +8,9 @@ from typing import Annotated, Any
 import typer
 
 from dfd.cli.arguments import PLACE, Places, check_camera, check_output, given_besides, plane_text
-from dfd.cli.deform_many import Asked, deform_many, is_many
+from dfd.cli.deform_many import BatchOptions, deform_many, is_many
 from dfd.cli.handles import handles
-from dfd.cli.options import (
-    ArriveOption,
-    BridgesOption,
-    FalloffOption,
-    FixOption,
-    InstancesOption,
-    LevelOption,
-    LocalityOption,
-    MirroredLocalityOption,
-    PresetOption,
-    RadiusOption,
-    ReachOption,
-    StrengthOption,
-    WithinOption,
-    WithinWidthOption,
-    WithoutInstancesOption,
-    chosen_preset,
-    number_or,
-)
+from dfd.cli.options import FixOption, PresetOption, chosen_preset, number_or, with_controls
 from dfd.encoders.known import DEFAULT_ENCODER
 
 __all__ = ["deform"]
@@ -36,6 +18,7 @@ __all__ = ["deform"]
 KEPT = ("output", "picture")
 
 
+@with_controls("overlap", "blend", "arrive", "mirrored_locality", "bridges")
 def deform(
     context: typer.Context,
     meshes: Annotated[
@@ -80,16 +63,6 @@ def deform(
         ),
     ] = None,
     preset: PresetOption = None,
-    reach: ReachOption = None,
-    falloff: FalloffOption = None,
-    locality: LocalityOption = None,
-    radius: RadiusOption = None,
-    strength: StrengthOption = None,
-    instances: InstancesOption = None,
-    level: LevelOption = None,
-    without_instances: WithoutInstancesOption = None,
-    within: WithinOption = None,
-    within_width: WithinWidthOption = None,
     name: Annotated[str | None, typer.Option(metavar="TEXT", help="What the edit calls the handle.")] = None,
     fix: FixOption = None,
     symmetry: Annotated[
@@ -111,16 +84,6 @@ def deform(
             metavar="ε|relative", help="How unlike the sides of --symmetry auto may be; by the spread unless given."
         ),
     ] = None,
-    overlap: Annotated[
-        str | None,
-        typer.Option(metavar="RULE", help="Where weights meet: add, interpolate, normalize or paper."),
-    ] = None,
-    blend: Annotated[
-        str | None, typer.Option(metavar="RULE", help="How transforms blend: linear, dual_quaternion or polar.")
-    ] = None,
-    arrive: ArriveOption = None,
-    mirrored_locality: MirroredLocalityOption = None,
-    bridges: BridgesOption = None,
     edit: Annotated[
         Path | None, typer.Option(metavar="JSON", help="Start from an edit with any number of handles.")
     ] = None,
@@ -153,6 +116,7 @@ def deform(
     elevation: Annotated[float, typer.Option(help="From how high up, degrees.")] = 18.0,
     zoom: Annotated[float, typer.Option(help="Above 1 nearer, at the handles.")] = 1.0,
     save_edit: Annotated[Path | None, typer.Option(metavar="JSON", help="Keep the edit, for --edit.")] = None,
+    **described: Any,
 ) -> None:
     """Deform MESH by handles, from options, an edit, or both; or several shapes by one edit, made on another one.
 
@@ -165,7 +129,9 @@ def deform(
             raise ValueError(f"`{others[0]}` is for one MESH: several shapes are deformed by `--edit` alone")
         if edit is None or output is None:
             raise ValueError(f"`--{'edit' if edit is None else 'output'}` must be given for several shapes")
-        deform_many(meshes, Asked(edit, output, field, made_on, encoder, chosen_preset(preset), threshold, picture))
+        deform_many(
+            meshes, BatchOptions(edit, output, field, made_on, encoder, chosen_preset(preset), threshold, picture)
+        )
         return
     mesh = Path(meshes[0])
     if not held and edit is None:
@@ -198,13 +164,8 @@ def deform(
     deformer = Deformer.load(edit, shape, opened) if edit else Deformer(shape, opened)
     places = Places(shape)
     places.session = deformer
-
-    def set_rules(**rules: Any) -> None:
-        for rule, value in rules.items():
-            if value is not None:
-                setattr(deformer, rule, value)
-
-    set_rules(preset=preset, arrive=arrive, mirrored_locality=mirrored_locality, bridges=bridges)
+    set_whole = {name: described[name] for name in ("arrive", "mirrored_locality", "bridges")}
+    deformer.set(preset=chosen_preset(preset), **set_whole)
     for place, options in held:
         deformer.add(places.find("--handle", place), **options)
     for text in fix or ():
@@ -212,7 +173,7 @@ def deform(
         deformer.fix(at, strength=held_by)
     if symmetry is not None:
         deformer.set_symmetry(plane_text(symmetry), band=band, **auto)
-    set_rules(overlap=overlap, blend=blend)
+    deformer.set(overlap=described["overlap"], blend=described["blend"])
     with stages.stage("features", len(shape.vertices)) as advance:
         deformer.prepare(advance)
     with stages.stage("deform"):

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Asked", "deform_many", "is_many"]
+__all__ = ["BatchOptions", "deform_many", "is_many"]
 
 CELL = 280  # pixels along a picture of the sheet
 SHAPES_BESIDE, SHAPES_ON_A_SHEET = 3, 60
@@ -27,7 +27,7 @@ SOME_LEFT_OUT = 1  # exit code
 
 
 @dataclass(frozen=True)
-class Asked:
+class BatchOptions:
     """What is to be done to the shapes."""
 
     edit: Path
@@ -69,33 +69,33 @@ def is_many(meshes: Sequence[str], made_on: Path | None) -> bool:
     return len(meshes) > 1 or made_on is not None or (has_magic(meshes[0]) and not Path(meshes[0]).exists())
 
 
-def deform_many(meshes: Sequence[str], asked: Asked) -> None:
+def deform_many(meshes: Sequence[str], options: BatchOptions) -> None:
     """Carry the edit to every shape and write each that it fits; leave with code 1 if some were left out."""
     files = _files(meshes)
-    _check(files, asked)
+    _check(files, options)
 
     import dfd
     from dfd.batch.one_edit import UnlikeError, before_and_after, carry
     from dfd.editing.edit import with_preset
     from dfd.pictures.picture import picture
 
-    original = _original(files, asked)
-    if asked.preset is not None:
-        original = replace(original, edit=with_preset(original.edit, asked.preset, original.mesh))
-    asked.output.mkdir(exist_ok=True)
-    sheet = _Sheet(asked.sheet or asked.output / "sheet.png", asked.edit.name)
+    original = _original(files, options)
+    if options.preset is not None:
+        original = replace(original, edit=with_preset(original.edit, options.preset, original.mesh))
+    options.output.mkdir(exist_ok=True)
+    sheet = _Sheet(options.sheet or options.output / "sheet.png", options.edit.name)
     left_out = 0
     for file in files:
         shape = None
         try:
             shape = dfd.load(file)
-            carried = carry(original, shape, _field(file, shape, asked), threshold=asked.threshold)
-            shape.save(asked.output / file.name, carried.deformer.vertices)
-            carried.deformer.save(asked.output / f"{file.stem}.edit.json")
+            carried = carry(original, shape, _field(file, shape, options), threshold=options.threshold)
+            shape.save(options.output / file.name, carried.deformer.vertices)
+            carried.deformer.save(options.output / f"{file.stem}.edit.json")
             sure = _listed(carried.confidence)
             before, after = before_and_after(carried.deformer, resolution=CELL)
             sheet.cells.append([(before, file.name), (after, sure)])
-            typer.echo(f"{asked.output / file.name}: {sure}; {carried.deformer.report()}")
+            typer.echo(f"{options.output / file.name}: {sure}; {carried.deformer.report()}")
         except (ValueError, OSError, MemoryError) as error:
             left_out += 1
             why = " ".join(str(error).split())
@@ -125,7 +125,7 @@ def _files(patterns: Sequence[str]) -> list[Path]:
     return list(found)
 
 
-def _check(files: Sequence[Path], asked: Asked) -> None:
+def _check(files: Sequence[Path], options: BatchOptions) -> None:
     """Refuse, before the work, what could not be written after it."""
     from dfd.cli.arguments import check_output
 
@@ -136,41 +136,41 @@ def _check(files: Sequence[Path], asked: Asked) -> None:
     for file in files:
         before = taken.setdefault(file.stem.lower(), file)
         if before is not file:
-            raise ValueError(f"MESH: {before} and {file} would have one name in {asked.output}")
-        if file.resolve() == (asked.output / file.name).resolve():
+            raise ValueError(f"MESH: {before} and {file} would have one name in {options.output}")
+        if file.resolve() == (options.output / file.name).resolve():
             raise ValueError(f"`--output` must be another folder than that of {file}, which stays as it is")
-    if asked.output.exists() and not asked.output.is_dir():
-        raise NotADirectoryError(f"`--output` must be a folder for several shapes, got {asked.output}")
-    check_output("--output", asked.output / "probe" if asked.output.is_dir() else asked.output)
-    if asked.sheet is not None:
-        inside = asked.sheet.parent == asked.output and not asked.output.exists()
-        check_output("--picture", Path(asked.sheet.name) if inside else asked.sheet, (".png",))
-    if asked.fields is not None and not asked.fields.is_dir():
-        raise NotADirectoryError(f"`--field` must be a folder for several shapes, got {asked.fields}")
+    if options.output.exists() and not options.output.is_dir():
+        raise NotADirectoryError(f"`--output` must be a folder for several shapes, got {options.output}")
+    check_output("--output", options.output / "probe" if options.output.is_dir() else options.output)
+    if options.sheet is not None:
+        inside = options.sheet.parent == options.output and not options.output.exists()
+        check_output("--picture", Path(options.sheet.name) if inside else options.sheet, (".png",))
+    if options.fields is not None and not options.fields.is_dir():
+        raise NotADirectoryError(f"`--field` must be a folder for several shapes, got {options.fields}")
 
 
-def _original(files: Sequence[Path], asked: Asked) -> Original:
+def _original(files: Sequence[Path], options: BatchOptions) -> Original:
     """The edit and the shape that it was made on: what is named, the one of the files that it fits, or what it says."""
     import dfd
     from dfd.batch.one_edit import Original
     from dfd.batch.prepare import find_files
     from dfd.editing.edit_file import read_made_on
 
-    if asked.made_on is not None:
-        shape = dfd.load(asked.made_on)
-        return Original.read(asked.edit, shape, _field(asked.made_on, shape, asked))
-    recorded = _recorded(asked.edit)
+    if options.made_on is not None:
+        shape = dfd.load(options.made_on)
+        return Original.read(options.edit, shape, _field(options.made_on, shape, options))
+    recorded = _recorded(options.edit)
     for file in files:
         with suppress(ValueError, OSError):  # what cannot be read is told when its turn comes
             shape = dfd.load(file)
             if shape.content_hash == recorded:
-                return Original.read(asked.edit, shape, _field(file, shape, asked))
-    if read_made_on(asked.edit)[0] is not None:
-        _, mesh, field = find_files(asked.edit)
+                return Original.read(options.edit, shape, _field(file, shape, options))
+    if read_made_on(options.edit)[0] is not None:
+        _, mesh, field = find_files(options.edit)
         shape = dfd.load(mesh)
-        return Original.read(asked.edit, shape, dfd.Field.load(field, mesh=shape))
+        return Original.read(options.edit, shape, dfd.Field.load(field, mesh=shape))
     raise ValueError(
-        f"`--made-on` must name the mesh that {asked.edit} was made on: it is none of the {len(files)} shapes"
+        f"`--made-on` must name the mesh that {options.edit} was made on: it is none of the {len(files)} shapes"
     )
 
 
@@ -182,16 +182,16 @@ def _recorded(edit: Path) -> str | None:
         return None
 
 
-def _field(file: Path, shape: Mesh, asked: Asked) -> Field:
+def _field(file: Path, shape: Mesh, options: BatchOptions) -> Field:
     """The field of a shape: from a file beside it or in `--field`, from the cache, or made now."""
     import dfd
     from dfd.batch.one_edit import field_path
 
-    path = field_path(file, asked.fields)
+    path = field_path(file, options.fields)
     if path.is_file():
         return dfd.Field.load(path, mesh=shape)
-    chosen: dict[str, Any] = {} if asked.preset is None else {"preset": asked.preset}
-    return dfd.distill(shape, asked.encoder, **chosen)
+    chosen: dict[str, Any] = {} if options.preset is None else {"preset": options.preset}
+    return dfd.distill(shape, options.encoder, **chosen)
 
 
 def _listed(confidence: dict[str, float]) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from inspect import Parameter, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin
 
@@ -11,7 +9,8 @@ import typer
 
 import dfd
 from dfd.cli.arguments import MeshArgument, check_output
-from dfd.common.importing import importing
+from dfd.cli.options import add_options, shown
+from dfd.common.interrupts import importing
 from dfd.common.progress import Stages
 from dfd.distillation.distill import distilling, find_distilled
 from dfd.distillation.settings import DistillSettings
@@ -27,39 +26,18 @@ __all__ = ["distill"]
 FEATURES = "`--features`"
 
 
-def _with_settings(command: Callable[..., None]) -> Callable[..., None]:
-    """Give `command` an option for each of the settings, whose values come to it by name where they are given."""
-    own = [
-        each for each in signature(command, eval_str=True).parameters.values() if each.kind is not Parameter.VAR_KEYWORD
-    ]
-    options = [
-        Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=_option(name))
-        for name in DistillSettings.model_fields
-    ]
-    parameters = [*own, *options]
-    command.__signature__ = signature(command).replace(parameters=parameters)  # type: ignore[attr-defined]
-    command.__annotations__ = {each.name: each.annotation for each in parameters}
-    return command
-
-
 def _option(name: str) -> Any:
     """The option of a setting: its type as a word of the command line, its description and what it is by itself."""
     field = DistillSettings.model_fields[name]
     kinds = [kind for kind in get_args(field.annotation) or (field.annotation,) if kind is not type(None)]
     kind = kinds[0] if kinds[0] in (bool, int, float) else str
-    default, paper = (_shown(getattr(DistillSettings(preset=preset), name)) for preset in ("default", "paper"))
+    default, paper = (shown(getattr(DistillSettings(preset=preset), name)) for preset in ("default", "paper"))
     by_itself = default if default == paper or name == "preset" else f"{default}; paper: {paper}"
     choices = "|".join(get_args(field.annotation)) if get_origin(field.annotation) is Literal else None
     return Annotated[kind | None, typer.Option(metavar=choices, help=field.description, show_default=by_itself)]
 
 
-def _shown(value: Any) -> str:
-    if isinstance(value, bool) or value is None:
-        return {None: "none", True: "yes", False: "no"}[value]
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-@_with_settings
+@lambda command: add_options(command, {name: _option(name) for name in DistillSettings.model_fields})
 def distill(
     mesh: MeshArgument,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FIELD", help="The .safetensors file to write.")],

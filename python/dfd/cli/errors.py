@@ -60,8 +60,7 @@ class _Interrupted(Exception):  # noqa: N818  # no error: somebody pressed Ctrl-
 
 
 def _fail(message: str, code: int) -> int:
-    # Checks of the command's own options name the command as the function, which the line begins with anyway.
-    typer.echo(f"dfd: {' '.join(message.removeprefix('dfd: ').split())}", err=True)
+    typer.echo(f"dfd: {' '.join(message.split())}", err=True)
     return code
 
 

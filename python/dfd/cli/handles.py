@@ -7,7 +7,8 @@ from typing import Any
 
 from typer.core import TyperCommand
 
-from dfd.cli.options import CONTROLS, controls
+from dfd.cli.options import controls
+from dfd.editing.presets import CONTROLS
 
 __all__ = ["HandlesCommand", "handles"]
 

@@ -1,53 +1,30 @@
-"""What is said of a handle and of the whole shape on the command line, spelled once for all commands."""
+"""What is said of a handle and of the whole shape on the command line: an option for each control that there is."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from inspect import Parameter, signature
 from typing import Annotated, Any
 
 import typer
 
 from dfd.common import check
+from dfd.common.described import About
 from dfd.common.preset import Preset
-from dfd.editing.presets import PRESETS
+from dfd.editing.presets import CONTROLS, PRESETS, WHOLE_SHAPE
 
 __all__ = [
-    "CONTROLS",
-    "ArriveOption",
-    "BridgesOption",
-    "FalloffOption",
     "FixOption",
-    "InstancesOption",
-    "LevelOption",
-    "LocalityOption",
-    "MirroredLocalityOption",
     "PresetOption",
-    "RadiusOption",
-    "ReachOption",
-    "StrengthOption",
-    "WithinOption",
-    "WithinWidthOption",
-    "WithoutInstancesOption",
+    "add_options",
     "chosen_preset",
     "controls",
     "number_or",
+    "shown",
+    "with_controls",
 ]
 
-# The parameters that shape the weights of one handle, named as `Deformer.add` names them.
-CONTROLS = (
-    "reach",
-    "falloff",
-    "locality",
-    "radius",
-    "strength",
-    "instances",
-    "level",
-    "without_instances",
-    "within",
-    "within_width",
-)
-
-_NEW, _PAPER = PRESETS["default"], PRESETS["paper"]
+Command = Callable[..., None]
 
 PresetOption = Annotated[
     str | None,
@@ -56,74 +33,58 @@ PresetOption = Annotated[
         help="What nothing else says: dfd's own, or the paper's equations to the letter; by default as --edit has it.",
     ),
 ]
-ReachOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="R|auto",
-        help=f"How unlike it what follows may be: {_NEW.reach:g} unless given, the paper's is {_PAPER.reach:g}; "
-        "part holds the part that the handle is on.",
-    ),
-]
-FalloffOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="CURVE",
-        help=f"From it to that end: {_NEW.falloff} unless given, {_PAPER.falloff} (the paper's), sharp, root, sphere"
-        " or constant.",
-    ),
-]
-LocalityOption = Annotated[
-    float | None, typer.Option(metavar="λ", help="0 reaches all that looks alike, more stays nearer.")
-]
-RadiusOption = Annotated[
-    str | None,
-    typer.Option(metavar="R|P%", help="In place of --locality: how far along the surface, mesh units or % of the box."),
-]
-StrengthOption = Annotated[float | None, typer.Option(metavar="S", help="From 0 to 1: a factor for what follows.")]
-InstancesOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="own|together|only", help="What looks alike moves about its own pivot, about one, or not at all."
-    ),
-]
-LevelOption = Annotated[
-    bool | None, typer.Option("--level/--no-level", help="Let all instances follow fully, however alike.")
-]
-WithoutInstancesOption = Annotated[
-    list[str] | None,
-    typer.Option("--without-instance", metavar="PLACE", help="The look-alike there does not move along; repeatable."),
-]
-WithinOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="REGION", help="Nothing follows beyond: part:NAME, group:NAME, 'x>0', ball:x,y,z,r or box:x,y,z,x,y,z."
-    ),
-]
-WithinWidthOption = Annotated[
-    str | None,
-    typer.Option(metavar="W|P%", help="How far beyond --within the weight fades, mesh units or % of the box."),
-]
 FixOption = Annotated[
     list[str] | None,
     typer.Option(
         metavar="PLACE[:S]", help="Hold this, and what looks like it, by a strength S from 0 to 1; repeatable."
     ),
 ]
-ArriveOption = Annotated[
-    bool | None,
-    typer.Option("--arrive/--no-arrive", help="Whether handles reach their target although fixed points hold back."),
-]
-BridgesOption = Annotated[
-    bool | None,
-    typer.Option("--bridges/--no-bridges", help="Whether --locality and --radius reach across small gaps."),
-]
-MirroredLocalityOption = Annotated[
-    bool | None,
-    typer.Option(
-        "--mirrored-locality/--no-mirrored-locality",
-        help="Whether they are measured from the handle's mirror image as well, with --symmetry.",
-    ),
-]
+
+
+def add_options(command: Command, options: Mapping[str, Any], *, after: str | None = None) -> Command:
+    """Let `command`, which takes `**` keywords, have these options, by their annotations; None is not given.
+
+    They come behind the parameter `after`, by default behind all others.
+    """
+    own = [
+        each for each in signature(command, eval_str=True).parameters.values() if each.kind is not Parameter.VAR_KEYWORD
+    ]
+    added = [Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=kind) for name, kind in options.items()]
+    place = len(own) if after is None else [each.name for each in own].index(after) + 1
+    keywords = [each.replace(kind=Parameter.KEYWORD_ONLY) for each in own[place:]]
+    parameters = [*own[:place], *added, *keywords]
+    command.__signature__ = signature(command).replace(parameters=parameters)  # type: ignore[attr-defined]
+    command.__annotations__ = {each.name: each.annotation for each in parameters}
+    return command
+
+
+def with_controls(*settings: str) -> Callable[[Command], Command]:
+    """Give a command, behind `preset`, an option for each control of a handle and for these `settings` of the shape."""
+    described = {**CONTROLS, **{name: WHOLE_SHAPE[name] for name in settings}}
+    options = {name: _option(name, about) for name, about in described.items()}
+    return lambda command: add_options(command, options, after="preset")
+
+
+def _option(name: str, about: About) -> Any:
+    """The option of a control or a setting, with what each preset has in its place."""
+    flag = name.replace("_", "-")
+    new, paper = (shown(getattr(PRESETS[preset], name, None)) for preset in ("default", "paper"))
+    text = about.text
+    if new != "none":
+        text += f" By itself {new}" + (f", the paper's is {paper}." if paper != new else ".")
+    if about.metavar is None:
+        return Annotated[bool | None, typer.Option(f"--{flag}/--no-{flag}", help=text)]
+    if about.repeated:
+        return Annotated[list[str] | None, typer.Option(f"--{flag[:-1]}", metavar=about.metavar, help=text)]
+    number = about.minimum is not None and "|" not in about.metavar
+    return Annotated[(float if number else str) | None, typer.Option(f"--{flag}", metavar=about.metavar, help=text)]
+
+
+def shown(value: Any) -> str:
+    """A default as the help of a command says it."""
+    if isinstance(value, bool) or value is None:
+        return {None: "none", True: "yes", False: "no"}[value]
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def controls(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -148,7 +109,7 @@ def chosen_preset(preset: str | None) -> Preset | None:
     ValueError
         If there is none of that name.
     """
-    return None if preset is None else check.choice("dfd", "--preset", preset, Preset)
+    return None if preset is None else check.choice(None, "--preset", preset, Preset)
 
 
 def number_or(word: str, option: str, text: str, number: str) -> Any:

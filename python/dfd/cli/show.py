@@ -10,23 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from dfd.cli.arguments import PLACE, MeshArgument, Places, check_camera, check_output
-from dfd.cli.options import (
-    ArriveOption,
-    BridgesOption,
-    FalloffOption,
-    FixOption,
-    InstancesOption,
-    LevelOption,
-    LocalityOption,
-    PresetOption,
-    RadiusOption,
-    ReachOption,
-    StrengthOption,
-    WithinOption,
-    WithinWidthOption,
-    WithoutInstancesOption,
-    controls,
-)
+from dfd.cli.options import FixOption, PresetOption, chosen_preset, controls, with_controls
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["pick", "show"]
 
 
+@with_controls("arrive", "bridges")
 def show(
     context: typer.Context,
     mesh: MeshArgument,
@@ -51,19 +36,7 @@ def show(
         ),
     ] = None,
     preset: PresetOption = None,
-    reach: ReachOption = None,
-    falloff: FalloffOption = None,
-    locality: LocalityOption = None,
-    radius: RadiusOption = None,
-    strength: StrengthOption = None,
-    instances: InstancesOption = None,
-    level: LevelOption = None,
-    without_instances: WithoutInstancesOption = None,
-    within: WithinOption = None,
-    within_width: WithinWidthOption = None,
     fix: FixOption = None,
-    arrive: ArriveOption = None,
-    bridges: BridgesOption = None,
     views: Annotated[int, typer.Option(min=1, max=36, help="From how many sides, all around.")] = 1,
     azimuth: Annotated[
         float | None,
@@ -77,6 +50,7 @@ def show(
     numbers: Annotated[bool, typer.Option("--numbers", help="Write the indices of vertices that are seen.")] = False,
     legend: Annotated[bool, typer.Option("--legend", help="Draw the scale of the heat beside it.")] = False,
     resolution: Annotated[int, typer.Option(min=16, max=8192, help="Pixels along the side of each picture.")] = 768,
+    **described: Any,
 ) -> None:
     """Draw MESH: by itself, in the colours of its features, or the weights of handles as heat."""
     given = controls(context.params)
@@ -102,7 +76,7 @@ def show(
         marked = [places.find("--handle", text).position for text in handle or ()]
         rows: list[tuple[str, dict[str, Any]]] = [("the mesh", {"handles": marked} if marked else {})]
     else:
-        whole = {"preset": preset, "arrive": arrive, "bridges": bridges}
+        whole = {"preset": chosen_preset(preset), "arrive": described["arrive"], "bridges": described["bridges"]}
         rows = _rows(shape, field, handle or [], given, fix or [], whole, places, stages)
     if heat and not legend and len(rows) * views > 1:
         legend = True
@@ -141,9 +115,7 @@ def _rows(
     from dfd.pictures.colors import feature_colors
 
     deformer = Deformer(shape, Field.load(field, mesh=shape))
-    for rule, value in whole.items():
-        if value is not None:
-            setattr(deformer, rule, value)
+    deformer.set(**whole)
     places.session = deformer
     for text in handles:
         deformer.add(places.find("--handle", text), **given)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import tensors
+from dfd.common.errors import ArgumentError
 
 __all__ = ["array", "choice", "number", "vertex_indices", "warn", "whole"]
 
@@ -21,7 +22,7 @@ def _describe(shape: Sequence[int | str | None]) -> str:
 
 
 def array(
-    function: str,
+    function: str | None,
     name: str,
     value: Any,
     shape: Sequence[int | str | None],
@@ -46,22 +47,22 @@ def array(
         try:
             result = np.asarray(value)
         except (TypeError, ValueError):
-            raise ValueError(f"{function}: `{name}` must be a numeric array, got {_kind(value)}") from None
+            raise ArgumentError(name, f"must be a numeric array, got {_kind(value)}", function) from None
     if result.dtype.kind not in "fiub":
-        raise ValueError(f"{function}: `{name}` must be a numeric array, got {_kind(value)}")
+        raise ArgumentError(name, f"must be a numeric array, got {_kind(value)}", function)
     if not _fits(result.shape, shape):
-        raise ValueError(f"{function}: `{name}` must have shape {_describe(shape)}, got {result.shape}")
+        raise ArgumentError(name, f"must have shape {_describe(shape)}, got {result.shape}", function)
     if finite and result.dtype.kind == "f" and not np.isfinite(result).all():
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(result))[0])
-        raise ValueError(
-            f"{function}: `{name}` must be finite, got {result[where]} at {list(where) if where else 'its value'}"
+        raise ArgumentError(
+            name, f"must be finite, got {result[where]} at {list(where) if where else 'its value'}", function
         )
     if result.dtype == dtype:
         return np.ascontiguousarray(result)
     with np.errstate(over="ignore"):
         coerced = np.ascontiguousarray(result, dtype=dtype)
     if finite and coerced.dtype.kind == "f" and not np.isfinite(coerced).all():
-        raise ValueError(f"{function}: `{name}` has values too large for {np.dtype(dtype).name}")
+        raise ArgumentError(name, f"has values too large for {np.dtype(dtype).name}", function)
     return coerced
 
 
@@ -74,7 +75,7 @@ def _fits(shape: tuple[int, ...], wanted: Sequence[int | str | None]) -> bool:
 
 
 def number(
-    function: str,
+    function: str | None,
     name: str,
     value: Any,
     *,
@@ -86,43 +87,43 @@ def number(
     try:
         result = float(tensors.shared(function, name, value))
     except TypeError:
-        raise ValueError(f"{function}: `{name}` must be a number, got {_kind(value)}") from None
+        raise ArgumentError(name, f"must be a number, got {_kind(value)}", function) from None
     except OverflowError:
-        raise ValueError(f"{function}: `{name}` must be finite, got a whole number too large for a float") from None
-    except ValueError as error:
-        if str(error).startswith(f"{function}: "):
-            raise
-        raise ValueError(f"{function}: `{name}` must be a number, got {_kind(value)}") from None
+        raise ArgumentError(name, "must be finite, got a whole number too large for a float", function) from None
+    except ArgumentError:
+        raise
+    except ValueError:
+        raise ArgumentError(name, f"must be a number, got {_kind(value)}", function) from None
     if not np.isfinite(result):
-        raise ValueError(f"{function}: `{name}` must be finite, got {result}")
+        raise ArgumentError(name, f"must be finite, got {result}", function)
     if minimum is not None and (result <= minimum if exclusive else result < minimum):
         bound = "above" if exclusive else "at least"
-        raise ValueError(f"{function}: `{name}` must be {bound} {minimum:g}, got {result:g}")
+        raise ArgumentError(name, f"must be {bound} {minimum:g}, got {result:g}", function)
     if maximum is not None and result > maximum:
-        raise ValueError(f"{function}: `{name}` must be at most {maximum:g}, got {result:g}")
+        raise ArgumentError(name, f"must be at most {maximum:g}, got {result:g}", function)
     return result
 
 
-def whole(function: str, name: str, value: Any, *, minimum: int, maximum: int | None = None) -> int:
+def whole(function: str | None, name: str, value: Any, *, minimum: int, maximum: int | None = None) -> int:
     """Return `value` as an int within [minimum, maximum]; True and 2.0 are no whole numbers here."""
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer):
-        raise ValueError(f"{function}: `{name}` must be a whole number, got {value!r}")
+        raise ArgumentError(name, f"must be a whole number, got {value!r}", function)
     if value < minimum or (maximum is not None and value > maximum):
         bounds = f"of at least {minimum}" if maximum is None else f"from {minimum} to {maximum}"
-        raise ValueError(f"{function}: `{name}` must be a whole number {bounds}, got {value}")
+        raise ArgumentError(name, f"must be a whole number {bounds}, got {value}", function)
     return int(value)
 
 
-def choice(function: str, name: str, value: Any, options: Any) -> Any:
+def choice(function: str | None, name: str, value: Any, options: Any) -> Any:
     """Return `value`, one of the words of the Literal type `options`."""
     words = get_args(options)
     if not isinstance(value, str) or value not in words:
-        raise ValueError(f"{function}: `{name}` must be one of {', '.join(words)}, got {value!r}")
+        raise ArgumentError(name, f"must be one of {', '.join(words)}, got {value!r}", function)
     return value
 
 
 def vertex_indices(
-    function: str, name: str, value: Any, vertex_count: int, *, unique: bool = False
+    function: str | None, name: str, value: Any, vertex_count: int, *, unique: bool = False
 ) -> NDArray[np.int64]:
     """Return `value` as int64 vertex indices, each in [0, `vertex_count`).
 
@@ -135,17 +136,17 @@ def vertex_indices(
     if indices.size == 0 and indices.ndim == 1:
         return np.zeros(0, np.int64)
     if indices.ndim != 1 or indices.dtype.kind not in "iu":
-        raise ValueError(
-            f"{function}: `{name}` must be a list of vertex indices, got {_kind(value)} of shape {indices.shape}"
+        raise ArgumentError(
+            name, f"must be a list of vertex indices, got {_kind(value)} of shape {indices.shape}", function
         )
     outside = (indices < 0) | (indices >= vertex_count)
     if outside.any():
-        raise ValueError(f"{function}: `{name}` must lie in 0 … {vertex_count - 1}, got {int(indices[outside][0])}")
+        raise ArgumentError(name, f"must lie in 0 … {vertex_count - 1}, got {int(indices[outside][0])}", function)
     if unique and len(indices) > 1:
         ordered = np.sort(indices)
         again = ordered[1:][ordered[1:] == ordered[:-1]]
         if len(again):
-            raise ValueError(f"{function}: `{name}` names vertex {int(again[0])} more than once")
+            raise ArgumentError(name, f"names vertex {int(again[0])} more than once", function)
     return np.ascontiguousarray(indices, dtype=np.int64)
 
 

@@ -1,4 +1,4 @@
-"""Files that are whole or absent: written beside their place, then renamed into it."""
+"""Files that are whole or absent: written beside their place, then renamed into it; and where made things are kept."""
 
 from __future__ import annotations
 
@@ -12,10 +12,22 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-__all__ = ["atomic_write"]
+__all__ = ["atomic_write", "cache_directory"]
 
 _WRITERS = 16  # of one file at the same time; more of them get names that are never reused
 _LONGEST_ENDING = 32  # bytes of an ending that the temporary file keeps
+
+
+def cache_directory() -> Path:
+    """Return the user's cache folder for `dfd`; it need not exist yet.
+
+    The environment variable DFD_CACHE names it outright; otherwise it follows the habit of the platform, on Linux
+    XDG_CACHE_HOME or ~/.cache.
+    """
+    import platformdirs  # Blender has none, and asks for no cache
+
+    named = os.environ.get("DFD_CACHE")
+    return Path(named).expanduser() if named else platformdirs.user_cache_path("dfd", appauthor=False)
 
 
 @contextmanager

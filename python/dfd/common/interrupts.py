@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-__all__ = ["heed_interrupts"]
+__all__ = ["heed_interrupts", "importing"]
 
 
 @contextmanager
@@ -54,3 +55,20 @@ class _Note:
         self.count += 1
         if self.count > 1 or not self._wait:
             signal.default_int_handler(number, frame)
+
+
+@contextmanager
+def importing() -> Iterator[None]:
+    """Importing makes a million objects that stay: searching them for garbage, over and over, takes a tenth of it.
+
+    The one search that comes at the end belongs to it, for an interruption that meets a finalizer there would be lost.
+    """
+    with heed_interrupts():
+        enabled = gc.isenabled()
+        gc.disable()
+        try:
+            yield
+        finally:
+            if enabled:
+                gc.enable()
+                gc.collect(0)

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.errors import ArgumentError
+
 __all__ = ["is_tensor", "like", "lines_contiguous", "output", "shared", "tracked"]
 
 
@@ -25,7 +27,7 @@ def tracked(*values: Any) -> bool:
     return any(isinstance(value, torch.Tensor) and value.requires_grad for value in values)
 
 
-def shared(function: str, name: str, value: Any) -> Any:
+def shared(function: str | None, name: str, value: Any) -> Any:
     """`value`, or the NumPy view of the memory of a torch CPU tensor.
 
     Raises
@@ -36,15 +38,15 @@ def shared(function: str, name: str, value: Any) -> Any:
     if type(value) is np.ndarray:
         return value
     if isinstance(value, np.ma.MaskedArray):
-        raise ValueError(f"{function}: `{name}` must not be a masked array: fill what is masked, or leave it out")
+        raise ArgumentError(name, "must not be a masked array: fill what is masked, or leave it out", function)
     if not is_tensor(value):
         return value
     if value.device.type != "cpu":
-        raise ValueError(f"{function}: `{name}` must be on the CPU, got a tensor on {value.device}")
+        raise ArgumentError(name, f"must be on the CPU, got a tensor on {value.device}", function)
     try:
         return value.detach().resolve_conj().resolve_neg().numpy()
     except (TypeError, RuntimeError, NotImplementedError):
-        raise ValueError(f"{function}: `{name}` must be a dense array of numbers, got {value.dtype}") from None
+        raise ArgumentError(name, f"must be a dense array of numbers, got {value.dtype}", function) from None
 
 
 def output(
@@ -64,21 +66,21 @@ def output(
         If `out` is not a writable contiguous array of `shape` and `dtype`, or shares memory with one of `inputs`.
     """
     if is_tensor(out) and out.requires_grad:
-        raise ValueError(f"{function}: `out` must not require a gradient")
+        raise ArgumentError("out", "must not require a gradient", function)
     array = shared(function, "out", out)
     if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype != dtype:
         found = f"{array.shape} and {array.dtype.name}" if isinstance(array, np.ndarray) else type(out).__name__
-        raise ValueError(
-            f"{function}: `out` must be an array of shape {shape} and type {np.dtype(dtype).name}, got {found}"
+        raise ArgumentError(
+            "out", f"must be an array of shape {shape} and type {np.dtype(dtype).name}, got {found}", function
         )
     flags = array.flags
     if columns and not lines_contiguous(array):
-        raise ValueError(f"{function}: `out` must have contiguous rows or columns")
+        raise ArgumentError("out", "must have contiguous rows or columns", function)
     if not (columns or flags.c_contiguous) or not flags.writeable or not flags.aligned:
-        raise ValueError(f"{function}: `out` must be {'' if columns else 'C-contiguous and '}writable")
+        raise ArgumentError("out", f"must be {'' if columns else 'C-contiguous and '}writable", function)
     for name, other in inputs.items():
         if other is not None and np.may_share_memory(array, other):
-            raise ValueError(f"{function}: `out` must not overlap `{name}`, which stays as it is")
+            raise ArgumentError("out", f"must not overlap `{name}`, which stays as it is", function)
     return array
 
 

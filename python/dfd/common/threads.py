@@ -1,4 +1,4 @@
-"""How many threads the kernels use.
+"""How many threads the kernels use, and work that is split among as many.
 
 The kernels run on the OpenMP runtime that torch loads as well: this module, which `dfd` imports before its kernels,
 sees to that. Its pool of threads does not survive a fork, so a forked child computes on one thread; start workers with
@@ -8,13 +8,17 @@ the method "spawn" to give them more.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeVar
 
 from dfd.common import check, openmp
 
-__all__ = ["get_num_threads", "one_blas_thread", "set_num_threads"]
+__all__ = ["beside", "get_num_threads", "one_blas_thread", "set_num_threads", "share"]
+
+T = TypeVar("T")
 
 
 def set_num_threads(count: int) -> None:
@@ -106,3 +110,39 @@ _forked = False
 _threads = _default_threads()
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_after_fork)
+
+
+def share(count: int, size: int, work: Callable[[int, int], None]) -> None:
+    """Call `work(begin, end)` for ranges of `size` that cover 0 … `count`, on as many threads as the kernels use.
+
+    What `work` raises is raised here.
+    """
+    starts = iter(range(0, count, size))
+
+    def take() -> None:
+        for begin in starts:
+            work(begin, min(begin + size, count))
+
+    others = min(get_num_threads(), -(-count // size)) - 1
+    with ThreadPoolExecutor(max(others, 1), "dfd") as pool:
+        taking = [pool.submit(take) for _ in range(others)]
+        try:
+            take()
+        finally:
+            for _ in starts:  # nothing is begun any more once one of them has failed or was interrupted
+                pass
+        for other in taking:
+            other.result()
+
+
+@contextmanager
+def beside(work: Callable[[], T]) -> Iterator[Callable[[], T]]:
+    """Let `work` be done on a thread of its own while the block runs; what is yielded gives its result, or raises.
+
+    The block ends when both are done. Where the kernels use one thread, `work` is done when its result is asked for.
+    """
+    if get_num_threads() == 1:
+        yield work
+        return
+    with ThreadPoolExecutor(1, "dfd") as pool:
+        yield pool.submit(work).result

@@ -6,9 +6,8 @@ import logging
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from dfd.common.parallel import beside
 from dfd.common.progress import Stages
-from dfd.common.threads import one_blas_thread
+from dfd.common.threads import beside, one_blas_thread
 from dfd.distillation.fit import fit, fit_component_residuals, widen
 from dfd.distillation.metric import Metric, find_metric
 from dfd.distillation.settings import DistillSettings

@@ -7,8 +7,7 @@ from contextlib import contextmanager
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from dfd.common.importing import importing
-from dfd.common.interrupts import heed_interrupts
+from dfd.common.interrupts import heed_interrupts, importing
 from dfd.common.progress import Stages
 from dfd.distillation.checkpoint import Checkpoint
 from dfd.distillation.settings import DistillSettings

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.optim.adam import adam
 
+from dfd.common.devices import one_thread
 from dfd.common.progress import Stages
 from dfd.common.threads import get_num_threads
-from dfd.common.torch_threads import one_thread
 from dfd.field.architecture import Architecture
 from dfd.field.component_residuals import ComponentResiduals
 from dfd.field.field import Field

@@ -32,9 +32,8 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import principal_directions
-from dfd.common.parallel import share
 from dfd.common.progress import Stages
-from dfd.common.threads import one_blas_thread
+from dfd.common.threads import one_blas_thread, share
 from dfd.distillation.targets import PAIRS, PixelTargets, PointTargets, TokenGrid, mean_distance, restore_contrast, unit
 from dfd.field.component_residuals import apart, boxes_of_components
 from dfd.geometry.topology import face_areas, face_components

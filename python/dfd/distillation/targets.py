@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from dfd.common.parallel import share
+from dfd.common.threads import share
 from dfd.views.render import Views
 
 # torch takes seconds to import; only the fit draws with it.

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dfd.common.errors import ArgumentError
+
 if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
@@ -50,7 +52,7 @@ def check_compatible(field: Field, mesh: Mesh) -> None:
     )
     remedy = "bring the mesh to that shape's units, axes and position, or distill a field from it"
     if outside or not 1 / LARGEST_RATIO <= ratio <= LARGEST_RATIO:
-        raise ValueError(f"`field` must belong to this mesh, but it was distilled from {sizes}: {remedy}")
+        raise ArgumentError("field", f"must belong to this mesh, but it was distilled from {sizes}: {remedy}")
     if reach > FARTHEST_REACH:
         warnings.warn(
             f"`field` was distilled from {sizes}: weights beyond that shape's box are a guess. "

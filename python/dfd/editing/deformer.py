@@ -3,47 +3,76 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable
+from contextlib import AbstractContextManager
 from dataclasses import replace
-from importlib import import_module
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dfd.common import check
+from dfd.common.errors import ArgumentError, called, public
 from dfd.common.preset import Preset
 from dfd.editing.compatibility import check_compatible
-from dfd.editing.controls import Falloff, Instances, controls_of, controls_on
-from dfd.editing.door import door
-from dfd.editing.edit import Edit, Handle, edit_on, empty_edit
+from dfd.editing.controls import GivenControls, controls_of, controls_on
+from dfd.editing.edit import Edit, Fixed, Handle, box_center, edit_on, empty_edit, symmetry_on, with_preset
 from dfd.editing.edit_file import read_edit, write_edit
+from dfd.editing.history import History
 from dfd.editing.influence.handle_weights import HandleWeights
-from dfd.editing.influence.regions import Region, VertexSet
+from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import Place, place_on
+from dfd.editing.presets import SymmetryCandidates
 from dfd.editing.report import Report, report
 from dfd.editing.shape import PosedShape
-from dfd.editing.whole_shape import WholeShape
 from dfd.mesh.mesh import MeshLike, as_mesh
+from dfd.posing.pose import Blend, Overlap
 from dfd.posing.transforms import Along, Transform
+from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.compact import CompactFeatures
 
 if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from dfd.editing.influence.instances import Instance
     from dfd.field.field import Field
     from dfd.segmentation.parts import Level
 
 __all__ = ["Deformer"]
 
-# What shows a session in a page: a later room, looked up by name when somebody asks for it.
-PAGE = "dfd.app"
+Value = TypeVar("Value")
 
 
-class Deformer(WholeShape):
+class Setting(Generic[Value]):
+    """A property of a session that holds for the whole shape; set, it is a step, as `Deformer.set` makes it."""
+
+    def __init__(self, text: str) -> None:
+        self.__doc__ = text
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, session: Deformer, owner: type | None = None) -> Value:
+        if session is None:
+            return self  # asked of the class, as help() does
+        value: Value = getattr(session.edit, self._name)
+        return value
+
+    def __set__(self, session: Deformer, value: Value) -> None:
+        with called(f"Deformer.{self._name}"):
+            session.set(**{self._name: value})  # type: ignore[arg-type]
+
+
+class Deformer:
     """One editing session of one shape.
 
     Nothing is ever baked: every handle keeps the numbers it was given and can be changed or removed at any time, and
-    `vertices` always follows from the resting mesh. Every change is a step that `undo` takes back, without limit. A new
-    handle costs one column of weights, a frame of a drag what the handles that move cost, however many others rest.
+    `vertices` always follows from the resting mesh. A new handle costs one column of weights, a frame of a drag what
+    the handles that move cost, however many others rest.
+
+    Every change is a step that `undo` takes back, without limit. With `merge`, a change joins the step before if that
+    one was about the same handle, place or setting: a drag is one plain move and then merged ones, and `undo` takes it
+    back whole.
 
     Parameters
     ----------
@@ -71,25 +100,103 @@ class Deformer(WholeShape):
         If a part of the mesh lies far outside the box of the field's shape.
     """
 
+    page: Callable[..., Any] | None = None  # what shows a session: `dfd` puts the app's there
+
+    @public
     def __init__(self, mesh: MeshLike, field: Field, *, preset: Preset = "default", features: Any = None) -> None:
-        mesh = as_mesh(mesh)
-        with door("Deformer"):
-            start = empty_edit(preset)
-        self.mesh = mesh
+        self.mesh = as_mesh(mesh)
         self.field = field
+        start = empty_edit(preset)
         if features is None:
-            with door("Deformer"):
-                check_compatible(field, mesh)
-        self._weights = HandleWeights(mesh, field, features)
-        self._posed = PosedShape(mesh, self._weights)
+            check_compatible(field, self.mesh)
+        self._weights = HandleWeights(self.mesh, field, features)
+        self._posed = PosedShape(self.mesh, self._weights)
         self._start(start)
+
+    def _start(self, edit: Edit) -> None:
+        self._history = History(edit)
+        self._next_id = 1 + max((handle.id for handle in edit.handles), default=0)
 
     def __repr__(self) -> str:
         """Say how much is being done to what."""
         return f"Deformer({self.mesh!r}, {len(self.handles)} handles, {len(self.fixed)} fixed points)"
 
+    # --- steps
+
+    @property
+    def edit(self) -> Edit:
+        """The present state, an immutable value."""
+        return self._history.present
+
+    @property
+    def handles(self) -> tuple[Handle, ...]:
+        """The live handles, in the order in which they came."""
+        return self.edit.handles
+
+    @public
+    def handle(self, handle: int) -> Handle:
+        """The handle of that id.
+
+        Raises
+        ------
+        ValueError
+            If there is none.
+        """
+        return self.edit.handle(handle)
+
+    @public
+    def instances(self, handle: int) -> list[tuple[Instance, bool]]:
+        """The places that look like the one a handle holds, and whether each moves along (`without_instances`).
+
+        Its own is the first, then come the others, the most alike first; `Instance.vertex` and `Instance.position` say
+        where each is.
+
+        Raises
+        ------
+        ValueError
+            If there is no such handle.
+        """
+        return self._weights.instances(self.edit, self.edit.handle(handle))
+
+    @property
+    def fixed(self) -> tuple[Fixed, ...]:
+        """The fixed points and regions, in the order in which they came."""
+        return self.edit.fixed
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is a step to take back."""
+        return self._history.can_undo
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether there is a step that was taken back."""
+        return self._history.can_redo
+
+    def undo(self) -> bool:
+        """Take the newest step back; False if there is none."""
+        return self._history.undo()
+
+    def redo(self) -> bool:
+        """Take a step again that was taken back; False if there is none."""
+        return self._history.redo()
+
+    def step(self, topic: Hashable = None, *, merge: bool = False) -> AbstractContextManager[None]:
+        """`with deformer.step():` makes one step of all changes inside; if one of them fails, none of them happens.
+
+        With `merge` it joins the step before if that one was about the same `topic`, which may be anything but None.
+        """
+        return self._history.step(topic, merge=merge)
+
+    def _commit(self, edit: Edit, topic: Hashable = None, merge: bool = False) -> None:
+        """Take a step that may change weights: refused where a handle could not arrive."""
+        self._weights.check_arrivals(edit)
+        self._weights.check_interpolation(edit)
+        self._history.commit(edit, topic=topic, merge=merge)
+
     # --- handles
 
+    @public
     def add(
         self,
         at: Any,
@@ -99,17 +206,8 @@ class Deformer(WholeShape):
         scale: ArrayLike | None = None,
         pivot: ArrayLike | None = None,
         axes: ArrayLike | None = None,
-        reach: float | str | None = None,
-        falloff: Falloff | None = None,
-        locality: float | None = None,
-        radius: float | str | None = None,
-        strength: float | None = None,
-        instances: Instances | None = None,
-        level: bool | None = None,
-        without_instances: Sequence[Any] | None = None,
-        within: Region | ArrayLike | str | None = None,
-        within_width: float | str | None = None,
         name: str | None = None,
+        **controls: Unpack[GivenControls],
     ) -> int:
         """Take hold of the shape and return the new handle's id.
 
@@ -132,33 +230,12 @@ class Deformer(WholeShape):
             (3, 3) orthonormal vectors, one a row, along which it scales; "normal" for a frame whose third vector is the
             surface's normal at the handle, "limb" for one whose third vector runs along the limb there, so that
             (1.5, 1.5, 1) makes it thicker and not longer, each instance along its own; the mesh's own if left out.
-        reach
-            Feature distance at which the weight is 0; less takes fewer look-alikes along, "auto" stops at the largest
-            gap of the distances, "part" holds the part that the handle is on. If left out the preset's, as those of
-            `falloff` and `instances`.
-        falloff
-            The curve from the handle to the end of its reach, by the names of `dfd.bind`.
-        locality
-            λ of Eq. 7: 0 reaches everything that looks alike, more stays nearer.
-        radius
-            In place of `locality`: the distance over the surface at which the weight is smoothly 0, in mesh units or as
-            "20%" of the diagonal of the box.
-        strength
-            In [0, 1], a factor for all of its weights; 1 if left out.
-        instances
-            "own": each look-alike moves about its own counterpart of the pivot, mirrored where a plane of symmetry lies
-            between; "together": all move about the one pivot; "only": this one alone.
-        level
-            Whether all instances follow as fully as the handle's own.
-        without_instances
-            Those that do not move along: vertices, points or texts as `at` takes them, one on each. Of those
-            that `instances` lists any but the first, the handle's own, which always moves.
-        within
-            A region, as `at` takes one, beyond which nothing follows; "part" for the part that the handle is on.
-        within_width
-            How far beyond it the weight falls smoothly to 0, given as `radius` is; 0 if left out.
         name
             For people.
+        **controls
+            What follows it, as `dfd.editing.presets.CONTROLS` and docs/controls.md say: `reach`, `falloff`, `locality`,
+            `radius`, `strength`, `instances`, `level`, `without_instances`, `within` and `within_width`. What is left
+            out, or None, is as the preset has it. `within="part"` is the part that the handle is on.
 
         Raises
         ------
@@ -167,21 +244,21 @@ class Deformer(WholeShape):
             point lies farther from the shape than the diagonal of its box, the place is taken, or fixed points leave
             nothing of the handle.
         """
-        with door("Deformer.add"):
-            place = place_on(self.mesh, self._part_named(at))
-            within = self._part_named(within, place)
-            transform = self._transform(Transform(), place, translation, rotation, scale, pivot, axes)
-            handle = Handle(
-                self._next_id,
-                place,
-                transform,
-                controls_of(self.preset).changed(**controls_on(self.mesh, locals())),
-                name,
-            )
-            self._commit(replace(self.edit, handles=(*self.handles, handle)))
+        place = place_on(self.mesh, self._part_named(at))
+        controls["within"] = self._part_named(controls.get("within"), place)
+        transform = self._transform(Transform(), place, translation, rotation, scale, pivot, axes)
+        handle = Handle(
+            self._next_id,
+            place,
+            transform,
+            controls_of(self.preset).changed(**controls_on(self.mesh, controls)),
+            name,
+        )
+        self._commit(replace(self.edit, handles=(*self.handles, handle)))
         self._next_id += 1
         return handle.id
 
+    @public
     def move(
         self,
         handle: int,
@@ -204,35 +281,27 @@ class Deformer(WholeShape):
         pivot, axes
             As in `add`; "auto" returns them to the handle's position and the mesh's axes.
         merge
-            Join the step before if that one moved the same handle: a drag is one plain move and then merged ones, and
-            `undo` takes it back whole.
+            Join the step before if that one was about the same handle.
 
         Raises
         ------
         ValueError
             If there is no such handle, or a number is not finite or of another shape.
         """
-        with door("Deformer.move"):
-            held = self.edit.handle(handle)
-            moved = self._transform(held.transform, held.place, translation, rotation, scale, pivot, axes)
-            self._commit_move(self.edit.replaced(replace(held, transform=moved)), handle, merge)
+        held = self.edit.handle(handle)
+        moved = self._transform(held.transform, held.place, translation, rotation, scale, pivot, axes)
+        edit = self.edit.replaced(replace(held, transform=moved))
+        self._history.commit(edit, topic=("handle", handle), merge=merge)  # no weight changes
 
+    @public
     def change(
         self,
         handle: int,
         *,
         at: Any = None,
-        reach: float | str | None = None,
-        falloff: Falloff | None = None,
-        locality: float | None = None,
-        radius: float | str | None = None,
-        strength: float | None = None,
-        instances: Instances | None = None,
-        level: bool | None = None,
-        without_instances: Sequence[Any] | None = None,
-        within: Region | ArrayLike | str | None = None,
-        within_width: float | str | None = None,
         name: str | None = None,
+        merge: bool = False,
+        **controls: Unpack[GivenControls],
     ) -> None:
         """Set where a handle is, what follows it, or its name, as in `add`; what is left out stays.
 
@@ -244,24 +313,24 @@ class Deformer(WholeShape):
         ValueError
             As in `add`, or if there is no such handle.
         """
-        with door("Deformer.change"):
-            held = self.edit.handle(handle)
-            place = held.place if at is None else place_on(self.mesh, self._part_named(at))
-            within = self._part_named(within, place)
-            transform, along = held.transform, held.transform.along
-            if place != held.place and along is not None:
-                axes = self._weights.axes(place, along)
-                transform = transform if axes is None else transform.changed(axes=axes, along=along)
-            changed = replace(
-                held,
-                place=place,
-                transform=transform,
-                controls=held.controls.changed(**controls_on(self.mesh, locals())),
-                name=held.name if name is None else name,
-            )
-            self._commit(self.edit.replaced(changed))
+        held = self.edit.handle(handle)
+        place = held.place if at is None else place_on(self.mesh, self._part_named(at))
+        controls["within"] = self._part_named(controls.get("within"), place)
+        transform, along = held.transform, held.transform.along
+        if place != held.place and along is not None:
+            axes = self._weights.axes(place, along)
+            transform = transform if axes is None else transform.changed(axes=axes, along=along)
+        changed = replace(
+            held,
+            place=place,
+            transform=transform,
+            controls=held.controls.changed(**controls_on(self.mesh, controls)),
+            name=held.name if name is None else name,
+        )
+        self._commit(self.edit.replaced(changed), ("handle", handle), merge)
 
-    def remove(self, handle: int) -> None:
+    @public
+    def remove(self, handle: int, *, merge: bool = False) -> None:
         """Let go of a handle.
 
         Raises
@@ -269,11 +338,12 @@ class Deformer(WholeShape):
         ValueError
             If there is no such handle.
         """
-        with door("Deformer.remove"):
-            held = self.edit.handle(handle)
-            self._commit(replace(self.edit, handles=tuple(other for other in self.handles if other is not held)))
+        held = self.edit.handle(handle)
+        kept = tuple(other for other in self.handles if other is not held)
+        self._commit(replace(self.edit, handles=kept), ("handle", handle), merge)
 
-    def apply(self, edit: Edit) -> None:
+    @public
+    def apply(self, edit: Edit, *, merge: bool = False) -> None:
         """Replace everything by `edit`, as one step; `Edit()` clears the session.
 
         Its preset is the session's from then on.
@@ -283,10 +353,10 @@ class Deformer(WholeShape):
         ValueError
             If a vertex of `edit` is none of the mesh, or a region of it is empty there.
         """
-        with door("Deformer.apply"):
-            self._commit(edit_on(self.mesh, edit))
+        self._commit(edit_on(self.mesh, edit), "edit", merge)
         self._next_id = max(self._next_id, 1 + max((handle.id for handle in edit.handles), default=0))
 
+    @public
     def part(self, at: Any, *, level: Level = "part", alike: bool = True) -> VertexSet:
         """Find the part of the shape that holds a place: a region for `add`, `fix` and `within`.
 
@@ -302,9 +372,8 @@ class Deformer(WholeShape):
         ValueError
             If `at` is no place, or the mesh has no face with an area.
         """
-        with door("Deformer.part"):
-            vertex = self._weights.anchor(Handle(0, place_on(self.mesh, at)))
-            return VertexSet.of(self.mesh, self._weights.parts.part(vertex, level, alike=alike).mask)
+        vertex = self._weights.anchor(Handle(1, place_on(self.mesh, at)))
+        return VertexSet.of(self.mesh, self._weights.parts.part(vertex, level, alike=alike).mask)
 
     def _part_named(self, at: Any, own: Place | None = None) -> Any:
         """`at`, or the part that it names: "part@1,2,3", "piece@812" without look-alikes, "part" for that of `own`."""
@@ -329,14 +398,182 @@ class Deformer(WholeShape):
         along: Along | None = None
         if isinstance(axes, str) and axes != "auto":
             if axes not in get_args(Along):
-                raise ValueError(f"`axes` must be normal, limb, auto or 3 unit vectors at right angles, got {axes!r}")
+                raise ArgumentError(
+                    "axes", f"must be normal, limb, auto or 3 unit vectors at right angles, got {axes!r}"
+                )
             along = check.choice("Deformer", "axes", axes, Along)
             axes = self._weights.axes(place, along)
             if axes is None:
                 why = "the surface has no normal" if along == "normal" else "the shape is as wide as it is long"
-                raise ValueError(f"`axes` cannot be {along!r}: {why} at the handle")
+                raise ArgumentError("axes", f"cannot be {along!r}: {why} at the handle")
         given = {"translation": translation, "rotation": rotation, "scale": scale, "pivot": pivot, "axes": axes}
         return transform.changed(**given, along=along)
+
+    # --- the whole shape
+
+    preset: Setting[Preset] = Setting(
+        """What new handles start with: "default", or "paper" for Eq. 1 and 4 to 8 to the letter.
+
+        Set, it puts everything that the preset says (`dfd.editing.presets.PRESETS`) in the place of what was there: how
+        handles are put together, the band of the plane, and reach, falloff and instances of every handle. It is one
+        step, and each of them can be set apart afterwards.
+        """
+    )
+    overlap: Setting[Overlap] = Setting(
+        """How weights that meet are put together.
+
+        "add": displacements add, and handles at rest change nothing. "interpolate": every handle lands where it was
+        sent. "normalize": weights that sum to more than 1 are divided by their sum. "paper": Eq. 1 to the letter.
+        """
+    )
+    blend: Setting[Blend] = Setting('How transforms are blended: "linear" (Eq. 1), "dual_quaternion" or "polar".')
+    arrive: Setting[bool] = Setting(
+        """Whether handles arrive where they are sent although fixed points take from them.
+
+        If so, a handle's weights are divided by what the fixed points leave of them at the handle; at most 1. If not,
+        they are those of Eq. 6, and fixed points shorten the move.
+        """
+    )
+    mirrored_locality: Setting[bool] = Setting(
+        """Whether locality and radius are measured from a handle's mirror image as well, where there is a plane.
+
+        If not, they are measured from the handle alone (Eq. 7), and what a handle moves on the other side of the plane
+        loses its weight with the way around to it.
+        """
+    )
+    bridges: Setting[bool] = Setting(
+        "Whether distances along the surface cross small gaps between components, as `dfd.Geodesics` says."
+    )
+
+    @public
+    def set(
+        self,
+        *,
+        preset: Preset | None = None,
+        overlap: Overlap | None = None,
+        blend: Blend | None = None,
+        arrive: bool | None = None,
+        mirrored_locality: bool | None = None,
+        bridges: bool | None = None,
+        merge: bool = False,
+    ) -> None:
+        """Set what holds for the whole shape, as one step: the preset first, then what is given beside it.
+
+        Raises
+        ------
+        ValueError
+            If a name is unknown, a switch is neither True nor False, or a handle could not arrive.
+        """
+        edit = self.edit if preset is None else with_preset(self.edit, preset, self.mesh)
+        settings: dict[str, Any] = {"overlap": overlap, "blend": blend, "arrive": arrive}
+        settings |= {"mirrored_locality": mirrored_locality, "bridges": bridges}
+        given = {name: value for name, value in settings.items() if value is not None}
+        self._commit(replace(edit, **given), ("settings", preset is None, *given), merge)
+
+    @public
+    def fix(self, at: Any, *, strength: float = 1.0, merge: bool = False) -> None:
+        """Hold a point or a region in place, and with it all that looks like it (Eq. 6).
+
+        Parameters
+        ----------
+        at
+            As in `Deformer.add`.
+        strength
+            In [0, 1]: how much of the weight there is taken away; 1 is Eq. 6.
+
+        Raises
+        ------
+        ValueError
+            If it is no place, is fixed or a handle already, `strength` lies outside [0, 1], or nothing would be left of
+            a handle that is to arrive.
+        """
+        fixed = Fixed(place_on(self.mesh, at), strength)
+        self._commit(replace(self.edit, fixed=(*self.fixed, fixed)), ("fixed", fixed.place), merge)
+
+    @public
+    def release(self, at: Any, *, merge: bool = False) -> None:
+        """Take back a `fix`.
+
+        Raises
+        ------
+        ValueError
+            If that point or region is not fixed.
+        """
+        place = place_on(self.mesh, at)
+        self._commit(self.edit.released(place), ("fixed", place), merge)
+
+    @property
+    def symmetry(self) -> SymmetryPlane | None:
+        """The plane across which handles act on both sides, or None; set as by `set_symmetry`."""
+        return self.edit.symmetry
+
+    @symmetry.setter
+    def symmetry(self, plane: SymmetryPlane | str | None) -> None:
+        with called("Deformer.symmetry"):
+            self.set_symmetry(plane)
+
+    @public
+    def set_symmetry(
+        self,
+        plane: SymmetryPlane | str | None,
+        *,
+        band: float | None = None,
+        candidates: SymmetryCandidates | None = None,
+        threshold: float | Literal["relative"] | None = None,
+        merge: bool = False,
+    ) -> None:
+        """Let every handle act on both sides of a plane, mirrored on the other side (Eq. 8).
+
+        Parameters
+        ----------
+        plane
+            A plane; "x", "y" or "z" for the plane across that axis through the center of the box; "x=0.1" for one
+            elsewhere along it; "auto" for the plane across which the shape looks most alike; None for no symmetry.
+        band
+            Half width, in mesh units, of the zone in which the sides blend; 0 is Eq. 8 to the letter, which tears what
+            lies across the plane. If left out: the plane's own, or for a text the preset's.
+        candidates, threshold
+            What "auto" chooses from, as `dfd.symmetry_planes` takes them; the preset's if left out.
+
+        Raises
+        ------
+        ValueError
+            If it is no such plane, `band` is negative or not finite, "auto" finds no plane, or `candidates` or
+            `threshold` is given for another one.
+        """
+        how: dict[str, Any] = {"candidates": candidates, "threshold": threshold}
+        if plane is not None:
+            plane = symmetry_on(self.mesh, plane, band, preset=self.preset, field=self.field, **how)
+        self._commit(replace(self.edit, symmetry=plane), "symmetry", merge)
+
+    @property
+    def default(self) -> Transform | None:
+        """D₀ of Eq. 1, what happens to what no handle holds; None is nothing."""
+        return self.edit.default
+
+    @public
+    def set_default(
+        self,
+        *,
+        translation: ArrayLike | None = None,
+        rotation: ArrayLike | None = None,
+        scale: ArrayLike | None = None,
+        pivot: ArrayLike | None = None,
+        merge: bool = False,
+    ) -> None:
+        """Set D₀ of Eq. 1, what happens to what no handle holds; with nothing given it stays where it is.
+
+        The pivot is the center of the box if left out; the rest is as in `Deformer.add`.
+
+        Raises
+        ------
+        ValueError
+            If a number is not finite or of another shape.
+        """
+        transform = Transform().changed(translation=translation, rotation=rotation, scale=scale, pivot=pivot)
+        transform.matrix(box_center(self.mesh))
+        default = None if transform == Transform() else transform
+        self._commit(replace(self.edit, default=default), "default", merge)
 
     # --- what comes of it
 
@@ -383,12 +620,14 @@ class Deformer(WholeShape):
 
     def show(self, *, height: int = 640) -> Any:
         """Show the session in a cell of a notebook, where it can be gone on with; see `dfd.app.show`."""
-        return import_module(PAGE).show(self, height=height)
+        if Deformer.page is None:
+            raise ValueError("Deformer.show: the app shows a session: import dfd.app, or call dfd.app.show(session)")
+        return Deformer.page(self, height=height)
 
     # --- files
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the present edit, without its history, as the JSON document of `dfd.editing.document`.
+        """Write the present edit, without its history, as the JSON document of `dfd.editing.edit_file`.
 
         Where the field was read from a file it says which one, and which one the mesh was read from.
 

@@ -1,23 +1,27 @@
 """An edit of a shape, as one immutable value: handles, fixed points, symmetry, and how they are put together.
 
-It is what `Deformer` steps through and what it keeps in a file; `dfd.editing.document` describes the document.
+It is what `Deformer` steps through, and by pydantic what it keeps in a file (`dfd.editing.edit_file`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import check
+from dfd.common.described import About, Written, check_fields
+from dfd.common.errors import ArgumentError, within
 from dfd.common.preset import Preset
-from dfd.editing.controls import Blend, Controls, Overlap, controls_with_places
-from dfd.editing.influence.regions import Region, members
+from dfd.editing.controls import Controls
+from dfd.editing.influence.regions import members
 from dfd.editing.points import Place, place_on
-from dfd.editing.presets import PRESETS, SymmetryCandidates
+from dfd.editing.presets import PRESETS, WHOLE_SHAPE, SymmetryCandidates
+from dfd.posing.pose import Blend, Overlap
 from dfd.posing.transforms import Transform, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane, plane_from_text
 from dfd.symmetry.search import symmetry_planes
@@ -53,23 +57,24 @@ class Handle:
     Raises
     ------
     ValueError
-        If `name` is no text, or the numbers are so large that the matrix is not finite.
+        If `id` is below 1, `name` is no text, or the numbers are so large that the matrix is not finite.
     """
 
-    id: int
+    id: Annotated[int, About("Once each; given in order where it is missing.", 1.0)]
     place: Place
-    transform: Transform = IDENTITY
-    controls: Controls = CONTROLS
+    transform: Transform = field(default_factory=lambda: IDENTITY)
+    controls: Controls = field(default_factory=lambda: CONTROLS)
     name: str | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what no frame should have to look at again."""
+        check.whole("Handle", "id", self.id, minimum=1)
         name: object = self.name
         if name is not None and not (isinstance(name, str) and name):
-            raise ValueError(f"Handle: `name` must be a text that is not empty, got {self.name!r}")
+            raise ArgumentError("name", f"must be a text that is not empty, got {self.name!r}", "Handle")
         if name is not None and any("\ud800" <= letter <= "\udfff" for letter in name):
-            raise ValueError(f"Handle: `name` must be text that can be written to a file, got {self.name!r}")
-        _ = self.matrix
+            raise ArgumentError("name", f"must be text that can be written to a file, got {self.name!r}", "Handle")
+        if self.place.known:
+            _ = self.matrix
 
     @property
     def pivot(self) -> Vector:
@@ -84,23 +89,13 @@ class Handle:
 
 @dataclass(frozen=True)
 class Fixed:
-    """A point or a region that stays, and with it all that looks like it (Eq. 6).
-
-    Attributes
-    ----------
-    place
-        Where it is on the resting shape.
-    strength
-        In [0, 1]: how much of the weight there it takes away; 1 is Eq. 6.
-    """
+    """A point or a region that stays, and with it all that looks like it (Eq. 6)."""
 
     place: Place
-    strength: float = 1.0
+    strength: Annotated[float, About("How much of the weight there it takes away; 1 is Eq. 6.", 0.0, 1.0)] = 1.0
 
     def __post_init__(self) -> None:
-        """Refuse a strength that is none."""
-        strength = check.number("Fixed", "strength", self.strength, minimum=0.0, maximum=1.0)
-        object.__setattr__(self, "strength", strength)
+        check_fields(self)
 
     @property
     def position(self) -> Vector:
@@ -122,15 +117,11 @@ class Edit:
     handles, fixed
         In the order in which they came.
     symmetry
-        The plane across which handles act on both sides, or None.
+        The plane across which handles act on both sides, or None; in a file also a letter.
     default
         D₀ of Eq. 1, what happens to what no handle holds; None is nothing.
-    overlap, blend
-        How weights that meet and transforms are put together, by the names of `dfd.pose`.
-    arrive
-        Whether handles get back what fixed points take from them (`Deformer.arrive`).
-    mirrored_locality, bridges
-        From where and over what distances along the surface are measured (`Deformer.mirrored_locality`, `.bridges`).
+    overlap, blend, arrive, mirrored_locality, bridges
+        As `dfd.editing.presets.WHOLE_SHAPE` says.
     preset
         What new handles start with, and where all this came from unless it was set apart.
 
@@ -142,41 +133,34 @@ class Edit:
 
     handles: tuple[Handle, ...] = ()
     fixed: tuple[Fixed, ...] = ()
-    symmetry: SymmetryPlane | None = None
+    symmetry: Annotated[SymmetryPlane | None, Written(SymmetryPlane | Literal["x", "y", "z"] | None)] = None
     default: Transform | None = None
-    overlap: Overlap = DEFAULTS.overlap
-    blend: Blend = DEFAULTS.blend
-    arrive: bool = DEFAULTS.arrive
-    mirrored_locality: bool = DEFAULTS.mirrored_locality
-    bridges: bool = DEFAULTS.bridges
-    preset: Preset = "default"
+    overlap: Annotated[Overlap, WHOLE_SHAPE["overlap"]] = DEFAULTS.overlap
+    blend: Annotated[Blend, WHOLE_SHAPE["blend"]] = DEFAULTS.blend
+    arrive: Annotated[bool, WHOLE_SHAPE["arrive"]] = DEFAULTS.arrive
+    mirrored_locality: Annotated[bool, WHOLE_SHAPE["mirrored_locality"]] = DEFAULTS.mirrored_locality
+    bridges: Annotated[bool, WHOLE_SHAPE["bridges"]] = DEFAULTS.bridges
+    preset: Annotated[Preset, About("What is left out is as it has it.")] = "default"
 
     def __post_init__(self) -> None:
-        """Refuse two of what may be only once."""
-        check.choice("Edit", "overlap", self.overlap, Overlap)
-        check.choice("Edit", "blend", self.blend, Blend)
-        check.choice("Edit", "preset", self.preset, Preset)
-        for name in ("arrive", "mirrored_locality", "bridges"):
-            if not isinstance(getattr(self, name), bool):
-                raise ValueError(f"Edit: `{name}` must be True or False, got {getattr(self, name)!r}")
+        check_fields(self)
         ids: set[int] = set()
-        taken: dict[tuple[Vector, Region | None], str] = {}
+        taken: dict[Hashable, str] = {}
         for handle in self.handles:
             if handle.id in ids:
-                raise ValueError(f"Edit: `handles` must have distinct ids, got {handle.id} twice")
+                raise ArgumentError("handles", f"must have distinct ids, got {handle.id} twice", "Edit")
             ids.add(handle.id)
-            key = (handle.place.position, handle.place.region)
-            if key in taken:
-                raise ValueError(
-                    f"Edit: `handles` must lie at distinct places, got two at {handle.place}: "
-                    f"{taken[key]} and handle {handle.id}"
+            if handle.place.key in taken:
+                both = f"{taken[handle.place.key]} and handle {handle.id}"
+                raise ArgumentError(
+                    "handles", f"must lie at distinct places, got two at {handle.place}: {both}", "Edit"
                 )
-            taken[key] = f"handle {handle.id}"
+            taken[handle.place.key] = f"handle {handle.id}"
         for fixed in self.fixed:
-            key = (fixed.position, fixed.place.region)
-            if key in taken:
-                raise ValueError(f"Edit: `fixed` must be free places, but {fixed.place} is {taken[key]} already")
-            taken[key] = "fixed"
+            if fixed.place.key in taken:
+                already = f"{fixed.place} is {taken[fixed.place.key]} already"
+                raise ArgumentError("fixed", f"must be free places, but {already}", "Edit")
+            taken[fixed.place.key] = "fixed"
 
     def handle(self, id: int) -> Handle:  # noqa: A002  # the handle's own word for it
         """The handle of that id.
@@ -190,7 +174,7 @@ class Edit:
             if handle.id == id:
                 return handle
         known = ", ".join(str(handle.id) for handle in self.handles) or "none"
-        raise ValueError(f"Edit: `handle` must be the id of a handle ({known}), got {id!r}")
+        raise ArgumentError("handle", f"must be the id of a handle ({known}), got {id!r}", "Edit")
 
     def released(self, place: Place) -> Edit:
         """The edit without the fixed point or region at `place`.
@@ -200,9 +184,9 @@ class Edit:
         ValueError
             If there is none.
         """
-        kept = tuple(fixed for fixed in self.fixed if not _same(fixed.place, place))
+        kept = tuple(fixed for fixed in self.fixed if fixed.place.key != place.key)
         if len(kept) == len(self.fixed):
-            raise ValueError(f"Edit: `at` must be a fixed point, got {place}")
+            raise ArgumentError("at", f"must be a fixed point, got {place}", "Edit")
         return replace(self, fixed=kept)
 
     def replaced(self, changed: Handle) -> Edit:
@@ -210,26 +194,34 @@ class Edit:
         return replace(self, handles=tuple(changed if handle.id == changed.id else handle for handle in self.handles))
 
 
-def _same(one: Place, other: Place) -> bool:
-    return (one.position, one.region) == (other.position, other.region)
-
-
-def edit_on(mesh: Mesh, edit: Edit) -> Edit:
-    """`edit` with its vertices and regions where those of `mesh` lie.
+def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None = None) -> Edit:
+    """`edit` with its vertices and regions where those of `mesh` lie; `place` finds one by its name in the edit.
 
     Raises
     ------
     ValueError
         If one of them is none of `mesh`.
     """
-    for handle in edit.handles:
-        if handle.controls.within is not None:
-            members(mesh, handle.controls.within)
-    handles = (
-        replace(handle, place=place_on(mesh, handle.place), controls=controls_with_places(mesh, handle.controls))
-        for handle in edit.handles
-    )
-    fixed = (replace(fixed, place=place_on(mesh, fixed.place)) for fixed in edit.fixed)
+
+    def on_mesh(path: str, said: Place) -> Place:
+        with within(path):
+            return place_on(mesh, said)
+
+    place, handles, fixed = place or on_mesh, [], []
+    for i, handle in enumerate(edit.handles):
+        path, controls = f"handles[{i}]", handle.controls
+        if controls.within is not None:
+            with within(f"{path}.within"):
+                members(mesh, controls.within)
+        if controls.without_instances:
+            off = enumerate(controls.without_instances)
+            placed = tuple(place(f"{path}.without_instances[{j}]", one) for j, one in off)
+            controls = replace(controls, without_instances=placed)
+        found = place(path, handle.place)
+        with within(path):
+            handles.append(replace(handle, place=found, controls=controls))
+    for i, one in enumerate(edit.fixed):
+        fixed.append(replace(one, place=place(f"fixed[{i}]", one.place)))
     return replace(edit, handles=tuple(handles), fixed=tuple(fixed))
 
 
@@ -286,7 +278,7 @@ def symmetry_on(
     """
     defaults = PRESETS[preset]
     if plane != "auto" and not (candidates is None and threshold is None):
-        raise ValueError(f"`candidates` and `threshold` are for the plane auto, got {plane!r}")
+        raise ArgumentError("candidates", f"and `threshold` are for the plane auto, got {plane!r}")
     if band is None and isinstance(plane, str):
         band = band_on(mesh, preset)
     if isinstance(plane, str) and plane == "auto" and field is not None:
@@ -297,19 +289,21 @@ def symmetry_on(
             threshold=defaults.threshold if threshold is None else threshold,
         )
         if not found:
-            raise ValueError("`plane` cannot be 'auto': the shape looks alike across no plane")
+            raise ArgumentError("plane", "cannot be 'auto': the shape looks alike across no plane")
         plane = found[0]
     elif isinstance(plane, str):
         plane = _plane_in(plane, mesh)
     elif not isinstance(plane, SymmetryPlane):
-        raise ValueError(f"`plane` must be a text such as x or x=0.1, or a SymmetryPlane, got {type(plane).__name__}")
+        raise ArgumentError(
+            "plane", f"must be a text such as x or x=0.1, or a SymmetryPlane, got {type(plane).__name__}"
+        )
     if band is not None:
-        plane = replace(plane, band=check.number("band", "band", band, minimum=0.0))
+        plane = replace(plane, band=check.number(None, "band", band, minimum=0.0))
     heights = plane.signed_distance(mesh.vertices)
     low, high = float(heights.min()), float(heights.max())
     if low > plane.band or high < -plane.band:
-        raise ValueError(
-            f"`plane` must pass through the shape, which lies from {low:.3g} to {high:.3g} of it, along its normal"
+        raise ArgumentError(
+            "plane", f"must pass through the shape, which lies from {low:.3g} to {high:.3g} of it, along its normal"
         )
     return plane
 
@@ -317,8 +311,8 @@ def symmetry_on(
 def _plane_in(text: str, mesh: Mesh) -> SymmetryPlane:
     try:
         return plane_from_text(text, mesh)
-    except ValueError as error:
-        raise ValueError(str(error).replace("plane_from_text: `text`", "`plane`")) from None
+    except ArgumentError as error:
+        raise ArgumentError("plane", error.reason) from None
 
 
 def box_center(mesh: Mesh) -> Vector:

@@ -1,4 +1,60 @@
-"""Edits in files: what `dfd.editing.document` describes, written and read, on the same mesh or on another one."""
+"""Edits in files: an `Edit` as a JSON document, written and read, on the same mesh or on another one.
+
+    {
+      "format": "dfd-edit",
+      "version": 3,
+      "preset": "default",
+      "units": {"length": "mesh", "angle": "degree"},
+      "mesh": {"vertices": 2930, "hash": null, "bounds": null},
+      "made_on": {"mesh": "cow.glb", "field": "cow.field.safetensors", "field_sha256": null},
+      "handles": [
+        {
+          "id": 1,
+          "name": "left horn",
+          "vertex": 1234,
+          "position": [0.1, 0.9, -0.6],
+          "region": null,
+          "translation": [0.0, 0.2, 0.0],
+          "rotation": [0.0, 0.0, 30.0],
+          "scale": [1.0, 1.0, 1.0],
+          "pivot": null,
+          "axes": null,
+          "along": null,
+          "reach": 1.0,
+          "falloff": "linear",
+          "locality": 2.0,
+          "radius": null,
+          "strength": 1.0,
+          "instances": "together",
+          "level": false,
+          "without_instances": [{"vertex": 812, "position": [-0.1, 0.9, -0.6]}],
+          "within": null,
+          "within_width": 0.0
+        }
+      ],
+      "fixed": [{"vertex": 77, "position": [0.2, -0.7, 0.1], "region": null, "strength": 1.0}],
+      "symmetry": {"normal": [1.0, 0.0, 0.0], "offset": 0.0, "band": 0.05},
+      "default": null,
+      "overlap": "add",
+      "blend": "linear",
+      "arrive": true,
+      "mirrored_locality": true,
+      "bridges": true
+    }
+
+Required: `format`, `version`, and for every handle and fixed point a `vertex`, a `position` or a `region`. All else may
+be left out, and is then as the document's `preset` has it (`dfd.editing.presets`). Unknown keys, keys that are given
+twice, and numbers that are not finite are refused: a misspelt key is an error, never a default.
+
+A vertex counts where it lies at `position` (or where there is none and `mesh` fits); on another resolution, where it
+does not, the position does, and it is a point of space there. A handle has the keys of its place, its transform and its
+controls side by side; otherwise a document is what pydantic makes of the fields of `Edit`.
+
+A version 2 document has none of `preset`, `mirrored_locality` and `bridges`, and what it leaves out is what `VERSION_2`
+says. A version 1 document has none of `hash`, `bounds`, `region`, `axes`, `along`, `reach`, `falloff`, `radius`,
+`strength`, `instances`, `level`, `without_instances`, `within`, `within_width`, `overlap`, `blend` and `arrive` either.
+It is read as one of version 2, but for `arrive`, which is false there: fixed points shortened the move.
+"""
 
 from __future__ import annotations
 
@@ -7,44 +63,117 @@ import math
 import os
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field, fields
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import numpy as np
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
+from dfd.common import check
+from dfd.common.described import About
+from dfd.common.errors import ArgumentError, within
 from dfd.common.files import atomic_write
-from dfd.editing.controls import LARGEST, Controls
-from dfd.editing.document import (
-    DefaultDocument,
-    EditDocument,
-    FixedDocument,
-    HandleDocument,
-    MadeOnDocument,
-    MeshDocument,
-    PlaceDocument,
-    PlaneDocument,
-    PointDocument,
-    parse,
-)
-from dfd.editing.edit import Edit, Fixed, Handle, band_on, box_center, symmetry_on
-from dfd.editing.influence.regions import SAME_POSITION, VertexSet, members
+from dfd.common.preset import Preset
+from dfd.editing.controls import Controls
+from dfd.editing.edit import Edit, band_on, box_center, edit_on, symmetry_on
+from dfd.editing.influence.regions import SAME_POSITION, Region, VertexSet
 from dfd.editing.points import Place, place_on
-from dfd.editing.presets import WHOLE_SHAPE
-from dfd.editing.region_document import region_from, region_to
-from dfd.posing.transforms import Transform
-from dfd.symmetry.plane import SymmetryPlane
+from dfd.editing.presets import PRESETS
+from dfd.posing.transforms import Transform, Vector
+from dfd.symmetry.plane import AXES
 
 if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["from_document", "read_edit", "read_made_on", "to_document", "write_edit"]
+__all__ = ["edit_schema", "from_document", "read_edit", "read_made_on", "to_document", "write_edit"]
 
+FORMAT = "dfd-edit"
+VERSION = 3
+# What versions 1 and 2 meant by a handle, a plane and a shape of which they said nothing more.
+VERSION_2: dict[str, dict[str, Any]] = {
+    "handle": {"reach": 1.0, "falloff": "linear", "instances": "together"},
+    "shape": {"overlap": "add", "blend": "linear", "arrive": True, "mirrored_locality": True, "bridges": True},
+}
 # Two resolutions of one shape have boxes whose corners are nearer than this part of the diagonal.
 SAME_BOX = 0.05
-TRANSFORM_KEYS = ("translation", "rotation", "scale", "pivot", "axes")
-CONTROL_KEYS = ("reach", "falloff", "locality", "radius", "strength", "instances", "level", "within_width")
+
+
+@dataclass(frozen=True)
+class Units:
+    """What lengths and angles are in; no other units are read."""
+
+    length: Literal["mesh"] = "mesh"
+    angle: Literal["degree"] = "degree"
+
+
+@dataclass(frozen=True)
+class MadeFor:
+    """The shape that the edit was made on, for which its vertex indices count."""
+
+    vertices: Annotated[int, About("How many vertices it has.", 1.0)]
+    hash: Annotated[str | None, About("Its `Mesh.content_hash`.")] = None
+    bounds: Annotated[
+        tuple[Vector, Vector] | None, About("The smallest and largest coordinates of its box, mesh units.")
+    ] = None
+
+    def __post_init__(self) -> None:
+        check.whole("mesh", "vertices", self.vertices, minimum=1)
+
+
+@dataclass(frozen=True)
+class MadeOn:
+    """The files that the edit was made on: from its own folder where they are inside, else from the root."""
+
+    mesh: str | None = None
+    field: str | None = None
+    field_sha256: str | None = None
+
+
+@dataclass(frozen=True)
+class EditFile(Edit):
+    """An edit of a shape, with what a file says besides."""
+
+    format: Literal["dfd-edit"] = "dfd-edit"
+    version: Literal[3] = 3
+    units: Units = field(default_factory=Units)
+    mesh: MadeFor | None = None
+    made_on: MadeOn | None = None
+
+    __pydantic_config__ = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+
+@cache
+def _model() -> TypeAdapter[EditFile]:
+    return TypeAdapter(EditFile)
+
+
+def _keys(*owners: type) -> tuple[str, ...]:
+    return tuple(each.name for owner in owners for each in fields(owner) if each.init)
+
+
+# What of a handle or a fixed place lies beside its other keys in a file.
+SPREAD: dict[str, type] = {"place": Place, "transform": Transform, "controls": Controls}
+FIRST = ("format", "version", "preset", "units", "mesh", "made_on")  # keys of a file, for people
+
+
+def edit_schema() -> dict[str, Any]:
+    """The JSON Schema of the edit document, of the version that is written."""
+    schema = _model().json_schema()
+    definitions = schema["$defs"]
+    for owner in ("Handle", "Fixed"):
+        own = definitions[owner]
+        properties = own.pop("properties")
+        for part in [each for each in SPREAD if properties.pop(each, None)]:
+            properties |= definitions[part.capitalize()]["properties"]
+        own["properties"] = properties
+        del own["required"]
+    del definitions["Transform"]["properties"]["along"]
+    schema["required"] = ["format", "version"]
+    return schema
 
 
 def write_edit(path: str | os.PathLike[str], edit: Edit, mesh: Mesh, field: Field | None = None) -> None:
@@ -86,7 +215,7 @@ def read_made_on(path: str | os.PathLike[str]) -> tuple[Path | None, Path | None
 
     Raises what `read_edit` raises of a document; the files may be gone.
     """
-    said = parse(_parsed(path), os.fspath(path)).made_on
+    said = _validated(_completed(_checked(_parsed(path), os.fspath(path))), os.fspath(path)).made_on
     if said is None:
         return None, None, None
     folder = Path(path).parent
@@ -119,7 +248,7 @@ def _made_on(path: Path, mesh: Mesh, field: Field | None) -> dict[str, str | Non
         return None
     folder = path.resolve().parent
     places = {"mesh": _from(folder, mesh.source), "field": _from(folder, source.path)}
-    return MadeOnDocument(**places, field_sha256=source.sha256).model_dump(mode="json")
+    return asdict(MadeOn(**places, field_sha256=source.sha256))
 
 
 def _from(folder: Path, file: Path | None) -> str | None:
@@ -132,47 +261,28 @@ def _from(folder: Path, file: Path | None) -> str | None:
 
 def to_document(edit: Edit, mesh: Mesh) -> dict[str, Any]:
     """`edit` of `mesh` as a JSON document."""
-    plane = edit.symmetry
-    (low, high) = mesh.bounds.tolist()
-    document = EditDocument(
-        format="dfd-edit",
-        version=3,
-        preset=edit.preset,
-        mesh=MeshDocument(vertices=len(mesh.vertices), hash=mesh.content_hash, bounds=(tuple(low), tuple(high))),
-        made_on=None,
-        handles=[_handle_to(handle) for handle in edit.handles],
-        fixed=[FixedDocument(**_place_to(fixed.place), strength=fixed.strength) for fixed in edit.fixed],
-        symmetry=(None if plane is None else PlaneDocument(normal=plane.normal, offset=plane.offset, band=plane.band)),
-        default=None if edit.default is None else DefaultDocument(**_transform_to(edit.default)),
-        **{key: getattr(edit, key) for key in WHOLE_SHAPE},
-    )
-    return document.model_dump(mode="json")
+    low, high = mesh.bounds.tolist()
+    made_for = MadeFor(len(mesh.vertices), mesh.content_hash, (tuple(low), tuple(high)))
+    written = _model().dump_python(EditFile(**_values(edit), mesh=made_for), mode="json")
+    document: dict[str, Any] = {key: written.pop(key) for key in FIRST} | written
+    document["handles"] = [_spread(handle) for handle in document["handles"]]
+    document["fixed"] = [_spread(fixed) for fixed in document["fixed"]]
+    if edit.symmetry is not None:
+        document["symmetry"] = {key: document["symmetry"][key] for key in ("normal", "offset", "band")}
+    if edit.default is not None:
+        del document["default"]["along"]
+    return document
 
 
-def _handle_to(handle: Handle) -> HandleDocument:
-    return HandleDocument(
-        id=handle.id,
-        name=handle.name,
-        **_place_to(handle.place),
-        **_transform_to(handle.transform),
-        along=handle.transform.along,
-        **{key: getattr(handle.controls, key) for key in CONTROL_KEYS},
-        without_instances=[_point_to(place) for place in handle.controls.without_instances],
-        within=region_to(handle.controls.within),
-    )
+def _values(edit: Edit) -> dict[str, Any]:
+    return {name: getattr(edit, name) for name in _keys(Edit)}
 
 
-def _point_to(place: Place) -> PointDocument:
-    return PointDocument(vertex=place.vertex, position=place.position)
-
-
-def _place_to(place: Place) -> dict[str, Any]:
-    return {"vertex": place.vertex, "position": place.position, "region": region_to(place.region)}
-
-
-def _transform_to(transform: Transform) -> dict[str, Any]:
-    parts = {key: getattr(transform, key) for key in TRANSFORM_KEYS}
-    return {**parts, "rotation": list(transform.rotation)}
+def _spread(entry: dict[str, Any]) -> dict[str, Any]:
+    """An entry with its place, transform and controls on its own level."""
+    parts = [entry.pop(part) for part in SPREAD if part in entry]
+    named = {key: entry.pop(key) for key in ("id", "name") if key in entry}
+    return {**named, **{key: value for part in parts for key, value in part.items()}, **entry}
 
 
 def from_document(document: Any, mesh: Mesh, *, name: str = "edit") -> Edit:
@@ -188,164 +298,212 @@ def from_document(document: Any, mesh: Mesh, *, name: str = "edit") -> Edit:
     UserWarning
         If a vertex of the edit is no longer where it was, and counts as a point of space.
     """
-    return _Reading(parse(document, name), mesh, name).edit()
+    said = _validated(_completed(_checked(document, name), mesh), name)
+    reading = _Places(mesh, said.mesh)
+    try:
+        edit = Edit(**_values(edit_on(mesh, said, reading.place)))
+        if edit.default is not None:
+            with within("default"):
+                edit.default.matrix(box_center(mesh))
+        reading.check_shape(name)
+    except ArgumentError as error:
+        raise ArgumentError(error.argument, error.reason, name) from None
+    return edit
 
 
-class _Reading:
-    """One document on its way to a mesh."""
+def _checked(document: Any, name: str) -> dict[str, Any]:
+    """`document`, once it is sure that it is an edit of a known version: all else odd in another one helps nobody."""
+    if not isinstance(document, dict):
+        raise ArgumentError("document", f"must be an edit, got {_shown(document)}", name)
+    if document.get("format") != FORMAT:
+        raise ArgumentError("format", f'must be "{FORMAT}", got {_shown(document.get("format"))}', name)
+    version = document.get("version")
+    if isinstance(version, bool) or version not in (1, 2, VERSION):
+        raise ArgumentError("version", f"must be 1, 2 or {VERSION}, got {_shown(version)}", name)
+    return document
 
-    def __init__(self, document: EditDocument, mesh: Mesh, name: str) -> None:
-        self.document, self.mesh, self.name = document, mesh, name
+
+def _completed(document: dict[str, Any], mesh: Mesh | None = None) -> dict[str, Any]:
+    """A document of any version as pydantic takes one: of this version, with nothing left out or side by side."""
+    version = document["version"]
+    known: Preset = document["preset"] if document.get("preset") in tuple(PRESETS) else "default"
+    meant = VERSION_2
+    if version == VERSION:
+        meant = {"handle": PRESETS[known].handle, "shape": PRESETS[known].whole_shape}
+    whole = {**meant["shape"], **({"arrive": False} if version == 1 else {}), **document, "version": VERSION}
+    handles, fixed, plane = (whole.get(key) for key in ("handles", "fixed", "symmetry"))
+    if isinstance(handles, list):
+        ids = {entry.get("id") for entry in handles if isinstance(entry, dict)}
+        free = (number for number in range(1, 2 * len(handles) + 1) if number not in ids)
+        whole["handles"] = [_grouped(entry, SPREAD, meant["handle"], free) for entry in handles]
+    if isinstance(fixed, list):
+        whole["fixed"] = [_grouped(entry, {"place": Place}) for entry in fixed]
+    if mesh is not None and isinstance(plane, str) and plane in AXES:
+        found = symmetry_on(mesh, plane, preset=known)
+        whole["symmetry"] = {"normal": found.normal, "offset": found.offset, "band": found.band}
+    elif isinstance(plane, dict) and plane.get("band") is None:
+        band = band_on(mesh, known) if mesh is not None and version == VERSION else 0.0
+        whole["symmetry"] = {**plane, "band": band}
+    return whole
+
+
+def _grouped(
+    entry: Any, parts: Mapping[str, type], meant: Mapping[str, Any] | None = None, free: Iterable[int] | None = None
+) -> Any:
+    """An entry whose keys of `parts` are in those, with what is `meant` where it says nothing, and a `free` id."""
+    if not isinstance(entry, dict):
+        return entry
+    given = {**(meant or {}), **entry}
+    if free is not None and given.get("id") is None:
+        given["id"] = next(iter(free))
+    grouped = {part: {key: given.pop(key) for key in _keys(owner) if key in given} for part, owner in parts.items()}
+    return {**given, **grouped}
+
+
+def _validated(document: dict[str, Any], name: str) -> EditFile:
+    """The edit in a completed document, its places as they are said."""
+    try:
+        return _model().validate_json(json.dumps(document))
+    except ValidationError as error:
+        argument, reason = _complaint(error)
+        raise ArgumentError(argument, reason, name) from None
+
+
+class _Places:
+    """Where the places of an edit that was made for a shape lie on a mesh."""
+
+    def __init__(self, mesh: Mesh, made_for: MadeFor | None) -> None:
+        self.mesh, self.made_for = mesh, made_for
         self.lost = 0  # vertices that are not where they were
 
-    def edit(self) -> Edit:
-        document = self.document
-        handles = self._handles()
-        fixed = tuple(
-            Fixed(self._place(entry, f"fixed[{i}]"), entry.strength) for i, entry in enumerate(document.fixed)
-        )
-        default = None
-        if document.default is not None:
-            default = self._transform(document.default, "default")
-            self._named("default", default.matrix, box_center(self.mesh))
-        self._same_shape()
-        self._check_points("handles", [handle.place for handle in handles])
-        self._check_points("fixed", [each.place for each in fixed])
-        for i, handle in enumerate(handles):
-            self._check_points(f"handles[{i}].without_instances", handle.controls.without_instances)
-        symmetry = self._symmetry()
-        whole = {key: getattr(document, key) for key in (*WHOLE_SHAPE, "preset")}
-        try:
-            return Edit(handles, fixed, symmetry, default, **whole)
-        except ValueError as error:
-            raise ValueError(f"{self.name}: {str(error).removeprefix('Edit: ')}") from None
-
-    def _handles(self) -> tuple[Handle, ...]:
-        entries = self.document.handles
-        given = {entry.id for entry in entries if entry.id is not None}
-        free = (id_ for id_ in range(1, 2 * len(entries) + 1) if id_ not in given)
-        handles = []
-        for i, entry in enumerate(entries):
-            path = f"handles[{i}]"
-            parts = {key: getattr(entry, key) for key in CONTROL_KEYS}
-            off = enumerate(entry.without_instances)
-            parts["without_instances"] = tuple(self._point(one, f"{path}.without_instances[{j}]") for j, one in off)
-            within = None
-            if entry.within is not None:
-                within = self._named(f"{path}.within", region_from, entry.within)
-                self._named(f"{path}.within", members, self.mesh, within)
-            handles.append(
-                self._named(
-                    path,
-                    Handle,
-                    next(free) if entry.id is None else entry.id,
-                    self._place(entry, path),
-                    self._transform(entry, path),
-                    self._named(path, Controls, **parts, within=within),
-                    entry.name,
-                )
-            )
-        return tuple(handles)
-
-    def _place(self, entry: PlaceDocument, path: str) -> Place:
-        """Where vertex, position or region of a document lie on the mesh."""
-        if entry.region is not None:
-            region = self._named(f"{path}.region", region_from, entry.region)
-            if isinstance(region, VertexSet) and not region.lies_on(self.mesh):
+    def place(self, path: str, said: Place) -> Place:
+        """Where one of them lies."""
+        if said.region is not None:
+            if isinstance(said.region, VertexSet) and not said.region.lies_on(self.mesh):
                 self.lost += 1
-            held: Place = self._named(f"{path}.region", place_on, self.mesh, region)
-            return held
-        return self._point(entry, path)
-
-    def _point(self, entry: PointDocument, path: str) -> Place:
-        """Where vertex or position of a document lie on the mesh."""
-        if entry.position is not None:
-            if entry.vertex is not None:
-                if self._lies_at(entry.vertex, entry.position):
-                    return place_on(self.mesh, entry.vertex)
-                self.lost += 1
-            return Place(entry.position)
-        if entry.vertex is None:
-            region = " or a region" if isinstance(entry, PlaceDocument) else ""
-            raise self._error(f"`{path}` must have a vertex{',' if region else ' or'} a position{region}")
-        recorded, count = self.document.mesh, len(self.mesh.vertices)
-        if recorded is not None and recorded.vertices != count:
-            raise self._error(
-                f"`{path}` must have a position: the edit counts {recorded.vertices} vertices, the mesh {count}"
+            with within(f"{path}.region"):
+                return place_on(self.mesh, said.region)
+        if said.vertex is None:
+            return said
+        count = len(self.mesh.vertices)
+        if said.known:
+            near = SAME_POSITION * self.mesh.diagonal
+            if said.vertex < count and math.dist(self.mesh.vertices[said.vertex], said.position) <= near:
+                return place_on(self.mesh, said.vertex)
+            self.lost += 1
+            return Place(said.position)
+        made = self.made_for
+        if made is not None and made.vertices != count:
+            raise ArgumentError(
+                path, f"must have a position: the edit counts {made.vertices} vertices, the mesh {count}"
             )
-        if recorded is not None and recorded.hash not in (None, self.mesh.content_hash):
-            raise self._error(f"`{path}` must have a position: the edit was made on another mesh")
-        if entry.vertex >= count:
-            raise self._error(f"`{path}.vertex` must lie in 0 … {count - 1}, got {entry.vertex}")
-        return place_on(self.mesh, entry.vertex)
+        if made is not None and made.hash not in (None, self.mesh.content_hash):
+            raise ArgumentError(path, "must have a position: the edit was made on another mesh")
+        if said.vertex >= count:
+            raise ArgumentError(f"{path}.vertex", f"must lie in 0 … {count - 1}, got {said.vertex}")
+        return place_on(self.mesh, said.vertex)
 
-    def _lies_at(self, vertex: int, position: tuple[float, float, float]) -> bool:
-        vertices = self.mesh.vertices
-        return vertex < len(vertices) and math.dist(vertices[vertex], position) <= SAME_POSITION * self.mesh.diagonal
-
-    def _same_shape(self) -> None:
+    def check_shape(self, name: str) -> None:
         """Refuse an edit of another shape; say so where one of another resolution goes by positions."""
-        recorded = self.document.mesh
-        if recorded is None or recorded.hash == self.mesh.content_hash:
+        made = self.made_for
+        if made is None or made.hash == self.mesh.content_hash:
             return
-        if recorded.bounds is not None:
-            was, now = np.asarray(recorded.bounds), np.asarray(self.mesh.bounds)
+        if made.bounds is not None:
+            was, now = np.asarray(made.bounds), np.asarray(self.mesh.bounds)
             apart = np.linalg.norm(was - now, axis=1).max()
             if apart > SAME_BOX * max(float(np.linalg.norm(was[1] - was[0])), self.mesh.diagonal):
-                raise self._error(
-                    f"`mesh.bounds` must be those of this mesh, {now.tolist()}, got {was.tolist()}: "
-                    "the edit is one of another shape; dfd.editing.transfer carries it over"
+                raise ArgumentError(
+                    "mesh.bounds",
+                    f"must be those of this mesh, {now.tolist()}, got {was.tolist()}: "
+                    "the edit is one of another shape; dfd.editing.transfer carries it over",
                 )
         if self.lost:
             warnings.warn(
-                f"{self.name}: the edit was made on a mesh of {recorded.vertices} vertices, and this one has "
+                f"{name}: the edit was made on a mesh of {made.vertices} vertices, and this one has "
                 f"{len(self.mesh.vertices)}: {self.lost} of its vertices or sets of them are taken by position",
                 UserWarning,
                 stacklevel=4,
             )
 
-    def _check_points(self, key: str, places: Sequence[Place]) -> None:
-        """Refuse points that the kernels could not compute with."""
-        for i, place in enumerate(places):
-            if max(map(abs, place.position)) > LARGEST:
-                point = ",".join(f"{x:g}" for x in place.position)
-                raise self._error(f"`{key}[{i}].position` must be numbers of at most {LARGEST:g}, got {point}")
 
-    def _transform(self, entry: DefaultDocument, path: str) -> Transform:
-        parts = {key: getattr(entry, key) for key in TRANSFORM_KEYS}
-        if isinstance(entry, HandleDocument):
-            parts["along"] = entry.along
-        made: Transform = self._named(path, Transform, **parts)
-        return made
+# What pydantic puts into the path of a value: the member of a union that it tried, and what files spread.
+TAGS = {"float", "str", *SPREAD, *(each.kind for each in get_args(Region)), "SymmetryPlane"}
+PHRASES = {
+    "be a dictionary or an instance of .*": "be an object",
+    "be an? valid (tuple|list|array)": "be a list",
+    "valid number": "finite number",
+    "valid integer": "whole number",
+    "valid boolean": "true or false",
+    "be a true": "be true",
+    "after validation.*": "",
+}
+KNOWN_KEYS: dict[str, tuple[str, ...]] = {
+    "": (*FIRST, *(key for key in _keys(Edit) if key not in FIRST)),
+    "units": _keys(Units),
+    "mesh": _keys(MadeFor),
+    "made_on": _keys(MadeOn),
+    "handles": ("id", "name", *_keys(*SPREAD.values())),
+    "without_instances": _keys(Place),
+    "fixed": (*_keys(Place), "strength"),
+    "symmetry": ("normal", "offset", "band"),
+    "default": _keys(Transform)[:-1],
+}
 
-    def _symmetry(self) -> SymmetryPlane | None:
-        entry = self.document.symmetry
-        if entry is None:
-            return None
-        if isinstance(entry, PlaneDocument):
-            band = band_on(self.mesh, self.document.preset) if entry.band is None else entry.band
-            plane: SymmetryPlane = self._named("symmetry", SymmetryPlane, entry.normal, entry.offset, band=band)
-            return plane
-        return symmetry_on(self.mesh, entry, preset=self.document.preset)
 
-    def _named(self, path: str, make: Any, *arguments: Any, **options: Any) -> Any:
-        """What `make` makes, or its complaint in the name of the file and of the key."""
-        try:
-            return make(*arguments, **options)
-        except ValueError as error:
-            complaint = re.sub(r"^\w+: ", "", str(error))
-            joined = re.sub(r"^`(\w+)`", lambda key: f"`{path}.{key[1]}`", complaint)
-            raise self._error(joined if joined != complaint else f"`{path}`: {complaint}") from None
+def _complaint(error: ValidationError) -> tuple[str, str]:
+    """The key and the reason of the first thing that is wrong, in the words of this package."""
+    errors = error.errors(include_url=False)
+    # Of a union, the member that was followed farthest, and of words and others the words where one was given.
+    owner = _path(errors[0]["loc"])
+    first = max(
+        (each for each in errors if _path(each["loc"]).startswith(owner)),
+        key=lambda each: (len(each["loc"]), each["type"] == "literal_error" and isinstance(each["input"], str)),
+    )
+    steps, kind = first["loc"], first["type"]
+    if kind == "json_invalid":  # text that is no Unicode, or lists in lists without end
+        return "document", f"cannot be read: {first['msg'].removeprefix('Invalid JSON: ')}"
+    said = first.get("ctx", {}).get("error")
+    if isinstance(said, ArgumentError):
+        return _path((*steps, said.argument)), said.reason
+    # A list that is too short misses its next item; what is wrong is the list.
+    if kind == "missing" and isinstance(steps[-1], int):
+        return _path(steps[:-1]), f"must hold more than {steps[-1]} items, got {_shown(first['input'])}"
+    if kind.startswith("missing"):
+        return _path(steps), "is missing"
+    if kind == "unexpected_keyword_argument":
+        owner = next((step for step in reversed(steps[:-1]) if isinstance(step, str) and step not in TAGS), "")
+        known = f"; known are {', '.join(KNOWN_KEYS[owner])}" if owner in KNOWN_KEYS else ""
+        return _path(steps), f"is an unknown key{known}"
+    if kind.startswith("union_tag"):
+        kinds = re.sub(", (?=[^,]*$)", " or ", first["ctx"].get("expected_tags", "a region's"))
+        return f"{_path(steps)}.kind", f"must be {kinds}, got {_shown(first['input'])}"
+    must = re.sub(r"^\w+ should ", "", first["msg"])
+    for theirs, ours in PHRASES.items():
+        must = re.sub(theirs, ours, must)
+    return _path(steps), f"must {must}, got {_shown(first['input'])}"
 
-    def _error(self, complaint: str) -> ValueError:
-        return ValueError(f"{self.name}: {complaint}")
+
+def _path(steps: Iterable[int | str]) -> str:
+    path, before = "", ""
+    for step in steps:
+        # Tags stand behind the key of a union, and a document's own key of that name stands elsewhere.
+        tag = step in TAGS or (isinstance(step, str) and "[" in step)
+        if not (tag and path) or (step == "vertices" and before == "mesh"):
+            path += f"[{step}]" if isinstance(step, int) else f".{step}" if path else step
+        before = str(step)
+    return path or "document"
+
+
+def _shown(value: Any) -> str:
+    shown = json.dumps(value, default=str)
+    return shown if len(shown) <= 60 else shown[:59] + "…"
 
 
 def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     result: dict[str, Any] = {}
     for key, value in pairs:
         if key in result:
-            raise ValueError(f"`{key}` is given twice")
+            raise ArgumentError(key, "is given twice")
         result[key] = value
     return result
 

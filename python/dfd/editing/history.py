@@ -61,17 +61,18 @@ class History:
         return True
 
     @contextmanager
-    def step(self) -> Iterator[None]:
-        """Make one step of all commits inside; if the block fails, none of them happened."""
-        start, floor, before = self._now, self._floor, list(self._states)
+    def step(self, topic: Hashable = None, *, merge: bool = False) -> Iterator[None]:
+        """Make one step of all commits inside, merged as by `commit`; if the block fails, none of them happened."""
+        start, floor, before, about = self._now, self._floor, list(self._states), self._topic
         self._floor, self._topic = start, None
         try:
             yield
-            if self._now > start:
-                self._states[start + 1 :] = [self.present]
-                self._now = start + 1
         except BaseException:
             self._states, self._now = before, start
             raise
         finally:
             self._floor, self._topic = floor, None
+        if self._now > start:
+            made = self.present
+            self._states[start + 1 :], self._now, self._topic = [], start, about
+            self.commit(made, topic=topic, merge=merge)

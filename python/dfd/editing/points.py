@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Hashable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 
 from dfd.common import check
+from dfd.common.described import Tagged, Written
+from dfd.common.errors import ArgumentError
 from dfd.editing.influence.regions import Ball, Box, Group, HalfSpace, Part, Region, VertexSet, members
+from dfd.editing.presets import LARGEST
 from dfd.posing.transforms import Vector, vector
 
 if TYPE_CHECKING:
@@ -23,6 +28,9 @@ EXTREMES = {"top": (1, 1), "bottom": (1, -1), "right": (0, 1), "left": (0, -1), 
 SIDE = re.compile(r"([xyz])\s*([<>])\s*(.+)")
 
 
+NOWHERE: Vector = (math.nan, math.nan, math.nan)
+
+
 @dataclass(frozen=True)
 class Place:
     """Where a handle or a fixed point is on the resting shape: at a vertex, in a region, or at any point of space.
@@ -30,16 +38,43 @@ class Place:
     Attributes
     ----------
     position
-        (3,) in mesh units; of a region, the center of the box around it.
+        (3,) in mesh units; of a region, the center of the box around it. NaN where only the mesh can tell, see
+        `place_on`.
     vertex
         Index of the vertex that lies there, or None.
     region
         The set of vertices that is held, or None where it is a single point.
+
+    Raises
+    ------
+    ValueError
+        If it says nothing, or a number is out of its bounds.
     """
 
-    position: Vector
+    position: Annotated[Vector, Written(Vector | None)] = NOWHERE
     vertex: int | None = None
-    region: Region | None = None
+    region: Annotated[Region, Tagged("kind")] | None = None
+
+    def __post_init__(self) -> None:
+        if self.position is None:
+            object.__setattr__(self, "position", NOWHERE)
+        if self.vertex is not None:
+            check.whole("Place", "vertex", self.vertex, minimum=0)
+        if not self.known and self.vertex is None and self.region is None:
+            raise ArgumentError("place", "must have a vertex, a position or a region", "Place")
+        if max(map(abs, self.position)) > LARGEST:
+            point = ",".join(f"{x:g}" for x in self.position)
+            raise ArgumentError("position", f"must be numbers of at most {LARGEST:g}, got {point}", "Place")
+
+    @property
+    def known(self) -> bool:
+        """Whether it says where it lies."""
+        return not math.isnan(self.position[0])
+
+    @property
+    def key(self) -> Hashable:
+        """What tells it from other places: a vertex and a point in the same position are one."""
+        return (self.position, self.region) if self.known else self
 
     def __str__(self) -> str:
         """Name it for a message, and a point as the command line takes it."""
@@ -71,7 +106,8 @@ def place_on(mesh: Mesh, at: Any) -> Place:
         If it is none of these, a point lies farther from the shape than the diagonal of its box, or a region is empty.
     """
     if isinstance(at, Place):
-        return at if at.vertex is None and at.region is None else place_on(mesh, _meant(at))
+        said = at.vertex if at.region is None else at.region
+        return at if said is None else place_on(mesh, said)
     if isinstance(at, str):
         return find(mesh, at).place
     if isinstance(at, Region):
@@ -80,7 +116,7 @@ def place_on(mesh: Mesh, at: Any) -> Place:
         return _region_place(mesh, VertexSet.of(mesh, at))
     if np.ndim(at) == 0:
         if isinstance(at, bool) or not isinstance(at, int | np.integer):
-            raise ValueError(f"`at` must be a vertex index, a point, a region or a text, got {at!r}")
+            raise ArgumentError("at", f"must be a vertex index, a point, a region or a text, got {at!r}")
         vertex = int(check.vertex_indices("place", "at", [at], len(mesh.vertices))[0])
         return Place(vector("at", mesh.vertices[vertex]), vertex)
     point = vector("at", at)
@@ -127,12 +163,13 @@ def find(mesh: Mesh, text: str) -> Found:
             vertex, distance = nearest_vertex(mesh, point)
             return Found(place_on(mesh, vertex), f"{said} is vertex {vertex}, {distance:.3g} away")
         vertex = int(said)
-    except ValueError as error:
-        if "`" in str(error):
-            raise
-        raise ValueError(
-            f"`at` must be a vertex index, a point x,y,z, {', '.join(EXTREMES)}, part:NAME, group:NAME, x>NUMBER, "
-            f"ball:x,y,z,radius or box:x,y,z,x,y,z, got {text!r}"
+    except ArgumentError:
+        raise
+    except ValueError:
+        raise ArgumentError(
+            "at",
+            f"must be a vertex index, a point x,y,z, {', '.join(EXTREMES)}, part:NAME, group:NAME, x>NUMBER, "
+            f"ball:x,y,z,radius or box:x,y,z,x,y,z, got {text!r}",
         ) from None
     return Found(place_on(mesh, vertex), f"vertex {vertex}")
 
@@ -150,15 +187,12 @@ def nearest_vertex(mesh: Mesh, point: Vector) -> tuple[int, float]:
     distance = float(np.sqrt(squares[vertex]))
     if distance > mesh.diagonal:
         place = ",".join(f"{x:g}" for x in point)
-        raise ValueError(
-            f"`at` must lie near the shape, but {place} is {distance:.4g} away, "
-            f"more than the diagonal of its box, {mesh.diagonal:.4g}"
+        raise ArgumentError(
+            "at",
+            f"must lie near the shape, but {place} is {distance:.4g} away, "
+            f"more than the diagonal of its box, {mesh.diagonal:.4g}",
         )
     return vertex, distance
-
-
-def _meant(place: Place) -> Any:
-    return place.vertex if place.region is None else place.region
 
 
 def _region_place(mesh: Mesh, region: Region) -> Place:

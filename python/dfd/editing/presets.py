@@ -1,10 +1,14 @@
-"""The defaults that sessions, the command line, the app, Blender and edit files share: one object for each preset."""
+"""What can be said of a handle and of a whole shape, and the defaults of each preset, for every door.
+
+Sessions, the command line, the app, Blender and edit files take both from here; it imports neither SciPy nor pydantic.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+from dfd.common.described import About
 from dfd.common.preset import Preset
 from dfd.symmetry.plane import DEFAULT_BAND
 
@@ -12,10 +16,55 @@ if TYPE_CHECKING:
     from dfd.posing.pose import Blend, Overlap
     from dfd.weights.bind import Falloff
 
-__all__ = ["PRESETS", "WHOLE_SHAPE", "Defaults", "Instances", "SymmetryCandidates"]
+__all__ = ["CONTROLS", "LARGEST", "PRESETS", "WHOLE_SHAPE", "Defaults", "Instances", "SymmetryCandidates"]
+
+LARGEST = 1e38  # what the kernels compute with are 32-bit floats
 
 Instances = Literal["own", "together", "only"]
 SymmetryCandidates = Literal["any", "axes"]
+
+# What a handle takes hold of besides where it is: the fields of `dfd.editing.controls.Controls`.
+CONTROLS = {
+    "reach": About(
+        'Feature distance at which the weight is 0: 1 is Eq. 5; "auto" ends at the largest gap, "part" with the part.',
+        0.0,
+        LARGEST,
+        exclusive=True,
+        metavar="R|auto|part",
+    ),
+    "falloff": About(
+        "Curve from 1 at the handle to 0 at its reach: linear (Eq. 5), smooth, sharp, root, sphere or constant.",
+        metavar="CURVE",
+    ),
+    "locality": About("λ of Eq. 7: 0 reaches all that looks alike, more stays nearer.", 0.0, LARGEST, metavar="λ"),
+    "radius": About(
+        "In place of locality: distance along the surface where the weight is smoothly 0, mesh units or % of the box.",
+        0.0,
+        exclusive=True,
+        metavar="R|P%",
+    ),
+    "strength": About("From 0 to 1: a factor for what follows.", 0.0, 1.0, metavar="S"),
+    "instances": About(
+        "Look-alikes move about their own pivots (own), the handle's (together, the paper), or not at all (only).",
+        metavar="own|together|only",
+    ),
+    "level": About("Let all instances follow fully, however alike."),
+    "without_instances": About("A place on an instance that does not move along.", metavar="PLACE", repeated=True),
+    "within": About(
+        "Nothing follows beyond: part:NAME, group:NAME, 'x>0', ball:x,y,z,r or box:x,y,z,x,y,z.", metavar="REGION"
+    ),
+    "within_width": About(
+        "How far beyond that region the weight fades to 0, mesh units or % of the box.", 0.0, LARGEST, metavar="W|P%"
+    ),
+}
+# What holds for all handles of a shape: fields of `dfd.editing.edit.Edit`, properties of `Deformer`.
+WHOLE_SHAPE = {
+    "overlap": About("Where weights meet: add, interpolate, normalize or paper (Eq. 1).", metavar="RULE"),
+    "blend": About("How transforms blend: linear (Eq. 1), dual_quaternion or polar.", metavar="RULE"),
+    "arrive": About("Whether handles reach their target although fixed points hold back."),
+    "mirrored_locality": About("Whether locality and radius start at the handle's mirror image as well."),
+    "bridges": About("Whether locality and radius reach across small gaps."),
+}
 
 
 @dataclass(frozen=True)
@@ -59,7 +108,6 @@ class Defaults:
         return {name: getattr(self, name) for name in WHOLE_SHAPE}
 
 
-WHOLE_SHAPE = ("overlap", "blend", "arrive", "mirrored_locality", "bridges")
 PRESETS: dict[Preset, Defaults] = {
     "default": Defaults(),
     # Eq. 1 and 4 to 8 to the letter, and the planes of section 3.3.3 with its ε.

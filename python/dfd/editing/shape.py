@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.editing.controls import Overlap
 from dfd.editing.edit import Edit, Handle, box_center
 from dfd.editing.influence.instance_weights import Column
 from dfd.editing.presets import WHOLE_SHAPE
-from dfd.posing.pose import Drag, pose
+from dfd.posing.pose import Drag, Overlap, pose
 
 if TYPE_CHECKING:
     from dfd.editing.influence.handle_weights import HandleWeights

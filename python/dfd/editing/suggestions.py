@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import check
+from dfd.common.errors import ArgumentError
 from dfd.editing.influence.instances import LEAST_ALIKE, Instance, InstanceFinder
 from dfd.geometry.topology import face_areas
 from dfd.weights.bind import bind
@@ -79,7 +80,7 @@ def suggest_handles(
     random = np.random.default_rng(0)
     area = _areas(mesh)
     if not area.any():
-        raise ValueError("suggest_handles: `mesh` must have a face with an area, got none")
+        raise ArgumentError("mesh", "must have a face with an area, got none", "suggest_handles")
     # Drawn with repeats, so that each vertex counts by its area, however few there are.
     drawn, counts = np.unique(random.choice(len(area), SAMPLE, p=area / area.sum()), return_counts=True)
     order = random.permutation(len(drawn))

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.errors import ArgumentError, public
 from dfd.common.linear_algebra import unit
 from dfd.editing.controls import Controls
-from dfd.editing.door import door
 from dfd.editing.edit import Edit, Handle
-from dfd.editing.influence.handle_features import VertexRows
+from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.regions import Ball, Box, Group, HalfSpace, Part, Region, VertexSet, members
 from dfd.editing.points import Place, place_on
 from dfd.geometry.topology import face_areas
@@ -60,6 +60,7 @@ class Transferred:
     fixed_confidence: tuple[float, ...]
 
 
+@public
 def transfer(edit: Edit, mesh_from: Mesh, field_from: Field, mesh_to: Mesh, field_to: Field) -> Transferred:
     """Carry `edit` from one shape to another one of its class.
 
@@ -85,21 +86,22 @@ def transfer(edit: Edit, mesh_from: Mesh, field_from: Field, mesh_to: Mesh, fiel
         If the fields are of two encoders, two handles go to one vertex, or a region is empty there.
     """
     _check_encoders(field_from, field_to)
-    with door("transfer"):
-        return _Carrier(mesh_from, field_from, mesh_to, field_to).carried(edit)
+    return _Carrier(mesh_from, field_from, mesh_to, field_to).carried(edit)
 
 
 def _check_encoders(field_from: Field, field_to: Field) -> None:
     """Refuse fields whose features cannot be compared."""
     if field_from.dimension != field_to.dimension:
-        raise ValueError(
-            f"transfer: `field_to` must have features of width {field_from.dimension} as `field_from` has, "
-            f"got {field_to.dimension}: were they distilled with another `encoder` or another `metric`?"
+        raise ArgumentError(
+            "field_to",
+            f"must have features of width {field_from.dimension} as `field_from` has, "
+            f"got {field_to.dimension}: were they distilled with another `encoder` or another `metric`?",
+            "transfer",
         )
     before, now = ([field.settings.get(key) for key in OF_FEATURES] for field in (field_from, field_to))
     for key, was, found in zip(OF_FEATURES, before, now, strict=True):
         if was is not None and found is not None and was != found:
-            raise ValueError(f"transfer: `field_to` must be of the {key} {was} as `field_from` is, got {found}")
+            raise ArgumentError("field_to", f"must be of the {key} {was} as `field_from` is, got {found}", "transfer")
 
 
 class _Carrier:
@@ -107,7 +109,7 @@ class _Carrier:
         self.field_from, self.mesh, self.field_to = field_from, mesh, field_to
         self.mean_from, self.mean_to = _mean(mesh_from, field_from), _mean(mesh, field_to)
         self.center_from, self.center_to = (field.center for field in (field_from, field_to))
-        self.rows = VertexRows(mesh, field_to)
+        self.rows = HandleFeatures(mesh, field_to)
         self.ratio = float(field_from.scale) / float(field_to.scale)
 
     def carried(self, edit: Edit) -> Transferred:

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from torch.nn.functional import interpolate
 
 from dfd.common import check
-from dfd.common.devices import choose_device, out_of_memory
+from dfd.common.devices import choose_device, out_of_memory, share
 from dfd.common.progress import Stages
-from dfd.common.torch_threads import share
 from dfd.encoders.dinov2 import KINDS, build_dinov2
 from dfd.encoders.families import build_family
 from dfd.encoders.known import DEFAULT_ENCODER, KNOWN_ENCODERS

@@ -16,8 +16,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, cast, get_args
 
-from dfd.common.cache import cache_directory
-from dfd.common.files import atomic_write
+from dfd.common.files import atomic_write, cache_directory
 
 if TYPE_CHECKING:
     import torch
@@ -88,7 +87,7 @@ def _bfloat16_pays() -> bool:
     """
     import torch
 
-    from dfd.common.torch_threads import one_thread
+    from dfd.common.devices import one_thread
 
     def seconds(kind: torch.dtype) -> float:
         rows, columns = torch.ones(512, 384, dtype=kind), torch.ones(384, 1536, dtype=kind)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import dijkstra
 
-from dfd.editing.influence.handle_features import VertexRows
+from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.geometry.surface_graph import surface_graph
 from dfd.mesh.mesh import Mesh
 from dfd.weights.bind import bind
@@ -72,7 +72,7 @@ def bone_weights(mesh: Mesh, field: Field, distances: BoneDistances, joints: NDA
     A joint's feature is the mean of those of the surface around its bones; what looks like it (Eq. 5) and is near, both
     through space and along the surface, follows it.
     """
-    rows = VertexRows(mesh, field, None)
+    rows = HandleFeatures(mesh, field, None)
     points = np.stack([_feature(mesh, field, distances.surface[joint]) for joint in joints])
     looks = bind(rows.features, points).astype(np.float64)
     distance = distances.straight[:, joints] + ALONG * distances.along[:, joints]

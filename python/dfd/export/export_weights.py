@@ -37,7 +37,7 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
         `weights` (V, C) float32, a column for each handle and each of its instances; `transforms` (C, 3, 4) float64,
         mesh units; `handles` (C, 3) where each column is held; `handle_ids` (C,); and `default` (3, 4), D₀. As texts,
         which safetensors has in its metadata: `format`, `version`, `names` (a JSON list of C names), `edit` (its
-        document, see `dfd.editing.document`), `field` (its settings) and `mesh` (its `Mesh.content_hash`).
+        document, see `dfd.editing.edit_file`), `field` (its settings) and `mesh` (its `Mesh.content_hash`).
 
     Raises
     ------

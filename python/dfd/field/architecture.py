@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dfd.common import check
+from dfd.common.errors import ArgumentError
 
 __all__ = ["MOST_OCTAVES", "Architecture", "LayerNames"]
 
@@ -55,14 +56,14 @@ class Architecture:
         layers = (len(found) - 2) // 4
         last, first = found.get(f"network.{3 * layers}.weight", ()), found.get("network.0.weight", ())
         if layers < 1 or len(found) != 4 * layers + 2 or len(last) != 2 or len(first) != 2:
-            raise ValueError(f"Field: `parameters` must be those of a network, got {_listed(found) or 'none'}")
+            raise ArgumentError("parameters", f"must be those of a network, got {_listed(found) or 'none'}", "Field")
         architecture = cls(int(last[0]), int(first[0]), layers, octaves)
         wanted = architecture.shapes()
         odd = [name for name in wanted if found.get(name) != wanted[name]]
         if odd:
             have = {name: found[name] for name in odd if name in found}
             needed = _listed({name: wanted[name] for name in odd})
-            raise ValueError(f"Field: `parameters` must hold {needed}, got {_listed(have) or 'nothing'}")
+            raise ArgumentError("parameters", f"must hold {needed}, got {_listed(have) or 'nothing'}", "Field")
         return architecture
 
     @property

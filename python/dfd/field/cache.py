@@ -18,9 +18,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dfd.common.cache import cache_directory
 from dfd.common.check import warn
-from dfd.common.files import atomic_write
+from dfd.common.files import atomic_write, cache_directory
 from dfd.field.cache_key import hash_key
 from dfd.field.field import Field
 

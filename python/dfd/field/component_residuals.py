@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dfd.common import check
+from dfd.common.errors import ArgumentError
 from dfd.geometry.topology import face_components, first_at_place
 
 if TYPE_CHECKING:
@@ -69,9 +70,11 @@ class ComponentResiduals:
             "differences": _checked("differences", self.differences, (*count, *width), np.float16),
         }
         if checked["piece"].shape != count or len(width) != 1:
-            raise ValueError(
-                f"ComponentResiduals: `piece` and `differences` must have a row for each of the {count[0]} points, "
-                f"got {checked['piece'].shape} and {np.shape(self.differences)}"
+            raise ArgumentError(
+                "piece",
+                f"and `differences` must have a row for each of the {count[0]} points, "
+                f"got {checked['piece'].shape} and {np.shape(self.differences)}",
+                "ComponentResiduals",
             )
         for name, array in checked.items():
             array.flags.writeable = False

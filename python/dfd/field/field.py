@@ -5,18 +5,18 @@ from __future__ import annotations
 import copy
 import hashlib
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, ClassVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import dfd._core as _core
 from dfd.common import check, tensors, threads
+from dfd.common.errors import ArgumentError
 from dfd.field import field_file
 from dfd.field.architecture import Architecture
 from dfd.field.component_residuals import ComponentResiduals, pieces_of_vertices
@@ -33,8 +33,6 @@ __all__ = ["Field", "FieldOnMesh", "FieldSource"]
 
 # Farther from the middle of the shape, in halves of its box, a network of float32 has nothing to say.
 FARTHEST = 1e6
-# What reads features of vertices imports this file, so it is imported by name when it is needed.
-OF_VERTICES = "dfd.field.vertex_field"
 
 
 @dataclass(frozen=True)
@@ -91,6 +89,8 @@ class Field:
         are of another width.
     """
 
+    # What reads features of vertices: a later file builds on this class and puts itself there.
+    read_vertex_field: ClassVar[Callable[[Path, Mesh | None], Field]]
     source: FieldSource | None = None
     pieces: ComponentResiduals | None = None
 
@@ -153,7 +153,9 @@ class Field:
         with np.errstate(over="ignore"):
             farthest = float(np.abs((array - self.center) * self.scale).max(initial=0.0))
         if not farthest <= FARTHEST:
-            raise ValueError(f"Field: `points` must lie near the shape, got one {farthest:.3g} times as far as its box")
+            raise ArgumentError(
+                "points", f"must lie near the shape, got one {farthest:.3g} times as far as its box", "Field"
+            )
         return array
 
     def with_settings(self, settings: Mapping[str, Any]) -> Field:
@@ -177,7 +179,7 @@ class Field:
 
     def _checked_pieces(self, pieces: ComponentResiduals | None) -> ComponentResiduals | None:
         if pieces is not None and pieces.dimension != self.dimension:
-            raise ValueError(f"Field: `pieces` must be {self.dimension} wide, got {pieces.dimension}")
+            raise ArgumentError("pieces", f"must be {self.dimension} wide, got {pieces.dimension}", "Field")
         return pieces
 
     def on(self, mesh: Mesh) -> FieldOnMesh:
@@ -194,12 +196,13 @@ class Field:
         from dfd.field.network import Network
 
         if points.layout != torch.strided or points.dtype.is_complex or points.is_meta:
-            raise ValueError(
-                "Field: `points` must be a dense tensor of real numbers, "
-                f"got {points.layout}, {points.dtype} on {points.device}"
+            raise ArgumentError(
+                "points",
+                f"must be a dense tensor of real numbers, got {points.layout}, {points.dtype} on {points.device}",
+                "Field",
             )
         if points.ndim != 2 or points.shape[1] != 3:
-            raise ValueError(f"Field: `points` must have shape (N, 3), got {tuple(points.shape)}")
+            raise ArgumentError("points", f"must have shape (N, 3), got {tuple(points.shape)}", "Field")
         network = Network.of(self.parameters, self.architecture).to(points.device)
         center = torch.tensor(self.center, device=points.device)
         result: torch.Tensor = network(((points.to(center.dtype) - center) * self.scale).to(torch.float32))
@@ -258,13 +261,14 @@ class Field:
         if not Path(path).is_file():
             raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is no file")
         if Path(path).suffix.lower() in FEATURE_FILES:
-            of_vertices: Field = import_module(OF_VERTICES).read_vertex_field(Path(path), mesh)
-            return of_vertices
+            return Field.read_vertex_field(Path(path), mesh)
         if Path(path).suffix.lower() == ".pth":
             from dfd.field.reference_file import read_reference
 
             if mesh is None:
-                raise ValueError(f"Field.load: `mesh` must be given for {os.fspath(path)}: it has the normalization")
+                raise ArgumentError(
+                    "mesh", f"must be given for {os.fspath(path)}: it has the normalization", "Field.load"
+                )
             content = read_reference(path, mesh)
         else:
             content = field_file.read(path)
@@ -277,12 +281,12 @@ class Field:
                 settings=content.settings,
                 pieces=None if content.pieces is None else ComponentResiduals(**content.pieces),
             )
-        except ValueError as error:
-            reason = str(error).removeprefix("Field: ").removeprefix("ComponentResiduals: ")
-            raise ValueError(f"Field.load: `path` {os.fspath(path)} is damaged: {reason}") from error
+        except ArgumentError as error:
+            reason = f"`{error.argument}` {error.reason}"
+            raise ArgumentError("path", f"{os.fspath(path)} is damaged: {reason}", "Field.load") from error
         corners = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
         if not np.isfinite(field(field.center + corners / field.scale)).all():
-            raise ValueError(f"Field.load: `path` {os.fspath(path)} is damaged: its features are not finite")
+            raise ArgumentError("path", f"{os.fspath(path)} is damaged: its features are not finite", "Field.load")
         field.source = FieldSource.of(path)
         return field
 

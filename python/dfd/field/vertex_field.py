@@ -10,14 +10,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
 
 from dfd.common import check, tensors
+from dfd.common.errors import ArgumentError
 from dfd.field.field import Field, FieldSource
 from dfd.field.given_features import of_vertices, read_features, rows_of_vertices
 from dfd.mesh.normalization import normalization
 
 if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
     from dfd.mesh.mesh import Mesh
 
 __all__ = ["VertexField", "read_vertex_field"]
@@ -53,9 +55,11 @@ class VertexField(Field):
         if len(rows) == len(mesh.faces) != len(mesh.vertices):
             rows = of_vertices(mesh, rows).astype(np.float32)
         if len(rows) != len(mesh.vertices) or rows.shape[1] == 0:
-            raise ValueError(
-                f"VertexField: `features` must have shape ({len(mesh.vertices)}, D), a row for each vertex, or "
-                f"({len(mesh.faces)}, D), a row for each face, got {rows.shape}"
+            raise ArgumentError(
+                "features",
+                f"must have shape ({len(mesh.vertices)}, D), a row for each vertex, or "
+                f"({len(mesh.faces)}, D), a row for each face, got {rows.shape}",
+                "VertexField",
             )
         places, first = np.unique(mesh.representative, return_inverse=True)
         self._rows = _unit(rows[places])
@@ -98,21 +102,28 @@ class VertexField(Field):
 
     @cached_property
     def _nearest(self) -> cKDTree:
+        from scipy.spatial import cKDTree
+
         return cKDTree(self._places)
 
 
 def read_vertex_field(path: Path, mesh: Mesh | None) -> VertexField:
     """What `Field.load` makes of an `.npy` or `.pt`, and raises."""
     if mesh is None:
-        raise ValueError(f"Field.load: `mesh` must be given for {path}: its rows are those of the mesh's vertices")
+        raise ArgumentError(
+            "mesh", f"must be given for {path}: its rows are those of the mesh's vertices", "Field.load"
+        )
     named = "Field.load: `path`"
     rows = rows_of_vertices(path, read_features(path, named), mesh, named)
     try:
         field = VertexField(mesh, rows)
-    except ValueError as error:
-        raise ValueError(f"{named} {path}: {str(error).removeprefix('VertexField: ')}") from None
+    except ArgumentError as error:
+        raise ArgumentError("path", f"{path}: `{error.argument}` {error.reason}", "Field.load") from None
     field.source = FieldSource.of(path)
     return field
+
+
+Field.read_vertex_field = read_vertex_field
 
 
 def _unit(rows: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -123,7 +134,9 @@ def _unit(rows: NDArray[np.float32]) -> NDArray[np.float32]:
         largest = np.abs(some).max(axis=1, keepdims=True)
         if not largest.all():
             row = start + int((largest == 0).argmax())
-            raise ValueError(f"VertexField: `features` must have rows with a direction, got only zeros in row {row}")
+            raise ArgumentError(
+                "features", f"must have rows with a direction, got only zeros in row {row}", "VertexField"
+            )
         some /= largest  # so that no square overflows
         result[start : start + ROWS_AT_ONCE] = some / np.linalg.norm(some, axis=1, keepdims=True)
     result.flags.writeable = False

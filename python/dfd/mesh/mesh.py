@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import check, tensors
+from dfd.common.errors import ArgumentError
 from dfd.mesh.appearance import Appearance
 from dfd.mesh.file.obj.read import face_groups
 from dfd.mesh.file.read import of_trimesh, read
@@ -171,7 +172,7 @@ class Mesh:
                 faces = [self.faces[each].ravel() for each in others[name]]
                 return np.unique(np.concatenate(faces)).astype(np.int64)
         known = _listed(self.part_names)
-        raise ValueError(f"Mesh.part_vertices: `name` must be a part of the scene ({known}), got {name!r:.60}")
+        raise ArgumentError("name", f"must be a part of the scene ({known}), got {name!r:.60}", "Mesh.part_vertices")
 
     @cached_property
     def _other_names(self) -> tuple[dict[str, list[slice]], dict[str, list[slice]]]:
@@ -203,11 +204,12 @@ class Mesh:
         if name in self._groups:
             return np.unique(self.representative[self._groups[name]]).astype(np.int64)
         if not self._groups:
-            raise ValueError(
-                f"Mesh.group_vertices: `name` must be a face group, and the mesh has none, got {name!r:.60}"
+            raise ArgumentError(
+                "name", f"must be a face group, and the mesh has none, got {name!r:.60}", "Mesh.group_vertices"
             )
         known = _listed(self.group_names)
-        raise ValueError(f"Mesh.group_vertices: `name` must be a face group of the file ({known}), got {name!r:.60}")
+        said = f"must be a face group of the file ({known}), got {name!r:.60}"
+        raise ArgumentError("name", said, "Mesh.group_vertices")
 
     @cached_property
     def _groups(self) -> dict[str, NDArray[np.int64]]:

@@ -9,8 +9,17 @@ from numpy.typing import NDArray
 
 import dfd._core as _core
 from dfd.common import check, tensors
+from dfd.common.errors import ArgumentError
 
-__all__ = ["among", "empty_like", "read_affine", "read_points", "read_weights", "standing", "target"]
+__all__ = [
+    "empty_like",
+    "handle_positions",
+    "handle_weight_matrix",
+    "read_affine",
+    "read_points",
+    "read_weights",
+    "target",
+]
 
 Float64 = NDArray[np.float64]
 
@@ -58,15 +67,15 @@ def read_affine(function: str, name: str, value: Any, count: int | None) -> Floa
     if array.ndim != 3 or array.shape[1:] not in ((3, 4), (4, 4)) or len(array) != (1 if count is None else count):
         leading = "" if count is None else f"{count}, "
         shape = np.shape(value) if count is None else array.shape
-        raise ValueError(f"{function}: `{name}` must have shape ({leading}3, 4) or ({leading}4, 4), got {shape}")
+        raise ArgumentError(name, f"must have shape ({leading}3, 4) or ({leading}4, 4), got {shape}", function)
     result = check.array(function, name, array, (None, None, 4), dtype=np.float64)
     if result.shape[1] == 4 and np.abs(result[:, 3] - (0.0, 0.0, 0.0, 1.0)).max(initial=0.0) > 1e-6:
         wrong = np.abs(result[:, 3] - (0.0, 0.0, 0.0, 1.0)).max(axis=1).argmax()
-        raise ValueError(f"{function}: `{name}` must have the bottom row [0, 0, 0, 1], got {result[wrong, 3].tolist()}")
+        raise ArgumentError(name, f"must have the bottom row [0, 0, 0, 1], got {result[wrong, 3].tolist()}", function)
     return np.ascontiguousarray(result[:, :3])
 
 
-def standing(
+def handle_positions(
     function: str, handles: Any, vertices: NDArray[Any], weights: NDArray[np.float32]
 ) -> tuple[NDArray[np.int64] | None, Float64]:
     """(H,) the vertices at which handles stand, None for positions, and (H, 3) where that is."""
@@ -81,13 +90,13 @@ def standing(
             return None, check.array(function, "handles", array, (count, 3), dtype=np.float64)
         indices = check.vertex_indices(function, "handles", array, len(vertices))
         if len(indices) != count:
-            raise ValueError(
-                f"{function}: `handles` must name {count} handles, as many as `weights` has, got {len(indices)}"
+            raise ArgumentError(
+                "handles", f"must name {count} handles, as many as `weights` has, got {len(indices)}", function
             )
     return indices, np.ascontiguousarray(vertices[indices], np.float64)
 
 
-def among(
+def handle_weight_matrix(
     function: str, handle_weights: Any, weights: NDArray[np.float32], indices: NDArray[np.int64] | None
 ) -> Float64:
     """(H, H) weights among handles, row j at the place of handle j."""
@@ -97,5 +106,5 @@ def among(
     if indices is None:
         if len(weights) == 0:
             return np.eye(count)
-        raise ValueError(f"{function}: `handle_weights` must be given to interpolate handles that are no vertices")
+        raise ArgumentError("handle_weights", "must be given to interpolate handles that are no vertices", function)
     return check.array(function, "weights", weights[indices], (count, count), dtype=np.float64)

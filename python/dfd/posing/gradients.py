@@ -10,7 +10,8 @@ import torch
 from torch.autograd.function import once_differentiable
 
 from dfd.common import tensors
-from dfd.posing.arguments import read_affine, standing
+from dfd.common.errors import ArgumentError
+from dfd.posing.arguments import handle_positions, read_affine
 
 if TYPE_CHECKING:
     from dfd.symmetry.plane import SymmetryPlane
@@ -30,10 +31,10 @@ def posed_with_gradients(
     """
     for name in ("default", "normals", "handle_weights", "out"):
         if tensors.tracked(options[name]):
-            raise ValueError(f"pose: `{name}` has no gradient: detach it")
+            raise ArgumentError(name, "has no gradient: detach it", "pose")
     if options["normals"] is not None or options["out"] is not None:
         name = "normals" if options["normals"] is not None else "out"
-        raise ValueError(f"pose: `{name}` is not for tensors that require gradients: detach them")
+        raise ArgumentError(name, "is not for tensors that require gradients: detach them", "pose")
     if options["blend"] != "linear" or options["overlap"] == "interpolate":
         raise ValueError(
             "pose: only a linear blend without interpolation has gradients: detach the tensors that require them"
@@ -41,7 +42,7 @@ def posed_with_gradients(
     given = {"vertices": vertices, "weights": weights, "transforms": transforms}
     for name, value in given.items():
         if tensors.tracked(value) and value.dtype not in (torch.float32, torch.float64):
-            raise ValueError(f"pose: `{name}` must be float32 or float64 to have gradients, got {value.dtype}")
+            raise ArgumentError(name, f"must be float32 or float64 to have gradients, got {value.dtype}", "pose")
     arguments = (_tensor(name, value) for name, value in given.items())
     return _Pose.apply(*arguments, pose, options)  # type: ignore[no-untyped-call]
 
@@ -106,7 +107,9 @@ def _posed(
     if plane is None:
         return moved(affine)
     normal = torch.tensor(plane.normal, dtype=torch.float64)
-    _, places = standing("pose", options["handles"], vertices.detach().numpy(), weights.detach().float().numpy())
+    _, places = handle_positions(
+        "pose", options["handles"], vertices.detach().numpy(), weights.detach().float().numpy()
+    )
     positive = torch.from_numpy(places @ np.asarray(plane.normal) >= plane.offset)[:, None, None]
     reflection = torch.from_numpy(plane.reflection)
     bottom = torch.tensor([0.0, 0.0, 0.0, 1.0], dtype=torch.float64).expand(len(affine), 1, 4)

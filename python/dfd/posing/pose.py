@@ -10,7 +10,16 @@ from numpy.typing import NDArray
 
 import dfd._core as _core
 from dfd.common import check, tensors, threads
-from dfd.posing.arguments import among, empty_like, read_affine, read_points, read_weights, standing, target
+from dfd.common.errors import ArgumentError
+from dfd.posing.arguments import (
+    empty_like,
+    handle_positions,
+    handle_weight_matrix,
+    read_affine,
+    read_points,
+    read_weights,
+    target,
+)
 from dfd.posing.overlap import interpolating
 
 if TYPE_CHECKING:
@@ -222,12 +231,14 @@ def _rule(
     rest = IDENTITY if default is None else read_affine(function, "default", default, None)[0]
     indices = places = positive = mixing = None
     if symmetry is not None or blend != "linear" or overlap == "interpolate":
-        indices, places = standing(function, handles, points, weights)
+        indices, places = handle_positions(function, handles, points, weights)
     if symmetry is not None:
         assert places is not None
         positive = places @ np.asarray(symmetry.normal, np.float64) - symmetry.offset >= 0
     if overlap == "interpolate":
-        mixing = np.ascontiguousarray(interpolating(function, among(function, handle_weights, weights, indices)))
+        mixing = np.ascontiguousarray(
+            interpolating(function, handle_weight_matrix(function, handle_weights, weights, indices))
+        )
     plane = None if symmetry is None else (symmetry.normal, symmetry.offset, symmetry.band)
     return _Rule(rest, plane, positive, None if blend == "linear" else places, mixing, overlap, blend)
 
@@ -236,7 +247,7 @@ def _check_plane(function: str, plane: Any) -> None:
     from dfd.symmetry.plane import SymmetryPlane
 
     if not isinstance(plane, SymmetryPlane):
-        raise ValueError(f"{function}: `symmetry` must be a SymmetryPlane, got {type(plane).__name__}")
+        raise ArgumentError("symmetry", f"must be a SymmetryPlane, got {type(plane).__name__}", function)
 
 
 def _run(

@@ -9,13 +9,15 @@ more than a whole turn stays more than a whole turn, and about a single axis it 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from dfd.common import check
+from dfd.common.described import Written
+from dfd.common.errors import ArgumentError
 
 __all__ = [
     "Along",
@@ -70,8 +72,8 @@ class Transform:
     """
 
     translation: Vector = (0.0, 0.0, 0.0)
-    rotation: Vector = (0.0, 0.0, 0.0)
-    scale: Vector = (1.0, 1.0, 1.0)
+    rotation: Annotated[Vector, Written(tuple[float, ...])] = (0.0, 0.0, 0.0)
+    scale: Annotated[Vector, Written(float | Vector)] = (1.0, 1.0, 1.0)
     pivot: Vector | None = None
     axes: Frame | None = None
     along: Along | None = None
@@ -90,7 +92,7 @@ class Transform:
         if self.along is not None:
             check.choice("Transform", "along", self.along, Along)
             if self.axes is None:
-                raise ValueError("Transform: `axes` must be given when `along` is")
+                raise ArgumentError("axes", "must be given when `along` is", "Transform")
         keep(self, "linear", _linear(self.rotation, self.scale, self.axes))
 
     def changed(
@@ -142,7 +144,9 @@ class Transform:
         with np.errstate(over="ignore", invalid="ignore"):
             matrix[:, 3] = pivot + np.asarray(self.translation) - self.linear @ pivot
         if not np.isfinite(matrix).all():
-            raise ValueError("Transform: `translation`, `scale` and `pivot` are too large: the matrix is not finite")
+            raise ArgumentError(
+                "translation", "is too large beside `scale` and `pivot`: the matrix is not finite", "Transform"
+            )
         matrix.flags.writeable = False
         return matrix
 
@@ -187,18 +191,20 @@ def rotation_vector(rotation: ArrayLike) -> Vector:
     numbers = _numbers("rotation", rotation)
     if numbers.shape == (3,):
         if np.abs(numbers).max() > LARGEST_ANGLE:
-            raise ValueError(
-                f"Transform: `rotation` must stay within ±{LARGEST_ANGLE:g} degrees, got {_triple(numbers)}"
+            raise ArgumentError(
+                "rotation", f"must stay within ±{LARGEST_ANGLE:g} degrees, got {_triple(numbers)}", "Transform"
             )
         return _triple(numbers)
     if numbers.shape != (4,):
-        raise ValueError(
-            f"Transform: `rotation` must be a rotation vector in degrees (3 numbers) "
-            f"or a quaternion x y z w (4 numbers), got shape {numbers.shape}"
+        raise ArgumentError(
+            "rotation",
+            "must be a rotation vector in degrees (3 numbers) "
+            f"or a quaternion x y z w (4 numbers), got shape {numbers.shape}",
+            "Transform",
         )
     largest = np.abs(numbers).max()
     if largest == 0.0:
-        raise ValueError("Transform: `rotation` must be a quaternion other than 0")
+        raise ArgumentError("rotation", "must be a quaternion other than 0", "Transform")
     # First to a size whose square neither overflows nor vanishes.
     return _triple(Rotation.from_quat(numbers / largest).as_rotvec(degrees=True))
 
@@ -207,7 +213,7 @@ def scale_factors(scale: ArrayLike) -> Vector:
     """`scale`, one factor or three, as three factors."""
     numbers = _numbers("scale", scale)
     if numbers.shape not in ((), (3,)):
-        raise ValueError(f"Transform: `scale` must be one number or 3, got shape {numbers.shape}")
+        raise ArgumentError("scale", f"must be one number or 3, got shape {numbers.shape}", "Transform")
     return _triple(np.broadcast_to(numbers, (3,)))
 
 
@@ -215,7 +221,7 @@ def vector(name: str, value: ArrayLike) -> Vector:
     """`value` as three finite numbers."""
     numbers = _numbers(name, value)
     if numbers.shape != (3,):
-        raise ValueError(f"Transform: `{name}` must be 3 numbers, got shape {numbers.shape}")
+        raise ArgumentError(name, f"must be 3 numbers, got shape {numbers.shape}", "Transform")
     return _triple(numbers)
 
 
@@ -223,7 +229,7 @@ def frame_vectors(name: str, value: ArrayLike) -> Frame:
     """`value`, (3, 3), as three orthonormal vectors, one a row."""
     rows = check.array("Transform", name, value, (3, 3), dtype=np.float64)
     if np.abs(rows @ rows.T - np.eye(3)).max() > 1e-6:
-        raise ValueError(f"Transform: `{name}` must be 3 unit vectors at right angles, got {rows.tolist()}")
+        raise ArgumentError(name, f"must be 3 unit vectors at right angles, got {rows.tolist()}", "Transform")
     x, y, z = (_triple(row) for row in rows)
     return (x, y, z)
 
@@ -249,7 +255,7 @@ def _linear(rotation: Vector, scale: Vector, axes: Frame | None) -> NDArray[np.f
             columns = np.asarray(axes).T
             linear = rotation_matrix(rotation) @ (columns * np.asarray(scale)) @ columns.T
     if not np.isfinite(linear).all():
-        raise ValueError("Transform: `scale` is too large: the matrix is not finite")
+        raise ArgumentError("scale", "is too large: the matrix is not finite", "Transform")
     linear.flags.writeable = False
     return linear
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Evidence", "gather"]
+__all__ = ["SurfaceFeatures", "gather"]
 
 POINTS = 2_000
 LOOK_ALIKES = 6  # of each point, among those farther away than _APART
@@ -29,7 +29,7 @@ _TRIMMED = 0.8  # share of the points that a score goes by: what a hand holds ne
 
 
 @dataclass(frozen=True)
-class Evidence:
+class SurfaceFeatures:
     """Points of a surface in normalized coordinates, in which half the longest side is 1, and their features."""
 
     field: Field
@@ -54,7 +54,7 @@ class Evidence:
         usual: NDArray[np.float64] = np.interp(distance, np.concatenate([[0], places]), [0, *self.change])
         return usual
 
-    def unlikeness(self, images: NDArray[np.float64]) -> tuple[float, float]:
+    def dissimilarity(self, images: NDArray[np.float64]) -> tuple[float, float]:
         """Judge a symmetry by where it takes `points`.
 
         Parameters
@@ -81,7 +81,7 @@ class Evidence:
         return float(changed[kept].mean() / usual), landed
 
 
-def gather(field: Field, mesh: Mesh) -> Evidence | None:
+def gather(field: Field, mesh: Mesh) -> SurfaceFeatures | None:
     """Take points evenly over the surface of `mesh` and their features; None where it has no extent."""
     found = box_normalization(*mesh.bounds)
     if found is None:
@@ -92,7 +92,7 @@ def gather(field: Field, mesh: Mesh) -> Evidence | None:
     change, reach = _change_with_distance(points, features)
     pairs, tree = _look_alikes(points, features), cKDTree(points)
     spacing = float(np.median(tree.query(points[:200], k=[2])[0]))
-    return Evidence(field, center, 1 / scale, points, normals, features, tree, pairs, change, reach, spacing)
+    return SurfaceFeatures(field, center, 1 / scale, points, normals, features, tree, pairs, change, reach, spacing)
 
 
 def _surface_points(

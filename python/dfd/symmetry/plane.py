@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dfd.common import check
+from dfd.common.errors import ArgumentError
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
@@ -54,7 +55,7 @@ class SymmetryPlane:
         """Refuse a plane that is none."""
         normal = check.array("SymmetryPlane", "normal", self.normal, (3,), dtype=np.float64)
         if abs(np.linalg.norm(normal) - 1.0) > 1e-6:
-            raise ValueError(f"SymmetryPlane: `normal` must have length 1, got {np.linalg.norm(normal):g}")
+            raise ArgumentError("normal", f"must have length 1, got {np.linalg.norm(normal):g}", "SymmetryPlane")
         object.__setattr__(self, "normal", tuple(float(x) for x in normal))
         object.__setattr__(self, "offset", check.number("SymmetryPlane", "offset", self.offset))
         object.__setattr__(self, "band", check.number("SymmetryPlane", "band", self.band, minimum=0.0))
@@ -89,7 +90,7 @@ def axis_name(normal: Sequence[float]) -> str:
 def axis_plane(mesh: Mesh, axis: str, *, band: float = 0.0) -> SymmetryPlane:
     """The plane across `axis` ("x", "y" or "z") through the center of the bounding box of `mesh`."""
     if axis not in AXES:
-        raise ValueError(f"axis_plane: `axis` must be x, y or z, got {axis!r}")
+        raise ArgumentError("axis", f"must be x, y or z, got {axis!r}", "axis_plane")
     center = np.asarray(mesh.bounds, np.float64).mean(axis=0)
     return SymmetryPlane(AXES[axis], float(center @ np.asarray(AXES[axis])), band=band)
 
@@ -122,12 +123,12 @@ def plane_from_text(text: str, mesh: Mesh) -> SymmetryPlane:
     except ValueError:
         direction, offset = (), 0.0
     if len(direction) != 3:
-        raise ValueError(f"plane_from_text: `text` must be like x, x=0.1 or 0.6,0,0.8=0.1, got {text!r}")
+        raise ArgumentError("text", f"must be like x, x=0.1 or 0.6,0,0.8=0.1, got {text!r}", "plane_from_text")
     length = math.hypot(*direction)
     if not (math.isfinite(length) and math.isfinite(offset)):
-        raise ValueError(f"plane_from_text: `text` must have finite numbers, got {text!r}")
+        raise ArgumentError("text", f"must have finite numbers, got {text!r}", "plane_from_text")
     if length == 0:
-        raise ValueError(f"plane_from_text: `text` must name a direction that has a length, got {text!r}")
+        raise ArgumentError("text", f"must name a direction that has a length, got {text!r}", "plane_from_text")
     return SymmetryPlane((direction[0] / length, direction[1] / length, direction[2] / length), offset, band=band)
 
 

@@ -1,6 +1,6 @@
 """Where mirror planes may lie: planes between points that look alike, drawn to where the surface meets its image.
 
-In normalized coordinates of `Evidence`; a plane is its unit normal and its offset, one row (4,).
+In normalized coordinates of `SurfaceFeatures`; a plane is its unit normal and its offset, one row (4,).
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.symmetry.evidence import Evidence
+from dfd.symmetry.evidence import SurfaceFeatures
 from dfd.symmetry.registration import registered
 
 __all__ = ["candidate_planes", "mirrored", "same_plane"]
@@ -21,7 +21,7 @@ _PAIR_FITS = 0.12  # how near the image of a point comes to its look-alike to co
 _SAME_ANGLE, _SAME_OFFSET = np.radians(8.0), 0.06
 
 
-def candidate_planes(evidence: Evidence) -> Planes:
+def candidate_planes(evidence: SurfaceFeatures) -> Planes:
     """Return planes (K, 4) near which the shape may be its own mirror image, no two nearly the same."""
     seeds = _distinct(_voted(evidence), _MOST_REFINED)
     seeds = np.concatenate([seeds, _principal(evidence.points)])
@@ -43,7 +43,7 @@ def same_plane(
     return bool(abs(along) > np.cos(angle) and abs(a[3] - np.sign(along) * b[3]) < offset)
 
 
-def _voted(evidence: Evidence) -> Planes:
+def _voted(evidence: SurfaceFeatures) -> Planes:
     """Return planes halfway between points that look alike, those first that fit the most other pairs."""
     pairs = evidence.pairs
     if len(pairs) == 0:
@@ -83,7 +83,7 @@ def _distinct(planes: Planes, most: int) -> Planes:
     return np.array(kept).reshape(-1, 4)
 
 
-def _refined(evidence: Evidence, plane: NDArray[np.float64]) -> NDArray[np.float64]:
+def _refined(evidence: SurfaceFeatures, plane: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the plane nearby across which the surface's image lies best on the surface."""
     across = np.linalg.svd(plane[None, :3])[2][1:]  # (2, 3) unit, in the plane
 

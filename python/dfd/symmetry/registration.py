@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.symmetry.evidence import Evidence
+from dfd.symmetry.evidence import SurfaceFeatures
 
 __all__ = ["registered"]
 
@@ -19,7 +19,9 @@ _DIFFERENCE = 1e-6
 Mapping = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
-def registered(evidence: Evidence, vary: Callable[[NDArray[np.float64]], Mapping], size: int) -> NDArray[np.float64]:
+def registered(
+    evidence: SurfaceFeatures, vary: Callable[[NDArray[np.float64]], Mapping], size: int
+) -> NDArray[np.float64]:
     """Return the parameters (size,) by which points mapped by `vary(parameters)` lie best on the surface.
 
     Gauss-Newton steps from zero, on distances to the tangent planes of the nearest points; points that land far from

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from dfd.common import check
-from dfd.symmetry.evidence import Evidence, gather
+from dfd.common.errors import ArgumentError
+from dfd.symmetry.evidence import SurfaceFeatures, gather
 from dfd.symmetry.registration import registered
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ class RotationalSymmetry:
         """Refuse what is no axis, and an order below 2."""
         axis = check.array("RotationalSymmetry", "axis", self.axis, (3,), dtype=np.float64)
         if abs(np.linalg.norm(axis) - 1.0) > 1e-6:
-            raise ValueError(f"RotationalSymmetry: `axis` must have length 1, got {np.linalg.norm(axis):g}")
+            raise ArgumentError("axis", f"must have length 1, got {np.linalg.norm(axis):g}", "RotationalSymmetry")
         point = check.array("RotationalSymmetry", "point", self.point, (3,), dtype=np.float64)
         object.__setattr__(self, "axis", tuple(float(x) for x in axis))
         object.__setattr__(self, "point", tuple(float(x) for x in point))
@@ -122,7 +123,7 @@ def _axes(points: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArra
 
 
 def _best_order(
-    evidence: Evidence, axis: NDArray[np.float64], point: NDArray[np.float64], threshold: float
+    evidence: SurfaceFeatures, axis: NDArray[np.float64], point: NDArray[np.float64], threshold: float
 ) -> RotationalSymmetry | None:
     """Return the symmetry of the highest order about an axis that is hardly worse than the best."""
     judged = []
@@ -132,18 +133,18 @@ def _best_order(
         off = evidence.tree.query(images)[0]
         if (off < 3 * evidence.spacing).mean() < _LANDED:
             continue
-        unlikeness, landed = evidence.unlikeness(images)
-        if landed >= _LANDED and unlikeness <= threshold:
-            judged.append((unlikeness, order, moved))
+        dissimilarity, landed = evidence.dissimilarity(images)
+        if landed >= _LANDED and dissimilarity <= threshold:
+            judged.append((dissimilarity, order, moved))
     if not judged:
         return None
     most = _NO_WORSE * min(judged)[0] + _FIT_LEAVES
-    unlikeness, order, (axis, point) = max((each for each in judged if each[0] <= most), key=lambda each: each[1])
-    return _symmetry(evidence, axis, point, order, unlikeness)
+    dissimilarity, order, (axis, point) = max((each for each in judged if each[0] <= most), key=lambda each: each[1])
+    return _symmetry(evidence, axis, point, order, dissimilarity)
 
 
 def _refined(
-    evidence: Evidence, axis: NDArray[np.float64], point: NDArray[np.float64], order: int
+    evidence: SurfaceFeatures, axis: NDArray[np.float64], point: NDArray[np.float64], order: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the axis nearby, and a point on it, about which the turned surface lies best on the surface."""
     across = np.linalg.svd(axis[None])[2][1:]  # (2, 3) unit
@@ -165,7 +166,7 @@ def _turned(
 
 
 def _symmetry(
-    evidence: Evidence, axis: NDArray[np.float64], point: NDArray[np.float64], order: int, unlikeness: float
+    evidence: SurfaceFeatures, axis: NDArray[np.float64], point: NDArray[np.float64], order: int, dissimilarity: float
 ) -> RotationalSymmetry:
     """Return the symmetry in mesh units, the largest component of its axis positive, with its score."""
     axis = axis * np.sign(axis[np.argmax(np.abs(axis))]) + 0.0
@@ -177,5 +178,5 @@ def _symmetry(
         (float(place[0]), float(place[1]), float(place[2])),
         order,
         score,
-        unlikeness,
+        dissimilarity,
     )

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import check
-from dfd.symmetry.evidence import Evidence, gather
+from dfd.common.errors import ArgumentError
+from dfd.symmetry.evidence import SurfaceFeatures, gather
 from dfd.symmetry.plane import AXES, DEFAULT_BAND, SymmetryPlane, axis_plane
 from dfd.symmetry.plane_search import candidate_planes, mirrored, same_plane
 
@@ -67,7 +68,7 @@ def symmetry_planes(
     if threshold != "relative":
         threshold = check.number("symmetry_planes", "threshold", threshold, minimum=0.0)
     if candidates not in ("any", "axes"):
-        raise ValueError(f"symmetry_planes: `candidates` must be any or axes, got {candidates!r}")
+        raise ArgumentError("candidates", f"must be any or axes, got {candidates!r}", "symmetry_planes")
     planes = scored_planes(field, mesh, candidates=candidates)
     if threshold != "relative":
         return [plane for plane in planes if plane.score < threshold]
@@ -78,7 +79,7 @@ def symmetry_planes(
 @dataclass(frozen=True)
 class _Judged:
     row: NDArray[np.float64]  # (4,) normalized, see `plane_search`
-    unlikeness: float
+    dissimilarity: float
     landed: float
 
 
@@ -91,35 +92,35 @@ def scored_planes(field: Field, mesh: Mesh, *, candidates: Literal["any", "axes"
         judged = [_judged(evidence, _normalized(axis_plane(mesh, axis), evidence)) for axis in AXES]
     else:
         close = _without_leaning([_judged(evidence, row) for row in candidate_planes(evidence)])
-        judged = [_snapped(evidence, each) for each in close if each.landed >= LANDED and each.unlikeness < 1]
+        judged = [_snapped(evidence, each) for each in close if each.landed >= LANDED and each.dissimilarity < 1]
     vertices = mesh.vertices[:: -(-len(mesh.vertices) // _SCORED_VERTICES)]
     features = field(vertices)
     planes = []
-    for each in sorted(judged, key=lambda each: each.unlikeness):
+    for each in sorted(judged, key=lambda each: each.dissimilarity):
         plane = _plane(each.row, evidence)
         score = float(np.linalg.norm(features - field(plane.reflect(vertices)), axis=1).mean())
-        planes.append(replace(plane, score=score, relative_score=each.unlikeness))
+        planes.append(replace(plane, score=score, relative_score=each.dissimilarity))
     return planes
 
 
-def _judged(evidence: Evidence, row: NDArray[np.float64]) -> _Judged:
-    return _Judged(row, *evidence.unlikeness(mirrored(evidence.points, row)))
+def _judged(evidence: SurfaceFeatures, row: NDArray[np.float64]) -> _Judged:
+    return _Judged(row, *evidence.dissimilarity(mirrored(evidence.points, row)))
 
 
 def _without_leaning(judged: list[_Judged]) -> list[_Judged]:
     """Return planes, the most alike first, without those that lean by little against a much better one."""
     kept: list[_Judged] = []
-    for each in sorted(judged, key=lambda each: each.unlikeness):
+    for each in sorted(judged, key=lambda each: each.dissimilarity):
         if not any(
             same_plane(each.row, other.row, angle=_LEANS, offset=_BESIDE)
-            and each.unlikeness > _WORSE * other.unlikeness
+            and each.dissimilarity > _WORSE * other.dissimilarity
             for other in kept
         ):
             kept.append(each)
     return kept
 
 
-def _snapped(evidence: Evidence, found: _Judged) -> _Judged:
+def _snapped(evidence: SurfaceFeatures, found: _Judged) -> _Judged:
     """Return the plane across an axis of the coordinates that is nearly the one found, if it is hardly less alike."""
     axis = int(np.argmax(np.abs(found.row[:3])))
     if abs(found.row[axis]) < np.cos(_SNAP_ANGLE):
@@ -130,18 +131,18 @@ def _snapped(evidence: Evidence, found: _Judged) -> _Judged:
     for place in (origin, 0.0, offset):  # through the origin, the middle of the box, or where it was found
         if abs(place - offset) < _SNAP_OFFSET:
             across = _judged(evidence, np.append(normal, place))
-            if across.unlikeness < found.unlikeness + _SNAP_LOSS:
+            if across.dissimilarity < found.dissimilarity + _SNAP_LOSS:
                 return across
     return found
 
 
-def _normalized(plane: SymmetryPlane, evidence: Evidence) -> NDArray[np.float64]:
+def _normalized(plane: SymmetryPlane, evidence: SurfaceFeatures) -> NDArray[np.float64]:
     """Return a plane of mesh units as a row (4,) in normalized coordinates."""
     normal = np.asarray(plane.normal)
     return np.append(normal, (plane.offset - normal @ evidence.center) / evidence.half)
 
 
-def _plane(row: NDArray[np.float64], evidence: Evidence) -> SymmetryPlane:
+def _plane(row: NDArray[np.float64], evidence: SurfaceFeatures) -> SymmetryPlane:
     """Return a row (4,) in normalized coordinates as a plane of mesh units, its largest component positive."""
     row = row * np.sign(row[np.argmax(np.abs(row[:3]))])
     normal = row[:3] + 0.0  # no negative zeros

@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 import dfd._core as _core
 from dfd.common import check, tensors, threads
+from dfd.common.errors import ArgumentError
 from dfd.weights.compact import CompactFeatures
-from dfd.weights.regions import Targets, targets
+from dfd.weights.regions import Targets, resolve_points
 
 __all__ = ["Falloff", "bind"]
 
@@ -87,9 +88,9 @@ def bind(
         source = blocks = check.array("bind", "features", features, ("V", "D"), finite=False)
         step = 1.0
         if source.shape[1] == 0 and len(source):
-            raise ValueError(f"bind: `features` must have at least one dimension, got {source.shape}")
-    wanted = targets("handles", handles, source)
-    held = None if fixed is None else targets("fixed", fixed, source)
+            raise ArgumentError("features", f"must have at least one dimension, got {source.shape}", "bind")
+    wanted = resolve_points("handles", handles, source)
+    held = None if fixed is None else resolve_points("fixed", fixed, source)
     shape = (source.shape[0], len(wanted))
     distances, exponents = _locality(geodesic, locality, shape)
     reaches, falloffs = _extents(reach, falloff, shape[1])
@@ -124,10 +125,10 @@ def _strengths(strength: ArrayLike | None, held: Targets | None) -> Float32 | No
     if strength is None:
         return None
     if held is None:
-        raise ValueError("bind: `fixed` must be given when `strength` is")
+        raise ArgumentError("fixed", "must be given when `strength` is", "bind")
     strengths = _for_each("strength", strength, len(held), minimum=0.0)
     if (strengths > 1).any():
-        raise ValueError(f"bind: `strength` must be at most 1, got {strengths.max():g}")
+        raise ArgumentError("strength", f"must be at most 1, got {strengths.max():g}", "bind")
     return strengths if held.members is None else np.repeat(strengths, held.members)
 
 
@@ -139,13 +140,15 @@ def _extents(
         return None, None
     reaches = _for_each("reach", reach, handle_count, minimum=0.0, exclusive=True)
     if not isinstance(falloff, str | Sequence):
-        raise ValueError(f"bind: `falloff` must be a name or one for each handle, got {falloff!r}")
+        raise ArgumentError("falloff", f"must be a name or one for each handle, got {falloff!r}", "bind")
     names = [falloff] if isinstance(falloff, str) else list(falloff)
     numbers = [get_args(Falloff).index(check.choice("bind", "falloff", name, Falloff)) for name in names]
     if isinstance(falloff, str):
         numbers *= handle_count
     if len(numbers) != handle_count:
-        raise ValueError(f"bind: `falloff` must be one name or {handle_count}, as many as handles, got {len(numbers)}")
+        raise ArgumentError(
+            "falloff", f"must be one name or {handle_count}, as many as handles, got {len(numbers)}", "bind"
+        )
     return reaches, np.array(numbers, np.int32)
 
 
@@ -157,7 +160,7 @@ def _locality(geodesic: Any, locality: ArrayLike, shape: tuple[int, int]) -> tup
     exponents = _for_each("locality", locality, handle_count, minimum=0.0)
     if geodesic is None:
         if exponents.any():
-            raise ValueError("bind: `geodesic` must be given when `locality` is above 0")
+            raise ArgumentError("geodesic", "must be given when `locality` is above 0", "bind")
         return None, None
     return check.array("bind", "geodesic", geodesic, (handle_count, vertex_count), finite=False), exponents
 
@@ -171,5 +174,5 @@ def _for_each(name: str, value: ArrayLike, count: int, *, minimum: float, exclus
         numbers = check.array("bind", name, value, (count,))
         if (numbers < minimum).any() or (exclusive and (numbers == minimum).any()):
             bound = "above" if exclusive else "at least"
-            raise ValueError(f"bind: `{name}` must be {bound} {minimum:g}, got {numbers.min():g}")
+            raise ArgumentError(name, f"must be {bound} {minimum:g}, got {numbers.min():g}", "bind")
     return np.maximum(numbers, np.finfo(np.float32).tiny) if exclusive else numbers  # not 0, rounded

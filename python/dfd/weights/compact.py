@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import check, tensors
+from dfd.common.errors import ArgumentError
 from dfd.common.threads import get_num_threads, one_blas_thread
-from dfd.field.field import FieldOnMesh
 
 __all__ = ["CompactFeatures", "compact"]
 
@@ -175,7 +175,7 @@ def compact(
         if max(trial.error(rotation, precision, step) for trial in trials) <= SAFETY * wanted:
             break
     else:
-        raise ValueError(f"compact: `tolerance` must be larger for features of 16 bits, got {wanted:g}")
+        raise ArgumentError("tolerance", f"must be larger for features of 16 bits, got {wanted:g}", "compact")
 
     del sample, centered, validation  # as large as a batch of the rows to come
     basis = np.zeros((source.dimension, dimensions), np.float32)
@@ -184,9 +184,11 @@ def compact(
     blocks, step = _packed(source, center, basis, precision, step, progress)
     error = max(trial.error(rotation, precision, step) for trial in trials)
     if not error <= wanted:
-        raise ValueError(
-            f"compact: `features` hold a row so far from the others that a weight would err by {error:g}, "
-            f"more than `tolerance`, {wanted:g}"
+        raise ArgumentError(
+            "features",
+            f"hold a row so far from the others that a weight would err by {error:g}, "
+            f"more than `tolerance`, {wanted:g}",
+            "compact",
         )
     for array in (blocks, basis, center):
         array.flags.writeable = False
@@ -207,22 +209,24 @@ class _Source:
     """Rows of features, from an array or from a field."""
 
     def __init__(self, features: Any, points: Any) -> None:
+        from dfd.field.field import FieldOnMesh  # `import dfd` needs no field
+
         self._field: Callable[[NDArray[Any]], Any] | None = None
         if isinstance(features, FieldOnMesh) and points is None:
             self._field = features.rows
             self._array = np.arange(features.shape[0])
         elif callable(features) and not tensors.is_tensor(features):
             if points is None:
-                raise ValueError("compact: `points` must be given for a field")
+                raise ArgumentError("points", "must be given for a field", "compact")
             self._field = features
             self._array = check.array("compact", "points", points, ("V", 3), dtype=np.float64)
         else:
             if points is not None:
-                raise ValueError("compact: `points` are for a field, and `features` are rows already")
+                raise ArgumentError("points", "are for a field, and `features` are rows already", "compact")
             self._array = check.array("compact", "features", features, ("V", "D"), finite=False)
         self.count = len(self._array)
         if self.count == 0:
-            raise ValueError("compact: `features` must have at least one row, got none")
+            raise ArgumentError("features", "must have at least one row, got none", "compact")
         self.dimension = self.rows(np.arange(1)).shape[1]
 
     def rows(self, which: slice | NDArray[np.int64]) -> Float32:
@@ -230,7 +234,7 @@ class _Source:
         if self._field is not None:
             rows = np.asarray(tensors.shared("compact", "features", self._field(rows)), np.float32)
         if not np.isfinite(rows).all():
-            raise ValueError("compact: `features` must be finite")
+            raise ArgumentError("features", "must be finite", "compact")
         return rows
 
 
@@ -338,7 +342,7 @@ def _packed(
                 if precision == "int8" and largest > (SPAN + 0.5) * step:
                     break
                 if precision == "float16" and largest > float(np.finfo(np.float16).max):
-                    raise ValueError("compact: `features` hold a row too far from the others for 16 bits")
+                    raise ArgumentError("features", "hold a row too far from the others for 16 bits", "compact")
                 if progress is not None:
                     progress(min(BATCH, count - start))
             else:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dfd.common import check
+from dfd.common.errors import ArgumentError
 
 __all__ = ["auto_reach"]
 
@@ -39,7 +40,7 @@ def auto_reach(distances: ArrayLike) -> float:
     """
     values = check.array("auto_reach", "distances", distances, ("V",), dtype=np.float64)
     if (values < 0).any():
-        raise ValueError(f"auto_reach: `distances` must be at least 0, got {values.min():g}")
+        raise ArgumentError("distances", f"must be at least 0, got {values.min():g}", "auto_reach")
     ordered = np.sort(values)
     last = len(ordered) - 1
     first = max(1, round(FEWEST * len(ordered)))

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import check, tensors
+from dfd.common.errors import ArgumentError
 from dfd.weights.compact import CompactFeatures
 
-__all__ = ["MERGED", "MOST_MEMBERS", "Targets", "targets"]
+__all__ = ["MERGED", "MOST_MEMBERS", "Targets", "resolve_points"]
 
 # What a region is thinned to: what lies closer to a kept member than this changes no weight that anyone sees, and so
 # many members that lie as far apart as they can leave little between them.
@@ -46,7 +47,7 @@ class Targets:
         return len(self.points if self.members is None else self.members)
 
 
-def targets(name: str, value: Any, source: Source) -> Targets:
+def resolve_points(name: str, value: Any, source: Source) -> Targets:
     """What `dfd.bind` was given as `name`, "handles" or "fixed".
 
     Raises
@@ -110,7 +111,7 @@ def _points(name: str, array: NDArray[Any], source: Source) -> Targets:
 def _region(name: str, array: NDArray[Any], source: Source) -> Targets:
     """The members of one handle, which lie in the shape: their features are looked at here."""
     if len(array) == 0:
-        raise ValueError(f"bind: `{name}` must have at least one member")
+        raise ArgumentError(name, "must have at least one member", "bind")
     if array.ndim == 2:
         return _points(name, array, source)
     return Targets(check.vertex_indices("bind", name, array, source.shape[0]), None, None)

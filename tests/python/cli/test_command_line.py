@@ -16,7 +16,7 @@ DISTILL = sys.modules["dfd.cli.distill"]  # by its own name there is the command
 
 
 def test_demo_writes_where_it_is_told(run):
-    with mock.patch("dfd.demo.run") as demo:
+    with mock.patch("dfd.cli.demo.run") as demo:
         assert worked(run("demo", "-o", "story"))
         demo.assert_called_once_with(Path("story"), preset="default")
 
@@ -34,12 +34,12 @@ def test_demo_writes_where_it_is_told(run):
     ],
 )
 def test_whatever_goes_wrong_is_one_line_and_a_code(run, error, message, code):
-    with mock.patch("dfd.demo.run", side_effect=error):
+    with mock.patch("dfd.cli.demo.run", side_effect=error):
         assert failed(run("demo"), message, code)
 
 
 def test_a_mistake_of_ours_is_not_hidden(run):
-    with mock.patch("dfd.demo.run", side_effect=ZeroDivisionError):
+    with mock.patch("dfd.cli.demo.run", side_effect=ZeroDivisionError):
         assert isinstance(run("demo").exception, ZeroDivisionError)
 
 
@@ -52,7 +52,7 @@ def test_a_warning_is_one_line(run, folder):
             warnings.warn("the texture cannot be read:\nit is shown grey", UserWarning, stacklevel=1)
             warnings.warn("old", DeprecationWarning, stacklevel=1)
 
-    with mock.patch("dfd.demo.run", warns):
+    with mock.patch("dfd.cli.demo.run", warns):
         result = run("demo")
     assert worked(result)
     assert result.stderr == "dfd: the texture cannot be read: it is shown grey\n"

@@ -69,7 +69,7 @@ DEFORM = ("deform", "MESH", "--field", "FIELD")
         (("--handle", 1, "--locality", "nan"), "`locality` must be finite, got nan"),
         (("--handle", 1, "--symmetry", "w"), "`plane` must be like x, x=0.1 or 0.6,0,0.8=0.1, got 'w'"),
         (("--handle", 1, "--symmetry", "x", "--band", -1), "`band` must be at least 0, got -1"),
-        (("--handle", 1, "--preset", "mine"), "`preset` must be one of default, paper, got 'mine'"),
+        (("--handle", 1, "--preset", "mine"), "`--preset` must be one of default, paper, got 'mine'"),
         (("--handle", 1, "--symmetry-threshold", 1), "`--symmetry` must be given: it is what `--symmetry-threshold`"),
         (
             ("--handle", 1, "--symmetry", "auto", "--symmetry-threshold", "low"),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from dfd.common.cache import cache_directory
+from dfd.common.files import cache_directory
 
 
 def test_the_environment_names_the_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 import dfd
-from dfd.common.parallel import beside, share
+from dfd.common.threads import beside, share
 
 
 @pytest.fixture(autouse=True)

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 import dfd
-from dfd.common.torch_threads import one_thread, share
+from dfd.common.devices import one_thread, share
 
 
 @pytest.fixture(autouse=True)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+import reference
 import torch
 from made_field import made_field, same
 
@@ -99,7 +100,7 @@ def test_the_network_is_as_it_was_asked_for(octaves: int, width: int, layers: in
     field, targets, _ = fitted(settings)
     assert field.architecture == Architecture(4, width, layers, octaves)
     points = targets.points[:60] / 0.5 + 1
-    np.testing.assert_allclose(field(points), dfd.reference.field(field, points), atol=1e-5)
+    np.testing.assert_allclose(field(points), reference.field(field, points), atol=1e-5)
     np.testing.assert_allclose(field(points), field(torch.from_numpy(points)).numpy(), atol=1e-5)
 
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import reference
 from safetensors.numpy import save_file
 
 import dfd
-from dfd import reference
 from dfd.distillation import metric as metrics
 from dfd.distillation.metric import FOLDER, Kinds, Metric, find_metric
 from dfd.distillation.settings import DistillSettings

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import reference
 import torch
 from tiny_encoder import save_tiny_encoder
 
@@ -81,7 +82,7 @@ def test_the_paper_is_what_its_field_says(encoder: Path, monkeypatch: pytest.Mon
         assert torch.equal(drawn.sort().values, torch.arange(len(views.points)))
     assert seen["rates"] == [1e-3] * steps
     points = views.points[:50] / views.scale + views.center
-    np.testing.assert_allclose(field(points), dfd.reference.field(field, points), atol=1e-5)
+    np.testing.assert_allclose(field(points), reference.field(field, points), atol=1e-5)
 
 
 def test_an_encoder_that_was_loaded_otherwise_is_refused(encoder: Path) -> None:

@@ -5,7 +5,7 @@ import pytest
 from counting import Counting
 
 import dfd
-from dfd.editing.controls import Controls, controls_of, radius_on
+from dfd.editing.controls import Controls, controls_of, length_on
 from dfd.editing.influence.regions import Ball, HalfSpace
 from dfd.editing.points import place_on
 from dfd.posing.transforms import frame_of_normal
@@ -78,7 +78,7 @@ def test_a_radius_ends_smoothly_where_it_says(session, geodesics_of, labeled, fo
     session.change(handle, radius="20%")
     assert session.handle(handle).controls.radius == pytest.approx(0.2 * session.mesh.diagonal)
     assert session.handle(handle).controls.locality == 0
-    assert radius_on(session.mesh, "0.5") == 0.5
+    assert length_on(session.mesh, "radius", "0.5") == 0.5
 
 
 @pytest.fixture
@@ -363,6 +363,6 @@ def test_a_limit_is_checked_on_the_mesh_at_hand(session, foot):
     other = dfd.Mesh(session.mesh.vertices + 5, session.mesh.faces)
     from dfd.editing.edit import edit_on
 
-    with pytest.raises(ValueError, match="`region` must hold a vertex"):
+    with pytest.raises(ValueError, match="`handles.0..within` must hold a vertex"):
         edit_on(other, session.edit)
     assert place_on(session.mesh, foot) == session.handles[0].place

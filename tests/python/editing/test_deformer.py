@@ -259,7 +259,10 @@ def test_a_handle_can_sit_elsewhere_and_its_pivot_comes_along(deformer, mesh):
         ),
         (lambda d: d.set_symmetry("x", band=-1), r"Deformer.set_symmetry: `band` must be at least 0"),
         (lambda d: d.set_default(scale=math.nan), r"Deformer.set_default: `scale` must be finite"),
-        (lambda d: d.apply(Edit(fixed=(Fixed(Place((0.0, 0.0, 0.0), 10**6)),))), r"Deformer.apply: `at` must lie in 0"),
+        (
+            lambda d: d.apply(Edit(fixed=(Fixed(Place((0.0, 0.0, 0.0), 10**6)),))),
+            r"Deformer.apply: `fixed\[0\]` must lie in 0",
+        ),
     ],
 )
 def test_what_is_refused_changes_nothing(deformer, change, message):

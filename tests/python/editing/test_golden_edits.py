@@ -1,4 +1,4 @@
-"""Edits as versions 1 and 2 wrote them, with every key and with as few as may be, mean what they meant then.
+"""Edits as versions 1, 2 and 3 wrote them, with every key and with as few as may be, mean what they meant then.
 
 `golden/posed.json` holds where every seventh vertex went when the files were written, by the program of that time.
 """
@@ -49,5 +49,6 @@ def test_an_old_edit_poses_the_shape_as_it_did(egg, name):
     assert np.abs(moved - egg[0].vertices[::7]).max() > 0.1
 
 
-def test_there_are_edits_of_both_versions_with_and_without_keys():
-    assert NAMES == ["v1_every_key", "v1_few_keys", "v2_every_key", "v2_few_keys", "v2_named_axis"]
+def test_there_are_edits_of_all_versions_with_and_without_keys():
+    keys = [f"v{version}_{keys}" for version in (1, 2, 3) for keys in ("every_key", "few_keys")]
+    assert sorted([*keys, "v2_named_axis"]) == NAMES

@@ -4,25 +4,25 @@ import importlib.util
 import json
 import re
 import sys
+from dataclasses import fields
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import get_args
 
 import numpy as np
 import pytest
+import reference
 
 import dfd
-from dfd import reference
 from dfd.app.session.columns import Columns
 from dfd.app.session.state import ViewState, state_message
-from dfd.cli.options import FalloffOption, ReachOption
+from dfd.cli.deform import deform
 from dfd.common.preset import Preset
-from dfd.editing.controls import Controls, controls_of
-from dfd.editing.document import edit_schema
+from dfd.editing.controls import Controls, GivenControls, controls_of
 from dfd.editing.edit import Edit, Handle, empty_edit
-from dfd.editing.edit_file import from_document, to_document
+from dfd.editing.edit_file import edit_schema, from_document, to_document
 from dfd.editing.points import place_on
-from dfd.editing.presets import PRESETS, WHOLE_SHAPE
+from dfd.editing.presets import CONTROLS, PRESETS, WHOLE_SHAPE
 from dfd.editing.transfer import transfer
 from dfd.symmetry.plane import SymmetryPlane
 
@@ -69,7 +69,7 @@ def test_an_edit_file_means_its_preset_by_what_it_leaves_out(mesh, preset):
 def test_values_made_of_nothing_are_those_of_the_default():
     assert Controls() == controls_of("default")
     assert Edit() == empty_edit("default")
-    handle, shape = edit_schema()["$defs"]["HandleDocument"]["properties"], edit_schema()["properties"]
+    handle, shape = edit_schema()["$defs"]["Handle"]["properties"], edit_schema()["properties"]
     assert {name: handle[name]["default"] for name in PRESETS["default"].handle} == PRESETS["default"].handle
     assert {name: shape[name]["default"] for name in WHOLE_SHAPE} == PRESETS["default"].whole_shape
 
@@ -90,9 +90,9 @@ def test_the_page_is_told_what_a_new_handle_has(mesh, field, features, preset):
 
 
 def test_the_command_line_says_the_defaults_in_its_help():
-    (reach,), (falloff,) = (option.__metadata__ for option in (ReachOption, FalloffOption))
-    assert f"{PRESETS['default'].reach:g} unless given, the paper's is {PRESETS['paper'].reach:g}" in reach.help
-    assert f"{PRESETS['default'].falloff} unless given, {PRESETS['paper'].falloff} (the paper's)" in falloff.help
+    reach, falloff = (deform.__annotations__[name].__metadata__[0].help for name in ("reach", "falloff"))
+    assert f"By itself {PRESETS['default'].reach:g}, the paper's is {PRESETS['paper'].reach:g}" in reach
+    assert f"By itself {PRESETS['default'].falloff}, the paper's is {PRESETS['paper'].falloff}" in falloff
 
 
 def test_blender_s_handles_start_with_them(monkeypatch):
@@ -123,6 +123,17 @@ def test_the_documentation_has_the_same_table():
         (name, str(getattr(PRESETS["default"], name)), str(getattr(PRESETS["paper"], name)))
         for name in PRESETS["default"].__dataclass_fields__
     ]
+
+
+def test_the_controls_are_those_of_every_door():
+    text = (ROOT / "docs" / "controls.md").read_text()
+    rows = dict(re.findall(r"^\| `(\w+)` \| (.*) \|$", text, re.MULTILINE))
+    assert rows == {name: about.text for name, about in {**CONTROLS, **WHOLE_SHAPE}.items()}
+    names = [each.name for each in fields(Controls)]
+    assert list(CONTROLS) == list(GivenControls.__annotations__) == names
+    properties = edit_schema()["$defs"]["Handle"]["properties"]
+    assert {name: properties[name]["description"] for name in names} == {n: CONTROLS[n].text for n in names}
+    assert set(names) <= set(deform.__annotations__)
 
 
 # --- what the paper's does

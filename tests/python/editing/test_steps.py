@@ -56,6 +56,36 @@ def test_drags_of_two_handles_are_two_steps(deformer):
     assert deformer.handle(first).transform.scale == (2, 2, 2)
 
 
+def test_every_verb_can_join_the_step_before_about_the_same(deformer):
+    handle = deformer.add(5)
+    for change in (
+        lambda merge: deformer.change(handle, strength=0.5 + 0.1 * merge, merge=merge),
+        lambda merge: deformer.set(blend="polar" if merge else "dual_quaternion", merge=merge),
+        lambda merge: deformer.set_symmetry("x", band=0.1 + merge, merge=merge),
+        lambda merge: deformer.set_default(translation=(0, 0, 1 + merge), merge=merge),
+    ):
+        before = deformer.edit
+        change(False)
+        first = deformer.edit
+        change(True)
+        assert deformer.edit not in (before, first)
+        deformer.undo()
+        assert deformer.edit == before
+        deformer.redo()
+
+
+def test_steps_of_several_changes_join_by_their_topic(deformer):
+    handle = deformer.add(5)
+    before = deformer.edit
+    for height in (0.1, 0.2):
+        with deformer.step("drag", merge=True):
+            deformer.move(handle, translation=(0, height, 0))
+            deformer.change(handle, strength=1 - height)
+    assert deformer.handle(handle).transform.translation == (0, 0.2, 0)
+    deformer.undo()
+    assert deformer.edit == before
+
+
 def test_several_changes_can_be_one_step_or_none(deformer):
     with deformer.step():
         deformer.add(5)

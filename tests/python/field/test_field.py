@@ -15,12 +15,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import reference
 import torch
 from made_field import made_field, same
 from safetensors import safe_open
 from safetensors.numpy import save_file
 
-from dfd import Field, _core, reference
+from dfd import Field, _core
 
 NETWORK = {"dimension": 12, "width": 16, "layers": 2, "octaves": 2}
 

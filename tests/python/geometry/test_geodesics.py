@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import reference
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mesh_files import CORNERS, CUBE
 
-from dfd import _core, reference
+from dfd import _core
 from dfd.common.threads import get_num_threads, set_num_threads
 from dfd.geometry.geodesics import Geodesics
 from dfd.geometry.refine import split_long_edges

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import reference
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from posing.made_motion import rotation, scene
 
 import dfd
-from dfd import reference
 
 PLANE = dfd.SymmetryPlane((0.6, 0.0, 0.8), 0.25)
 TYPES = pytest.mark.parametrize("dtype", [np.float32, np.float64])

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from posing.made_motion import about, rotation, scene, turning_scene
 
 import dfd
-from dfd import reference
 
 TYPES = pytest.mark.parametrize("dtype", [np.float32, np.float64])
 BOTH = pytest.mark.parametrize("blend", ["dual_quaternion", "polar"])

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from posing.made_motion import scene, turning_scene
 
 import dfd
-from dfd import reference
 
 OVERLAPS = ("add", "paper", "normalize", "interpolate")
 BLENDS = ("linear", "dual_quaternion", "polar")

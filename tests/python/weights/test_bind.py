@@ -7,13 +7,13 @@ import sys
 
 import numpy as np
 import pytest
+import reference
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from weights.made_features import unit_rows
 
 import dfd
-from dfd import reference
 
 
 @settings(max_examples=60, deadline=None)

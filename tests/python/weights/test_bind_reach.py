@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from weights.made_features import unit_rows
 
 import dfd
-from dfd import reference
 
 FALLOFFS = ["linear", "smooth", "sharp", "root", "sphere", "constant"]
 

@@ -8,10 +8,11 @@ import sys
 
 import numpy as np
 import pytest
+import reference
 import torch
 
 import dfd
-from dfd import _core, reference
+from dfd import _core
 from dfd.pictures.colors import feature_colors
 
 

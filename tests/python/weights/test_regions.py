@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import reference
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from weights.made_features import unit_rows
 
 import dfd
-from dfd import reference
 from dfd.weights.regions import MOST_MEMBERS, targets
 
 

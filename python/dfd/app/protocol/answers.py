@@ -6,7 +6,8 @@ from typing import Literal
 
 from dfd.app.protocol.parts import Frame, Identifier, KeyPose, Model, Plane, PoseTransform, Vector
 from dfd.common.preset import Preset
-from dfd.editing.controls import Blend, Falloff, Instances, Overlap
+from dfd.editing.controls import Falloff, Instances
+from dfd.posing.pose import Blend, Overlap
 
 __all__ = ["Answer"]
 

@@ -42,10 +42,10 @@ from dfd.app.session.session import Session
 from dfd.app.session.shapes import sample_source
 from dfd.app.session.state import feature_colors_message, positions_message
 from dfd.common.preset import Preset
-from dfd.editing.controls import Blend, Overlap
 from dfd.editing.edit import Fixed, empty_edit
 from dfd.editing.points import place_on
 from dfd.editing.suggestions import suggest_handles
+from dfd.posing.pose import Blend, Overlap
 from dfd.symmetry.plane import SymmetryPlane
 
 __all__ = ["answer"]

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from dfd.app.session.exports import file_stem
 from dfd.editing.controls import controls_of
-from dfd.editing.edit_file import CONTROL_KEYS, to_document
-from dfd.editing.presets import PRESETS
+from dfd.editing.edit_file import to_document
+from dfd.editing.presets import CONTROLS, PRESETS
 
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
@@ -96,7 +96,7 @@ def _held(document: dict[str, Any]) -> list[dict[str, Any]]:
 def _at_rest(document: dict[str, Any]) -> dict[str, Any]:
     """What a new handle of the document's preset has."""
     controls = controls_of(document["preset"])
-    return {**AT_REST, **{key: getattr(controls, key) for key in CONTROL_KEYS}}
+    return {**AT_REST, **{key: getattr(controls, key) for key in CONTROLS if key != "without_instances"}}
 
 
 def _said(entry: dict[str, Any], rest: dict[str, Any]) -> dict[str, Any]:

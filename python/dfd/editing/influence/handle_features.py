@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import check
+from dfd.common.errors import ArgumentError
 from dfd.editing.influence.regions import Region, distances_from, members
 from dfd.editing.points import Place
 from dfd.field.field import FieldOnMesh
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["VertexRows"]
+__all__ = ["HandleFeatures"]
 
 # As many vertices as `compact` would judge by: up to there it takes longer than it saves.
 MOST_EXACT = 16_384
@@ -29,7 +30,7 @@ Float32 = NDArray[np.float32]
 Indices = NDArray[np.int64]
 
 
-class VertexRows:
+class HandleFeatures:
     """The features of one mesh's vertices, in full or compact, and of points and regions among them."""
 
     def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
@@ -120,19 +121,22 @@ class VertexRows:
     def points(self, places: Sequence[Place]) -> Any:
         """What `bind` takes for places: (N,) vertices, (N, D) features where one is no vertex, or a list of regions."""
         if any(place.region is not None for place in places):
-            return [self._point(place) for place in places]
+            known = (self._known(place) for place in places)
+            return [
+                self.of([place]) if vertices[0] < 0 else vertices for place, vertices in zip(places, known, strict=True)
+            ]
         vertices = np.array([-1 if place.vertex is None else place.vertex for place in places], np.int64)
         return vertices if (vertices >= 0).all() else self.of(places)
 
-    def _point(self, place: Place) -> Indices | Float32:
-        """One item of a list of regions."""
+    def _known(self, place: Place) -> Indices:
+        """(N,) the vertices of a place, −1 for a point of space."""
         if place.region is not None:
             return self.representatives(place)
-        return self.of([place]) if place.vertex is None else np.array([place.vertex])
+        return np.array([-1 if place.vertex is None else place.vertex])
 
     def of(self, places: Sequence[Place]) -> Float32:
         """(N, D) features of places, several for a region."""
-        vertices = self._vertices(places)
+        vertices = np.concatenate([np.zeros(0, np.int64), *map(self._known, places)])
         known = vertices >= 0
         rows = np.empty((len(vertices), self._field.dimension), np.float32)
         if not known.all():
@@ -140,16 +144,6 @@ class VertexRows:
             rows[~known] = self._on_mesh.at(np.array(positions))
         rows[known] = self._vertex_rows(vertices[known])
         return rows
-
-    def _vertices(self, places: Sequence[Place]) -> Indices:
-        """(N,) vertices, −1 for a point of space."""
-        parts = [
-            np.array([-1 if place.vertex is None else place.vertex])
-            if place.region is None
-            else self.representatives(place)
-            for place in places
-        ]
-        return np.concatenate(parts) if parts else np.zeros(0, np.int64)
 
     def _vertex_rows(self, vertices: Indices) -> Float32:
         """(N, D) features of vertices; a few are asked of the field while those of all are not there."""
@@ -174,5 +168,5 @@ def _checked(features: Any, shape: tuple[int, int]) -> Float32 | CompactFeatures
     if not isinstance(features, CompactFeatures):
         return check.array("Deformer", "features", features, shape)
     if features.shape != shape:
-        raise ValueError(f"Deformer: `features` must have shape {shape}, got {features.shape}")
+        raise ArgumentError("features", f"must have shape {shape}, got {features.shape}", "Deformer")
     return features

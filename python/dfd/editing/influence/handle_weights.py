@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dfd.editing.columns import Columns
-from dfd.editing.controls import Controls, Overlap
+from dfd.common.errors import ArgumentError
+from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Fixed, Handle
 from dfd.editing.influence.distances import Distances
-from dfd.editing.influence.handle_features import VertexRows
+from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.instance_weights import Column, InstanceColumns, followed_by, interpolating_columns
 from dfd.editing.influence.instances import Instance, SurfaceAxes
 from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import Place
+from dfd.posing.pose import Overlap
 from dfd.posing.transforms import Along, Frame
 from dfd.weights.bind import bind
 from dfd.weights.compact import CompactFeatures
@@ -41,6 +42,47 @@ SINGULAR = 1e-4
 WITHIN_PART, SEAM = 3.0, 0.01
 
 Float32 = NDArray[np.float32]
+LEAST_CAPACITY = 32  # columns
+
+
+class Columns:
+    """Room for columns of V float32 numbers that come, go and change places, each contiguous.
+
+    Memory that no column was written to yet costs nothing on systems that give it page by page, so there is plenty.
+    """
+
+    def __init__(self, length: int, count: int = 0) -> None:
+        """Make room for `count` columns of `length` numbers and as many again."""
+        self._rows = np.empty((max(LEAST_CAPACITY, 2 * count), length), np.float32)
+        self._given = 0  # so many columns from the first on were given out, and stay as they are
+
+    def between(self, first: int, last: int) -> Float32:
+        """(V, last − first) the columns from `first` on and before `last`, to be read and written."""
+        return self._rows[first:last].T
+
+    def given(self, count: int) -> Float32:
+        """(V, count) the first columns, read-only; from then on `rearranged` leaves them as they are."""
+        self._given = max(self._given, count)
+        columns = self.between(0, count)
+        columns.flags.writeable = False
+        return columns
+
+    def rearranged(self, sources: Sequence[int | None]) -> Columns:
+        """These columns with what was column `sources[i]` at i, or with room for a new one where that is None.
+
+        New columns behind those that stay go into the same memory; all else is a copy.
+        """
+        stay = 0
+        while stay < len(sources) and sources[stay] == stay:
+            stay += 1
+        roomy = len(sources) <= len(self._rows) <= 4 * max(LEAST_CAPACITY, len(sources))
+        if roomy and stay >= self._given and all(source is None for source in sources[stay:]):
+            return self
+        columns = Columns(self._rows.shape[1], len(sources))
+        for to, source in enumerate(sources):
+            if source is not None:
+                columns._rows[to] = self._rows[source]
+        return columns
 
 
 class Key(NamedTuple):
@@ -73,7 +115,7 @@ class HandleWeights:
 
     def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
         self._mesh = mesh
-        self._rows = VertexRows(mesh, field, features)
+        self._rows = HandleFeatures(mesh, field, features)
         self._distances = Distances(mesh)
         self._axes = SurfaceAxes(mesh, self._distances)
         self._instances = InstanceColumns(mesh, field, self._axes)
@@ -225,9 +267,10 @@ class HandleWeights:
         for handle in edit.handles:
             left = self.left(edit, handle)
             if left < LEAST_LEFT:
-                raise ValueError(
-                    f"`fixed` must leave something of handle {handle.id} at {handle.place}, but leaves {left:.2g}: "
-                    "what is fixed looks just like it; lower its strength, or fix something else"
+                raise ArgumentError(
+                    "fixed",
+                    f"must leave something of handle {handle.id} at {handle.place}, but leaves {left:.2g}: "
+                    "what is fixed looks just like it; lower its strength, or fix something else",
                 )
 
     def among(self, edit: Edit, weights: Float32) -> NDArray[np.float64]:
@@ -249,9 +292,10 @@ class HandleWeights:
         if sizes[-1] <= SINGULAR * sizes[0]:
             first, second = sorted(np.argsort(-np.abs(left[:, -1]), kind="stable")[:2].tolist())
             one, other = edit.handles[first], edit.handles[second]
-            raise ValueError(
-                f"`overlap` cannot be 'interpolate': handle {one.id} at {one.place} and handle {other.id} at "
-                f"{other.place} look the same and cannot both arrive"
+            raise ArgumentError(
+                "overlap",
+                f"cannot be 'interpolate': handle {one.id} at {one.place} and handle {other.id} at "
+                f"{other.place} look the same and cannot both arrive",
             )
 
     def _anchors(self, edit: Edit) -> NDArray[np.int64]:

@@ -20,7 +20,7 @@ from dfd.symmetry.search import symmetry_planes
 from dfd.weights.bind import bind
 
 if TYPE_CHECKING:
-    from dfd.editing.influence.handle_features import VertexRows
+    from dfd.editing.influence.handle_features import HandleFeatures
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
@@ -78,7 +78,7 @@ class InstanceColumns:
         self._finder.prepare()
 
     def of(
-        self, edit: Edit, weights: Float32, keys: Sequence[Hashable], rows: VertexRows
+        self, edit: Edit, weights: Float32, keys: Sequence[Hashable], rows: HandleFeatures
     ) -> tuple[Float32, tuple[Column, ...]]:
         """(V, C) how much vertices follow, and what each column is of.
 
@@ -114,7 +114,7 @@ class InstanceColumns:
             self._made, self._key = (made.T, tuple(columns)), key
         return self._made
 
-    def switches(self, handle: Handle, instances: Sequence[Instance], rows: VertexRows) -> list[bool]:
+    def switches(self, handle: Handle, instances: Sequence[Instance], rows: HandleFeatures) -> list[bool]:
         """Which of a handle's instances are on: off are those that have the most of a place in `without_instances`.
 
         Its own always is.
@@ -126,7 +126,7 @@ class InstanceColumns:
             on[most] = most == 0
         return on
 
-    def instances(self, handle: Handle, rows: VertexRows, symmetry: SymmetryPlane | None) -> tuple[Instance, ...]:
+    def instances(self, handle: Handle, rows: HandleFeatures, symmetry: SymmetryPlane | None) -> tuple[Instance, ...]:
         """The instances of what a handle holds, by looks alone, mirrored across planes that were chosen or found."""
         key = (handle.place, symmetry)
         if key in self._found:
@@ -137,7 +137,7 @@ class InstanceColumns:
         return self._finder.find(looks, rows.anchor(handle.place), handle.place.position, held=held, planes=planes)
 
     def _parts(
-        self, handle: Handle, weights: Float32, instances: Sequence[Instance], rows: VertexRows
+        self, handle: Handle, weights: Float32, instances: Sequence[Instance], rows: HandleFeatures
     ) -> list[Portion]:
         """What of a handle's weights moves: all, or its instances that are on."""
         controls = handle.controls

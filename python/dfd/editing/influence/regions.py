@@ -6,15 +6,17 @@ A region is kept as what was said and not as what it held, so that it means the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from dfd.common import check
+from dfd.common.described import About, Written, check_fields
+from dfd.common.errors import ArgumentError
 from dfd.posing.transforms import Vector, vector
 
 if TYPE_CHECKING:
@@ -40,6 +42,7 @@ SAME_POSITION = 1e-5
 NEAR_SPACING = 0.8
 
 Indices = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -47,20 +50,20 @@ class Ball:
     """What lies within `radius` of `center`, mesh units."""
 
     center: Vector
-    radius: float
+    radius: Annotated[float, About("Mesh units.", 0.0, exclusive=True)]
+    kind: Literal["ball"] = field(default="ball", repr=False)
 
     def __post_init__(self) -> None:
-        """Refuse a ball that is none."""
         object.__setattr__(self, "center", vector("center", self.center))
-        object.__setattr__(self, "radius", check.number("Ball", "radius", self.radius, minimum=0.0, exclusive=True))
+        check_fields(self)
 
     def __str__(self) -> str:
         """Name it for a message."""
         return f"the ball of radius {self.radius:g} around {_point(self.center)}"
 
-    def inside(self, mesh: Mesh) -> NDArray[np.bool_]:
+    def inside(self, mesh: Mesh) -> Mask:
         """(V,) which vertices lie in it."""
-        inside: NDArray[np.bool_] = np.linalg.norm(mesh.vertices - np.asarray(self.center), axis=1) <= self.radius
+        inside: Mask = np.linalg.norm(mesh.vertices - np.asarray(self.center), axis=1) <= self.radius
         return inside
 
 
@@ -70,22 +73,22 @@ class Box:
 
     low: Vector
     high: Vector
+    kind: Literal["box"] = field(default="box", repr=False)
 
     def __post_init__(self) -> None:
-        """Refuse a box that is none."""
         object.__setattr__(self, "low", vector("low", self.low))
         object.__setattr__(self, "high", vector("high", self.high))
         if any(low > high for low, high in zip(self.low, self.high, strict=True)):
-            raise ValueError(f"Box: `low` must not exceed `high`, got {self.low} and {self.high}")
+            raise ArgumentError("low", f"must not exceed `high`, got {self.low} and {self.high}", "Box")
 
     def __str__(self) -> str:
         """Name it for a message."""
         return f"the box from {_point(self.low)} to {_point(self.high)}"
 
-    def inside(self, mesh: Mesh) -> NDArray[np.bool_]:
+    def inside(self, mesh: Mesh) -> Mask:
         """(V,) which vertices lie in it."""
         low, high = np.asarray(self.low), np.asarray(self.high)
-        inside: NDArray[np.bool_] = np.all((mesh.vertices >= low) & (mesh.vertices <= high), axis=1)
+        inside: Mask = np.all((mesh.vertices >= low) & (mesh.vertices <= high), axis=1)
         return inside
 
 
@@ -95,13 +98,13 @@ class HalfSpace:
 
     normal: Vector
     offset: float
+    kind: Literal["half_space"] = field(default="half_space", repr=False)
 
     def __post_init__(self) -> None:
-        """Refuse a plane without a direction."""
         normal = vector("normal", self.normal)
         length = float(np.linalg.norm(normal))
         if length == 0.0:
-            raise ValueError(f"HalfSpace: `normal` must have a length, got {normal}")
+            raise ArgumentError("normal", f"must have a length, got {normal}", "HalfSpace")
         x, y, z = (component / length for component in normal)
         object.__setattr__(self, "normal", (x, y, z))
         object.__setattr__(self, "offset", check.number("HalfSpace", "offset", self.offset) / length)
@@ -110,85 +113,89 @@ class HalfSpace:
         """Name it for a message."""
         return f"the side {_point(self.normal)} · p ≥ {self.offset:g}"
 
-    def inside(self, mesh: Mesh) -> NDArray[np.bool_]:
+    def inside(self, mesh: Mesh) -> Mask:
         """(V,) which vertices lie in it."""
-        inside: NDArray[np.bool_] = mesh.vertices @ np.asarray(self.normal) >= self.offset
+        inside: Mask = mesh.vertices @ np.asarray(self.normal) >= self.offset
         return inside
 
 
 @dataclass(frozen=True)
-class Part:
-    """A part of the mesh's scene, by its name."""
+class Named:
+    """What has a name in the mesh's file."""
 
     name: str
 
     def __post_init__(self) -> None:
-        """Refuse what is no name."""
         name: object = self.name
         if not isinstance(name, str) or not name:
-            raise ValueError(f"Part: `name` must be a text that is not empty, got {self.name!r}")
+            raise ArgumentError("name", f"must be a text that is not empty, got {self.name!r}", type(self).__name__)
+
+
+@dataclass(frozen=True)
+class Part(Named):
+    """A part of the mesh's scene, by its name."""
+
+    kind: Literal["part"] = field(default="part", repr=False)
 
     def __str__(self) -> str:
         """Name it for a message."""
         return f"part:{self.name}"
 
-    def inside(self, mesh: Mesh) -> NDArray[np.bool_]:
+    def inside(self, mesh: Mesh) -> Mask:
         """(V,) which vertices belong to it."""
-        inside = np.zeros(len(mesh.vertices), bool)
-        inside[mesh.part_vertices(self.name)] = True
-        return inside
+        return _mask(mesh, mesh.part_vertices(self.name))
 
 
 @dataclass(frozen=True)
-class Group:
+class Group(Named):
     """The faces of an OBJ file's group, by its name: that of a `g`, `o` or `usemtl` line."""
 
-    name: str
-
-    def __post_init__(self) -> None:
-        """Refuse what is no name."""
-        name: object = self.name
-        if not isinstance(name, str) or not name:
-            raise ValueError(f"Group: `name` must be a text that is not empty, got {self.name!r}")
+    kind: Literal["group"] = field(default="group", repr=False)
 
     def __str__(self) -> str:
         """Name it for a message."""
         return f"group:{self.name}"
 
-    def inside(self, mesh: Mesh) -> NDArray[np.bool_]:
+    def inside(self, mesh: Mesh) -> Mask:
         """(V,) which vertices belong to it."""
-        inside = np.zeros(len(mesh.vertices), bool)
-        inside[mesh.group_vertices(self.name)] = True
-        return inside
+        return _mask(mesh, mesh.group_vertices(self.name))
 
 
+@dataclass(frozen=True, eq=False)
 class VertexSet:
     """A list of vertices, with where they lie on the shape on which they were chosen.
 
     On another mesh, those nearest to them belong to it, and on a finer one what lies between them.
+
+    Attributes
+    ----------
+    indices
+        (N,) vertex indices, once each, ascending.
+    positions
+        (N, 3) in mesh units.
+    count
+        How many vertices that shape has; None where nobody knows.
+
+    Raises
+    ------
+    ValueError
+        If there is none, one occurs twice, or there are not as many positions.
     """
 
-    indices: Indices  # (N,) ascending
-    positions: NDArray[np.float64]  # (N, 3) mesh units
-    count: int | None  # how many vertices that shape has; None where nobody knows
+    indices: Annotated[Indices, Written(list[int])]
+    positions: Annotated[NDArray[np.float64], Written(list[Vector])]
+    count: int | None = None
+    kind: Literal["vertices"] = field(default="vertices", repr=False)
 
-    def __init__(self, indices: Any, positions: Any, count: int | None = None) -> None:
-        """Keep (N,) vertex indices, once each, their (N, 3) positions, and how many vertices the shape has.
-
-        Raises
-        ------
-        ValueError
-            If there is none, one occurs twice, or there are not as many positions.
-        """
-        chosen = check.vertex_indices("VertexSet", "indices", indices, np.iinfo(np.int32).max, unique=True)
+    def __post_init__(self) -> None:
+        chosen = check.vertex_indices("VertexSet", "indices", self.indices, np.iinfo(np.int32).max, unique=True)
         if len(chosen) == 0:
-            raise ValueError("VertexSet: `indices` must name at least one vertex")
-        placed = check.array("VertexSet", "positions", positions, (len(chosen), 3), dtype=np.float64)
+            raise ArgumentError("indices", "must name at least one vertex", "VertexSet")
+        placed = check.array("VertexSet", "positions", self.positions, (len(chosen), 3), dtype=np.float64)
         order = np.argsort(chosen)
-        self.indices, self.positions = chosen[order], placed[order]
-        self.count = count
-        for values in (self.indices, self.positions):
+        for name, values in (("indices", chosen[order]), ("positions", placed[order])):
             values.flags.writeable = False
+            object.__setattr__(self, name, values)
 
     @classmethod
     def of(cls, mesh: Mesh, chosen: Any) -> VertexSet:
@@ -221,14 +228,12 @@ class VertexSet:
         count = len(self.indices)
         return f"a set of {count} {'vertex' if count == 1 else 'vertices'}"
 
-    def inside(self, mesh: Mesh) -> NDArray[np.bool_]:
+    def inside(self, mesh: Mesh) -> Mask:
         """(V,) which vertices belong to it."""
-        inside = np.zeros(len(mesh.vertices), bool)
         if self.lies_on(mesh):
-            inside[self.indices] = True
-            return inside
+            return _mask(mesh, self.indices)
         apart, nearest = cKDTree(mesh.vertices).query(self.positions)
-        inside[nearest] = True
+        inside = _mask(mesh, nearest)
         reordered = self.count == len(mesh.vertices) and apart.max() <= SAME_POSITION * mesh.diagonal
         if not reordered and len(self.positions) > 1:
             tree = cKDTree(self.positions)
@@ -257,7 +262,7 @@ def members(mesh: Mesh, region: Region) -> Indices:
     """
     found = np.flatnonzero(region.inside(mesh))
     if len(found) == 0:
-        raise ValueError(f"`region` must hold a vertex, but {region} holds none of the mesh's {len(mesh.vertices)}")
+        raise ArgumentError("region", f"must hold a vertex, but {region} holds none of the mesh's {len(mesh.vertices)}")
     return found
 
 
@@ -282,6 +287,13 @@ def distances_from(mesh: Mesh, region: Region) -> NDArray[np.float64]:
             away = cKDTree(mesh.vertices[inside]).query(mesh.vertices)[0]
     away[inside] = 0.0
     return np.asarray(np.maximum(away, 0.0), np.float64)
+
+
+def _mask(mesh: Mesh, vertices: Any) -> Mask:
+    """(V,) which of the mesh's vertices are `vertices` (N,)."""
+    mask = np.zeros(len(mesh.vertices), bool)
+    mask[vertices] = True
+    return mask
 
 
 def _point(position: Vector) -> str:

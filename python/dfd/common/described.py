@@ -1,0 +1,125 @@
+"""Fields of frozen dataclasses, described once: what they mean, their bounds, and how they are written in files.
+
+The dataclass checks itself by it, pydantic reads, writes and describes files by it, and the command line makes its
+options of it. Nothing of pydantic is imported here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from dfd.common import check
+from dfd.common.errors import ArgumentError
+
+__all__ = ["About", "Tagged", "Written", "about", "check_fields"]
+
+
+@dataclass(frozen=True)
+class About:
+    """What a field means.
+
+    Attributes
+    ----------
+    text
+        One sentence for people, wherever the field is named.
+    minimum, maximum, exclusive
+        The bounds of a number; with `exclusive` it lies above the minimum.
+    metavar
+        What the command line shows in the place of its value; None for a switch.
+    repeated
+        Whether the command line takes one of them after the other.
+    """
+
+    text: str
+    minimum: float | None = None
+    maximum: float | None = None
+    exclusive: bool = False
+    metavar: str | None = None
+    repeated: bool = False
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+        """The JSON schema of the field, with its description and bounds."""
+        low = "exclusiveMinimum" if self.exclusive else "minimum"
+        bounds = {low: self.minimum, "maximum": self.maximum}
+        return {**handler(schema), "description": self.text, **{k: v for k, v in bounds.items() if v is not None}}
+
+
+class Written:
+    """The type that a field has in a file, where its dataclass turns it into another one."""
+
+    def __init__(self, written: Any) -> None:
+        self.written = written
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """That of the type in files; arrays are written as lists."""
+        from pydantic_core import core_schema
+
+        plain = core_schema.plain_serializer_function_ser_schema(_plain)
+        return {**handler.generate_schema(self.written), "serialization": plain}
+
+
+class Tagged:
+    """A union of dataclasses that files tell apart by one of their fields."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """That of the union, by its tag."""
+        from pydantic import Field
+
+        return handler.generate_schema(Annotated[source, Field(discriminator=self.name)])
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+@cache
+def about(owner: type[Any]) -> dict[str, tuple[Any, About | None]]:
+    """The type and the description of each field of a dataclass, by its name."""
+    found: dict[str, tuple[Any, About | None]] = {}
+    for name, hint in get_type_hints(owner, include_extras=True).items():
+        kind, *extras = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+        found[name] = kind, next((extra for extra in extras if isinstance(extra, About)), None)
+    return found
+
+
+def check_fields(value: Any) -> None:
+    """Refuse what the fields of a frozen dataclass may not be: numbers, names and switches, each once.
+
+    Numbers become floats; what is None where a field may be None is left.
+
+    Raises
+    ------
+    ArgumentError
+        In the name of the class.
+    """
+    function = type(value).__name__
+    for name, (kind, said) in about(type(value)).items():
+        given, kinds = getattr(value, name), (kind, *get_args(kind))
+        words = next(
+            (each for each in kinds if get_origin(each) is Literal and isinstance(get_args(each)[0], str)), None
+        )
+        if given is None and type(None) in kinds:
+            continue
+        if bool in kinds:
+            if not isinstance(given, bool):
+                raise ArgumentError(name, f"must be True or False, got {given!r}", function)
+        elif float in kinds and said is not None:
+            if isinstance(given, str) and words is not None and given in get_args(words):
+                continue
+            if isinstance(given, str) and words is not None:
+                bound = f"above {said.minimum:g}" if said.exclusive else f"of at least {said.minimum:g}"
+                choices = " or ".join(f'"{word}"' for word in get_args(words))
+                raise ArgumentError(name, f"must be {choices} or a number {bound}, got {given!r}", function)
+            number = check.number(
+                function, name, given, minimum=said.minimum, maximum=said.maximum, exclusive=said.exclusive
+            )
+            object.__setattr__(value, name, number)
+        elif words is not None:
+            check.choice(function, name, given, words)

@@ -1,0 +1,67 @@
+"""An argument that cannot be taken, as an error that says which one and why."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import wraps
+from typing import ParamSpec, TypeVar
+
+__all__ = ["ArgumentError", "called", "public", "within"]
+
+Parameters = ParamSpec("Parameters")
+Result = TypeVar("Result")
+
+
+class ArgumentError(ValueError):
+    """An argument cannot be taken: "function: `argument` reason".
+
+    Attributes
+    ----------
+    argument
+        Its name, as the caller knows it.
+    reason
+        What it must be and what was found.
+    function
+        The public function that was called, None where nobody knows it yet.
+    """
+
+    def __init__(self, argument: str, reason: str, function: str | None = None) -> None:
+        super().__init__(argument, reason, function)
+        self.argument, self.reason, self.function = argument, reason, function
+
+    def __str__(self) -> str:
+        said = f"`{self.argument}` {self.reason}"
+        return f"{self.function}: {said}" if self.function else said
+
+
+@contextmanager
+def called(function: str) -> Iterator[None]:
+    """Let an `ArgumentError` inside begin with the name of the public `function`, whichever of its parts raised it."""
+    try:
+        yield
+    except ArgumentError as error:
+        raise ArgumentError(error.argument, error.reason, function) from None
+
+
+def public(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """`function`, `called` by its own name."""
+    name = function.__qualname__.removesuffix(".__init__")
+
+    @wraps(function)
+    def named(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
+        with called(name):
+            return function(*args, **kwargs)
+
+    return named
+
+
+@contextmanager
+def within(path: str, function: str | None = None) -> Iterator[None]:
+    """Let an argument that is refused inside be called by its `path` in a larger value, and by the `function`."""
+    try:
+        yield
+    except ArgumentError as error:
+        # A place is no key of its own: what it says stands beside the rest of its owner.
+        argument = path if error.argument in ("at", "place", "region") else f"{path}.{error.argument}"
+        raise ArgumentError(argument, error.reason, function) from None
