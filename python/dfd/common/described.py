@@ -80,7 +80,7 @@ def _plain(value: Any) -> Any:
 
 
 @cache
-def about(owner: type[object]) -> dict[str, tuple[Any, About | None]]:
+def about(owner: type) -> dict[str, tuple[Any, About | None]]:
     """The type and the description of each field of a dataclass, by its name."""
     found: dict[str, tuple[Any, About | None]] = {}
     for name, hint in get_type_hints(owner, include_extras=True).items():
@@ -89,7 +89,7 @@ def about(owner: type[object]) -> dict[str, tuple[Any, About | None]]:
     return found
 
 
-def check_fields(value: object) -> None:
+def check_fields(value: Any) -> None:
     """Refuse what the fields of a frozen dataclass may not be: numbers, names and switches, each once.
 
     Numbers become floats; what is None where a field may be None is left.
@@ -99,8 +99,9 @@ def check_fields(value: object) -> None:
     ArgumentError
         In the name of the class.
     """
-    function = type(value).__name__
-    for name, (kind, said) in about(type(value)).items():
+    owner: type = type(value)
+    function = owner.__name__
+    for name, (kind, said) in about(owner).items():
         given, kinds = getattr(value, name), (kind, *get_args(kind))
         words = next(
             (each for each in kinds if get_origin(each) is Literal and isinstance(get_args(each)[0], str)), None
@@ -115,7 +116,7 @@ def check_fields(value: object) -> None:
                 continue
             if isinstance(given, str) and words is not None:
                 bound = f"above {said.minimum:g}" if said.exclusive else f"of at least {said.minimum:g}"
-                choices = " or ".join(f'"{word}"' for word in get_args(words))
+                choices = ", ".join(f'"{word}"' for word in get_args(words))
                 raise ArgumentError(name, f"must be {choices} or a number {bound}, got {given!r}", function)
             number = check.number(
                 function, name, given, minimum=said.minimum, maximum=said.maximum, exclusive=said.exclusive

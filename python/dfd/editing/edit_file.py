@@ -70,7 +70,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import numpy as np
-from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic import ConfigDict, StringConstraints, TypeAdapter, ValidationError
 
 from dfd.common import check
 from dfd.common.described import About
@@ -128,9 +128,9 @@ class MadeFor:
 class MadeOn:
     """The files that the edit was made on: from its own folder where they are inside, else from the root."""
 
-    mesh: str | None = None
-    field: str | None = None
-    field_sha256: str | None = None
+    mesh: Annotated[str, StringConstraints(min_length=1)] | None = None
+    field: Annotated[str, StringConstraints(min_length=1)] | None = None
+    field_sha256: Annotated[str, StringConstraints(pattern="^[0-9a-f]{64}$")] | None = None
 
 
 @dataclass(frozen=True)

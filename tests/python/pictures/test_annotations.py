@@ -10,7 +10,7 @@ from mesh_files import CORNERS, CUBE
 from PIL import Image
 
 from dfd.mesh.mesh import Mesh
-from dfd.pictures.colors import CLAY, ratio_colors
+from dfd.pictures.colors import CLAY, part_colors, ratio_colors
 from dfd.pictures.contact_sheet import heat_bar, lay_out, with_heat_bar
 from dfd.pictures.pick import pick
 from dfd.pictures.picture import picture, save_png
@@ -134,3 +134,12 @@ def test_what_a_picture_says_is_checked(tmp_path) -> None:
         Image.new("RGB", (9, 9)).save(tmp_path / "odd.png", pnginfo=said)
         with pytest.raises(ValueError, match=f"odd: `{name}`"):
             read_document(tmp_path / "odd.png")
+
+
+def test_parts_have_colors_of_their_own():
+    colors = part_colors(np.arange(24))
+    apart = np.abs(colors[:, None] - colors).max(axis=2) + np.eye(24)
+    assert apart.min() > 0.02
+    assert np.array_equal(part_colors([3, 0, 3]), colors[[3, 0, 3]])
+    with pytest.raises(ValueError, match="part_colors: `labels` must be at least 0, got -1"):
+        part_colors([0, -1])

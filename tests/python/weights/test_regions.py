@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from weights.made_features import unit_rows
 
 import dfd
-from dfd.weights.regions import MOST_MEMBERS, targets
+from dfd.weights.regions import MOST_MEMBERS, resolve_points
 
 
 @settings(max_examples=60, deadline=None)
@@ -76,10 +76,10 @@ def test_any_sequence_and_tensors():
 def test_large_regions_are_thinned_to_members_far_apart():
     angles = np.linspace(0, 1, 20_000)
     features = np.column_stack([np.cos(angles), np.sin(angles)]).astype(np.float32)
-    region = targets("handles", [np.arange(20_000)], features)
+    region = resolve_points("handles", [np.arange(20_000)], features)
     assert len(region.points) == MOST_MEMBERS
     assert 0 in region.points
-    again = targets("handles", [np.arange(20_000)], features)
+    again = resolve_points("handles", [np.arange(20_000)], features)
     np.testing.assert_array_equal(region.points, again.points)
     gaps = np.diff(np.sort(angles[region.points]))
     assert gaps.max() < 0.1
@@ -88,7 +88,7 @@ def test_large_regions_are_thinned_to_members_far_apart():
 
 def test_alike_members_are_merged():
     features = np.repeat(unit_rows(5, 16), 40, axis=0)
-    region = targets("handles", [np.arange(200)], features)
+    region = resolve_points("handles", [np.arange(200)], features)
     assert len(region.points) == 5
     np.testing.assert_array_equal(dfd.bind(features, [np.arange(200)]), np.ones((200, 1)))
 

@@ -166,7 +166,8 @@ def column_kind(handle: Handle) -> Literal["distance", "weight"]:
     """What is sent of a handle: "weight" where weights are not a function of one distance per vertex."""
     controls = handle.controls
     shared = controls.instances == "together" and (controls.level or bool(controls.without_instances))
-    return "weight" if handle.place.region is not None or controls.within is not None or shared else "distance"
+    limited = controls.within is not None or controls.reach == "part"
+    return "weight" if handle.place.region is not None or limited or shared else "distance"
 
 
 def _instanced(handle: Handle) -> bool:
