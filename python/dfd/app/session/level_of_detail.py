@@ -85,7 +85,7 @@ def _finest_grid(points: Floats, max_cubes: float) -> int:
 
 
 class _Clusters:
-    """Points by cube: `of` (N,) their cluster; per cluster, `middle` is the point nearest to the mean, `rim` far from it."""
+    """Points by cube: `of` (N,) the cluster; `middle` (C,) nearest to the mean, `rim` (C,) farthest from `middle`."""
 
     def __init__(self, points: Floats, grid: int) -> None:
         cubes = _cubes(points, grid)

@@ -33,10 +33,8 @@ def as_python(deformer: Deformer, name: str) -> str:
         f"session = dfd.Deformer(mesh, field{preset})",
     ]
     defaults = _defaults(document)
-    if any(
-        _changed(entry, defaults).keys() & {"region", "within", "without_instances"} for entry in _entries(document)
-    ):
-        # Regions are too long for a script.
+    long = {"region", "within", "without_instances"}  # vertex sets, too long for a script
+    if any(_changed(entry, defaults).keys() & long for entry in _entries(document)):
         lines[-1] = f'session = dfd.Deformer.load("{stem}_edit.json", mesh, field)'
         lines.append(f'mesh.save("{stem}_edited.glb", session.vertices)')
         return "\n".join(lines) + "\n"
