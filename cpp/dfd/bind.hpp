@@ -62,7 +62,7 @@ struct Constraints {
 /// @param weights  (V, H) result, overwritten
 /// @throws std::invalid_argument if shapes disagree, a value is not finite, a distance, exponent, strength, reach or
 ///         vertex out of range, a region empty, or a vertex twice among handles that are single points
-/// @throws Stopped if `poll` said so
+/// @throws Stopped if `poll` returned true
 void bind(const Features& features, const Points& handles, const Constraints& constraints,
           const StridedMatrix<float>& weights, int threads, const Kernels& kernels, const Poll& poll = {});
 

@@ -54,7 +54,7 @@ struct PoseArrays {
 /// pass 1: `paper` is `normalize` there.
 ///
 /// @throws std::invalid_argument if shapes disagree, or a value is not finite or too large for T
-/// @throws Stopped if `poll` said so
+/// @throws Stopped if `poll` returned true
 template <class T>
 void pose(const PoseArrays<T>& arrays, const Motion& motion, int threads, const Kernels& kernels,
           const Poll& poll = {});

@@ -49,7 +49,7 @@ void parallel_for(std::size_t count, std::size_t workers, const Work& work)
 /// are multiples of `grain` but the last, and several for each worker, so that one that is held up delays little, nor
 /// is any so long that `poll` would not be asked for a while.
 /// `work` must not throw. One thread makes no use of OpenMP at all, so that it is safe in a forked child.
-/// @throws Stopped if `poll` said so
+/// @throws Stopped if `poll` returned true
 template <class Work>
 void parallel_ranges(std::size_t count, std::size_t grain, int threads, const Work& work, const Poll& poll = {})
 {

@@ -1,1 +1,1 @@
-"""Many shapes: one edit carried to all of them, and every step from file to table over whole collections."""
+"""Batch processing of many shapes: transferring one edit to all of them, and every step from file to table."""

@@ -1,15 +1,15 @@
-"""The folder of a batch. What is finished is a folder of its own, which appears whole.
+"""The folder of a batch. Each finished shape is a folder, which is created atomically.
 
     batch.json              the settings
     edits/                  edits, each with the mesh and the field that it was made on
-    shapes/NAME/            what was made of a shape, and record.json, which says that it is finished
+    shapes/NAME/            the results of a shape, and record.json, which marks it as finished
     shapes/4f2/NAME/        the same in a batch of many shapes
     shapes.parquet, index.html    made from the records
-    .work/                  what is being made, and locks; may be removed when nothing runs
+    .work/                  unfinished attempts and locks; may be removed when nothing runs
 
-An attempt writes into a folder of its own below `.work`, its record last, and is then renamed into place. So a shape is
-either finished or as if it had never been begun, wherever a process, the driver or the machine stops; and of two
-attempts at one shape the second finds the place taken.
+An attempt writes into its own folder below `.work`, its record last, which is then renamed to the final folder. So a
+shape is either finished or not started, wherever a process, the driver or the machine stops; of two attempts at one
+shape the second fails to rename.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ TAKEN = (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR)
 
 
 class BatchFolder:
-    """The places of a batch in its folder `root`."""
+    """The files and folders of a batch below `root`."""
 
     def __init__(self, root: str | os.PathLike[str], *, sharded: bool) -> None:
         self.root = Path(root)
@@ -50,7 +50,7 @@ class BatchFolder:
 
     @classmethod
     def begin(cls, root: str | os.PathLike[str], settings: BatchSettings) -> BatchFolder:
-        """Make the folder, or go on in one that was begun with the same settings.
+        """Create the folder, or resume in one that was started with the same settings.
 
         Raises ValueError if it holds something else, or a batch with other settings; OSError if it cannot be made or
         written.
@@ -77,12 +77,12 @@ class BatchFolder:
         return folder
 
     def shape(self, name: str) -> Path:
-        """Where a finished shape is."""
+        """The folder of a finished shape."""
         shapes = self.root / "shapes"
         return shapes / hashlib.sha256(name.encode()).hexdigest()[:3] / name if self.sharded else shapes / name
 
     def record(self, name: str) -> Record | None:
-        """What became of a shape, or None where it is not finished."""
+        """The record of a shape, or None where it is not finished."""
         try:
             return Record.model_validate_json((self.shape(name) / RECORD).read_bytes())
         except (OSError, ValidationError):
@@ -104,7 +104,7 @@ class BatchFolder:
         return place
 
     def publish(self, place: Path, record: Record) -> Record:
-        """Put a finished attempt in its place, its record last, and return what stands there now."""
+        """Write the record, rename the attempt to the final folder, and return the record that is there now."""
         for private in (OWNER, EXIT_NOTE):
             (place / private).unlink(missing_ok=True)
         with atomic_write(place / RECORD) as temporary:
@@ -121,32 +121,32 @@ class BatchFolder:
         return record
 
     def retire(self, name: str) -> None:
-        """Remove a shape that is to be done again."""
+        """Remove the results of a shape that is to be repeated."""
         with suppress(FileNotFoundError):
             away = self.attempt(name, secrets.token_hex(4))
             self.shape(name).rename(away)
             shutil.rmtree(away, ignore_errors=True)
 
     def exit_note(self, name: str, token: str) -> str:
-        """What the guard of an attempt left behind before it ended its process; empty where it did not."""
+        """The note that the guard of an attempt wrote before it ended the process; empty without one."""
         try:
             return (self.attempt(name, token) / EXIT_NOTE).read_text("utf-8", "replace")
         except OSError:
             return ""
 
     def age(self, name: str, token: str) -> float:
-        """Seconds since an attempt was begun; 0 where none was."""
+        """Seconds since an attempt was started; 0 where none was."""
         try:
             return max(0.0, time.time() - (self.attempt(name, token) / OWNER).stat().st_mtime)
         except OSError:
             return 0.0
 
     def drop(self, name: str, token: str) -> None:
-        """Remove what an attempt that ended early left behind."""
+        """Remove the folder of an attempt that ended early."""
         shutil.rmtree(self.attempt(name, token), ignore_errors=True)
 
     def sweep(self) -> None:
-        """Remove what dead processes of this machine left unfinished."""
+        """Remove the unfinished attempts of dead processes of this machine."""
         for place in self.work.glob("*~*"):
             try:
                 process, host = (place / OWNER).read_text("utf-8").split(" ", 1)
@@ -172,7 +172,7 @@ class BatchFolder:
                 except BlockingIOError:
                     raise ValueError(f"batch: `output`: another run is at work in {self.root}") from None
                 except OSError:
-                    pass  # a file system without locks: the place of each shape can still be taken only once
+                    pass  # a file system without locks: each shape can still be renamed only once
             yield
 
 

@@ -25,7 +25,7 @@ class Shape:
 
     name: str  # what its folder is called, distinct from all others also where case does not count
     path: str  # its file: a path here, or a URL that fsspec reads
-    field: str | None = None  # its field, where one is at hand
+    field: str | None = None  # its field, if one is given
 
 
 def find_shapes(inputs: Sequence[str]) -> list[Shape]:
@@ -35,7 +35,7 @@ def find_shapes(inputs: Sequence[str]) -> list[Shape]:
     ----------
     inputs
         Mesh files and globs, whose names follow from where they lie below the folder that all of them share; or one
-        manifest, CSV or Parquet, with a column `path`, and if it likes `name` and `field`. Paths in a manifest are
+        manifest, CSV or Parquet, with a column `path`, and optionally `name` and `field`. Paths in a manifest are
         relative to it. Anything may be a URL such as s3://bucket/shapes/*.glb.
 
     Raises
@@ -81,7 +81,7 @@ def _of_globs(patterns: Sequence[str]) -> list[Shape]:
     found: dict[str, None] = {}
     for pattern in patterns:
         found |= dict.fromkeys(_matches(pattern))
-    # The folder that the patterns share, not the files: then a file that is added renames no other one.
+    # Relative to the folder that the patterns share, not the files: then an added file renames no other one.
     roots = [_fixed(pattern) for pattern in patterns]
     shared = roots[0]
     while not all(root[: len(shared)] == shared for root in roots):
@@ -107,7 +107,7 @@ def _matches(pattern: str) -> list[str]:
 
 
 def _fixed(pattern: str) -> tuple[str, ...]:
-    """The folders of a pattern before what it leaves open, or before the file that it names."""
+    """The folders of a pattern before its first wildcard, or before the file that it names."""
     parts = PurePosixPath(_posix(pattern)).parts
     fixed = next((number for number, part in enumerate(parts) if has_magic(part)), len(parts))
     return parts[: min(fixed, len(parts) - 1)]

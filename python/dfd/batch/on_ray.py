@@ -11,8 +11,8 @@ from dfd.batch.worker import work
 
 __all__ = ["RaySlots", "connect"]
 
-PATIENCE = 5.0  # seconds for a cluster to answer
-QUEUED = 2  # jobs for each place of the cluster, so that none waits for the driver
+PATIENCE = 5.0  # seconds to wait for a cluster's answer
+QUEUED = 2  # jobs for each slot of the cluster, so that none idles
 
 
 def connect(address: str | None, workers: int | None, threads: int) -> Any:
@@ -62,7 +62,7 @@ class RaySlots:
     ray
         The module, connected.
     limits
-        What one task is promised: so many processors, bytes and GPUs. Ray starts no task before they are free.
+        The processors, bytes and GPUs reserved for a task. Ray starts a task when they are free.
     """
 
     def __init__(self, ray: Any, limits: Limits) -> None:
@@ -80,7 +80,7 @@ class RaySlots:
         return len(self._running) < QUEUED * self._places()
 
     def submit(self, job: Job) -> None:
-        """Hand a job to Ray."""
+        """Submit a job to Ray."""
         self._running[self._task.remote(job)] = job
 
     def wait(self, seconds: float) -> list[tuple[Job, Outcome]]:
@@ -106,7 +106,7 @@ class RaySlots:
         return max(1, int(cpus // self._limits.threads))
 
     def _check(self, promised: dict[str, Any]) -> None:
-        """Refuse what no machine of the cluster has: Ray would wait for one.
+        """Refuse requirements that the cluster never meets: Ray would wait forever.
 
         Raises ValueError if one task needs more than all of it.
         """

@@ -1,4 +1,4 @@
-"""One edit on many shapes: each gets it carried over to what looks alike, or is left out with the reason."""
+"""Transferring one edit to many shapes by feature similarity; where it does not fit, a shape is refused."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ __all__ = [
     "field_path",
 ]
 
-# Below this confidence a handle is on nothing that looks like what it held. Without a learned metric, of a chair's leg
+# Below this confidence a handle has no similar region on the other shape. Without a learned metric, of a chair's leg
 # the legs of other chairs, of a bench, a couch and a nightstand have 0.40 to 0.71, the foot of a pedestal table 0.42,
 # and what comes nearest on a bird 0.29 to 0.34. A learned metric sets shapes farther apart: the legs of a chair and a
 # bench have 0.26 to 0.65, what comes nearest on a bird 0.16 to 0.28, on a whale and a snake 0.06 to 0.12.
@@ -66,7 +66,7 @@ class Original:
 
 
 class UnlikeError(ValueError):
-    """A handle is on nothing that looks like what it held; `confidence` is that of all handles, by their names."""
+    """A handle has no similar region on the other shape; `confidence` is that of all handles, by their names."""
 
     def __init__(self, message: str, confidence: Mapping[str, float]) -> None:
         super().__init__(message)
@@ -75,7 +75,7 @@ class UnlikeError(ValueError):
 
 @dataclass(frozen=True)
 class Carried:
-    """An edit on another shape, done."""
+    """An edit transferred to another shape."""
 
     deformer: Deformer  # a session of the other shape with the edit
     confidence: dict[str, float]  # of each handle and fixed point, by its name, in [0, 1]; see `dfd.editing.transfer`
@@ -84,7 +84,7 @@ class Carried:
 def carry(
     original: Original, mesh: Mesh, field: Field, *, threshold: float | None = None, features: Any = None
 ) -> Carried:
-    """Carry an edit to another shape of its class; to the shape that it was made on as it is.
+    """Transfer an edit to another shape of its class; for its own shape it is unchanged.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def before_and_after(deformer: Deformer, *, resolution: int) -> tuple[NDArray[np
 
 
 def field_path(mesh: Path, folder: Path | None = None) -> Path:
-    """Where the field of a mesh file is looked for: beside it or in `folder`, under the mesh's name."""
+    """The default path of a mesh file's field: next to it or in `folder`, with the mesh's name."""
     return (mesh.parent if folder is None else folder) / f"{mesh.stem}.field.safetensors"
 
 

@@ -22,7 +22,7 @@ from dfd.common.files import atomic_write
 __all__ = ["PAGE", "TABLE", "gather", "write_page", "write_table"]
 
 PAGE = "index.html"
-ON_A_PAGE = 2000  # shapes; more go on in index-2.html and so on
+ON_A_PAGE = 2000  # shapes; more are in index-2.html and so on
 
 HEAD = """<!doctype html>
 <html lang="en">

@@ -1,8 +1,8 @@
 """Workers on this machine: a process a slot, each with a pipe of its own.
 
 The pools of the standard library break when a worker is killed, and those that share a queue among workers may lose its
-lock with the one that held it. Here nothing is shared: a worker that ends, however, ends one job, and the next job of
-its slot starts another. A worker whose driver is gone finishes its shape and leaves.
+lock with the one that held it. Here nothing is shared: a worker that dies loses one job, and the next job of
+its slot starts a new worker. A worker whose driver is gone finishes its shape and exits.
 """
 
 from __future__ import annotations
@@ -114,13 +114,13 @@ class _Slot:
                 return
 
     def signs(self) -> list[Connection | int]:
-        """What shows that something has happened."""
+        """The objects to wait for."""
         assert self._process is not None
         assert self._pipe is not None
         return [self._pipe, self._process.sentinel]
 
     def outcome(self) -> Outcome | None:
-        """What came of the job, or None while it goes on."""
+        """The outcome of the job, or None while it runs."""
         assert self._process is not None
         assert self._pipe is not None
         try:
@@ -154,7 +154,7 @@ class _Slot:
 
 def _serve(pipe: Connection, environment: Mapping[str, str]) -> None:
     """Do jobs until the driver closes the pipe, or is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the driver's: it ends us when it wants to
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the driver handles Ctrl-C and ends its workers
     os.environ.update(environment)  # before anything is loaded that reads it
     from dfd.batch.worker import work
 

@@ -31,20 +31,20 @@ class EditFiles(NamedTuple):
 
 
 def find_files(edit: Path, made_on: Path | None = None) -> EditFiles:
-    """What belongs to an edit: the mesh that is named or that it says, and the field that it says or that lies beside.
+    """The files of an edit: the given mesh or the one it names, and the field it names or the one next to the mesh.
 
     Raises ValueError if it is no edit, or says no mesh and none is named; OSError if it or the mesh that it says cannot
     be read, or there is no field.
     """
-    said, field, sha256 = read_made_on(edit)
-    mesh = said if made_on is None else made_on
+    named, field, sha256 = read_made_on(edit)
+    mesh = named if made_on is None else made_on
     if mesh is None:
         raise ValueError(f"`--made-on` must name the mesh that {edit} was made on: it does not say")
     if not mesh.is_file():
         hint = "" if made_on is not None else ": `--made-on` must say where it is now"
         raise FileNotFoundError(f"{mesh}, on which {edit} was made, does not exist{hint}")
     beside = field_path(mesh)
-    if said is None or not (said.is_file() and said.samefile(mesh)):
+    if named is None or not (named.is_file() and named.samefile(mesh)):
         field = None  # it is of another mesh
     if field is not None and field.is_file() and sha256 in (None, FieldSource.of(field).sha256):
         return EditFiles(edit, mesh, field)
@@ -55,7 +55,7 @@ def find_files(edit: Path, made_on: Path | None = None) -> EditFiles:
 
 
 def describe_edits(edits: Sequence[EditFiles]) -> tuple[EditSource, ...]:
-    """Say what the edits are, once each is read together with its mesh and its field.
+    """Describe the edits, after checking each with its mesh and its field.
 
     Raises ValueError if an edit does not belong to its mesh, or two have one name; OSError if a file cannot be read.
     """

@@ -1,4 +1,4 @@
-"""What became of one shape: the small JSON file that is written last into its folder."""
+"""The result of one shape: the small JSON file that is written last into its folder."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ __all__ = [
 
 Cause = Literal["input", "memory", "timeout", "crash", "error"]
 Figure = bool | int | float | str | None
-TOO_MUCH = "Memory"  # begins the note of a process that ended itself for want of memory
+TOO_MUCH = "Memory"  # begins the exit note of a process that exceeded its memory
 
 
 class Record(BaseModel):
-    """What became of one shape."""
+    """The result of one shape."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -93,7 +93,7 @@ class Job(BaseModel):
     limits: Limits
 
     def record(self, settings: str, *, seconds: float, cause: Cause | None = None, **found: Any) -> Record:
-        """What became of the shape now, under settings with that hash."""
+        """The record of the shape, under settings with that hash."""
         return Record(
             name=self.name,
             path=self.path,
@@ -122,7 +122,7 @@ class Stopped(BaseModel):
 
 @cache
 def versions() -> dict[str, str]:
-    """What made a record."""
+    """The versions of the software that wrote a record."""
     found = {"python": platform.python_version()}
     for package in ("dfd", "numpy", "torch", "transformers", "trimesh"):
         try:
@@ -148,7 +148,7 @@ def new_token() -> str:
 
 
 def exit_reason(words: str, limits: Limits) -> tuple[Cause, str] | None:
-    """The cause of a death and a sentence for people, from the last words of its process; None where there are none."""
+    """The cause of a worker's end and a message, from its exit note; None without one."""
     if words.startswith(TOO_MUCH):
         had = int(words.split()[1])
         return "memory", f"needed more than the {(limits.memory or 0) / 2**30:.2g} GiB of a task, {had / 2**30:.2g} GiB"

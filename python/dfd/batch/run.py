@@ -1,7 +1,6 @@
-"""The driver of a batch: hands out shapes, notes what became of them, and makes the table and the page.
+"""The driver of a batch: hands out shapes, records the results, and writes the table and the page.
 
-It keeps nothing that is not in the folder already, so it may be ended at any moment: the next run reads what is
-finished and goes on.
+All its state is in the folder, so it may be interrupted at any moment: the next run resumes.
 """
 
 from __future__ import annotations
@@ -25,12 +24,12 @@ from dfd.batch.settings import BatchSettings
 
 __all__ = ["BatchProgress", "Summary", "Watcher", "run_batch"]
 
-ATTEMPTS = 2  # at a shape whose worker dies without a word: it may have been killed for another's sake
+ATTEMPTS = 2  # at a shape whose worker dies without a note: the system may have killed it for other tasks' memory
 LOOK_EVERY = 1.0  # seconds
 
 
 class Watcher(Protocol):
-    """Who wants to know how far a batch is."""
+    """Receives the progress of a batch."""
 
     def begun(self, total: int, finished: int) -> None:
         """So many shapes in all, and so many finished by earlier runs."""
@@ -44,14 +43,14 @@ class Watcher(Protocol):
 
 @dataclass
 class Summary:
-    """What a run did."""
+    """The results of a run."""
 
     # done, failed: shapes of this run's rank, those of earlier runs included
     done: int = 0
     failed: int = 0
     causes: Counter[str] = field(default_factory=Counter)  # how many failed of what
     missing: int = 0  # shapes of all ranks that are not finished
-    # seconds, busy: wall time, and what the shapes of this run took by themselves, all workers together
+    # seconds, busy: wall time, and the sum over the shapes of this run
     seconds: float = 0.0
     busy: float = 0.0
 
@@ -125,7 +124,7 @@ def _work_off(
         while todo and slots.free():
             shape, attempt = todo.popleft()
             if attempt == 1:
-                folder.retire(shape.name)  # of another file, or a failure that is tried again
+                folder.retire(shape.name)  # of another file, or a failure that is retried
             root, token = str(folder.root.resolve()), new_token()
             slots.submit(Job(root=root, **asdict(shape), attempt=attempt, token=token, limits=limits))
             running += 1
@@ -156,7 +155,7 @@ def _stands(record: Record, shape: Shape, settings: BatchSettings, retry: bool) 
 
 def _after_death(job: Job, died: WorkerDied, settings: BatchSettings, folder: BatchFolder) -> Record | None:
     """The record of a shape whose worker ended, or None where it is to be tried again."""
-    published = folder.record(job.name)  # it may have been finished before the worker could say so
+    published = folder.record(job.name)  # it may have been published before the worker died
     if published is not None:
         return published
     known = exit_reason(folder.exit_note(job.name, job.token), job.limits)
@@ -219,7 +218,7 @@ class BatchProgress:
         self._bar.update(self._task, advance=1, rate=self._rate(), failed=self._failed)
 
     def looked(self) -> None:
-        """Write a line where a log is all there is."""
+        """Write a line from time to time where there is no terminal."""
         if not self._console.is_terminal and time.monotonic() - self._told >= LINE_EVERY:
             self._told = time.monotonic()
             rate, left = self._rate(), self._total - self._before - self._ended

@@ -1,4 +1,4 @@
-"""What a batch does to each of its shapes, in the file `batch.json` of its folder."""
+"""The settings of a batch, in the file `batch.json` of its folder."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class EditSource(BaseModel):
 
 
 class BatchSettings(BaseModel):
-    """All that the files of a shape depend on, besides the shape.
+    """All settings that the results of a shape depend on.
 
     Raises ValueError if a step or format is unknown, or a step lacks what it works on.
     """
@@ -78,7 +78,7 @@ class BatchSettings(BaseModel):
             raise ValueError("`steps` must hold edits for exports: they are what is written")
 
     def hash(self) -> str:
-        """SHA-256, 64 hexadecimal digits: records of other settings are not taken for ours."""
+        """SHA-256, 64 hexadecimal digits: records with another hash are not reused."""
         return hashlib.sha256(json.dumps(self.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
 
     @property

@@ -1,4 +1,4 @@
-"""What is done to one shape, step by step, in the folder of its attempt."""
+"""The steps of processing one shape, in the folder of its attempt."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ CHUNK = 1 << 20  # bytes read at a time
 
 
 class Work:
-    """One shape on its way through the steps."""
+    """The processing of one shape."""
 
     sha256: str | None = None  # of the shape's file, once `read` is done
     size: int | None = None  # its bytes
@@ -60,7 +60,7 @@ class Work:
                 getattr(self, step)()  # the method of its name
 
     def read(self) -> None:
-        """Hash the file and load the mesh; what is elsewhere is brought here first."""
+        """Hash the file and load the mesh; remote files are downloaded first."""
         path = self.job.path
         here = Path(path)
         if is_remote(path):
@@ -117,7 +117,7 @@ class Work:
         }
 
     def distill(self) -> None:
-        """The field, with the encoder that this worker has loaded; one that came with the shape stands for it."""
+        """The field, with the encoder that this worker has loaded; a given field replaces it."""
         if self.job.field is not None:
             return
         of_encoder = DistillSettings(**self.settings.distill).of_encoder()

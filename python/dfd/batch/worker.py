@@ -27,14 +27,14 @@ from dfd.common.threads import set_num_threads
 
 __all__ = ["Watched", "guarded", "work"]
 
-EVERY = 0.1  # seconds between two looks at the memory
+EVERY = 0.1  # seconds between two measurements of memory
 
-# Of the folder, not of a shape: no other shape would fare better.
+# Errors of the folder, not of a shape: every other shape would fail too.
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 
 
 def work(job: Job) -> Record | Stopped:
-    """Do one job and put what came of it in its place.
+    """Do one job and publish its result.
 
     Returns
     -------
@@ -55,7 +55,7 @@ def work(job: Job) -> Record | Stopped:
 
 
 def _done(job: Job, settings: BatchSettings, place: Path, watched: Watched) -> Record:
-    """Do the steps; what a shape raises is its record.
+    """Do the steps; an exception becomes a failed record.
 
     Raises OSError if the folder is full or can only be read.
     """
@@ -121,7 +121,6 @@ def _use_threads(count: int) -> None:
 
 
 def _clear(place: Path) -> None:
-    """Of a shape that failed nothing stays but its record."""
     for path in place.iterdir():
         if path.name not in (OWNER, EXIT_NOTE):
             shutil.rmtree(path) if path.is_dir() else path.unlink()
@@ -132,7 +131,7 @@ def _one_line(error: object) -> str:
 
 
 class Watched:
-    """How much memory a task had at most, bytes, as far as it was looked at."""
+    """The largest measured memory of a task, bytes."""
 
     def __init__(self) -> None:
         self.highest = 0

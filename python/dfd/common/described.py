@@ -116,7 +116,7 @@ def check_fields(value: Any) -> None:
                 continue
             if isinstance(given, str) and words is not None:
                 bound = f"above {said.minimum:g}" if said.exclusive else f"of at least {said.minimum:g}"
-                choices = " or ".join(f'"{word}"' for word in get_args(words))
+                choices = ", ".join(f'"{word}"' for word in get_args(words))
                 raise ArgumentError(name, f"must be {choices} or a number {bound}, got {given!r}", function)
             number = check.number(
                 function, name, given, minimum=said.minimum, maximum=said.maximum, exclusive=said.exclusive

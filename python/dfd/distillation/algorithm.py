@@ -1,4 +1,4 @@
-"""Distillation as the paper's section 3 has it: render, encode, smooth along the surface, fit."""
+"""Distillation (paper, section 3): render, encode, smooth along the surface, fit."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _log = logging.getLogger(__name__)
 def distill_pictures(
     mesh: Mesh, encoder: Encoder, settings: DistillSettings, *, stages: Stages, store: TokenStore | None = None
 ) -> Field:
-    """Return the field around `mesh` of what `encoder` sees in its pictures, whose tokens `store` may have already."""
+    """Return the field of `encoder`'s features of pictures of `mesh`; `store` may already hold their tokens."""
     smoothing, seed = settings.smoothing, settings.seed
     metric = find_metric(encoder) if settings.metric == "learned" else None
     made = {**encoder.settings(), **settings.as_dict()}
@@ -44,11 +44,11 @@ def distill_pictures(
     targets: PixelTargets | PointTargets
     if smoothing == 0:
         tokens = encoder.encode(views.images, covered=views.covered, store=store, stages=stages)
-        targets = PixelTargets(views, tokens)  # Z of every covered pixel, as the paper has it
+        targets = PixelTargets(views, tokens)  # Z of every covered pixel
     else:
         side = encoder.nearest_resolution(settings.resolution) // encoder.patch
         grid = TokenGrid(views, side, side)
-        # Hardly any of it can be shared among threads: beside the encoder it leaves no processor idle.
+        # Mostly serial, so it runs while the encoder uses the other cores.
         with beside(partial(build_diffusion, views, grid, smoothing=smoothing, seed=seed)) as problem:
             tokens = encoder.encode(views.images, covered=views.covered, store=store, stages=stages)
         pixels = PixelTargets(views, tokens)
@@ -66,12 +66,12 @@ def distill_pictures(
 
 
 def _lacking(encoder: Encoder, settings: DistillSettings, metric: Metric | None) -> dict[str, Any]:
-    """What was not learned for `encoder`, as a field's settings keep it; also a warning in the log."""
+    """Log what was not learned for `encoder`, and return it for the field's settings."""
     lacking = []
     if settings.metric == "learned" and metric is None:
-        lacking.append("no metric was learned for it, and distances are those of its own features")
+        lacking.append("no metric was learned for it: distances are those of its features")
     if settings.up == "auto" and find_probe(encoder) is None:
-        lacking.append("which way is up was not learned for it, and is taken to be the file's +y")
+        lacking.append("no up probe was learned for it: up is the file's +y")
     if not lacking:
         return {}
     _log.warning("encoder %s, block %d: %s", encoder.name, encoder.block, "; ".join(lacking))

@@ -1,7 +1,7 @@
-"""The tokens that a distillation has made so far, kept in a folder: a run that was stopped resumes at the next picture.
+"""The encoder's tokens so far in a folder, so that an interrupted distillation resumes at the next picture.
 
-The folder holds the run's cache key and the tokens of each picture; the fit takes seconds and is restarted. A file of
-tokens is named by what they were made from and begins with a hash: one of another run, or damaged, is never used.
+The folder holds the run's cache key and the tokens of each picture; the fit takes seconds and is restarted. A token
+file is named by a hash of its input and begins with a hash of its content, so damaged or foreign files are never used.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ __all__ = ["Checkpoint", "with_hash"]
 _HASH = 32  # bytes of SHA-256 before the content
 _TOKENS = "tokens"  # the array's name in a file
 _KEY = "recipe.json"
-# With what an abrupt end left unfinished; a folder of an older version may hold the state of a fit as well. The key
-# goes last: it is what makes the folder ours.
+# Includes unfinished files of a killed run, and the fit's state of older versions. The key is removed last, because it
+# marks the folder as ours.
 _FILES = ("tokens-*", ".tokens-*", "fit-*", ".fit-*", ".recipe.*.json", _KEY)
 
 
@@ -41,16 +41,16 @@ class Checkpoint:
     Parameters
     ----------
     folder
-        Made if it is not there; of a run with another key it is emptied, with a warning.
+        Created if missing; emptied with a warning if it belongs to a run with another key.
     key
-        All that the result depends on, see `dfd.field.cache_key`.
+        Everything that the result depends on, see `dfd.field.cache_key`.
 
     Raises
     ------
     ValueError
-        If the folder holds something else.
+        If the folder holds other files.
     OSError
-        If it cannot be made or written.
+        If it cannot be created or written.
     """
 
     def __init__(self, folder: str | os.PathLike[str], key: Mapping[str, Any]) -> None:
@@ -85,13 +85,13 @@ class Checkpoint:
 
     @staticmethod
     def discard(folder: str | os.PathLike[str], key: Mapping[str, Any]) -> None:
-        """Remove what an earlier run of `key` left in `folder`; other files stay."""
+        """Remove the files of an earlier run of `key` from `folder`; other files stay."""
         if _read_key(Path(folder)) == dict(key):
             Checkpoint(folder, key).remove()
 
     def read_tokens(self, image: NDArray[np.uint8], covered: NDArray[np.bool_] | None) -> NDArray[np.float32] | None:
         """See `dfd.encoders.encode.TokenStore`."""
-        if not self._has_tokens:  # found out without hashing the image
+        if not self._has_tokens:  # saves hashing the image
             return None
         path = self._path(image, covered)
         try:
@@ -103,13 +103,13 @@ class Checkpoint:
                 tokens = safetensors.numpy.load(content[_HASH:]).get(_TOKENS)
                 if tokens is not None and tokens.dtype == np.float32 and np.isfinite(tokens).all():
                     return tokens
-        warn(f"distill: {path} is damaged or of something else: its picture is restarted", UserWarning)
+        warn(f"distill: {path} is damaged: encoding its picture is restarted", UserWarning)
         return None
 
     def write_tokens(
         self, image: NDArray[np.uint8], covered: NDArray[np.bool_] | None, tokens: NDArray[np.float32]
     ) -> None:
-        """See `dfd.encoders.encode.TokenStore`; where a file cannot be written, this is said once."""
+        """See `dfd.encoders.encode.TokenStore`; warns once if a file cannot be written."""
         path = self._path(image, covered)
         self._has_tokens = True
         try:
@@ -121,12 +121,12 @@ class Checkpoint:
                 warned, self._warned = self._warned, True
             if not warned:
                 warn(
-                    f"distill: {error.strerror or error}; the run goes on, but cannot be resumed from here",
+                    f"distill: {error.strerror or error}; the run continues, but cannot be resumed",
                     RuntimeWarning,
                 )
 
     def remove(self) -> None:
-        """Remove the run's files, and the folder if nothing else is in it."""
+        """Remove the run's files, and the folder if it is then empty."""
         self._remove_files()
         with contextlib.suppress(OSError):
             self.folder.rmdir()
@@ -138,7 +138,7 @@ class Checkpoint:
                     path.unlink()
 
     def _is_ours(self) -> bool:
-        """Whether a folder without a readable key holds nothing but what a run may have left."""
+        """Whether a folder without a readable key holds only files that a run may have left."""
         names = {path.name for path in self.folder.iterdir()} if self.folder.is_dir() else set()
         ours = {name for name in names for pattern in _FILES if fnmatch(name, pattern)} - {_KEY}
         others = {name for name in names if not name.startswith(".")} - ours
@@ -150,7 +150,7 @@ class Checkpoint:
 
 
 def with_hash(name: str, content: bytes) -> bytes:
-    """Return `content` as the file of this name holds it: a hash of both before it."""
+    """Return the file's bytes: a hash of `name` and `content`, then `content`."""
     return hashlib.sha256(f"{name}\n".encode() + content).digest() + content
 
 

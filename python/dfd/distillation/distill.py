@@ -1,4 +1,4 @@
-"""The public entry point: cache lookup, checkpointing and advice on memory around `dfd.distillation.algorithm`."""
+"""The public entry point: cache lookup, checkpointing and memory advice around `dfd.distillation.algorithm`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.field import cache as field_cache
 from dfd.field.cache_key import cache_key
 
-# torch and transformers take seconds to import; they wait until something is distilled.
+# torch and transformers take seconds to import: imported only when something is distilled.
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["distill", "distilling", "find_distilled"]
 
-# What a stage needs memory for, and what lowers that.
+# By stage: what needs the memory, and which settings reduce it.
 _PICTURES = "the pictures: lower `resolution` or `views`"
 _FIT = "the fit: lower `batch`, `resolution` or `views`, or give features with fewer columns"
 _ADVICE = dict.fromkeys(("load", "up", "simplify", "render"), _PICTURES)
@@ -46,59 +46,57 @@ def distill(
     checkpoint: str | PathLike[str] | None = None,
     **settings: Any,
 ) -> Field:
-    """Distill the features of an image encoder, or features that are given, into a field around `mesh`.
+    """Distill the features of an image encoder, or given features, into a field around `mesh`.
 
     Parameters
     ----------
     mesh
-        The shape, or whatever `dfd.load` makes one of; with or without textures, holes, loose parts and faces of no
-        area.
+        A mesh, or anything that `dfd.load` accepts. Textures, holes, loose parts and degenerate faces are allowed.
     encoder
-        A known encoder's name, a folder with weights, a hub name, or an encoder that is loaded already.
+        A known encoder's name, a folder with weights, a hub name, or a loaded encoder.
     features
-        Features of another network, which are fitted instead of an encoder's: (V, D), a row a vertex, or the pair
-        points (N, 3) in mesh units and their rows (N, D). What concerns pictures has no meaning then, and an epoch has
+        Features of another network, fitted instead of an encoder's: (V, D), one row per vertex, or the pair points
+        (N, 3) in mesh units and features (N, D). Settings of pictures are then ignored, and an epoch is one pass over
         these points or vertices.
     device
-        Where torch computes, such as "cpu" or "cuda"; None takes a CUDA device when there is one.
+        Torch device, such as "cpu" or "cuda"; None takes CUDA if available.
     progress
-        True draws bars on standard error; a `Stages` also collects how long each stage took.
+        True shows progress bars on standard error; a `Stages` also records the duration of each stage.
     cache
-        Take the field from the user's cache when the same mesh was distilled with the same settings before, and keep it
-        there otherwise. Where that is, and its other uses: `dfd.common.files`.
+        Take the field from the user's cache if the same mesh was distilled with the same settings before, and store it
+        there otherwise; see `dfd.common.files`.
     checkpoint
-        A folder that keeps what the encoder saw in each picture, for as long as the call lasts. An interrupted call
-        resumes at the next picture; one with another mesh or other settings is restarted, as is what is damaged, with a
-        warning. The fit takes seconds and is always restarted.
+        A folder that stores the encoder's tokens of each picture until the call ends. An interrupted call resumes at
+        the next picture; with another mesh, other settings or damaged files it restarts, with a warning. The fit takes
+        seconds and is always restarted.
     settings
-        `preset` ("default", or "paper" for the procedure of the paper) and every other field of `DistillSettings`,
-        which explains each. Equal seeds give equal fields on one machine with as many threads, and nearly equal ones
-        (to about 1e-3 of a feature) on any other. The precision of a named encoder is decided once on a machine, by
+        `preset` ("default", or "paper" for the procedure of the paper) and every other field of `DistillSettings`.
+        Equal seeds give equal fields on one machine with the same number of threads, and nearly equal ones (to about
+        1e-3 of a feature) elsewhere. The precision of a named encoder is chosen once per machine, by
         `dfd.encoders.encode.load_encoder`, and is `field.settings["encoder_precision"]`.
 
     Returns
     -------
-    Field, with all settings and the loss of every step in `field.settings`. There are also the block that was taken and
-    whether the background was seen, as the encoder has it, and of `up="auto"` what was found and how sure that is:
-    "up_direction", "up_confidence" and "up_source" ("file", "found", "averaged" where two directions share the pictures
-    because none is clear, or "said").
+    Field, with all settings and the loss of every step in `field.settings`. These also hold the encoder's block and
+    whether it saw the background, and the up direction and its confidence: "up_direction", "up_confidence" and
+    "up_source" ("said" if given, "file", "found", or "averaged" if two uncertain directions share the pictures).
 
     Raises
     ------
     ValueError
-        If an argument is out of its range, the encoder is unknown or was loaded for another `block` or `background`, no
-        camera sees the mesh, or `checkpoint` is a folder of something else.
+        If an argument is out of range, the encoder is unknown or was loaded for another `block` or `background`, no
+        camera ray hits the mesh, or `checkpoint` holds other files.
     OSError
-        If the encoder's weights cannot be found or read, or `checkpoint` cannot be made.
+        If the encoder's weights cannot be found or read, or `checkpoint` cannot be created.
     MemoryError
-        If memory runs out, with what to lower.
+        If memory runs out; the message names the settings to lower.
 
     Warns
     -----
     RuntimeWarning
-        If the cache cannot be written, or tokens cannot be written to `checkpoint`; the call goes on.
+        If the cache or `checkpoint` cannot be written; the call continues.
     UserWarning
-        If what `checkpoint` keeps is of other settings or damaged, and restarted.
+        If `checkpoint` is damaged or was made with other settings, so that the run restarts.
 
     Source: paper, Eq. 2 and 3 and supplement L.
     """
@@ -131,9 +129,9 @@ def distilling(
     checkpoint: str | PathLike[str] | None = None,
     loading: Future[Encoder] | None = None,
 ) -> Iterator[Field]:
-    """Do what `distill` does for a block that writes the field: the checkpoint stays if the block fails.
+    """`distill` as a context: the checkpoint is removed only after the block (which writes the field) has succeeded.
 
-    `loading` gives the `encoder` of that name, where it is being loaded already.
+    `loading` is the future of the `encoder` if it is already being loaded.
     """
     with stages.stage("load"), importing():
         known = _find_key(mesh, encoder, settings, device) if features is None else None
@@ -166,15 +164,15 @@ def find_distilled(
     device: str | None = None,
     checkpoint: str | PathLike[str] | None = None,
 ) -> Field | None:
-    """Return what `distill` would take from the user's cache for the same arguments, or None where it would work.
+    """Return the field that `distill` would take from the user's cache for the same arguments, else None.
 
-    No torch is imported for it, which takes longer than all the rest.
+    Does not import torch, which would take longer than the lookup.
     """
     return _find(_find_key(mesh, encoder, settings, device), checkpoint)
 
 
 def _find(key: Mapping[str, Any] | None, checkpoint: str | PathLike[str] | None) -> Field | None:
-    """The field in the user's cache; what an earlier run left in `checkpoint` is removed then."""
+    """The cached field; if there is one, an earlier run's files in `checkpoint` are removed."""
     found = field_cache.find(key) if key else None
     if found is not None and key and checkpoint is not None:
         Checkpoint.discard(checkpoint, key)
@@ -184,13 +182,7 @@ def _find(key: Mapping[str, Any] | None, checkpoint: str | PathLike[str] | None)
 def _find_key(
     mesh: Content, encoder: str | PathLike[str] | Encoder, settings: DistillSettings, device: str | None
 ) -> dict[str, Any] | None:
-    """The cache key, without loading the encoder; None where it is not known before.
-
-    Raises
-    ------
-    ValueError
-        If `encoder` is none.
-    """
+    """The cache key, without loading the encoder; None if it depends on the loaded encoder."""
     from dfd.encoders.loading import find_identity
 
     if not isinstance(encoder, str | PathLike) and not hasattr(encoder, "identity"):
@@ -199,7 +191,7 @@ def _find_key(
     return cache_key(mesh, **settings.as_dict(), **identity) if identity else None
 
 
-_Work = tuple[dict[str, Any], Callable[[Stages, Checkpoint | None], "Field"]]  # a cache key, and what makes its field
+_Work = tuple[dict[str, Any], Callable[[Stages, Checkpoint | None], "Field"]]  # key, and what makes its field
 
 
 def _of_pictures(
@@ -226,13 +218,6 @@ def _of_pictures(
 
 
 def _check_loaded(encoder: Encoder, settings: DistillSettings) -> None:
-    """Refuse settings that contradict those of an encoder that is loaded already.
-
-    Raises
-    ------
-    ValueError
-        In the name of the setting.
-    """
     if settings.block not in (None, encoder.block):
         raise ValueError(f"distill: `block` must be that of the loaded encoder, {encoder.block}, got {settings.block}")
     if settings.background and encoder.foreground_only:
@@ -256,15 +241,7 @@ def _of_features(
 
 @contextmanager
 def _guarded(stages: Stages, store: Checkpoint | None) -> Iterator[None]:
-    """Watch over the work itself.
-
-    Raises
-    ------
-    MemoryError
-        With advice, when memory runs out in whatever way.
-    ValueError
-        What the work itself raises: a checkpoint goes then, for it would only lead here again.
-    """
+    """Turn every out-of-memory error into a MemoryError with advice; remove a checkpoint that leads to a ValueError."""
     try:
         yield
     except ValueError:

@@ -1,4 +1,4 @@
-"""The fit: a field follows the gradient of Eq. 3 towards targets at points, in torch on every device."""
+"""The fit: gradient descent on Eq. 3 from targets at points, in torch on every device."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Adam", "fit", "fit_component_residuals", "schedule", "widen"]
 
-_LEAST_PART, _MOST_PARTS = 192, 8  # points of a batch that a thread takes, and how many such parts there are
+_LEAST_PART, _MOST_PARTS = 192, 8  # least points per part of a batch, and most parts; threads take parts
 
 
 def fit(
@@ -41,18 +41,17 @@ def fit(
     device: str | torch.device,
     stages: Stages,
 ) -> Field:
-    """Return a field fitted to `targets`, with the loss of every step in its settings.
+    """Return a field fitted to `targets` by Adam, with the loss of every step in its settings.
 
-    Every step follows the gradient of the mean of ‖Φ(P) − Z‖² over a batch, with Adam. The network's first parameters
-    and the points of each step come from one generator on the CPU, so that a seed means the same on every device, up to
-    the order in which a device adds: to about 1e-3 of a feature.
+    The loss is the mean of ‖Φ(P) − Z‖² over a batch. Initial parameters and batches come from one generator on the CPU,
+    so a seed gives the same field on every device up to rounding (about 1e-3 of a feature).
 
     Parameters
     ----------
     center, scale
-        The normalization that the points have gone through, which the field will do.
+        The normalization of the points, which the field applies to its arguments.
     device
-        Where it is computed: on the CPU with as many threads as the kernels use, to the same bits for any number.
+        Torch device. On the CPU the threads are those of the kernels, and their number does not change a bit.
 
     Raises
     ------
@@ -67,7 +66,7 @@ def fit(
     batches, steps = _batches(targets, settings, generator)
     optimizer = Adam(network)
     losses: list[Tensor] = []
-    # Each of the workers, as many as the kernels use, computes with torch alone: torch counts for each thread apart.
+    # torch's thread count is per thread, so each worker sets its own to 1.
     workers = ThreadPoolExecutor(get_num_threads(), "dfd-fit", initializer=torch.set_num_threads, initargs=(1,))
     with _exact_float32(), one_thread(), workers as pool, stages.stage("fit", steps) as advance:
         for (points, wanted), (rate, momentum) in zip(batches, schedule(settings, steps), strict=True):
@@ -86,8 +85,8 @@ def fit(
 def _gradients(network: Network, points: Tensor, wanted: Tensor, pool: Executor) -> tuple[Tensor, list[Tensor]]:
     """Return the mean of ‖Φ(P) − Z‖² over a batch, (B, 3) points and (B, d) targets, and its gradients.
 
-    On the CPU each thread takes parts of the batch, whose gradients are added in order: torch's own threads wait for
-    each other many times in a step, which on a busy machine takes twenty times as long.
+    On the CPU each thread takes parts of the batch, whose gradients are added in order: torch's own threads synchronize
+    many times per step, which is up to twenty times slower on a busy machine.
     """
     parameters = list(network.parameters())
 
@@ -106,10 +105,7 @@ def _gradients(network: Network, points: Tensor, wanted: Tensor, pool: Executor)
 def _batches(
     targets: Targets, settings: DistillSettings, generator: torch.Generator
 ) -> tuple[Iterator[tuple[Tensor, Tensor]], int]:
-    """Points and targets of every step, and how many steps there are.
-
-    Either so many `steps` of points drawn at random, or so many `epochs`, in each of which every point comes once.
-    """
+    """Points and targets of every step, and the number of steps: random draws for `steps`, else shuffled `epochs`."""
     batch = settings.batch
     if settings.steps is not None:
         return (targets.draw(batch, generator) for _ in range(settings.steps)), settings.steps
@@ -125,7 +121,7 @@ def _batches(
 
 
 class Adam:
-    """torch's fused Adam, by its function: its class imports torch's compiler, which takes two seconds."""
+    """torch's fused Adam by its function, because its class imports torch's compiler, which takes two seconds."""
 
     def __init__(self, network: Network) -> None:
         self._parameters = [parameter.detach() for parameter in network.parameters()]
@@ -154,32 +150,31 @@ class Adam:
 
 
 def schedule(settings: DistillSettings, steps: int) -> Iterator[tuple[float, float]]:
-    """Rate and momentum of every step: constant, or one cycle.
+    """Learning rate and momentum of every step: constant, or one cycle.
 
-    In one cycle the rate rises for three tenths of the steps and then falls, along cosines, and the momentum goes the
-    other way: Smith and Topin, "Super-convergence" (2019), with the defaults of `torch.optim.lr_scheduler.OneCycleLR`.
+    One cycle: Smith and Topin, "Super-convergence" (2019), with the defaults of `torch.optim.lr_scheduler.OneCycleLR`.
     """
     peak = settings.learning_rate
     if settings.schedule == "constant":
         return iter([(peak, 0.9)] * steps)
     top, last = 0.3 * max(steps, 2) - 1, max(steps, 2) - 1
 
-    def between(start: float, end: float, share: float) -> float:
-        return end + (start - end) * (1 + math.cos(math.pi * share)) / 2
+    def between(start: float, end: float, phase: float) -> float:
+        return end + (start - end) * (1 + math.cos(math.pi * phase)) / 2
 
     def at(step: int) -> tuple[float, float]:
         if step <= top:
-            share = step / top if top > 0 else 1.0
-            return between(peak / 25, peak, share), between(0.95, 0.85, share)
-        share = (step - top) / (last - top)
-        return between(peak, peak / 25e4, share), between(0.85, 0.95, share)
+            phase = step / top if top > 0 else 1.0
+            return between(peak / 25, peak, phase), between(0.95, 0.85, phase)
+        phase = (step - top) / (last - top)
+        return between(peak, peak / 25e4, phase), between(0.85, 0.95, phase)
 
     return map(at, range(steps))
 
 
 @contextmanager
 def _exact_float32() -> Iterator[None]:
-    """Let torch multiply in float32, not in fewer bits, and then as before."""
+    """Disable TF32 and similar reduced precision in torch's matrix products."""
     precision = torch.get_float32_matmul_precision()
     torch.set_float32_matmul_precision("highest")
     try:
@@ -188,29 +183,29 @@ def _exact_float32() -> Iterator[None]:
         torch.set_float32_matmul_precision(precision)
 
 
-# A piece of few points says little for certain: what it differs by counts by n / (n + FEW).
-FEW = 10
+# Shrinks the residuals of components with few points n, which are noisy: they are multiplied by n / (n + SHRINKAGE).
+SHRINKAGE = 10
 
 
 def fit_component_residuals(field: Field, targets: PointTargets) -> Field:
-    """Return `field`, fitted to `targets`, with what it misses of the pieces of the surface that share a place.
+    """Return `field`, fitted to `targets`, with its residuals on each connected component of the surface.
 
-    `targets` are as wide as the field's features. Where the surface is one piece the field is returned as it is.
+    `targets` are as wide as the field's features. If the surface is one component the field is returned unchanged.
     """
     piece, boxes = targets.piece, targets.boxes
     if piece is None or boxes is None:
         return field
     missed = targets.targets - field(field.center + targets.points / field.scale)
     size = np.bincount(piece, minlength=len(boxes))
-    missed *= (size / (size + FEW))[piece, None].astype(np.float32)
+    missed *= (size / (size + SHRINKAGE))[piece, None].astype(np.float32)
     residuals = ComponentResiduals(boxes.astype(np.float32), targets.points, piece, missed.astype(np.float16))
     return field.with_pieces(residuals)
 
 
 def widen(field: Field, directions: NDArray[np.float32]) -> Field:
-    """Return the field whose features are those of `field` (width d) times `directions` (d, D): of width D.
+    """Return the field whose features are those of `field` (width d) times `directions` (d, D).
 
-    The directions are orthonormal, so that lengths stay as they are, and the last layer can do it.
+    The directions are orthonormal, so lengths are preserved and the last layer can absorb them.
     """
     last = field.architecture.layer_names().linear[-1]
     turned: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""Fields of features that another network has given to the vertices of a mesh, or to points around it."""
+"""Fields fitted to features of another network at the vertices of a mesh, or at points around it."""
 
 from __future__ import annotations
 
@@ -32,22 +32,21 @@ def distill_features(
     device: torch.device,
     stages: Stages,
 ) -> Field:
-    """Return the field that has the features that are `given`."""
+    """Return the field fitted to `given`."""
     field = fit(given, settings, center=given.center, scale=given.scale, device=device, stages=stages)
     return field.with_settings({**settings.of_fit(), "features": given.kind, **field.settings})
 
 
 class GivenFeatures(Targets):
-    """Targets of a fit from features that are given.
+    """Targets of a fit from given features.
 
-    Features of the vertices are blended with the barycentric coordinates of surface points that are drawn evenly by
-    area, as Eq. 2 blends positions; features of points are taken where they are.
+    Features of vertices are blended with the barycentric coordinates of surface points drawn uniformly by area, as
+    Eq. 2 blends positions; features of points are used at those points.
 
     Parameters
     ----------
     features
-        (V, D), a row a vertex, or the pair points (N, 3) in mesh units and their rows (N, D). Rows need not be of unit
-        length; only their directions count.
+        (V, D), one row per vertex, or the pair points (N, 3) in mesh units and features (N, D). Rows are normalized.
 
     Raises
     ------
@@ -97,19 +96,19 @@ class GivenFeatures(Targets):
         return int(self.features.shape[1])
 
     def sha256(self) -> str:
-        """Hash of what is given, 64 hexadecimal digits."""
+        """Hash of the points and features, 64 hexadecimal digits."""
         return hash_arrays(self.points, self.features)
 
     def rows(self, chosen: NDArray[np.integer]) -> NDArray[np.float32]:
-        """Unit rows (B, D) of those whose features are given."""
+        """Unit features (B, D) of the chosen points or vertices."""
         return _unit(self._rows[torch.from_numpy(chosen)]).numpy()
 
     def draw(self, count: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
-        """Points and targets at random; between vertices, where features are those of vertices."""
+        """Random points and their targets; on the faces if the features are those of vertices."""
         if self.kind == "points":
             return super().draw(count, generator)
         drawn = torch.rand(count, 3, generator=generator, dtype=torch.float64)
-        # The first face whose end lies beyond: one without area is never it.
+        # `right=True` never picks a face without area.
         face = torch.searchsorted(self._area, drawn[:, 0] * self._area[-1], right=True).clamp_(max=len(self._area) - 1)
         corners = self._faces[face].long()
         sqrt = drawn[:, 1].sqrt()
@@ -118,6 +117,6 @@ class GivenFeatures(Targets):
 
 
 def _unit(rows: Tensor) -> Tensor:
-    """Rows at unit length, whatever their length was; zero where they cancelled out."""
+    """Rows at unit length without overflow; zero rows stay zero."""
     largest = rows.abs().amax(dim=-1, keepdim=True).clamp_min_(torch.finfo(torch.float32).tiny)
     return nn.functional.normalize(rows / largest, dim=-1)

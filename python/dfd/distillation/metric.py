@@ -1,14 +1,12 @@
-"""A metric learned once per encoder: which differences tell parts apart, and which lie within a part.
+"""A metric, learned once per encoder from labelled shapes, that separates parts better than the raw features.
 
-An encoder's features differ by more than parts: by where on the body a point is, how the surface bends, what stands
-near. And some of what parts differ by is in no picture, such as how thick they are, see `dfd.distillation.thickness`.
-Labelled shapes say which differences count. Features and thickness go through one linear map that weighs each direction
-by how much it changes between parts for what it changes within them (Fisher's discriminant directions; `python -m
-bench.training.learn_metric` learns it). Beside what comes out stands which kind of part a point looks like, see
-`dfd.distillation.metric`. Rows are of unit length and about as far from each other, on average, as they were before: a
-weight 1 − d keeps its meaning.
+An encoder's features also vary within a part: with position on the body, curvature and neighboring parts. And pictures
+do not show some differences between parts, such as thickness (`dfd.distillation.thickness`). So features and thickness
+go through a linear map to Fisher's discriminant directions, weighted by the ratio of variance between parts to variance
+within parts (`python -m bench.training.learn_metric`). Probabilities of kinds of parts are appended. Rows have unit
+length and about the same mean distance as before, so that a weight 1 − d keeps its meaning.
 
-The map comes before the fit, so that a field's features have these distances by themselves, and are narrower.
+The map is applied before the fit, so that the field's features have these distances and are narrower.
 """
 
 from __future__ import annotations
@@ -31,38 +29,38 @@ if TYPE_CHECKING:
 
 __all__ = ["FOLDER", "Kinds", "Metric", "find_metric"]
 
-KIND = "dfd metric 3"  # the number is that of the format
+KIND = "dfd metric 3"  # format version 3
 SHAPES: dict[str, tuple[int | str, ...]] = {
     "directions": ("D", "d"),
     "thickness_directions": (BANDS, "d"),
-    "kinds_hidden": ("D", "n"),  # from here on only in files that know kinds of parts
+    "kinds_hidden": ("D", "n"),  # this and the following are optional
     "kinds_hidden_bias": ("n",),
     "kinds_output": ("n", "K"),
     "kinds_output_bias": ("K",),
 }
 FOLDER = Path(__file__).with_name("metrics")
-# Details, of many vertices and little area, draw together: at equal mean distance over the surface a handle would move
-# more vertices than without the metric. So much farther apart it moves fewer.
+# The metric contracts details of many vertices and little area: at equal mean distance over the surface a handle would
+# move more vertices than without the metric, with this factor fewer.
 FARTHER = 1.06
-# What a squared distance of kinds counts for, beside one of mapped features. With more, birds lose.
+# Weight of squared distances of kinds relative to those of mapped features. A higher one is worse on birds.
 KINDS_SHARE = 0.2
-_LEAST_STRETCH = 0.02  # towards their mean, where mapped rows lie farther apart than before
+_LEAST_STRETCH = 0.02  # below 1: mapped rows may have to be contracted
 
 
 @dataclass(frozen=True, eq=False)
 class Metric:
-    """What was learned about an encoder's features of width D.
+    """The learned map of an encoder's features of width D.
 
     Attributes
     ----------
     directions
         (D, d) the map of a row of features.
     thickness_directions
-        (BANDS, d) that of a row of `dfd.distillation.thickness.thickness_bands`; both are added.
+        (BANDS, d) the map of a row of `dfd.distillation.thickness.thickness_bands`; the two are added.
     kinds
-        What tells kinds of parts; None where only the map was learned.
+        The classifier of kinds of parts, or None.
     encoder_weights, encoder_block
-        The encoder that it was learned from.
+        The encoder whose features it was learned from.
     """
 
     directions: NDArray[np.float32]
@@ -79,10 +77,10 @@ class Metric:
         *,
         mean: NDArray[np.float32] | None = None,
     ) -> NDArray[np.float32]:
-        """Return features (N, D) with bands of thickness (N, BANDS) as unit rows, whose distances tell parts apart.
+        """Map features (N, D) and thickness bands (N, BANDS) to unit rows (N, d), or (N, d + K) with K kinds.
 
-        They are (N, d), or (N, d + K) with K kinds; their mean distance is `FARTHER` times that of `features`. `mean`
-        (D,) is that of the features of the shape; None takes that of `features`.
+        Their mean distance is `FARTHER` times that of `features`. `mean` (D,) is the mean feature of the shape; None
+        takes that of `features`.
         """
         one, other = generator.integers(0, len(features), (2, PAIRS))
         rows = np.asarray(features, np.float32)
@@ -96,37 +94,36 @@ class Metric:
         return restore_contrast(both, distance, generator, least=_LEAST_STRETCH)
 
     def of_targets(self, targets: PointTargets, thickness: NDArray[np.float32], seed: int) -> PointTargets:
-        """Return targets at the same points whose features went through `mapped`; `seed` draws pairs to measure."""
+        """Apply `mapped` to the features of `targets`; `seed` draws the pairs that measure mean distances."""
         rows = self.mapped(targets.features, thickness, np.random.default_rng(seed))
         return PointTargets(targets.points, rows, None, targets.piece, targets.boxes, targets.face)
 
     @property
     def content_hash(self) -> str:
-        """SHA-256 of all its numbers: features that went through another metric are not to be compared."""
+        """SHA-256 of its arrays: features of different metrics are not comparable."""
         return hash_arrays(*self._arrays().values())
 
     def _arrays(self) -> dict[str, NDArray[Any]]:
-        """What a file keeps, by name."""
         kinds = self.kinds
         learned = [] if kinds is None else [kinds.hidden, kinds.hidden_bias, kinds.output, kinds.output_bias]
         return dict(zip(SHAPES, (self.directions, self.thickness_directions, *learned), strict=False))
 
     def fits(self, encoder: Encoder) -> bool:
-        """Whether it was learned from the features that `encoder` gives."""
+        """Whether it was learned from features of `encoder`."""
         return (self.encoder_weights, self.encoder_block) == encoder_identity(encoder)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write a .safetensors file, whole or not at all; equal metrics are equal files."""
+        """Write a .safetensors file atomically; equal metrics give equal files."""
         write_learned(path, KIND, self._arrays(), (self.encoder_weights, self.encoder_block))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], encoder: Encoder | None = None) -> Metric:
-        """Read what `save` has written, for `encoder` where one is given.
+        """Read what `save` has written; checked against `encoder` if given.
 
         Raises
         ------
         ValueError
-            If the file is something else, or cut short, its numbers are no map or not finite, or it was learned from
+            If the file is truncated or of another kind, its arrays do not fit or are not finite, or it was learned from
             another encoder.
         OSError
             If it cannot be read.
@@ -140,7 +137,7 @@ class Metric:
 
 
 def find_metric(encoder: Encoder) -> Metric | None:
-    """Return the metric that comes with the package for `encoder`; None where there is none for its weights and block.
+    """Return the package's metric for the weights and block of `encoder`, else None.
 
     Raises
     ------
@@ -153,14 +150,14 @@ def find_metric(encoder: Encoder) -> Metric | None:
 
 @dataclass(frozen=True, eq=False)
 class Kinds:
-    """A network of one hidden layer of n rectified units, from a feature of width D to K kinds of parts.
+    """A classifier from features of width D to K kinds of parts, with one hidden layer of n rectified units.
 
     Attributes
     ----------
     hidden, hidden_bias
         (D, n) and (n,), of the hidden units.
     output, output_bias
-        (n, K) and (K,), of the logarithms of the odds.
+        (n, K) and (K,), of the logits.
     """
 
     hidden: NDArray[np.float32]
@@ -169,9 +166,9 @@ class Kinds:
     output_bias: NDArray[np.float32]
 
     def likely(self, features: NDArray[np.float32], mean: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return unit rows (N, K), the square roots of probabilities, for `features` (N, D) of a shape of that mean."""
+        """Return square roots of probabilities, unit rows (N, K), of `features` (N, D); `mean` is that of the shape."""
         units = np.maximum((features - mean) @ self.hidden + self.hidden_bias, 0)
-        odds = units @ self.output + self.output_bias
-        probable = np.exp(odds - odds.max(axis=1, keepdims=True))
+        logits = units @ self.output + self.output_bias
+        probable = np.exp(logits - logits.max(axis=1, keepdims=True))
         result: NDArray[np.float32] = np.sqrt(probable / probable.sum(axis=1, keepdims=True))
         return result

@@ -1,4 +1,4 @@
-"""The settings of a distillation: all that a field depends on besides its mesh and its encoder."""
+"""The settings of a distillation: everything that a field depends on besides its mesh and encoder."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LENGTHS = ("steps", "epochs")  # of a fit: one of the two
 
 
 def _setting(default: Any, description: str, *, paper: Any = ..., **bounds: float) -> Any:
-    """One setting: its value in the preset "default", what it means, its value in the preset "paper", its bounds."""
+    """One setting: its default, its description, its value in the preset "paper", and its bounds."""
     return Field(
         default,
         description=description,
@@ -30,14 +30,12 @@ def _setting(default: Any, description: str, *, paper: Any = ..., **bounds: floa
 
 
 class DistillSettings(BaseModel):
-    """The settings of `dfd.distill`; they check themselves when made, and never change.
-
-    Every one that is left out is the preset's.
+    """The settings of `dfd.distill`, checked and immutable; those left out are the preset's.
 
     Raises
     ------
     ValueError
-        If one is out of its range, or neither or both of `steps` and `epochs` are given.
+        If one is out of range, or neither or both of `steps` and `epochs` are given.
     TypeError
         If there is no such setting.
     """
@@ -46,31 +44,31 @@ class DistillSettings(BaseModel):
 
     preset: Preset = _setting(
         "default",
-        "What is left out is as it was measured to be best (default) or as the paper has it (paper).",
+        "Values of the settings left out: as measured to be best (default), or as in the paper (paper).",
         paper="paper",
     )
     views: int = _setting(24, "Pictures taken from around the shape.", minimum=1, maximum=LARGEST_VIEWS)
     resolution: int = _setting(
         518,
-        "Pixels along a picture's side; the nearest that the encoder takes is taken.",
+        "Pixels along a picture's side, rounded to the nearest that the encoder accepts.",
         paper=512,
         minimum=1,
         maximum=LARGEST_RESOLUTION,
     )
     framing: Framing = _setting(
-        "shape", "shape: it fills every picture; paper: cameras at a distance of 2.8.", paper="paper"
+        "shape", "shape: the shape fills every picture; paper: cameras at a distance of 2.8.", paper="paper"
     )
     simplify_to: int | None = _setting(
         None,
-        "Take the pictures of a copy of at most so many faces; none casts rays at the mesh itself, as fast below half "
-        "a million faces and faster above.",
+        "Render a copy simplified to this many faces; none casts rays at the full mesh, equally fast below half a "
+        "million faces and faster above.",
         paper=50_000,
         minimum=4,
     )
     up: str | tuple[float, float, float] = _setting(
         "auto",
-        "Which way is up: +y, -z and the like; numbers such as 0,0,1; file, the +y that files have by convention; or "
-        "auto, which looks. Cameras stand upright in it; mesh and field keep their coordinates.",
+        "Up direction: +y, -z and the like; numbers such as 0,0,1; file, the +y of files by convention; or auto, found "
+        "from pictures. It orients the cameras; mesh and field keep their coordinates.",
         paper="file",
     )
     supervision: Supervision = _setting(
@@ -79,58 +77,56 @@ class DistillSettings(BaseModel):
     )
     mirrored: bool = _setting(
         True,
-        "Take the pictures in fours that mirror each other at the upright middle planes: the encoder's own sense of "
-        "left and right evens out.",
+        "Place cameras in fours that mirror each other at the upright middle planes, which cancels the encoder's bias "
+        "between left and right.",
         paper=False,
     )
     background: bool = _setting(
-        False, "Let the encoder look at all of a picture, not only at patches that show the shape.", paper=True
+        False, "Give the encoder whole pictures, not only the patches that show the shape.", paper=True
     )
     block: int | None = _setting(
         None,
-        "The encoder's block whose tokens are taken, from 1; none is the one that suits its weights.",
+        "The encoder's block whose tokens are used, from 1; none takes the best one for its weights.",
         minimum=1,
     )
     smoothing: float = _setting(
         0.3,
-        "How far to smooth features along the surface before the fit, as a part of half the longest side of the box; "
-        "0 fits the pixels as they are, as the paper does.",
+        "Distance over which features are smoothed along the surface before the fit, relative to half the longest side "
+        "of the box; 0 fits the pixels, as in the paper.",
         paper=0.0,
         minimum=0.0,
         maximum=2.0,
     )
     metric: Literal["learned", "none"] = _setting(
         "learned",
-        "learned: distances that tell parts apart better, where some were learned for the encoder's weights and block; "
-        "none: the paper's, of what is seen alone. Without smoothing always none; what was not learned for an encoder "
+        "learned: distances that separate parts better, if learned for the encoder's weights and block; none: the "
+        "paper's, of the encoder's features alone. Without smoothing always none; what was not learned for an encoder "
         "is in `field.settings` as encoder_lacks.",
         paper="none",
     )
     pieces: bool = _setting(
         True,
-        "Keep what each of several unconnected pieces looks like, so that a helmet is told from the head in it. "
-        "Without smoothing never.",
+        "Store features of each connected component, which separates a helmet from the head inside it. Without "
+        "smoothing always off.",
         paper=False,
     )
     octaves: int = _setting(
         5,
-        "Wavelengths of the sines that the network is given beside the coordinates; the paper's has 0.",
+        "Octaves of the positional encoding that the network takes in addition to the coordinates; 0 in the paper.",
         paper=0,
         minimum=0,
         maximum=MOST_OCTAVES,
     )
     width: int = _setting(256, "Neurons of each hidden layer of the network.", minimum=1, maximum=8192)
     layers: int = _setting(4, "Hidden layers of the network.", minimum=1, maximum=64)
-    steps: int | None = _setting(350, "Length of the fit; or `epochs`.", paper=None, minimum=1)
-    epochs: int | None = _setting(
-        None, "Length of the fit in rounds, each over every point once; or `steps`.", paper=15, minimum=1
-    )
+    steps: int | None = _setting(350, "Length of the fit in batches; or `epochs`.", paper=None, minimum=1)
+    epochs: int | None = _setting(None, "Length of the fit in passes over all points; or `steps`.", paper=15, minimum=1)
     batch: int = _setting(384, "Surface points in each step of the fit.", paper=10_000, minimum=1)
     learning_rate: float = _setting(
-        2e-2, "Adam's rate, or the peak of one that rises and falls.", paper=1e-3, minimum=0.0, exclusive=True
+        2e-2, "Adam's learning rate, or its peak over one cycle.", paper=1e-3, minimum=0.0, exclusive=True
     )
     schedule: Literal["one_cycle", "constant"] = _setting(
-        "one_cycle", "one_cycle: the rate rises to its peak and falls; constant: it stays.", paper="constant"
+        "one_cycle", "one_cycle: the learning rate rises to its peak and falls; constant: it stays.", paper="constant"
     )
     seed: int = _setting(0, "Equal seeds give equal fields on one machine.", minimum=0, maximum=2**63 - 1)
 
@@ -148,7 +144,7 @@ class DistillSettings(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _fill_in(cls, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Take from the preset what is not given, but not a length of the fit beside the one that is."""
+        """Add the preset's values, but not a second length of the fit."""
         preset = check.choice("distill", "preset", given.get("preset", "default"), Preset)
         usual = {}
         if preset == "paper":
@@ -160,7 +156,7 @@ class DistillSettings(BaseModel):
     @field_validator("*", mode="plain")
     @classmethod
     def _check(cls, value: Any, setting: ValidationInfo) -> Any:
-        """Check a setting as its annotation and its bounds have it, with messages in the name of `distill`."""
+        """Check a setting by its annotation and bounds, with messages of `distill`."""
         name = setting.field_name or ""
         kind, bounds = cls.model_fields[name].annotation, _extra(cls, name)["bounds"]
         kinds = get_args(kind) or (kind,)
@@ -182,28 +178,28 @@ class DistillSettings(BaseModel):
             raise ValueError(
                 f"distill: exactly one of `steps` and `epochs` must be given, got {self.steps} and {self.epochs}"
             )
-        if self.supervision == "vertex":  # the ablation is of the paper's own loss
+        if self.supervision == "vertex":  # the ablation uses the paper's loss
             object.__setattr__(self, "smoothing", 0.0)
-        if self.smoothing == 0:  # both are of smoothed features
+        if self.smoothing == 0:  # both need smoothed features
             object.__setattr__(self, "metric", "none")
             object.__setattr__(self, "pieces", False)
         return self
 
     def of_encoder(self) -> dict[str, Any]:
-        """Return what `dfd.encoders.encode.load_encoder` goes by."""
+        """Return the arguments of `dfd.encoders.encode.load_encoder`."""
         return self.model_dump(include={"block", "background"})
 
     def of_pictures(self) -> dict[str, Any]:
-        """Return what `dfd.views.render.render` goes by."""
+        """Return the arguments of `dfd.views.render.render`."""
         return self.model_dump(include={"views", "resolution", "framing", "simplify_to", "supervision", "mirrored"})
 
     def of_fit(self) -> dict[str, Any]:
-        """Return what a fit goes by."""
+        """Return the settings of the fit alone."""
         network, length = {"octaves", "width", "layers"}, {*LENGTHS, "batch", "learning_rate", "schedule"}
         return self.model_dump(include={"preset", *network, *length, "seed"})
 
     def as_dict(self) -> dict[str, Any]:
-        """Return all settings by name, as JSON holds them."""
+        """Return all settings by name, as JSON values."""
         return self.model_dump()
 
 

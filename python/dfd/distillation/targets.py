@@ -1,4 +1,4 @@
-"""What a field is fitted to: points and their unit targets (paper, Eq. 3)."""
+"""The data of the fit: points and their unit target features (paper, Eq. 3)."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from scipy import sparse
 from dfd.common.threads import share
 from dfd.views.render import Views
 
-# torch takes seconds to import; only the fit draws with it.
+# torch takes seconds to import; only the fit needs it.
 if TYPE_CHECKING:
     import torch
 
 __all__ = ["PAIRS", "PixelTargets", "PointTargets", "Targets", "TokenGrid", "mean_distance", "restore_contrast", "unit"]
 
-PAIRS = 2000  # whose mean distance stands for that of all
-LARGEST_STRETCH = 5.0  # more would only magnify noise, on a shape that looks the same everywhere
-_GROUPS_AT_ONCE = 1000  # whose means one thread takes
-_ROWS_AT_ONCE = 2048  # of tokens
-_ROWS_IN_CACHE = 512  # whose squares stay in a core's cache until they are summed
+PAIRS = 2000  # sampled pairs that estimate a mean distance
+LARGEST_STRETCH = 5.0  # more only amplifies noise, on a shape with the same features everywhere
+_GROUPS_AT_ONCE = 1000  # means per task
+_ROWS_AT_ONCE = 2048  # tokens per task
+_ROWS_IN_CACHE = 512  # rows whose squares stay in a core's cache until they are summed
 
 
 class Targets:
-    """Points, normalized (N, 3), and what a field should give there, unit rows of width `dimension`."""
+    """Normalized points (N, 3), and the features wanted there, unit rows of width `dimension`."""
 
     points: NDArray[np.float32]
 
@@ -36,18 +36,18 @@ class Targets:
         raise NotImplementedError
 
     def rows(self, chosen: NDArray[np.integer]) -> NDArray[np.float32]:
-        """Unit targets of the points of these numbers (B,), (B, d)."""
+        """Unit targets (B, d) of the points with indices `chosen` (B,)."""
         raise NotImplementedError
 
     def at(self, chosen: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """The points of these numbers (B,), (B, 3), and their unit targets, (B, d), on the CPU."""
+        """The points (B, 3) with indices `chosen` (B,), and their unit targets (B, d), on the CPU."""
         import torch
 
         numbers = chosen.numpy()
         return torch.from_numpy(self.points[numbers]), torch.from_numpy(self.rows(numbers))
 
     def draw(self, count: int, generator: torch.Generator) -> tuple[torch.Tensor, torch.Tensor]:
-        """The same of `count` points at random."""
+        """`at` for `count` random points."""
         import torch
 
         return self.at(torch.randint(len(self.points), (count,), generator=generator))
@@ -62,13 +62,12 @@ class PointTargets(Targets):
     points, targets
         (N, 3) normalized, and (N, d) unit rows.
     directions
-        (d, D) orthonormal rows that lead from targets to features as the encoder gives them; None where the targets are
-        what a field is to give.
+        (d, D) orthonormal rows that map targets to features of the encoder; None if the targets are final features.
     piece, boxes
-        Of a surface in several connected components, (N,) the one that each point is on, and (P, 6) the corners of the
-        boxes around them; else None.
+        If the surface has several connected components, (N,) the component of each point and (P, 6) their boxes' lower
+        and upper corners; else None.
     face
-        (N,) the face that each point lies on, where it is known.
+        (N,) the face that each point lies on, if known.
     """
 
     points: NDArray[np.float32]
@@ -85,7 +84,7 @@ class PointTargets(Targets):
 
     @property
     def features(self) -> NDArray[np.float32]:
-        """(N, D) the targets as the encoder gives features."""
+        """(N, D) the targets as features of the encoder."""
         return self.targets if self.directions is None else np.asarray(self.targets @ self.directions, np.float32)
 
     def rows(self, chosen: NDArray[np.integer]) -> NDArray[np.float32]:
@@ -94,9 +93,9 @@ class PointTargets(Targets):
 
 
 class TokenGrid:
-    """Which tokens each surface point of `views` is read from, where an image has (height, width) of them.
+    """Bilinear interpolation of the (height, width) tokens of each image at the surface points of `views`.
 
-    Tokens are interpolated bilinearly: a patch's token stands at the center of the patch.
+    A token lies at the center of its patch.
     """
 
     def __init__(self, views: Views, height: int, width: int) -> None:
@@ -106,7 +105,7 @@ class TokenGrid:
         self._resolution = views.images.shape[1]
 
     def corners(self, chosen: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-        """The four tokens around each chosen point, numbered image by image, row by row, and their shares: (B, 4)."""
+        """Indices and weights (B, 4) of the four tokens around each chosen point, counted by image, row and column."""
         top, lower = self._between(self._row[chosen], self._height)
         left, right = self._between(self._column[chosen], self._width)
         bottom, after = np.minimum(top + 1, self._height - 1), np.minimum(left + 1, self._width - 1)
@@ -114,17 +113,17 @@ class TokenGrid:
         indices = np.stack(
             [(first + y) * self._width + x for y, x in ((top, left), (top, after), (bottom, left), (bottom, after))], 1
         )
-        shares = np.stack([(1 - lower) * (1 - right), (1 - lower) * right, lower * (1 - right), lower * right], 1)
-        return indices, shares
+        weights = np.stack([(1 - lower) * (1 - right), (1 - lower) * right, lower * (1 - right), lower * right], 1)
+        return indices, weights
 
     def means(self, chosen: NDArray[np.integer], group: NDArray[np.integer], count: int) -> sparse.csr_matrix:
-        """(count, tokens) shares of all tokens in the mean of each group of points; none where a group is empty.
+        """Matrix (count, tokens) that averages tokens over each group of points; rows of empty groups are empty.
 
-        `group` (B,) numbers the group of each of the `chosen`.
+        `group` (B,) is the group of each of the `chosen`.
         """
-        indices, shares = self.corners(chosen)
+        indices, weights = self.corners(chosen)
         size = np.bincount(group, minlength=count)
-        weight = shares / size[group][:, None].astype(np.float32)
+        weight = weights / size[group][:, None].astype(np.float32)
         return sparse.csr_matrix((weight.ravel(), (np.repeat(group, 4), indices.ravel())), shape=(count, self.size))
 
     def _between(self, pixel: NDArray[np.float32], count: int) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
@@ -135,17 +134,15 @@ class TokenGrid:
 
 
 class PixelTargets(Targets):
-    """Targets at the surface points of all views: Ω of Eq. 3.
-
-    Only the tokens are kept, never features of pixels.
+    """Targets at the surface points of all views, Ω of Eq. 3, interpolated from tokens on demand.
 
     Parameters
     ----------
     tokens
-        (views, h, w, D), the grids that the encoder gave for the square images of `views`.
+        (views, h, w, D), the encoder's tokens of the square images of `views`.
     """
 
-    directions = None  # these targets are features as the encoder gives them
+    directions = None  # these targets are features of the encoder
 
     def __init__(self, views: Views, tokens: NDArray[np.float32]) -> None:
         self.grid = TokenGrid(views, *tokens.shape[1:3])
@@ -161,23 +158,23 @@ class PixelTargets(Targets):
         """Unit targets Z/‖Z‖ of the chosen points, (B, D)."""
         import torch
 
-        indices, shares = (torch.from_numpy(each) for each in self.grid.corners(chosen))
+        indices, weights = (torch.from_numpy(each) for each in self.grid.corners(chosen))
         table = torch.from_numpy(self._table)
-        blended = torch.nn.functional.embedding_bag(indices, table, mode="sum", per_sample_weights=shares)
+        blended = torch.nn.functional.embedding_bag(indices, table, mode="sum", per_sample_weights=weights)
         return torch.nn.functional.normalize(blended, dim=1).numpy()
 
-    def means_by(self, shares: sparse.csr_matrix) -> NDArray[np.float32]:
-        """Sums of unit tokens by `shares` (N, tokens), such as `TokenGrid.means` gives, (N, D)."""
+    def means_by(self, weights: sparse.csr_matrix) -> NDArray[np.float32]:
+        """Return `weights` (N, tokens), such as `TokenGrid.means`, times the unit tokens: (N, D)."""
         table = np.empty(self._table.shape, np.float32)
 
         def shorten(begin: int, end: int) -> None:
             table[begin:end] = unit(self._table[begin:end])
 
         share(len(table), _ROWS_AT_ONCE, shorten)
-        mean = np.empty((shares.shape[0], self.dimension), np.float32)
+        mean = np.empty((weights.shape[0], self.dimension), np.float32)
 
         def fill(begin: int, end: int) -> None:
-            mean[begin:end] = shares[begin:end] @ table
+            mean[begin:end] = weights[begin:end] @ table
 
         share(len(mean), _GROUPS_AT_ONCE, fill)
         return mean
@@ -186,7 +183,7 @@ class PixelTargets(Targets):
 def restore_contrast(
     rows: NDArray[np.float32], distance: float, generator: np.random.Generator, *, least: float = 1.0
 ) -> NDArray[np.float32]:
-    """Move unit `rows` (N, D) about their mean, `least` to `LARGEST_STRETCH` times, to a mean distance of pairs."""
+    """Scale unit `rows` (N, D) about their mean, by `least` … `LARGEST_STRETCH`, to the mean pairwise `distance`."""
     one, other = generator.integers(0, len(rows), (2, PAIRS))
     mean = rows.mean(axis=0)
     from_mean = rows - mean
@@ -206,7 +203,7 @@ def restore_contrast(
 
 
 def unit(rows: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return `rows` (N, D) at unit length; one of hardly any length stays short."""
+    """Return `rows` (N, D) at unit length; rows shorter than 1e-6 stay short."""
     result = np.empty(rows.shape, np.float32)
     for begin in range(0, len(rows), _ROWS_IN_CACHE):
         some = rows[begin : begin + _ROWS_IN_CACHE]

@@ -1,4 +1,4 @@
-"""From pictures to tokens: a vision network looks at every view (paper, section 3.1)."""
+"""Encodes pictures as tokens with a vision network (paper, section 3.1)."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _PIXELS_AT_ONCE = 24 * 518 * 518  # that go through the network together on an a
 
 
 class TokenStore(Protocol):
-    """Where one encoder's tokens of pictures are kept, to be found again instead of made again."""
+    """A cache of one encoder's tokens of pictures."""
 
     def read_tokens(self, image: NDArray[np.uint8], covered: NDArray[np.bool_] | None) -> NDArray[np.float32] | None:
         """The tokens (h, w, D) of an image (R, R, 3) with its covered pixels (R, R); None where they are not kept."""
@@ -137,12 +137,12 @@ class Encoder:
         Parameters
         ----------
         images
-            Shape (number of images, R, R, 3), 8-bit red, green and blue as displayed. An R that the network cannot take
-            is resized to the nearest one that it can, and said once.
+            Shape (number of images, R, R, 3), 8-bit red, green and blue as displayed. If the network does not accept
+            R, images are resized to the nearest R that it does, with one warning.
         covered
-            Shape (number of images, R, R): the pixels that show the shape. Patches without any, and beside none that
-            has some, are then left out by networks that can do without, and their tokens are 0. None: every patch is
-            looked at.
+            Shape (number of images, R, R): the pixels that show the shape. Patches that neither have such pixels nor
+            adjoin one that has are skipped by networks that support it, and their tokens are 0. None: every patch is
+            encoded.
         store
             Looked into for the tokens of each image, and given those that are made, as soon as they are.
         stages
@@ -288,7 +288,7 @@ def load_encoder(
         by 0.0006 on average, 0.01 at most); "auto" takes "bfloat16" where it is faster and "float32" elsewhere. What it
         takes is decided once per machine and kept in the user's cache, so that equal calls give equal tokens.
     background
-        Look at what is around the shape as well, with networks too that can do without.
+        Encode the background too, even with networks that can skip it.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""What tells an encoder from any other before it is loaded, and loading it on a thread of its own.
+"""Identifies an encoder without loading it, and loads it on a background thread.
 
-torch takes seconds to import, and is not needed to look.
+Does not import torch, which takes seconds.
 """
 
 from __future__ import annotations
@@ -61,9 +61,9 @@ def loaded_identity(
 def load_in_background(
     encoder: str | os.PathLike[str], *, device: str | torch.device | None = None, **options: Any
 ) -> Future[Encoder] | None:
-    """Load what `dfd.encoders.encode.load_encoder` loads on a thread of its own; the result raises what that raises.
+    """Call `dfd.encoders.encode.load_encoder` on a background thread; the future raises what that raises.
 
-    None where it would have to be downloaded first, which is waited for, or interrupted, where its result is wanted.
+    None if it must be downloaded first: downloads run on the calling thread, where they can be interrupted.
     """
     if not is_cached(encoder):
         return None

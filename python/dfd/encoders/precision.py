@@ -1,7 +1,7 @@
-"""float32 or bfloat16: decided once per machine and kept in the user's cache, for a stopwatch has a say in it.
+"""float32 or bfloat16: chosen once per machine by a timing, and stored in the user's cache.
 
-Tokens of the two differ, so fields would as well if every process measured again. What was decided is read without
-torch: that a field was made before is then known before torch is imported.
+Tokens of the two differ, so fields would differ if every process measured again. The choice is read without torch, so
+that cached fields are found before torch is imported.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ __all__ = ["Precision", "choose_precision", "save_device", "saved_device", "save
 
 Precision = Literal["float32", "bfloat16"]
 
-FASTER = 0.8  # of float32's time, for bfloat16 to be worth what it rounds off
+FASTER = 0.8  # of float32's time: bfloat16 must be at least this fast to justify its rounding
 # What tells processors apart, by the names that Linux has for it on Intel's and on ARM's.
 _CPU_KEYS = {
     *("vendor_id", "cpu family", "model", "model name", "stepping", "flags"),
@@ -71,7 +71,7 @@ def save_device(device: str) -> None:
 
 
 def _cpu_has(feature: str) -> bool:
-    """Whether torch says that this CPU has `feature`; False where this version of torch does not tell."""
+    """Whether torch reports that this CPU has `feature`; False if this version of torch cannot."""
     import torch
 
     ask = getattr(torch.cpu, f"_is_{feature}_supported", None)
@@ -82,8 +82,8 @@ def _cpu_has(feature: str) -> bool:
 def _bfloat16_pays() -> bool:
     """Whether products of the size that vision transformers are made of are clearly faster in bfloat16.
 
-    Processors that have the instructions differ fourfold in what they make of them, so this is measured: by the
-    thread's own time, which other programs do not count in, and to a margin that chance does not bridge.
+    Measured, because processors with the instructions differ fourfold in speed; in thread time, which excludes other
+    programs, and with a margin larger than noise.
     """
     import torch
 

@@ -1,1 +1,1 @@
-"""Edits for other programs: rigs, morph targets, weights."""
+"""Export of edits to other programs: rigs, morph targets, weights."""

@@ -1,4 +1,4 @@
-"""Weights of bones by looks and nearness, and how much of any weights lies far from its bone along the surface."""
+"""Bone weights from feature similarity and distance to the bones."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ if TYPE_CHECKING:
 
 __all__ = ["BoneDistances", "bone_weights", "straight_weights"]
 
-# Chosen on five rigs, four of them animals, as those whose weights are nearest to the artists' own.
-POWER = 6  # of nearness
-ALONG = 0.2  # how much of the way along the surface counts beside the straight one to the bone
-LOOKS = 2  # power of the weight of Eq. 5
-LEAST = 1e-3  # of nearness in diagonals and of looks: below, differences are none
+# Chosen on five rigs, four of them animals, to match the artists' weights best.
+POWER = 6  # of inverse distance
+ALONG = 0.2  # factor of the surface distance, which is added to the straight one
+SIMILARITY_POWER = 2  # of the weight of Eq. 5
+FLOOR = 1e-3  # added to distances in diagonals and to similarities
 MOST_SAMPLES = 256  # vertices whose features stand for those around a bone
 
 Float64 = NDArray[np.float64]
 
 
 class BoneDistances:
-    """How far vertices are from bones; distances are parts of the diagonal of the box around what has the skin.
+    """Distances of vertices from bones, as parts of the diagonal of the box around the skinned parts.
 
-    Parts without the skin, such as what a character holds, are no way from one bone to another and around none.
+    Parts without the skin, such as objects that a character holds, are ignored.
     """
 
     straight: Float64  # (V, J) through space, to the nearest of a joint's bones
-    surface: list[NDArray[np.int64]]  # (J) around each joint's bones: of the vertices nearest to it the nearer half
+    surface: list[NDArray[np.int64]]  # (J) for each joint, the nearer half of the vertices nearest to it
     along: Float64  # (V, J) along the surface, from those
 
     def __init__(self, bones: Bones) -> None:
@@ -53,7 +53,7 @@ class BoneDistances:
         self.surface = [self._around(nearest, joint) for joint in range(count)]
         graph = surface_graph(skin)
         along = [dijkstra(graph, indices=around, min_only=True) / size for around in self.surface]
-        # Where no way leads along the surface, it is the straight one and farther than any other.
+        # Disconnected vertices: the straight distance, plus 1 so that it exceeds all others.
         self.along = np.stack(along, axis=1)
         self.along = np.where(np.isinf(self.along), 1.0 + self.straight, self.along)
 
@@ -69,19 +69,20 @@ class BoneDistances:
 def bone_weights(mesh: Mesh, field: Field, distances: BoneDistances, joints: NDArray[np.int64]) -> Float64:
     """(V, J) weights of `joints`, and 0 of all others; the rows sum to 1.
 
-    A joint's feature is the mean of those of the surface around its bones; what looks like it (Eq. 5) and is near, both
-    through space and along the surface, follows it.
+    A joint's feature is the mean over the surface around its bones; vertices follow it by similarity (Eq. 5) and by
+    nearness, both through space and along the surface.
     """
     rows = HandleFeatures(mesh, field, None)
     points = np.stack([_feature(mesh, field, distances.surface[joint]) for joint in joints])
-    looks = bind(rows.features, points).astype(np.float64)
+    similarity = bind(rows.features, points).astype(np.float64)
     distance = distances.straight[:, joints] + ALONG * distances.along[:, joints]
-    return _spread(np.power(looks + LEAST, LOOKS) / np.power(distance + LEAST, POWER), joints, distances)
+    weights = np.power(similarity + FLOOR, SIMILARITY_POWER) / np.power(distance + FLOOR, POWER)
+    return _spread(weights, joints, distances)
 
 
 def straight_weights(distances: BoneDistances, joints: NDArray[np.int64]) -> Float64:
-    """(V, J) weights by the distance to bones through space alone, what others are compared with."""
-    return _spread(1.0 / np.power(distances.straight[:, joints] + LEAST, POWER), joints, distances)
+    """(V, J) weights by the distance to bones through space alone: the baseline."""
+    return _spread(1.0 / np.power(distances.straight[:, joints] + FLOOR, POWER), joints, distances)
 
 
 def _spread(weights: Float64, joints: NDArray[np.int64], distances: BoneDistances) -> Float64:
@@ -91,7 +92,7 @@ def _spread(weights: Float64, joints: NDArray[np.int64], distances: BoneDistance
 
 
 def _feature(mesh: Mesh, field: Field, around: NDArray[np.int64]) -> NDArray[np.float32]:
-    """(D,) the unit feature of a piece of the surface."""
+    """(D,) the normalized mean feature of the vertices `around`."""
     some = around[np.linspace(0, len(around) - 1, min(len(around), MOST_SAMPLES)).astype(np.int64)]
     mean = np.asarray(field(mesh.vertices[some]), np.float64).mean(axis=0)
     unit: NDArray[np.float32] = (mean / max(float(np.linalg.norm(mean)), 1e-12)).astype(np.float32)

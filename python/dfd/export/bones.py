@@ -1,4 +1,4 @@
-"""The bones of a character: what the skin of a glTF file says of its joints, and whom the vertices follow.
+"""The bones of a character: joints and weights of the skin of a glTF file.
 
 The format: Khronos Group, "glTF 2.0 Specification", 2021, section 3.7.3.
 """
@@ -21,21 +21,21 @@ if TYPE_CHECKING:
 
 __all__ = ["Bones", "bones_of"]
 
-LEAF = 0.5  # of the bone before it: the length of a bone that ends in no other joint
+LEAF = 0.5  # of the parent bone: the length of a bone that ends in no joint
 
 Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Bones:
-    """The joints of a skin in its bind pose, in which limbs do not touch, whatever pose the file rests in."""
+    """The joints of a skin in its bind pose, in which limbs do not touch, rather than in the file's rest pose."""
 
-    mesh: Mesh  # the vertices and faces of the mesh, as it was bound
+    mesh: Mesh  # the vertices and faces of the mesh in its bind pose
     names: tuple[str, ...]  # (J) of the joints' nodes
     starts: Float64  # (B, 3) lines in mesh units, from a joint to the next ones below it
     ends: Float64  # (B, 3)
     joint: NDArray[np.int64]  # (B,) the joint of each line
-    weights: Float64  # (V, J) how the file's vertices follow the joints; 0 for vertices of parts without the skin
+    weights: Float64  # (V, J) the file's weights; 0 for vertices of parts without the skin
     skinned: NDArray[np.bool_]  # (V,) which vertices are of parts with the skin
     primitives: tuple[Primitive, ...]  # those parts
 
@@ -108,7 +108,7 @@ def _parents(header: Header, joints: list[int]) -> list[int]:
 
 
 def _lines(places: Float64, parents: list[int]) -> tuple[Float64, Float64, NDArray[np.int64]]:
-    """The bones: from each joint to those below it; one with none below goes on as the bone before it did."""
+    """The bones: from each joint to its children; one without children extends its parent bone."""
     lines = [(parent, places[parent], places[child]) for child, parent in enumerate(parents) if parent >= 0]
     ends = set(range(len(places))) - set(parents)
     for joint in sorted(ends):

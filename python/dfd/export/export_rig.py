@@ -1,4 +1,4 @@
-"""A session for programs that animate: a skin, morph targets or the moved shape, in glTF or USD."""
+"""Export of a session to animation programs: a skin, morph targets or the moved shape, in glTF or USD."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ GLTF = (".glb", ".gltf")
 USD = (".usda", ".usdc", ".usdz")
 PLAIN = (".obj", ".ply", ".stl", ".off")
 ENDINGS = (*GLTF, *USD, *PLAIN)
-EVERY_READER = 4  # influences that every reader of glTF takes
+PORTABLE_INFLUENCES = 4  # that every reader of glTF supports
 
 
 def export_rig(
@@ -35,9 +35,9 @@ def export_rig(
     influences: int | str | None = None,
     poses: Sequence[KeyPose] = (),
 ) -> RigReport:
-    """Write a session's shape and handles so that other programs pose them.
+    """Write a session's shape and handles so that other programs can pose them.
 
-    Everything else that the mesh's file holds, UVs, materials, textures, parts, stays as it is in a glTF file of one.
+    A mesh from a glTF file keeps the rest of that file, such as UVs, materials, textures and parts, in a glTF file.
 
     Parameters
     ----------
@@ -50,19 +50,19 @@ def export_rig(
         "skin": a joint for each handle and each of its instances, in their own frames at their pivots, with the weights
         with which `dfd.pose` blends (Eq. 1 and 8), and a root that never moves for what they leave of 1 (or another
         joint for D₀, where the edit has one). "morph": a target for each handle that moves, or for each key pose.
-        "baked": the shape as it is posed, and nothing to pose.
+        "baked": the posed shape as a static mesh.
     influences
-        How many joints a vertex follows at most, those with the largest weights, which are divided by their sum: 4 if
-        left out in glTF, what every reader takes. "all", the default in USD, prunes none; glTF has further sets for
-        them, which few readers look at.
+        How many joints a vertex follows at most, those with the largest weights, which are divided by their sum: by
+        default 4 in glTF, which every reader supports. "all", the default in USD, prunes none; glTF stores more than 4
+        in further sets, which few readers support.
     poses
-        Key poses, in the order of time, that become an animation, linear from one to the next.
+        Key poses, ordered by time, that become an animation, linear between poses.
 
     Returns
     -------
     report
-        What was written, with the largest and the mean distance from what `dfd.pose` makes. Where nothing is pruned and
-        no weights sum to more than 1, that of a linear blend is what 32-bit floats leave.
+        What was written, with the largest and the mean distance from the result of `dfd.pose`. Where nothing is pruned
+        and no weights sum to more than 1, a linear blend differs only by the rounding of 32-bit floats.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def export_rig(
 def _most(influences: int | str | None, ending: str) -> int | None:
     """How many influences a vertex may have, None for all."""
     if influences is None:
-        return EVERY_READER if ending in GLTF else None
+        return PORTABLE_INFLUENCES if ending in GLTF else None
     if isinstance(influences, str):
         if influences != "all":
             raise ValueError(f"export_rig: `influences` must be a whole number or 'all', got {influences!r}")

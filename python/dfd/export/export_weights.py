@@ -1,4 +1,4 @@
-"""Weights as plain arrays, with the names and settings that say what they are."""
+"""Export of weights as plain arrays, with their names and settings."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ VERSION = 1
 
 
 def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
-    """Write the weights of a session as arrays, with all that `dfd.pose` needs to make its shape of them.
+    """Write the weights of a session as arrays, with all that `dfd.pose` needs to reproduce its shape.
 
     Parameters
     ----------

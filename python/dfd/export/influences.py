@@ -1,4 +1,4 @@
-"""Weights as files of other programs hold them: a few joints for each vertex, and weights that sum to 1."""
+"""Skin weights in the form of file formats: a few joints for each vertex, and weights that sum to 1."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ if TYPE_CHECKING:
 
 __all__ = ["Influences", "heaviest", "influences_of"]
 
-# Above 1, a sum of weights is no longer rounding of 24 bits.
+# A sum of weights above 1 by more is not the rounding of 24 bits.
 ABOVE = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
 class Influences:
-    """What each vertex follows."""
+    """The joints and weights of each vertex."""
 
     # (V, K) joints of each vertex, the heaviest first, no joint twice; 0 where the weight is 0
     joints: NDArray[np.int64]
     weights: NDArray[np.float32]  # (V, K) float32, descending; rows sum to 1 within 1e-6
-    pruned: float  # the largest share of a vertex's weight that was left out, in [0, 1]
+    pruned: float  # the largest part of a vertex's weight that was left out, in [0, 1]
     normalized: int  # how many vertices had weights that sum to more than 1, or negative ones, and have others here
 
 
@@ -49,7 +49,7 @@ def influences_of(rig: Rig, most: int | None) -> Influences:
 
 
 def heaviest(weights: NDArray[np.float64], most: int) -> tuple[NDArray[np.int64], NDArray[np.float32], float]:
-    """The heaviest joints (N, most) of weights (N, J), their weights that sum to 1, and the least share that they are.
+    """The heaviest joints (N, most) of weights (N, J), their weights scaled to sum 1, and the least part kept of a row.
 
     No weight is negative, and every row has one.
     """
@@ -62,8 +62,8 @@ def heaviest(weights: NDArray[np.float64], most: int) -> tuple[NDArray[np.int64]
 
 
 def _summing_to_one(weights: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Weights in 24 bits whose rows sum to 1: the first, the heaviest, takes what rounding leaves of the others."""
+    """Weights in 24 bits whose rows sum to 1: the first, the heaviest, absorbs the rounding of the others."""
     single = weights.astype(np.float32)
-    single[single < np.finfo(np.float32).tiny] = 0.0  # what some readers take for 0 all the same
+    single[single < np.finfo(np.float32).tiny] = 0.0  # some readers treat denormal numbers as 0
     single[:, 0] = 1.0 - single[:, 1:].sum(axis=1, dtype=np.float64)
     return single

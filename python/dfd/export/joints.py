@@ -1,8 +1,8 @@
-"""Joints: a handle's place and frame as other programs know them, and its transforms as they play them there.
+"""Joints: position and frame of a handle in other programs, and its transforms in that frame.
 
-An instance moves by what its handle does, carried over by a rigid map Φ: D ↦ Φ D Φ⁻¹. Its joint stands where Φ takes
-that of the handle, so all joints of a handle do the same in their own frames. A frame is right-handed: that of a mirror
-image has all three axes turned round, under which the same rotation acts mirrored, as animators' mirrored joints do.
+An instance moves by what its handle does, carried over by a rigid map Φ: D ↦ Φ D Φ⁻¹. Φ also places its
+joint, so all joints of a handle have the same transform in their own frames. A frame is right-handed: that of a mirror
+image has all three axes negated, so that the same rotation acts mirrored, as for mirrored joints of animators.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from dfd.posing.transforms import Transform, Vector, rotation_matrix
 
 __all__ = ["Joint", "Local"]
 
-# Of the factors of a scale: below, what lies beside the diagonal is rounding.
+# Of the factors of a scale: off-diagonal entries below are rounding.
 SHEAR = 1e-9
 
 Float64 = NDArray[np.float64]
@@ -25,7 +25,7 @@ Float64 = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Local:
-    """What a joint does, in its own frame: scale, then rotation, then translation."""
+    """The transform of a joint in its own frame: scale, then rotation, then translation."""
 
     translation: Float64  # (3,) mesh units
     rotation: Float64  # (4,) quaternion x, y, z, w
@@ -39,10 +39,10 @@ class Joint:
     name: str  # no other joint of the rig has it
     handle: int | None  # the id of its handle; None for the root and for D₀
     center: Vector  # (3,) the handle's own position, the pivot of transforms that have none, mesh units
-    # pivot, axes: (3,) and (3, 3) where the frame of the handle stands: its origin, and its axes as columns
+    # pivot, axes: (3,) and (3, 3) the origin of the handle's frame, and its axes as columns
     pivot: Float64
     axes: Float64
-    carry: Float64  # (4, 4) rigid Φ, from the handle to this joint; a mirror image turns round
+    carry: Float64  # (4, 4) rigid Φ, from the handle to this joint; a reflection for a mirror image
 
     @property
     def frame(self) -> Float64:
@@ -54,12 +54,12 @@ class Joint:
 
     @property
     def _basis(self) -> Float64:
-        """(3, 3) the axes, turned round where `carry` mirrors them."""
+        """(3, 3) the axes, negated where `carry` mirrors them."""
         basis: Float64 = self.axes * np.sign(np.linalg.det(self.carry[:3, :3] @ self.axes))
         return basis
 
     def matrix(self, transform: Transform) -> Float64:
-        """(4, 4) what the joint does where its handle does `transform`, mesh units."""
+        """(4, 4) the joint's matrix for the handle's `transform`, mesh units."""
         matrix = np.vstack([transform.matrix(self.center), (0.0, 0.0, 0.0, 1.0)])
         back = np.eye(4)
         back[:3, :3] = self.carry[:3, :3].T
@@ -68,10 +68,9 @@ class Joint:
         return carried
 
     def local(self, transform: Transform) -> Local:
-        """What the joint does in its own frame where its handle does `transform`.
+        """The joint's transform in its own frame for the handle's `transform`.
 
-        Raises ValueError if it scales along other axes than the joint's, which no scale, rotation and translation there
-        are.
+        Raises ValueError if it scales along other axes than the joint's: that would be a shear.
         """
         basis = self._basis
         axes = np.eye(3) if transform.axes is None else np.asarray(transform.axes).T

@@ -1,4 +1,4 @@
-"""Key poses: what handles do at moments of time, of which formats that know time make an animation."""
+"""Key poses: transforms of handles at moments of time, exported as an animation."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ __all__ = ["KeyPose", "checked_poses", "posed_edit", "read_key_poses"]
 
 @dataclass(frozen=True)
 class KeyPose:
-    """What the handles of a session do at a moment.
+    """The transforms of a session's handles at a moment.
 
     Attributes
     ----------
     seconds
         When, at least 0.
     transforms
-        What each handle does, by its id; a handle that is left out rests.
+        The transform of each handle, by its id; a handle that is left out rests.
     name
-        For people; formats have names for whole animations alone.
+        For display; file formats only name whole animations.
 
     Raises
     ------
@@ -48,7 +48,7 @@ class KeyPose:
     name: str = ""
 
     def __post_init__(self) -> None:
-        """Check them, once."""
+        """Check the fields."""
         keep = object.__setattr__
         keep(self, "seconds", check.number("KeyPose", "seconds", self.seconds, minimum=0.0))
         if not isinstance(self.transforms, Mapping):
@@ -61,7 +61,7 @@ class KeyPose:
 
 
 def checked_poses(function: str, poses: Sequence[KeyPose], edit: Edit) -> tuple[KeyPose, ...]:
-    """`poses`, each at a moment after the one before, of handles that `edit` has.
+    """Check that `poses` are ordered by time and of handles that `edit` has, and return them.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def checked_poses(function: str, poses: Sequence[KeyPose], edit: Edit) -> tuple[
     for pose in poses:
         if not isinstance(pose, KeyPose):
             raise ValueError(f"{function}: `poses` must be key poses, got {type(pose).__name__}")
-        if before is not None and np.float32(pose.seconds) <= np.float32(before):  # what files have for it
+        if before is not None and np.float32(pose.seconds) <= np.float32(before):  # as files store it
             raise ValueError(
                 f"{function}: `poses` must come one after the other in time, "
                 f"got one at {pose.seconds:g} s after one at {before:g} s"
@@ -87,7 +87,7 @@ def checked_poses(function: str, poses: Sequence[KeyPose], edit: Edit) -> tuple[
 
 
 def posed_edit(edit: Edit, pose: KeyPose) -> Edit:
-    """`edit` with its handles as they are in `pose`."""
+    """`edit` with the transforms of `pose`."""
 
     def posed(handle: Handle) -> Handle:
         return replace(handle, transform=pose.transforms.get(handle.id, Transform()))
@@ -121,7 +121,7 @@ _POSES: TypeAdapter[tuple[_PoseDocument, ...]] = TypeAdapter(tuple[_PoseDocument
 
 
 def read_key_poses(path: str | os.PathLike[str]) -> tuple[KeyPose, ...]:
-    """Read the key poses of a JSON file, such as the page keeps of its timeline.
+    """Read the key poses of a JSON file, such as the app saves of its timeline.
 
     It is a list of objects with `seconds`, a `name` and `transforms`: objects with the id of a `handle`, a
     `translation` in mesh units, a `rotation` as a rotation vector in degrees, `scale`, `pivot` and `axes`, as in an
@@ -132,7 +132,7 @@ def read_key_poses(path: str | os.PathLike[str]) -> tuple[KeyPose, ...]:
     OSError
         If it cannot be read.
     ValueError
-        If it is no such file; the message names the place and what was found there.
+        If it is malformed; the message names the field and what was found there.
     """
     text = Path(path).read_bytes()
     try:

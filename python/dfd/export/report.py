@@ -1,4 +1,4 @@
-"""What became of a session in a file, in numbers and in one sentence."""
+"""The report of an export, in numbers and in one sentence."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["RigReport", "rig_report"]
 
 @dataclass(frozen=True)
 class RigReport:
-    """What was written, and how far it is from `dfd.pose`.
+    """What was written, and its deviation from `dfd.pose`.
 
     Attributes
     ----------
@@ -31,18 +31,18 @@ class RigReport:
     targets
         How many morph targets there are.
     pruned
-        The largest share of a vertex's weight that was left out for want of influences, in [0, 1].
+        The largest part of a vertex's weight that was pruned, in [0, 1].
     normalized
-        How many vertices had weights that sum to more than 1, or negative ones, which no format has room for.
+        How many vertices had weights that sum to more than 1, or negative ones, which no format can store.
     largest, mean
-        Distances between vertices as a reader of the file puts them and as `dfd.pose` does, mesh units; of the edit
-        and of all key poses those where the largest is.
+        Distances between the vertices in the file and those of `dfd.pose`, mesh units, at the edit or key pose where
+        the largest is.
     at
-        Which of these that is: "the edit", or the name of a key pose.
+        Where that is: "the edit", or the name of a key pose.
     size
         The diagonal of the box around the resting shape, mesh units.
     notes
-        Sentences about what the file has that the edit does not say.
+        Sentences about other differences between the file and the edit.
     """
 
     paths: tuple[Path, ...]
@@ -59,7 +59,7 @@ class RigReport:
     notes: tuple[str, ...]
 
     def __str__(self) -> str:
-        """Say it in one sentence, and the notes in theirs."""
+        """Return one sentence, followed by the notes."""
         what = {
             "skin": f"{self.joints} joints, up to {self.influences} for a vertex",
             "morph": f"{self.targets} morph targets" if self.targets != 1 else "1 morph target",
@@ -92,7 +92,7 @@ def rig_report(
     targets: int = 0,
     notes: Sequence[str] = (),
 ) -> RigReport:
-    """What became of a rig in files that differ from `dfd.pose` by `difference`, None for nothing."""
+    """The report of a rig in files that differ from `dfd.pose` by `difference`, None for nothing."""
     difference = difference or Difference(0.0, 0.0, "the edit")
     sentences = list(notes)
     if influences is not None and rig.edit.blend != "linear":

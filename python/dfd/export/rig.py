@@ -34,21 +34,21 @@ Float64 = NDArray[np.float64]
 class Rig:
     """Joints, and how vertices follow them."""
 
-    # mesh, edit: the resting shape, and what is done to it
+    # mesh, edit: the resting shape and its edit
     mesh: Mesh
     edit: Edit
     # the root first, which never moves, and is the parent of all others; D₀ second where the edit has one
     joints: tuple[Joint, ...]
-    default: int  # the joint that takes what the weights leave of 1: the root, or D₀
-    poses: tuple[KeyPose, ...]  # key poses, in the order of time
+    default: int  # the joint that receives 1 minus the sum of the weights: the root, or D₀
+    poses: tuple[KeyPose, ...]  # key poses, ordered by time
     _session: Deformer
     _weights: NDArray[np.float32]  # (V, C)
     _column: NDArray[np.int64]  # (J − first,) the column of each joint of a handle
-    _mirrored: NDArray[np.bool_]  # (J − first,) whether it acts on the other side of the plane than its handle stands
+    _mirrored: NDArray[np.bool_]  # (J − first,) whether it acts on the side of the plane opposite to its handle
     _mixing: Float64 | None  # (C, C)
 
     def weights(self) -> Iterator[tuple[slice, Float64]]:
-        """Yield ranges of vertices, and (N, J) what they follow: the weights that `dfd.pose` blends with.
+        """Yield ranges of vertices and their weights (N, J), with which `dfd.pose` blends.
 
         Rows sum to 1 wherever the weights of the handles sum to at most 1, and beyond it to that sum; with `overlap`
         "interpolate" weights may be negative.
@@ -73,17 +73,17 @@ class Rig:
             yield rows, result
 
     def moments(self) -> Iterator[tuple[str, Edit]]:
-        """Yield the names of the edit itself and of each key pose, and the edit with its handles as they are then."""
+        """Yield the name and the posed edit of the edit itself and of each key pose."""
         yield "the edit", self.edit
         for number, pose in enumerate(self.poses, 1):
             yield pose.name or f"key pose {number}", posed_edit(self.edit, pose)
 
     def posed(self, edit: Edit) -> Float64:
-        """(V, 3) what `dfd.pose` makes of `edit`, which differs from the rig's in transforms alone."""
+        """(V, 3) the result of `dfd.pose` for `edit`, which differs from the rig's only in transforms."""
         return PosedShape(self.mesh, self._session.bound).of(edit)
 
     def transforms(self, edit: Edit) -> list[Transform]:
-        """(J) what each joint's handle does in `edit`."""
+        """(J) the transform of each joint's handle in `edit`."""
         rest = Transform()
         of_handle = {handle.id: handle.transform for handle in edit.handles}
         found = [rest if joint.handle is None else of_handle[joint.handle] for joint in self.joints]
@@ -144,7 +144,7 @@ def _moves(handle: Handle, poses: Sequence[KeyPose]) -> list[Transform]:
 
 
 def _frame(transforms: Sequence[Transform]) -> Float64:
-    """(3, 3) axes, as columns, along which the first of the transforms scales that does."""
+    """(3, 3) axes, as columns, of the first transform that scales."""
     uneven = [each for each in transforms if len(set(each.scale)) > 1]
     for each in (*uneven, *(each for each in transforms if not uneven)):
         if each.axes is not None or uneven:
@@ -163,7 +163,7 @@ def _carry(column: Column, handle: Handle) -> Float64:
 
 
 def _stands_below(edit: Edit, column: Column, handle: Handle) -> bool:
-    """Whether what a column holds is on the side that the plane's normal points away from."""
+    """Whether a column's position is on the negative side of the plane."""
     plane = edit.symmetry
     if plane is None:
         return False

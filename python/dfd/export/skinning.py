@@ -1,4 +1,4 @@
-"""Linear blend skinning as the readers of a file do it, and how far it is from what `dfd.pose` makes."""
+"""Linear blend skinning as readers of a file do it, and its deviation from `dfd.pose`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Float64 = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Difference:
-    """How far what a file shows is from `dfd.pose`, over the edit and all key poses."""
+    """The deviation of a file from `dfd.pose`, over the edit and all key poses."""
 
     # largest, mean: distances of vertices, mesh units; the mean is that of the pose where it is largest
     largest: float
@@ -36,7 +36,7 @@ class Difference:
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """What a file holds of a rig as a skin."""
+    """The skin of a rig as a file stores it."""
 
     influences: Influences
     binds: Float32  # (J, 4, 4) inverse binds
@@ -47,7 +47,7 @@ class Skin:
 def inverse_binds(joints: Sequence[Joint]) -> Float32:
     """(J, 4, 4) from the mesh's coordinates to each joint's own, as a file stores them.
 
-    Raises ValueError if a joint stands so far away that 32-bit floats have no place for it.
+    Raises ValueError if a joint is so far away that its inverse overflows 32-bit floats.
     """
     frames = np.array([joint.frame for joint in joints])
     with np.errstate(over="ignore", invalid="ignore"):
@@ -60,7 +60,7 @@ def inverse_binds(joints: Sequence[Joint]) -> Float32:
 
 
 def skin_of(rig: Rig, most: int | None, stored: Callable[[Local], Local] = lambda local: local) -> Skin:
-    """The skin of a rig with at most `most` influences a vertex; `stored` is what a format has room for of a pose.
+    """The skin of a rig with at most `most` influences a vertex; `stored` rounds a pose to the precision of a format.
 
     Raises ValueError if a joint scales along other axes than its own.
     """
@@ -95,7 +95,7 @@ def skinned(points: Float64, influences: Influences, binds: Float32, locals_: Se
 
 
 def differences(rig: Rig, shown: Sequence[Callable[[], Float64]]) -> Difference:
-    """How far what a file shows, (V, 3) of each of the rig's moments, is from `dfd.pose`."""
+    """The deviation from `dfd.pose` of the shapes (V, 3) that a file shows at each of the rig's moments."""
     found = Difference(0.0, 0.0, "the edit")
     for (name, edit), show in zip(rig.moments(), shown, strict=True):
         distance = np.linalg.norm(show() - rig.posed(edit), axis=1)

@@ -1,4 +1,4 @@
-"""Skin weights for a character that has bones: by looks and nearness, into the skin that its file has."""
+"""New skin weights for a rigged character, from feature similarity and distance to the bones."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ if TYPE_CHECKING:
 
 __all__ = ["Bleed", "SkinReport", "bleed", "weigh_skin"]
 
-FAR = 0.1  # of the diagonal, along the surface, farther than from the nearest bone: there, a weight bleeds
-OUTSIDE = 0.25  # of the diagonal: a bone farther than that from every vertex is none of the mesh
+FAR = 0.1  # of the diagonal: weight bleeds where its bone is farther along the surface than the nearest by this
+OUTSIDE = 0.25  # of the diagonal: a bone farther than that from every vertex is outside the mesh
 
 Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Bleed:
-    """What is wrong with skin weights.
+    """Defects of skin weights.
 
     Attributes
     ----------
     far
-        The share of all weight, in [0, 1], on vertices that are farther along the surface from what lies around its
-        bone than from what lies around their nearest bone, by more than 10 % of the diagonal of the skinned parts.
+        The part of all weight, in [0, 1], on vertices whose distance along the surface from the region around its bone
+        exceeds that from the region around their nearest bone by more than 10 % of the diagonal of the skinned parts.
     unweighted
         How many vertices follow no joint.
     """
@@ -47,7 +47,7 @@ class Bleed:
     unweighted: int
 
     def __str__(self) -> str:
-        """Say it in a few words."""
+        """Return it in a few words."""
         without = f", {self.unweighted} vertices without weight" if self.unweighted else ""
         return f"{100 * self.far:.2g} % of the weight far from its bone{without}"
 
@@ -65,7 +65,7 @@ class SkinReport:
     left_out
         The names of joints that have none, since they lie outside the mesh.
     before, after
-        What is wrong with the weights of the file, and with those that were written.
+        Defects of the file's weights, and of those that were written.
     changed
         How much of a vertex's weight went to other joints on average, in [0, 1].
     """
@@ -78,7 +78,7 @@ class SkinReport:
     changed: float
 
     def __str__(self) -> str:
-        """Say it in one sentence."""
+        """Return one sentence."""
         sentences = [f"{self.joints} joints", f"before: {self.before}", f"after: {self.after}"]
         if self.left_out:
             sentences.append(f"outside the mesh and left out: {', '.join(self.left_out)}")
@@ -86,10 +86,10 @@ class SkinReport:
 
 
 def weigh_skin(mesh: Mesh, field: Field, path: str | os.PathLike[str], *, influences: int = 4) -> SkinReport:
-    """Give the vertices of a skinned character other weights, and write it with all else as it was.
+    """Write a skinned character with new skin weights and everything else unchanged.
 
-    What looks like the surface around a bone and is near it, through space and along the surface, follows its joint.
-    Distances are those of the bind pose, in which limbs are apart, and features those of the mesh as it is given.
+    A vertex follows a joint by feature similarity to the surface around its bone and by distance to it.
+    Distances are those of the bind pose, in which limbs are apart; features are those of the given mesh.
     Joints that no vertex of the file follows, such as targets of inverse kinematics, get no weight, unless none has
     any: then all get some.
 
@@ -138,9 +138,9 @@ def weigh_skin(mesh: Mesh, field: Field, path: str | os.PathLike[str], *, influe
 
 
 def bleed(weights: Float64, along: Float64) -> Bleed:
-    """What is wrong with weights (V, J) whose bones are `along` (V, J) the surface, in diagonals.
+    """Measure the defects of weights (V, J) whose bones are at distances `along` (V, J) the surface, in diagonals.
 
-    A part without a bone of its own, such as a horn, may lie far from all of them: the nearest one is no fault.
+    A part without a bone, such as a horn, may be far from all of them: weight of the nearest one is not a defect.
     """
     total = weights.sum()
     far = along > along.min(axis=1, keepdims=True) + FAR

@@ -1,7 +1,7 @@
-"""Fields that were distilled before, under the hash of their key, so that a second call need not work.
+"""A cache of distilled fields by the hash of their key.
 
-An entry is one file, `<hash of the key>-<hash of the file>.safetensors`. It appears whole or not at all, so that
-several processes may look, write and tidy up at once; a file whose content is not what its name says is none.
+An entry is one file, `<hash of the key>-<hash of the file>.safetensors`. It is written atomically, so that several
+processes may read, write and clean up at once; a file whose content does not match its name is ignored.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def find(key: Mapping[str, Any]) -> Field | None:
 
 
 def store(key: Mapping[str, Any], field: Field) -> None:
-    """Keep `field` under `key`; where the cache cannot be written, say so once and go on."""
+    """Store `field` under `key`; warn if the cache cannot be written."""
     folder = _folder()
     temporary = folder / f".{secrets.token_hex(8)}.safetensors"
     try:

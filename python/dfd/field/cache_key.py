@@ -46,15 +46,15 @@ def hash_arrays(*arrays: NDArray[Any]) -> str:
 
 
 def difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """In what two keys differ, in words: the first few things."""
+    """Describe the first few differences between two keys."""
     words = {"mesh": "another mesh", "field_version": "another version of dfd"}
 
-    def said(name: str) -> str:
+    def describe(name: str) -> str:
         one, other = before.get(name), now.get(name)
         return words.get(name) or (f"{name} {one}, now {other}" if len(f"{one}{other}") < 60 else name)
 
     names = [name for name in sorted({*before, *now}) if before.get(name) != now.get(name)]
-    return "; ".join(map(said, names[:3])) + ("; …" if len(names) > 3 else "")
+    return "; ".join(map(describe, names[:3])) + ("; …" if len(names) > 3 else "")
 
 
 def _plain(value: Any) -> Any:

@@ -1,9 +1,8 @@
-"""What the single pieces of a surface look like where several of them share a place in space.
+"""Feature residuals of the connected components of a surface, for components that overlap in space.
 
-A helmet lies on a head, a shield in a hand, trousers around a leg: two surfaces at one place, of which a network that
-is asked with a position alone can only tell the mean. Where a shape is made of several pieces that no edge connects,
-its field also keeps points of each, and by how much the features of that piece differ there from those of the network.
-On a mesh whose pieces are known again, a vertex has the features of the network and the difference of its own piece.
+A network of position alone gives a helmet and the head inside it their mean feature. So the field of a shape with
+several components also stores sample points of each, with the difference of their features from the network's. On a
+mesh whose components match these, a vertex gets the network's feature plus the interpolated residual of its component.
 """
 
 from __future__ import annotations
@@ -27,8 +26,8 @@ if TYPE_CHECKING:
 __all__ = ["NAMES", "ComponentResiduals", "apart", "boxes_of_components", "pieces_of_vertices"]
 
 NAMES = ("boxes", "points", "piece", "differences")
-NEIGHBORS = 8  # points of its own piece that a vertex goes by
-# A mesh's piece is the one whose box has its corners there, to this much, normalized: another resolution moves them.
+NEIGHBORS = 8  # sample points of its component that a vertex interpolates
+# Components match if the corners of their boxes agree to this much, normalized: another resolution moves them.
 SAME = 0.02
 _APART = 10.0  # between pieces in the search for neighbors, beyond any distance within [−1, 1]³
 _ROWS_AT_ONCE = 1 << 16  # to bound memory
@@ -109,8 +108,8 @@ class ComponentResiduals:
     ) -> NDArray[np.float32]:
         """Return unit `rows` (N, D) at normalized `points` (N, 3) with the difference of the `piece` (N,) of each.
 
-        It is the mean of those at the nearest points of the piece, which count the less the farther off they are, and
-        not at all where the next one takes over: it changes nowhere at once. A piece of −1 leaves a row as it is.
+        It is a weighted mean over the nearest points of the piece; weights fall to 0 at the next nearest point, so that
+        it is continuous. A piece of −1 leaves a row unchanged.
         """
         result = rows.copy()
         of_some = np.flatnonzero(piece >= 0)

@@ -1,4 +1,4 @@
-"""Fields in files: safetensors, with the architecture and how the field came to be in its metadata."""
+"""Field files: safetensors, with the architecture and the settings in the metadata."""
 
 from __future__ import annotations
 
@@ -77,7 +77,6 @@ def with_sorted_header(content: bytes) -> bytes:
 
 
 def _metadata(content: bytes) -> dict[str, str]:
-    """The texts in the header of a safetensors file."""
     length = int.from_bytes(content[:8], "little")
     if length > len(content) - 8:
         raise ValueError("is cut short or no field")
@@ -102,7 +101,7 @@ def _header(metadata: Mapping[str, str]) -> tuple[Architecture, dict[str, Any]]:
 
 
 def _take_pieces(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Take the arrays of the pieces out of `arrays`; what is in them is checked where they are put together."""
+    """Remove the component residuals from `arrays`; `ComponentResiduals` checks them."""
     missing = [name for name in NAMES if PIECES + name not in arrays]
     if missing:
         raise ValueError(f"must hold {PIECES}{missing[0]}")

@@ -133,7 +133,7 @@ def _read_config(path: Path) -> dict[str, Any]:
     try:
         config = json.loads(path.read_text("utf-8"))
     except ValueError as error:
-        raise ValueError(f"Field.load: `path`: {path} is no JSON: {error}") from None
+        raise ValueError(f"Field.load: `path`: {path} is not JSON: {error}") from None
     if not isinstance(config, dict):
         raise ValueError(f"Field.load: `path`: {path} must hold a JSON object, got {type(config).__name__}")
     return config

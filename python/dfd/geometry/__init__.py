@@ -1,1 +1,1 @@
-"""What a surface is like: how it hangs together, coarser copies of it, distances along it."""
+"""Properties of a surface: topology, coarser copies, distances along it."""

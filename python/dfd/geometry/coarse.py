@@ -1,4 +1,4 @@
-"""A mesh as a graph of few nodes, on which what varies smoothly over the surface costs little time and memory."""
+"""A coarse graph of a mesh, for computing smooth functions on the surface in little time and memory."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
 
 __all__ = ["Nodes", "Share"]
 
-MOST_NODES = 20_000  # a finer mesh is gathered into fewer
-CELLS = 100  # along the longest side, in which it is gathered
-RUN = 1 << 17  # faces or vertices that are gone through at once: temporary arrays stay small
+MOST_NODES = 20_000  # a mesh of more vertices is clustered
+CELLS = 100  # grid cells along the longest side, for clustering
+RUN = 1 << 17  # faces or vertices processed at once, to bound temporary memory
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
-Share = Callable[[slice], Float32]  # from vertices to their values in [0, 1]
+Share = Callable[[slice], Float32]  # from a slice of the vertices to their weights in [0, 1]
 
 
 class Nodes:
-    """Vertices gathered into nodes, each a connected piece of the surface within a cell of space."""
+    """Vertices clustered into nodes, each a connected region of the surface within a grid cell."""
 
     def __init__(self, mesh: Mesh) -> None:
         vertices = mesh.vertices
@@ -50,7 +50,7 @@ class Nodes:
         self._blend = None if coarse else _interpolation(vertices, self)
 
     def shares(self, parts: Float64) -> list[Share]:
-        """What each row of `parts` (K, N) of the nodes, smoothly passed on to the vertices, is of the sum of all."""
+        """Interpolate each row of `parts` (K, N) from the nodes to the vertices, divided by the sum of all rows."""
         rows = parts.astype(np.float32)
         blend, total = self._blend, rows.sum(axis=0)
         if blend is not None:
@@ -65,13 +65,13 @@ class Nodes:
 
 
 def _components(mesh: Mesh) -> NDArray[np.int32]:
-    """(V,) which connected component of the faces a vertex is of."""
+    """(V,) the connected component of each vertex."""
     first = first_at_place(mesh)
     return _core.components(len(first), first[mesh.faces], np.zeros((0, 2), np.int32))[first]
 
 
 def _gathered(mesh: Mesh, links: NDArray[np.int32]) -> NDArray[np.int32]:
-    """(V,) the node of each vertex: the connected pieces within the cells of a grid."""
+    """(V,) the node of each vertex: the connected regions within the cells of a grid."""
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     cell = float((high - low).max()) / CELLS
     key = np.zeros(len(mesh.vertices), np.int32)
@@ -100,7 +100,7 @@ def _contracted(mesh: Mesh, links: NDArray[np.int32], of_vertex: NDArray[np.int3
 
 
 def _edges(mesh: Mesh, links: NDArray[np.int32]) -> Iterator[NDArray[np.int32]]:
-    """The ends (E, 2) of the sides of faces, those of some faces after the other, and `links` at last."""
+    """Yield the ends (E, 2) of the sides of faces, a batch of faces at a time, then `links`."""
     for start in range(0, len(mesh.faces), RUN):
         yield mesh.faces[start : start + RUN, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     yield links
@@ -113,9 +113,9 @@ def _centers(vertices: Float64, of_vertex: NDArray[np.int32]) -> Float64:
 
 
 def _interpolation(vertices: Float64, nodes: Nodes) -> csr_array:
-    """Rows (V, N) that blend the values of a vertex's own node and of those beside it, the nearer the more."""
+    """Rows (V, N) that blend the values of a vertex's node and of its neighbors, weighted by nearness."""
     count = nodes.graph.shape[0]
-    reach = csr_array(nodes.graph.astype(bool) + eye_array(count, dtype=bool))  # a node is beside itself, too
+    reach = csr_array(nodes.graph.astype(bool) + eye_array(count, dtype=bool))  # with the node itself
     reach.sort_indices()
     lengths = np.diff(reach.indptr)[nodes.of_vertex]
     starts = np.concatenate([[0], np.cumsum(lengths)])

@@ -1,4 +1,4 @@
-"""What is odd about a mesh, in plain words, and what that means for what is done with it."""
+"""Unusual properties of a mesh, and their consequences for the controls, in plain words."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ _COARSE = 0.1  # median edge over the diagonal of the box
 
 @dataclass(frozen=True)
 class Finding:
-    """One odd thing about a mesh."""
+    """An unusual property of a mesh."""
 
     what: str  # a sentence with the numbers
     means: str  # a sentence that says which controls it touches, and how
 
 
 def findings(mesh: Mesh, topology: Topology | None = None) -> list[Finding]:
-    """Say what is odd about `mesh` and what that means for each control; nothing odd gives an empty list.
+    """List the unusual properties of `mesh` and what they mean for each control.
 
     Parameters
     ----------
     topology
-        What `inspect` has counted, if it is known already.
+        The result of `inspect`, if it is known already.
     """
     counts = topology or inspect(mesh)
     return [*_components(mesh, counts), *_surface(counts), *_shape(mesh)]
@@ -57,7 +57,7 @@ def _components(mesh: Mesh, counts: Topology) -> list[Finding]:
     return found
 
 
-# What `Topology` counts, how one and several of it are called, what is said of them, and what that means.
+# A count of `Topology`, its name in singular and plural, the finding, and its consequence.
 _ODD = (
     (
         "unreferenced_vertices",

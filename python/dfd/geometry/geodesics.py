@@ -22,8 +22,8 @@ from dfd.mesh.weld import weld
 
 __all__ = ["Geodesics"]
 
-_SAMPLES = 6_000  # vertices over which a large mesh is measured: more are slower and hardly nearer to the truth
-_LONGEST_EDGE = 1.5  # in spacings of samples: distances over longer edges are measured at points along them, too
+_SAMPLES = 6_000  # vertices of the solver for a large mesh: more are slower and hardly more accurate
+_LONGEST_EDGE = 1.5  # in sample spacings: longer edges are split
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,9 @@ class _Prepared:
 
 
 class Geodesics:
-    """Distances along the surface of a mesh from any of its vertices; nothing is computed before the first question.
+    """Distances along the surface of a mesh from any of its vertices; computation starts with the first query.
 
-    Any mesh will do: holes, edges of more than two faces, repeated faces and faces without area are no obstacle.
+    Any mesh is accepted: also with holes, edges of more than two faces, repeated faces and faces without area.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class Geodesics:
     """
 
     def __init__(self, mesh: Mesh, *, bridges: bool = True) -> None:
-        """Keep the mesh."""
+        """Check and keep the arguments; nothing is computed yet."""
         if not isinstance(bridges, bool):
             raise ValueError(f"Geodesics: `bridges` must be True or False, got {bridges!r}")
         self._mesh = mesh
@@ -65,7 +65,7 @@ class Geodesics:
 
     @property
     def extent(self) -> float:
-        """The length, mesh units, that distance 1 stands for: about the largest between two vertices that are joined.
+        """The length, mesh units, that distance 1 stands for: about the largest between two connected vertices.
 
         It is one number for the mesh, so that a locality λ (Eq. 7) means the same for every handle.
         """
@@ -73,21 +73,21 @@ class Geodesics:
         return prepared.solver.extent * prepared.half
 
     def prepare(self) -> _Prepared:
-        """Do now, in this thread, what the first question would have to wait for."""
+        """Run the precomputation now, in this thread, instead of at the first query."""
         with self._lock:
             if self._result is None:
                 self._result = _prepared(self._mesh, self._bridges)
             return self._result
 
     def distances(self, handles: Any, *, separate: float = 1.0) -> NDArray[np.float32]:
-        """Return how far every vertex is from each handle along the surface, as a share of `extent`.
+        """Return how far every vertex is from each handle along the surface, as a fraction of `extent`.
 
         Parameters
         ----------
         handles
             (H,) vertex indices, or (H, 3) points, each of which stands for the vertex nearest to it.
         separate
-            The distance, in [0, 1], of vertices that no way along the surface and no bridge leads to.
+            The distance, in [0, 1], of vertices that neither the surface nor a bridge connects to the handle.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""Which way a limb runs: the direction along which the surface around a place is longest."""
+"""The direction of a limb: that along which the surface around a point is longest."""
 
 from __future__ import annotations
 
@@ -12,32 +12,32 @@ from dfd.mesh.mesh import Mesh
 
 __all__ = ["Limb", "limb_at"]
 
-# How far around the place is looked, as parts of the diagonal of the box: a finger is short, and so is most of a leg.
+# Search radii, as parts of the diagonal of the box: a finger is short, and so is most of a leg.
 NEAREST, FARTHEST, STEPS = 0.02, 0.3, 16
-# So many times as long as it is wide the surface there has to be, in mean squared distances from the place.
+# Least ratio of length to width of a limb, as root mean squared distances from the point.
 LONGEST = 1.5
-# Of the disk of that radius: a piece with less area is a sliver, whatever its length.
+# Of the disk of that radius: a region with less area is a sliver.
 LEAST_AREA = 0.05
-# Of the whole surface: a larger piece is no limb of it.
+# Of the whole surface: a larger region is not a limb.
 MOST_AREA = 0.5
-# As a part of the limb's length, so far from the middle of the piece a place is near an end of the limb.
+# As a part of the limb's length: a point this far from the region's middle is near an end of the limb.
 NEAR_END = 0.5
-# Enough to tell a direction by; of a finer mesh every so many faces.
+# Enough for a direction; a finer mesh is subsampled.
 MOST_FACES = 200_000
 
 
 class Limb(NamedTuple):
-    """Which way a limb runs at a place."""
+    """The direction of a limb at a point."""
 
     direction: NDArray[np.float64]  # (3,) of length 1, away from the rest of the limb
-    at_end: bool  # whether most of the limb is on one side, so that the direction is told from its opposite
+    at_end: bool  # whether most of the limb is on one side, so that the sign of the direction is known
 
 
 def limb_at(mesh: Mesh, distances: NDArray[np.floating]) -> Limb | None:
-    """The limb at the place of distance 0: which way the surface around it is longest.
+    """The limb at the point of distance 0: the direction in which the surface around it is longest.
 
-    Of the pieces of surface within growing distances it is the principal direction of the one that is most elongated,
-    as seen from the place: a piece smaller than a limb is thick is round, and so is one that reaches into the body.
+    Of the regions within growing distances, the most elongated one gives the principal direction about the point: a
+    region smaller than the limb's thickness is round, and so is one that reaches into the body.
 
     Parameters
     ----------
@@ -46,13 +46,13 @@ def limb_at(mesh: Mesh, distances: NDArray[np.floating]) -> Limb | None:
 
     Returns
     -------
-    None where no piece is one and a half times as long as it is wide: there is no limb.
+    None where no region is one and a half times as long as it is wide: there is no limb.
     """
     size = mesh.diagonal
     if size == 0.0 or len(mesh.faces) == 0:
         return None
     faces = mesh.faces[:: -(-len(mesh.faces) // MOST_FACES)]
-    # Around the place and not around their middles: from the tip of a stump, the way to its root is the longest.
+    # Moments about the point, not the region's middle: from the tip of a stump, the direction to its root is longest.
     corners = (mesh.vertices[faces] - mesh.vertices[distances.argmin()]) / size
     areas = face_areas(corners.reshape(-1, 3), np.arange(corners.size // 3, dtype=np.int32).reshape(-1, 3))
     away = distances[faces].mean(axis=1) / size

@@ -1,4 +1,4 @@
-"""What a deformation does to a surface, in the measures of the paper's Fig. 22: area, angles, edges, volume, faces."""
+"""Distortion of a surface by a deformation, as in the paper's Fig. 22: area, angles, edges, volume, faces."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ __all__ = ["SurfaceMetrics", "area_ratios", "surface_metrics"]
 
 MOST_TESTED = 200_000  # faces that are tested for self-intersection: exact arithmetic takes seconds there
 
-# Sum of the cosines between a face and its neighbors: below it is turned away from them, and no mere crease.
+# Sum of the cosines between a face and its neighbors: below it, the face is folded over, not just creased.
 FOLD = -0.5
 
 
 @dataclass(frozen=True)
 class SurfaceMetrics:
-    """How a moved surface differs from the resting one; rigid motion changes nothing of it."""
+    """How a moved surface differs from the resting one; rigid motion has no effect."""
 
-    area: float  # mean of |A′/A − 1| over the surface, each face weighing by its resting area A
-    angle: float  # mean change of the faces' angles, degrees, weighing likewise
-    edge_length: float  # mean of |l′/l − 1| over the edges, each weighing by its resting length l
+    area: float  # mean of |A′/A − 1| over the surface, weighted by resting area A
+    angle: float  # mean change of the faces' angles, degrees, weighted likewise
+    edge_length: float  # mean of |l′/l − 1| over the edges, weighted by resting length l
     volume: float | None  # V′/V − 1 of the enclosed volume; None where the surface is open or encloses nothing
     flipped_faces: int  # faces that are folded over against the faces around them, and were not at rest
     self_intersecting_faces: int | None  # faces that pass through others; None without libigl, or above 200,000 faces

@@ -1,4 +1,4 @@
-"""Finer triangles where a mesh has large ones, for what is measured from vertex to vertex."""
+"""Subdivision of large triangles, for measurements between vertices."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dfd.geometry.topology import face_sizes
 
 __all__ = ["split_long_edges"]
 
-_ROUNDS = 16  # each halves the longest edges
+_ROUNDS = 16  # of halving the longest edges
 
 
 def split_long_edges(
@@ -72,7 +72,7 @@ def _cut(points: NDArray[np.float64], faces: NDArray[np.int64], middle: NDArray[
     """Return faces (G, 3) that fill `faces` (F, 3) with corners at the sides' middles (F, 3), -1 where uncut."""
     count = (middle >= 0).sum(axis=1)
     result = [faces[count == 0]]
-    # turned so that the first side is cut where one is, and the last is whole where two are cut
+    # rotated so that the first side is cut where one is, and the last is uncut where two are cut
     for cuts, pattern in ((1, middle >= 0), (2, np.roll(middle < 0, 1, axis=1)), (3, middle >= 0)):
         chosen = count == cuts
         turn = (pattern[chosen].argmax(axis=1)[:, None] + np.arange(3)) % 3

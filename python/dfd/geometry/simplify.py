@@ -18,7 +18,7 @@ __all__ = ["simplify"]
 def simplify(mesh: Mesh, face_count: int) -> Mesh:
     """Simplify `mesh` to at most about `face_count` faces; one that has no more is returned as it is.
 
-    Texture coordinates do not survive: the copy takes, vertex by vertex, the color of the nearest vertex of `mesh`.
+    Textures are lost: each vertex of the copy takes the color of the nearest vertex of `mesh`.
 
     Raises
     ------
@@ -33,20 +33,20 @@ def simplify(mesh: Mesh, face_count: int) -> Mesh:
     faces = _faces_with_area(mesh)
     if len(faces) == 0:
         return mesh
-    # Quadrics hold squared coordinates: around the origin and of size 1 they lose least.
+    # Quadrics hold squared coordinates: at the origin and with size 1, rounding is least.
     frame = normalization(mesh)
     normalized = frame.apply(mesh.vertices)
     vertices, faces = fast_simplification.simplify(normalized, faces, target_count=min(face_count, len(faces)))
     if len(faces) == 0 or not np.isfinite(vertices).all():
         return mesh
-    # On flat ground the best place for a vertex is nearly free, and it may be put anywhere: not outside the box.
+    # On flat regions the optimal position is ill-conditioned: clamp it to the box.
     vertices = np.clip(vertices, normalized.min(axis=0), normalized.max(axis=0))
     vertices = frame.invert(vertices)
     return Mesh(vertices, faces, appearance=_nearest_colors(mesh, vertices, faces))
 
 
 def _faces_with_area(mesh: Mesh) -> NDArray[np.int32]:
-    """Return a copy of the faces that have an area: around others the simplification sees every collapse as a fold."""
+    """Return a copy of the faces that have an area: around others every collapse counts as a fold."""
     first, second, third = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
     return mesh.faces[np.cross(second - first, third - first).any(axis=1)]
 

@@ -15,7 +15,7 @@ from dfd.mesh.weld import weld
 
 __all__ = ["GAPS", "bridges", "edge_graph", "surface_graph", "surface_links"]
 
-# What counts as the same place, as touching, and as nearly touching, as shares of the box's diagonal. Components that
+# What counts as the same position, as touching, and as nearly touching, as parts of the box's diagonal. Components that
 # the smaller gap has joined are not bridged across the larger one: legs that meet at the hips stay apart at the knees.
 SAME_PLACE, GAPS = 1e-6, (0.005, 0.02)
 _MOST_POINTS = 400_000  # on edges and on faces that are larger than a gap, each
@@ -50,8 +50,8 @@ def surface_graph(mesh: Mesh) -> csr_matrix:
 def surface_links(mesh: Mesh) -> NDArray[np.int32]:
     """Return what joins the vertices of `surface_graph` besides the sides of faces, as pairs (L, 2) of vertices.
 
-    Those are links between vertices at one position, and bridges across small gaps. A large mesh is gone through so in
-    a fraction of the graph's memory.
+    Those are links between vertices at one position, and bridges across small gaps; they take a fraction of the
+    graph's memory.
 
     Raises ValueError if the mesh is so large that lengths overflow.
     """
@@ -78,7 +78,7 @@ def edge_graph(vertices: NDArray[np.float64], ends: NDArray[np.integer]) -> csr_
 
 
 def _size(mesh: Mesh) -> float:
-    """The longest side of the mesh's box, if lengths on it can be told."""
+    """The longest side of the mesh's box; raises ValueError if lengths overflow."""
     size = float(np.max(mesh.extents))
     if not np.isfinite(2 * size):
         raise ValueError(f"surface_graph: `mesh` must be smaller than 1e308, got {size:g}")
@@ -184,7 +184,7 @@ def _thinned(
     span = place.max(axis=0) + 1
     if np.prod(span.astype(float)) < 2**31:
         number = (place[:, 0] * span[1] + place[:, 1]) * span[2] + place[:, 2]
-    else:  # so fine a grid has more cells than can be counted together with labels
+    else:  # cell and label numbers do not fit into one integer
         number = weld(place.astype(np.float64))[1].astype(np.int64)
     key, first = np.unique(number * (label.max() + 1) + label, return_index=True)
     cells = key // (label.max() + 1)

@@ -1,4 +1,4 @@
-"""What a mesh is made of, and what is wrong with it."""
+"""Counts of a mesh's components and defects."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import dfd._core as _core
 from dfd.common.threads import get_num_threads
 from dfd.mesh.weld import weld
 
-# What reads meshes takes most of a second to import; here they come as they are.
+# Importing the mesh readers takes most of a second and is needed only for types.
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
@@ -108,7 +108,7 @@ def _three_corners(faces: NDArray[np.int32]) -> NDArray[np.bool_]:
 
 
 def _has_area(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Return whether each face has an area that its coordinates can tell from none."""
+    """Return whether each face has an area above the rounding of its coordinates."""
     size = np.abs(vertices).max(initial=0.0)
     corners = vertices[faces] / (size if size > 0 else 1.0)  # no square over- or underflows
     along, aside = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
@@ -121,7 +121,7 @@ def _has_area(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArra
 
 
 def _edge_uses(faces: NDArray[np.int32]) -> NDArray[np.int64]:
-    """Return for every edge how many faces have it."""
+    """Return how many faces each edge has."""
     ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
     key = np.sort(ends.min(axis=1) << 32 | ends.max(axis=1))
     starts = np.flatnonzero(np.concatenate([[True], key[1:] != key[:-1]])) if len(key) else np.zeros(0, int)

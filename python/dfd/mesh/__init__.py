@@ -1,1 +1,1 @@
-"""A mesh and its materials, from a file and back into one."""
+"""Meshes and their materials, read from and written to files."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 __all__ = ["GREY", "Appearance", "Material", "Wrap", "blend", "linear", "srgb"]
 
-GREY = 0.8  # of a surface about which nothing is known, display-referred
+GREY = 0.8  # display-referred color of a surface without a material
 
 Wrap = Literal["repeat", "mirror", "clamp"]
 
@@ -21,18 +21,18 @@ class _Digest(Protocol):
 
 @dataclass(frozen=True)
 class Material:
-    """What one kind of surface looks like; colors are display-referred (sRGB) in [0, 1]."""
+    """A surface material; colors are display-referred (sRGB) in [0, 1]."""
 
     color: tuple[float, float, float, float] = (GREY, GREY, GREY, 1.0)  # multiplies texture and vertex colors
     texture: NDArray[np.uint8] | None = None  # (rows, columns, 4) RGBA, first row on top
-    wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")  # what lies beyond the texture along u and v
+    wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")  # addressing outside [0, 1] along u and v
     alpha_mode: Literal["OPAQUE", "MASK", "BLEND"] = "OPAQUE"
-    alpha_cutoff: float = 0.5  # in mode MASK, less is clear and the rest opaque
+    alpha_cutoff: float = 0.5  # in mode MASK, lower alpha is transparent, the rest opaque
     name: str = ""
-    is_default: bool = False  # nothing is known but the name
+    is_default: bool = False  # the file gives nothing but the name
 
     def shown(self, *, has_colors: bool) -> Material:
-        """Return what is seen of it: on a surface with colors of its own, one of which nothing is known is white."""
+        """Return the material as displayed: a default material is white where there are vertex colors."""
         return replace(self, color=(1.0, 1.0, 1.0, 1.0)) if self.is_default and has_colors else self
 
 
@@ -40,7 +40,7 @@ class Material:
 class Appearance:
     """Colors over the faces of a mesh.
 
-    Texture coordinates and vertex colors belong to rows, of which a vertex on a seam has several.
+    Texture coordinates and vertex colors are stored by row; a vertex on a seam has several rows.
     """
 
     corners: NDArray[np.int32]  # (R,) the vertex each row is at, -1 for a row that no face uses
@@ -58,7 +58,7 @@ class Appearance:
         faces
             (N,) face of each point.
         barycentric
-            (N, 3) its weights of the face's three corners.
+            (N, 3) its barycentric coordinates.
         """
         rows = self.corner_faces[faces]
         weights = barycentric.astype(np.float32, copy=False)
@@ -142,16 +142,16 @@ def _sample(material: Material, uv: NDArray[np.float32]) -> NDArray[np.float32]:
 def _texels(
     coordinate: NDArray[np.float32], size: int, wrap: Wrap
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:
-    """Return the texels before and after a coordinate (N,) and its place (N, 1) between them."""
+    """Return the texels before and after a coordinate (N,) and the fraction (N, 1) between them."""
     if wrap == "repeat":
         coordinate = coordinate - np.floor(coordinate)  # first, so that far repeats stay exact
     elif wrap == "mirror":
         coordinate = coordinate - 2 * np.floor(coordinate / 2)
     else:
         coordinate = np.clip(coordinate, 0, 1)
-    place = coordinate * np.float32(size) - np.float32(0.5)
-    before = np.floor(place)
-    fraction = (place - before)[:, None]
+    position = coordinate * np.float32(size) - np.float32(0.5)
+    before = np.floor(position)
+    fraction = (position - before)[:, None]
     first = before.astype(np.int64)
     second = first + 1
     if wrap == "repeat":
@@ -163,8 +163,7 @@ def _texels(
 
 
 def _mix(
-    a: NDArray[np.uint8] | NDArray[np.float32], b: NDArray[np.uint8] | NDArray[np.float32], share: NDArray[np.float32]
+    a: NDArray[np.uint8] | NDArray[np.float32], b: NDArray[np.uint8] | NDArray[np.float32], part: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Return a + share · (b − a)."""
     start = a.astype(np.float32, copy=False)
-    return start + share * (b.astype(np.float32, copy=False) - start)
+    return start + part * (b.astype(np.float32, copy=False) - start)

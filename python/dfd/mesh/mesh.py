@@ -1,4 +1,4 @@
-"""The mesh: positions, triangles between them, and what is needed to look at it and to save it again."""
+"""The mesh: positions and triangles, with what rendering and saving need."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class Mesh:
     def bounds(self) -> NDArray[np.float64]:
         """(2, 3) smallest and largest coordinates; vertices of a file that no face uses do not count."""
         places = self.vertices
-        if self._scene is not None:  # of arrays every row is meant
+        if self._scene is not None:  # of arrays, unused vertices count too
             used = np.zeros(len(self.vertices), bool)
             used[self.faces] = True
             places = self.vertices if used.all() else self.vertices[used]
@@ -131,7 +131,7 @@ class Mesh:
     def _corners_of(self, faces: slice) -> NDArray[np.int64]:
         """(N,) ascending, the vertices of some of the faces."""
         corners = self.faces[faces].ravel()
-        if len(corners) < len(self.vertices):  # sorting few is less than looking at all vertices
+        if len(corners) < len(self.vertices):  # sorting a few corners is cheaper than marking all vertices
             return np.unique(corners).astype(np.int64)
         used = np.zeros(len(self.vertices), bool)
         used[corners] = True
@@ -208,8 +208,8 @@ class Mesh:
                 "name", f"must be a face group, and the mesh has none, got {name!r:.60}", "Mesh.group_vertices"
             )
         known = _listed(self.group_names)
-        said = f"must be a face group of the file ({known}), got {name!r:.60}"
-        raise ArgumentError("name", said, "Mesh.group_vertices")
+        problem = f"must be a face group of the file ({known}), got {name!r:.60}"
+        raise ArgumentError("name", problem, "Mesh.group_vertices")
 
     @cached_property
     def _groups(self) -> dict[str, NDArray[np.int64]]:
@@ -244,8 +244,8 @@ class Mesh:
 
         A mesh that came from a file keeps that file's parts, names, materials, UVs, textures, colors and units as far
         as the format has room for them; normals follow the moved surface. An OBJ file saved as OBJ, and a glTF file
-        saved as glTF or GLB, keep everything else that they hold: only what moved is rewritten. The file is whole
-        or absent.
+        saved as glTF or GLB, keep everything else that they hold: only what moved is rewritten. The file is
+        written atomically.
 
         Raises
         ------
@@ -311,8 +311,8 @@ def load(
 ) -> Mesh:
     """Read a mesh from an OBJ, PLY, STL, OFF, GLB or glTF file, or take one that is in memory.
 
-    All parts of a scene are taken, in their places. Nothing is changed: units, orientation, the file's own numbers of
-    vertices (see `Mesh`), faces without area and repeated faces stay; polygons become triangles.
+    All parts of a scene are loaded, with their transforms applied, and polygons become triangles. Units, orientation,
+    the file's own numbers of vertices (see `Mesh`), faces without area and repeated faces are kept.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where the box around a shape lies and how long it is: what brings any shape to one size in one place."""
+"""Normalization of a shape: its bounding box is mapped into the cube [−1, 1]³."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["Normalization", "box_normalization", "normalization"]
 
 
 class Normalization(NamedTuple):
-    """What brings a shape into the cube [−1, 1]³: subtract `center`, multiply by `scale`."""
+    """The map of a shape into the cube [−1, 1]³: subtract `center`, multiply by `scale`."""
 
     center: NDArray[np.float64]  # (3,) middle of the box around the shape, in its units
     scale: float  # 1 / half the longest side of the box
@@ -31,17 +31,17 @@ class Normalization(NamedTuple):
 
 
 def box_normalization(low: NDArray[np.float64], high: NDArray[np.float64]) -> Normalization | None:
-    """Return what brings a box to [−1, 1] along its longest side; None where it is but a point.
+    """Return the map of a box to [−1, 1] along its longest side; None where it is a single point.
 
     `low` and `high` are its corners (3,).
     """
-    low, high = low / 2, high / 2  # halved before they meet, so that no sum overflows
+    low, high = low / 2, high / 2  # halved before they are added, so that the sum does not overflow
     half = float(np.max(high - low))
     return None if half < np.finfo(np.float64).tiny else Normalization(low + high, 1.0 / half)
 
 
 def normalization(mesh: Mesh) -> Normalization:
-    """Return what brings the box of `mesh` to [−1, 1] along its longest side.
+    """Return the map of the box of `mesh` to [−1, 1] along its longest side.
 
     Raises ValueError if all vertices are one point.
     """

@@ -39,7 +39,7 @@ def weld(positions: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.
 
 
 def _groups(rows: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return an order (N,) in which equal rows are neighbors, and the place (V,) where each run of them starts."""
+    """Return an order (N,) in which equal rows are neighbors, and the index (V,) at which each run of them starts."""
     key = _hash(rows)
     order = np.argsort(key)
     run_begins = _differs(key[order])

@@ -1,1 +1,1 @@
-"""What people look at: shapes, features and weights drawn, and sheets of them."""
+"""Pictures for people: shapes, features and weights, and sheets of them."""

@@ -12,7 +12,7 @@ from dfd.mesh.appearance import linear, srgb
 
 __all__ = ["CLAY", "feature_colors", "part_colors", "ratio_colors", "weight_colors"]
 
-CLAY = (0.85, 0.84, 0.82)  # sRGB of a surface about which nothing is shown; also of weight 0
+CLAY = (0.85, 0.84, 0.82)  # sRGB of a surface without data; also of weight 0
 # sRGB stops from weight 0 to 1. They darken all the way, so that the map also reads in grey and to the color-blind.
 HEAT_STOPS = (CLAY, (0.96, 0.78, 0.42), (0.93, 0.50, 0.18), (0.74, 0.20, 0.24), (0.38, 0.05, 0.31))
 SMALLER, LARGER = (0.13, 0.40, 0.74), (0.79, 0.17, 0.16)  # sRGB of a half and of twice

@@ -1,4 +1,4 @@
-"""What is written on pictures: labels of marks, numbers of vertices, the directions of the axes."""
+"""Text on pictures: labels of marks, numbers of vertices, the directions of the axes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from dfd.views.raycast import Scene
 
 __all__ = ["draw_axes", "draw_labels", "draw_marks", "draw_numbers", "font", "spelled", "wrapped"]
 
-# What the typeface lacks, in letters that it has.
+# Characters that the typeface lacks, spelled in others.
 _SPELLED = {
     "λ": "lambda", "ε": "epsilon", "μ": "u", "µ": "u", "Φ": "Phi", "Σ": "sum", "Δ": "delta", "π": "pi", "σ": "sigma",
     "→": "->", "←": "<-", "×": "x", "−": "-", "–": "-", "—": "-", "≥": ">=", "≤": "<=", "≠": "!=", "≈": "~",
@@ -93,7 +93,7 @@ def draw_numbers(page: Image.Image, scene: Scene, camera: Camera, positions: NDA
     inside = (rows > size) & (rows < resolution - size) & (columns > margin) & (columns < resolution - margin)
     inside[inside] = ~scene.hides(camera.position, positions[before[inside]], TOLERANCE)
     vertices, rows, columns = before[inside], rows[inside], columns[inside]
-    # One a cell, the one nearest to its middle; and none where a neighbor's would be in its way.
+    # One per cell, the nearest to its middle; none where it would overlap a neighbor's.
     cell_row, cell_column = np.floor(rows / (1.5 * size)), np.floor(columns / wide)
     off = np.hypot(rows - (cell_row + 0.5) * 1.5 * size, columns - (cell_column + 0.5) * wide)
     order = np.lexsort((off, cell_column, cell_row))

@@ -43,9 +43,9 @@ SKY, GROUND, LAMP = 0.44, 0.28, 0.68
 LAMP_OFFSET = (-0.45, 0.60)  # to the right and up, against 1 towards the eye
 SHADE_RAYS = 2  # per sample; the samples of a tile look in different directions and share what they find
 TILE = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]) / 16  # of samples, an ordered dither
-SHADE_REACH = 0.7  # how far hiding matters, of half the shape's size
-SHADE_DEPTH = 0.75  # how dark full hiding is
-MAX_LAYERS = 6  # see-through surfaces behind one another
+SHADE_REACH = 0.7  # range of occlusion, of half the shape's size
+SHADE_DEPTH = 0.75  # darkening by full occlusion
+MAX_LAYERS = 6  # transparent surfaces along a ray
 STEP = 1e-4  # past a surface, of half the shape's size
 
 
@@ -201,7 +201,7 @@ class _Painter:
         directions = self._directions(rows, count)
         starts = np.broadcast_to(self._camera.position.astype(np.float32), directions.shape)
         ray = np.arange(len(directions))
-        light = np.ones(len(directions), np.float32)  # what still comes through
+        light = np.ones(len(directions), np.float32)  # remaining transmittance
         color = np.zeros((len(directions), 3), np.float32)
         for _ in range(MAX_LAYERS):
             hits = self._scene.cast(starts, directions[ray])

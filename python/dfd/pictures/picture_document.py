@@ -1,4 +1,4 @@
-"""What a picture says about itself: of which mesh it is and through which cameras, in a text inside the PNG file."""
+"""Metadata of a picture: its mesh and cameras, in a text inside the PNG file."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class PictureDocument(_Document):
 
 
 def read_document(path: str | os.PathLike[str]) -> PictureDocument:
-    """What the PNG file at `path` says about itself.
+    """Read the metadata of the PNG file at `path`.
 
     Raises ValueError if it is not a PNG file, or one that does not come from here; OSError if it cannot be read.
     """

@@ -1,6 +1,6 @@
-"""Made shapes with a part label for every vertex: what the tests measure and the demo shows.
+"""Generated shapes with a part label for every vertex, for tests and demos.
 
-All stand upright (y up), look along +z, are about 1 high and are their own mirror image at x = 0, bit for bit.
+All stand upright (y up), look along +z, are about 1 high and exactly mirror-symmetric at x = 0.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _MOST_FACES = 10_000_000
 
 @dataclass(frozen=True)
 class Sample:
-    """A made mesh and what its parts are."""
+    """A generated mesh and the labels of its parts."""
 
     mesh: Mesh
     labels: NDArray[np.int32]  # (V,) the kind of part of each vertex, an index into `parts`

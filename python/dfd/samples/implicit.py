@@ -1,4 +1,4 @@
-"""Solid shapes as distances: rounded primitives, each a piece of a part, and their smooth union."""
+"""Solid shapes as signed distances: rounded primitives, labelled by part, and their smooth union."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ class Piece:
     part: str  # the kind of part it belongs to
     distance: Distance
     instance: int = 0  # which one of its kind
-    paired: bool = False  # it stands beside the plane: its mirror image is the next instance
-    blend: float = 0.02  # radius of the fillet towards the pieces before it
+    paired: bool = False  # off the plane: its mirror image is the next instance
+    blend: float = 0.02  # radius of the fillet to the preceding primitives
 
 
 class Shape:
-    """The smooth union of pieces, symmetric in x."""
+    """The smooth union of primitives, symmetric in x."""
 
     def __init__(self, pieces: Sequence[Piece]) -> None:
         self.pieces = tuple(pieces)
         self.parts = tuple(dict.fromkeys(piece.part for piece in pieces))
 
     def distance(self, points: Points) -> NDArray[np.float64]:
-        """Return about the signed distance (N,) of `points` to the surface, the same on both sides of x = 0."""
+        """Return the approximate signed distance (N,) of `points` to the surface, the same on both sides of x = 0."""
         folded = _folded(points)
         result = self.pieces[0].distance(folded)
         for piece in self.pieces[1:]:
@@ -54,7 +54,7 @@ class Shape:
         return moved
 
     def labels(self, points: Points) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Return for each point the index in `parts` and the instance of the piece that it is nearest to."""
+        """Return for each point the index in `parts` and the instance of the nearest primitive."""
         folded = _folded(points)
         nearest = np.argmin([piece.distance(folded) for piece in self.pieces], axis=0)
         part = np.array([self.parts.index(piece.part) for piece in self.pieces], np.int32)
@@ -70,9 +70,9 @@ def capsule(start: Triple, end: Triple, start_radius: float, end_radius: float |
 
     def distance(points: Points) -> NDArray[np.float64]:
         offset = points - origin
-        place = (offset @ along / (along @ along)).clip(0, 1)
-        radius: NDArray[np.float64] = start_radius + (last - start_radius) * place
-        return _length(offset - place[:, None] * along) - radius
+        fraction = (offset @ along / (along @ along)).clip(0, 1)
+        radius: NDArray[np.float64] = start_radius + (last - start_radius) * fraction
+        return _length(offset - fraction[:, None] * along) - radius
 
     return distance
 

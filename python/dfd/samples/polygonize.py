@@ -1,4 +1,4 @@
-"""From a shape to a closed mesh: surface nets on a grid, evened out, mirrored exactly at x = 0.
+"""From a shape to a closed mesh: surface nets on a grid, smoothed, and mirrored exactly at x = 0.
 
 Surface nets (S. F. F. Gibson, "Constrained elastic surface nets", MICCAI 1998) put a vertex into every cell that the
 surface crosses and a quadrilateral around every grid edge that it crosses. Where two sheets pass through one cell, each
@@ -18,11 +18,11 @@ from dfd.samples.implicit import Shape
 
 __all__ = ["polygonize"]
 
-_FIRST_SPACING = 1 / 40  # of the grid that the size of all others is measured by
+_FIRST_SPACING = 1 / 40  # of a first grid, from whose face count the final spacing follows
 _BLOCK = 4  # grid steps per block of the coarse grid that finds the surface
 _MOST_GRID_FACES = 60_000  # finer meshes are subdivided from a coarser grid
 _CORNERS = np.array([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-_EDGES = [  # (axis, start, end), numbered by axis and by where the edge stands in the two other axes
+_EDGES = [  # (axis, start corner, end corner), ordered by axis and start
     (axis, corner, corner + (4, 2, 1)[axis]) for axis in range(3) for corner in range(8) if not _CORNERS[corner][axis]
 ]
 
@@ -32,8 +32,8 @@ def polygonize(
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Return vertices (V, 3) and triangles (F, 3), outward, of about `faces` faces.
 
-    The shape must lie inside the box from `low` to `high`. Vertices and faces are each other's mirror images bit for
-    bit: with (x, y, z) there is (-x, y, z).
+    The shape must lie inside the box from `low` to `high`. Vertices and faces are exactly mirrored: with
+    (x, y, z) there is (-x, y, z).
     """
     halvings = 0
     while faces / 4**halvings > _MOST_GRID_FACES:
@@ -74,12 +74,11 @@ def _half(
 def _values_near_surface(
     shape: Shape, origin: NDArray[np.float64], spacing: float, blocks: tuple[int, ...]
 ) -> NDArray[np.float64]:
-    """Return the distance at every grid point: right near the surface, elsewhere right in its sign."""
+    """Return the distance at every grid point: exact near the surface, elsewhere only of correct sign."""
     corner = np.stack(np.meshgrid(*[np.arange(n + 1) for n in blocks], indexing="ij"), axis=-1)
     coarse = shape.distance(origin + _BLOCK * spacing * corner.reshape(-1, 3)).reshape(corner.shape[:3])
     values = coarse.repeat(_BLOCK, 0).repeat(_BLOCK, 1).repeat(_BLOCK, 2)
-    # a corner whose distance is more than its cells' diagonal cannot have the surface in them; twice, since an
-    # ellipsoid's distance is only about right
+    # the surface is no nearer than a corner's distance; twice the diagonal, since an ellipsoid's is approximate
     near = np.argwhere(np.abs(coarse) < 2 * np.sqrt(3) * _BLOCK * spacing) * _BLOCK
     within = np.stack(np.meshgrid(*[np.arange(_BLOCK)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     points = (near[:, None] + within).reshape(-1, 3)
@@ -90,7 +89,7 @@ def _values_near_surface(
 def _connected(
     vertices: NDArray[np.float64], triangles: NDArray[np.int32]
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Return the largest connected piece: on a coarse grid the thin tip of a horn can come off."""
+    """Return the largest component: on a coarse grid the thin tip of a horn can be disconnected."""
     links = coo_array((np.ones(triangles.size, bool), (triangles.ravel(), triangles[:, [1, 2, 0]].ravel())))
     component = connected_components(links, directed=False)[1]
     kept = component == np.bincount(component).argmax()
@@ -110,9 +109,9 @@ def _net(
     summed, crossings = np.zeros((count.sum(), 3)), np.zeros(count.sum())
     for edge, (_, a, b) in enumerate(_EDGES):
         cut = np.flatnonzero(sheet[:, edge] >= 0)
-        share = at_corner[cut, a] / (at_corner[cut, a] - at_corner[cut, b])
+        fraction = at_corner[cut, a] / (at_corner[cut, a] - at_corner[cut, b])
         vertex = first[cut] + sheet[cut, edge]  # each at most once for one edge
-        summed[vertex] += _CORNERS[a] + share[:, None] * (_CORNERS[b] - _CORNERS[a])
+        summed[vertex] += _CORNERS[a] + fraction[:, None] * (_CORNERS[b] - _CORNERS[a])
         crossings[vertex] += 1
     vertices = np.repeat(crossed, count, axis=0) + summed / crossings[:, None]
     vertices[np.repeat(crossed[:, 0] == 0, count), 0] = 0.5  # on the plane of symmetry
@@ -121,7 +120,7 @@ def _net(
 
 @cache
 def _sheets() -> NDArray[np.int64]:
-    """Return, for each of the 256 ways to have corners inside, the sheet that crosses each edge, -1 for none."""
+    """Return, for each of the 256 sets of inside corners, the sheet that crosses each edge, -1 for none."""
     table = np.full((256, 12), -1)
     for code in range(1, 255):
         cut = [edge for edge, (_, a, b) in enumerate(_EDGES) if (code >> a & 1) != (code >> b & 1)]
@@ -157,12 +156,12 @@ def _quads(
     u, v = np.eye(3, dtype=int)[(axis + 1) % 3], np.eye(3, dtype=int)[(axis + 2) % 3]
     edges = edges[(edges[:, (axis + 1) % 3] > 0) & (edges[:, (axis + 2) % 3] > 0)]
     columns = []
-    for offset in (u + v, v, 0 * u, u):  # where the edge stands in each of its cells
+    for offset in (u + v, v, 0 * u, u):  # the edge's position in each of its cells
         cell = number[tuple((edges - offset).T)]
         start = int(offset @ (4, 2, 1))
         columns.append(first[cell] + sheet[cell, _EDGES.index((axis, start, start + (4, 2, 1)[axis]))])
     quads = np.stack(columns, axis=1).astype(np.int32)
-    leaves = starts[tuple(edges.T)]  # along the edge the way leads out of the shape
+    leaves = starts[tuple(edges.T)]  # the edge leads out of the shape
     return np.where(leaves[:, None], quads, quads[:, ::-1])
 
 
@@ -207,8 +206,8 @@ def _subdivide(
 def _with_mirror_image(
     vertices: NDArray[np.float64], triangles: NDArray[np.int32]
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    beside = vertices[:, 0] > 0
+    off_plane = vertices[:, 0] > 0
     image = np.arange(len(vertices), dtype=np.int32)
-    image[beside] = len(vertices) + np.arange(beside.sum(), dtype=np.int32)
-    mirrored = vertices[beside] * np.array([-1.0, 1.0, 1.0])
+    image[off_plane] = len(vertices) + np.arange(off_plane.sum(), dtype=np.int32)
+    mirrored = vertices[off_plane] * np.array([-1.0, 1.0, 1.0])
     return np.concatenate([vertices, mirrored]), np.concatenate([triangles, image[triangles][:, ::-1]])

@@ -1,1 +1,1 @@
-"""Which way is up: what pictures show of it, and on what a shape can stand."""
+"""The up direction of a shape, from pictures and from its stability."""

@@ -1,4 +1,4 @@
-"""Which way is up, as it is said and as it is kept."""
+"""Up directions: as given, as stored in settings, and as frames."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ AXES: dict[str, NDArray[np.float64]] = {
     f"{sign}{name}": float(f"{sign}1") * np.eye(3)[axis] for axis, name in enumerate("xyz") for sign in "+-"
 }
 UP_WORDS = ("auto", "file", *AXES)
-LEAST_ACROSS = 0.1  # of a unit vector that must lie across another one
-LEAST_EXTENT = 1e-6  # of the longest side: what has less along an axis has none
+LEAST_ACROSS = 0.1  # least length of a unit vector's part at right angles to another one
+LEAST_EXTENT = 1e-6  # of the longest side: a smaller extent along an axis counts as 0
 
 
 @dataclass(frozen=True, eq=False)
 class Up:
-    """Which way is up in a mesh.
+    """The up direction of a mesh.
 
     Attributes
     ----------
     frame
         (3, 3) rotation, rows in the mesh's coordinates: right, up, front.
     confidence
-        How sure it is that this direction is upright, be it up or down, 0 … 1; 1 when it was said.
+        Probability that this axis is upright, up or down, 0 … 1; 1 if given.
     source
-        "said"; "file", its own +y, because that is likeliest or, with a confidence of 0, because nothing could be
-        found; "found"; "averaged", where no direction wins and two share the pictures.
+        "said" if given; "file" for +y, the likeliest or, with a confidence of 0, the fallback; "found"; "averaged" if
+        uncertain, so that two directions share the pictures.
     shared
-        (K, 3, 3) the frames that share the pictures, the likeliest first; None where `frame` has all of them.
+        (K, 3, 3) the frames that share the pictures, the likeliest first; None if `frame` is the only one.
     """
 
     frame: NDArray[np.float64]
@@ -46,12 +46,12 @@ class Up:
 
     @property
     def frames(self) -> NDArray[np.float64]:
-        """(K, 3, 3) what counts as right, up and front in the pictures; see `dfd.views.render.render`."""
+        """(K, 3, 3) right, up and front of the pictures; see `dfd.views.render.render`."""
         return self.frame[None] if self.shared is None else self.shared
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What a field says of it, as JSON holds it."""
+        """The entries of a field's settings, JSON values."""
         shared = {} if self.shared is None else {"up_shared": self.shared[:, 1].tolist()}
         return {
             "up_direction": self.direction.tolist(),
@@ -72,12 +72,12 @@ class Up:
 
     @property
     def sentence(self) -> str:
-        """What happened, for people."""
+        """See `up_sentence`."""
         return up_sentence(self.settings)
 
 
 def up_sentence(settings: Mapping[str, Any]) -> str:
-    """What a field's `settings` say of its up, for people; "" where they say nothing."""
+    """Describe the up direction in a field's `settings` to users; "" if there is none."""
     if "up_source" not in settings:
         return ""
     up, source, sure = _named(settings["up_direction"]), settings["up_source"], settings["up_confidence"]
@@ -132,12 +132,12 @@ def check_up(up: Any) -> str | tuple[float, float, float]:
 
 
 def file_up() -> Up:
-    """The +y that files have by convention, where nothing better is known."""
+    """Fall back to +y, the convention of files."""
     return Up(np.eye(3), 0.0, "file")
 
 
 def explicit_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
-    """The frame for an `up` that `check_up` has let pass, other than "auto".
+    """The frame for an `up` that `check_up` has returned, other than "auto".
 
     Raises
     ------
@@ -153,7 +153,7 @@ def explicit_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
 
 
 def _upright_frame(up: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The frame with `up` in which the other axes of the file are turned least."""
+    """The frame with `up` that rotates the file's other axes least."""
     along = np.flatnonzero(up)
     if len(along) == 1:
         straight: NDArray[np.float64] = axis_frames(np.eye(3))[2 * int(along[0]) + int(up[along[0]] < 0)]
@@ -163,7 +163,7 @@ def _upright_frame(up: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def frame_facing(up: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The frame (3, 3) with `up`, and its right as near to `right` as can be; both (3,), unit."""
+    """The frame (3, 3) with `up` and its right nearest to `right`; both (3,), unit."""
     across = right - (right @ up) * up
     if np.linalg.norm(across) < LEAST_ACROSS:
         across = np.cross(up, np.eye(3)[np.abs(up).argmin()])

@@ -1,4 +1,4 @@
-"""Which way is up: encoders know things as they stand, and a shape that lies on its side loses much of its weights."""
+"""Finds the up direction: encoders know upright objects, and weights on a shape that lies on its side are worse."""
 
 from __future__ import annotations
 
@@ -21,36 +21,35 @@ if TYPE_CHECKING:
 
 __all__ = ["find_up", "resolve_up"]
 
-# Of mean part precision, the wrong axis upright costs 0.030, upside down nothing, and two axes that share the pictures,
-# one of them right, 0.006 (three 0.031): below this chance of the likeliest axis two of them cost less than a guess.
+# The wrong axis upright costs 0.030 of mean part precision, upside down nothing, and two axes that share the pictures,
+# one of them right, 0.006 (three 0.031): below this probability of the likeliest axis, sharing costs less on average.
 CLEAR = 0.8
-# Looked at from its four sides as the file has it, a shape whose axis is so likely, whatever files have by convention,
-# is hardly ever taken for another after twenty more pictures.
+# If four pictures around the file's up, without the prior, give an axis this probability, twenty more pictures hardly
+# ever change it.
 EARLY_STOP_CONFIDENCE = 0.95
-SURE = 0.97  # looked at along all axes, likewise; else from the corners too
-SAME = np.cos(np.radians(8))  # ups nearer than that to each other are one
-UNALIGNED_PRIOR = 0.5  # of what files have by convention counts for a shape that lies along none of its file's axes
+SURE = 0.97  # likewise after pictures along all axes; below, pictures from the corners are added
+SAME = np.cos(np.radians(8))  # directions within this angle count as one
+UNALIGNED_PRIOR = 0.5  # factor of the prior for a shape aligned with none of the file's axes
 
 
 def resolve_up(
     mesh: Mesh, encoder: Encoder, up: str | tuple[float, float, float], *, stages: Stages | None = None
 ) -> Up:
-    """Return what `up`, checked by `check_up`, says; look for it where it is "auto"."""
+    """Return the direction of `up`, checked by `check_up`; found from pictures if it is "auto"."""
     return find_up(mesh, encoder, stages=stages) if up == "auto" else explicit_up(mesh, up)
 
 
 def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stages: Stages | None = None) -> Up:
-    """Find which way is up in `mesh`, from what `encoder` sees of it and from how it would stand.
+    """Find the up direction of `mesh` from pictures seen by `encoder` and from stability.
 
-    The axis that stands upright is decided first, then which of its ends is up: weights suffer from a shape that lies
-    on its side, not from one upside down. The +y of the file stays unless something else is clearly more likely, and
-    where no axis is clear the two likeliest share the pictures.
+    The upright axis is decided first, then which of its ends is up: weights suffer from a shape on its side, not from
+    one upside down. The file's +y is kept unless another axis is clearly more likely; if none is clear, the two
+    likeliest share the pictures.
 
     Parameters
     ----------
     probe
-        What was learned about the encoder's tokens; None takes what comes with the package. Where there is nothing
-        for this encoder, the file's up stays.
+        The probe learned for the encoder's tokens; None takes the package's. Without one, the file's up is kept.
 
     Raises
     ------
@@ -74,7 +73,7 @@ def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stage
 
 
 def _along_the_file(standing: StabilityCues, frame: NDArray[np.float64], around: ProbeCameras, probe: UpProbe) -> Up:
-    """The axis of the file, and its end, that are up: by as few pictures as leave no doubt."""
+    """Choose among the file's axes, stopping as soon as the pictures are conclusive."""
     frames = np.stack(axis_frames(frame))
     ups, evidence = frames[:, 1], np.stack([standing.evidence(each) for each in frames])
     before = np.array([prior(probe, each) for each in frames])
@@ -92,10 +91,10 @@ def _along_the_file(standing: StabilityCues, frame: NDArray[np.float64], around:
 
 
 def _tilted(standing: StabilityCues, frame: NDArray[np.float64], around: ProbeCameras, probe: UpProbe) -> Up:
-    """Which way is up in a shape whose mirror plane is `frame`'s and that lies along no axis of the file.
+    """Choose the up of a shape that is aligned with no axis of the file; `frame` holds its mirror plane.
 
-    Pictures along all axes tell roughly, then also those that show the likeliest as they would stand. It may yet stand
-    upright in its file, without a mirror plane that says so.
+    Pictures along all axes give a first estimate, pictures of the likeliest candidates the final one. The file's axes
+    remain candidates, because the mirror plane may be wrong.
     """
 
     def found() -> Up:
@@ -112,8 +111,8 @@ def _tilted(standing: StabilityCues, frame: NDArray[np.float64], around: ProbeCa
 def candidates(standing: StabilityCues, frame: NDArray[np.float64], form: NDArray[np.float64]) -> NDArray[np.float64]:
     """The frames (2K, 3, 3) in which a tilted shape may be upright, each followed by the same upside down.
 
-    Those are the file's axes, how it would come to rest with its mirror plane upright, and the axes along which the
-    pictures' quadratic form (3, 3) is largest, leaned into the mirror plane and as they are.
+    Their ups are the file's axes, the stable poses with an upright mirror plane, and the main axes of the pictures'
+    quadratic form `form` (3, 3), projected into the mirror plane and unprojected.
     """
     normal = frame[0]
     seen = np.linalg.eigh(form)[1].T[::-1][:2]
@@ -126,7 +125,7 @@ def candidates(standing: StabilityCues, frame: NDArray[np.float64], form: NDArra
 
 
 def prior(probe: UpProbe, frame: NDArray[np.float64]) -> float:
-    """Log-odds of `frame` before anything is looked at."""
+    """Log-odds of `frame` by the convention of files."""
     if np.allclose(frame[1], AXES["+y"]):
         return probe.file_up
     if np.allclose(frame[1], AXES["-y"]):

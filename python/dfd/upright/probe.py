@@ -1,10 +1,9 @@
-"""What was learned, once per encoder, about which way is up: a linear map of its tokens, kept in a small file.
+"""The up probe of an encoder: a linear map from its tokens to votes for up directions, learned once, in a small file.
 
-Every picture votes, whichever way its camera is turned: a thing that lies on its side in it says so as clearly as one
-that stands. Its tokens give a quadratic form, along which axis the thing stands, and a vector, which end of the axis is
-up; both lie in the camera's axes and are added up in the mesh's. A picture's mirror image votes for the mirror image:
-what votes across the picture is linear in how its halves differ, and what votes within the plane of symmetry in the
-mean of all. Together with what the surface says (`dfd.upright.stability`) that gives every candidate its odds.
+Every picture votes, whatever its camera's orientation. Its tokens give a quadratic form for the upright axis and a
+vector for its upper end, both in the camera's axes; they are summed in the mesh's. A mirrored picture must give the
+mirrored vote: components across the picture are linear in the difference of its halves, the others in the mean token.
+With the cues of the surface (`dfd.upright.stability`) this gives each candidate's log-odds.
 """
 
 from __future__ import annotations
@@ -26,14 +25,14 @@ if TYPE_CHECKING:
 
 __all__ = ["FORMS", "LOOKS", "TERMS", "VECTORS", "UpProbe", "find_probe"]
 
-KIND = "dfd up probe 2"  # the number is that of the format
+KIND = "dfd up probe 2"  # format version 2
 LOOKS = ("looks upright", "looks right side up")  # upright: it may be upside down
 TERMS = (*LOOKS, *EVIDENCE)
 FOLDER = Path(__file__).with_name("probes")
 
 _HALF = np.sqrt(3) / 2
-# Symmetric matrices without a trace, all of one length, in a camera's right, up and back; by which of a picture's two
-# tokens each is metadata. At a unit vector they are the real spherical harmonics of degree two.
+# A basis of the traceless symmetric matrices in a camera's right, up and back, of equal norm: at a unit vector they are
+# the real spherical harmonics of degree two. `FORM_TOKENS` says which of a picture's two tokens each is read from.
 FORMS = np.array(
     [
         [[-0.5, 0, 0], [0, 1, 0], [0, 0, -0.5]],
@@ -56,19 +55,19 @@ FORM_TOKENS, VECTOR_TOKENS = np.array([0, 0, 0, 1, 1]), np.array([0, 0, 1])
 
 @dataclass(frozen=True, eq=False)
 class UpProbe:
-    """The learned numbers, for tokens of width D.
+    """The learned probe, for tokens of width D.
 
     Attributes
     ----------
     mean
-        (D,) what a picture's mean token is compared with.
+        (D,) subtracted from a picture's mean token.
     form, vector
-        (5, D) and (3, D), from a picture's tokens to what `FORMS` and `VECTORS` are weighed by.
+        (5, D) and (3, D), map a picture's tokens to coefficients of `FORMS` and `VECTORS`.
     odds
-        (3, 9) log-odds that one unit of each of `TERMS` adds to a candidate: by a look around the file's up alone, by
-        looks along all axes of the file, and for a shape that lies along none of them.
+        (3, 9) log-odds per unit of each of `TERMS`: for pictures around the file's up alone, for pictures along all
+        axes of the file, and for a shape aligned with none of them.
     file_up, file_down, file_z
-        Log-odds that +y, −y, and ±z have in a file before anything is looked at.
+        Prior log-odds of +y, −y and ±z.
     encoder_weights, encoder_block
         The encoder that it was learned from.
     """
@@ -93,7 +92,7 @@ class UpProbe:
         return form, vector
 
     def terms(self, seen: ViewTokens, ups: NDArray[np.float64], evidence: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What speaks for each of `ups` (K, 3), unit, to be up: (K, 9), see `TERMS`; `evidence` (K, 7) of them."""
+        """Return the `TERMS` (K, 9) of unit `ups` (K, 3); `evidence` (K, 7) are the `EVIDENCE` of `ups`."""
         form, vector = self.votes(seen)
         return np.column_stack([np.einsum("ka,ab,kb->k", ups, form, ups), ups @ vector, evidence])
 
@@ -119,7 +118,7 @@ class UpProbe:
         Raises
         ------
         ValueError
-            If the file is something else, or cut short, or its numbers are not finite.
+            If the file is truncated or of another kind, or its arrays are not finite.
         OSError
             If it cannot be read.
         """
@@ -130,6 +129,6 @@ class UpProbe:
 
 
 def find_probe(encoder: Encoder) -> UpProbe | None:
-    """The probe that comes with the package for `encoder`; None where there is none for its weights and block."""
+    """The package's probe for the weights and block of `encoder`, else None."""
     probes = (UpProbe.load(path) for path in sorted(FOLDER.glob("*.safetensors")))
     return next((probe for probe in probes if probe.fits(encoder)), None)

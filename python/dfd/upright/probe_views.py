@@ -1,4 +1,4 @@
-"""What an encoder sees of a shape in a few small pictures, taken from around as it may stand."""
+"""Tokens of a few small pictures around a shape, for candidate up directions."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["CORNERS", "SIDES", "ProbeCameras", "ViewTokens"]
 
 PATCHES = 16  # along a picture's side
-SHOWN = 0.3  # of a patch's pixels, so that its token counts
+SHOWN = 0.3  # least part of a patch's pixels that the shape covers, for its token to count
 
 
 def _square(first: float, height: float) -> NDArray[np.float64]:
@@ -43,13 +43,12 @@ SIDES, CORNERS = _square(0, 20), _square(45, 15)  # of a square that the shape s
 
 @dataclass(frozen=True, eq=False)
 class ViewTokens:
-    """What N pictures show.
+    """Tokens of N pictures.
 
     Attributes
     ----------
     tokens
-        (N, 2, D) of every picture the mean token of the shape, and by how much that of its right half differs from
-        that of its left half.
+        (N, 2, D) for every picture the mean token of the shape, and that of its right half minus its left half.
     axes
         (N, 3, 3) right, up and back of every camera, in the mesh's coordinates.
     """
@@ -63,7 +62,7 @@ class ViewTokens:
 
 
 class ProbeCameras:
-    """Takes small pictures of a mesh from around."""
+    """Renders and encodes small pictures around a mesh."""
 
     def __init__(self, mesh: Mesh, encoder: Encoder) -> None:
         center, scale = normalization(mesh)
@@ -79,7 +78,7 @@ class ProbeCameras:
         Raises
         ------
         ValueError
-            If no ray meets the mesh.
+            If no ray hits the mesh.
         """
         around = [self._used @ frame.T for frame in frames]
         cameras = [

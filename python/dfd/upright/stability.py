@@ -1,4 +1,4 @@
-"""What the surface alone says about how a shape stands: on what it would rest, and across which planes it mirrors.
+"""Cues of the surface for the up direction: stable poses, the base, and mirror planes.
 
 Source: Fu, Cohen-Or, Dror, Sheffer, "Upright orientation of man-made objects" (SIGGRAPH 2008), for stability and base.
 """
@@ -20,33 +20,33 @@ __all__ = ["EVIDENCE", "StabilityCues"]
 EVIDENCE = ("stable", "facing up", "base", "near the base", "middle", "mirrors upright", "mirrors flat")
 POINTS = 2000  # on the surface
 REFLECTED = 500  # of them, whose mirror images are looked for
-BASE = 0.03  # of the diagonal: what lies so near to the lowest point touches the ground
+BASE = 0.03  # of the diagonal: points within this height of the lowest one touch the floor
 FACES_UP = 0.9  # cosine
-ALIGNED = 1.25  # an axis of the file is taken for the mirror plane's normal when it misses by so many times the least
-LEAST_ERROR = 0.004  # of the diagonal: a mirror image as near as this is exact, for points that are drawn at random
-LEAST_HEIGHT = 1e-6  # of the diagonal: what is as flat as this has no middle height
-DIRECTIONS = 200  # over half the sphere, among which mirror planes are looked for
-RESTS = 4  # ways to come to rest that are tried
+ALIGNED = 1.25  # a file axis is taken as the mirror plane's normal up to this multiple of the least mirror error
+LEAST_ERROR = 0.004  # of the diagonal: the mirror error of an exact mirror image, for random points
+LEAST_HEIGHT = 1e-6  # of the diagonal: avoids division by the height of a flat shape
+DIRECTIONS = 200  # candidate normals of mirror planes, over half the sphere
+RESTS = 4  # stable poses that are tried
 _NEARLY = np.cos(np.radians(8))
 _SHRINKING = (0.15, 0.07, 0.03, 0.015, 0.007)  # radians, steps of the search for a plane's exact direction
 
 
 class StabilityCues:
-    """The surface of a shape, ready to be asked how it would stand.
+    """Stability and symmetry of a shape's surface.
 
     Parameters
     ----------
     vertices
         (V, 3) in any units.
     faces
-        (F, 3); some of them have an area.
+        (F, 3); at least one has an area.
     """
 
     def __init__(self, vertices: NDArray[np.floating], faces: NDArray[np.int32]) -> None:
         generator = np.random.default_rng(0)
         corners = vertices[faces].astype(np.float64)
         ends = np.cumsum(face_areas(vertices, faces))
-        # Evenly by area, and almost evenly along the list of faces: less left to chance than independent draws.
+        # Stratified by area in the order of faces: less noise than independent draws.
         chosen = np.searchsorted(ends, (np.arange(POINTS) + generator.random(POINTS)) / POINTS * ends[-1], side="right")
         corners = corners[chosen.clip(max=len(faces) - 1)]
         root, share = np.sqrt(generator.random(POINTS)), generator.random(POINTS)
@@ -62,7 +62,7 @@ class StabilityCues:
         self._misses: dict[tuple[float, ...], float] = {}
 
     def evidence(self, frame: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How the shape would stand with `frame` (3, 3) as right, up and front: (7,), see `EVIDENCE`, all unitless."""
+        """Return the `EVIDENCE` (7,), unitless, for `frame` (3, 3) as right, up and front."""
         right, up, front = frame
         height = self.rim @ up
         feet = self.rim[height < height.min() + BASE * self.diagonal]
@@ -90,7 +90,7 @@ class StabilityCues:
         return self._misses[_key(normal)]
 
     def _measure(self, normals: Iterable[NDArray[np.float64]]) -> None:
-        """Measure `mirror_error` for those of `normals`, each (3,), that it is not known for, by all threads."""
+        """Cache `mirror_error` of `normals`, each (3,), in one parallel query."""
         new = [normal for normal in normals if _key(normal) not in self._misses]
         if not new:
             return
@@ -114,10 +114,10 @@ class StabilityCues:
         return min((self._refined(normal) for normal in ranked), key=self.mirror_error)
 
     def stable_ups(self, frame: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Ups (K, 3), at right angles to the first row of `frame` (3, 3), with which the shape would come to rest.
+        """Ups (K, 3) of stable poses, perpendicular to the first row of `frame` (3, 3), no two nearly parallel.
 
-        It lies with the longest edges of its outline on the ground, its middle above them; no two are along one line,
-        nor nearly so. Where those are few the other rows of `frame` follow.
+        The shape rests on the longest edges of its outline that have its center above them; if there are fewer than
+        `RESTS`, the other rows of `frame` follow.
         """
         plane = frame[1:]
         holding = [up for _, up in _edges_that_hold(self.rim @ plane.T, self.middle @ plane.T)]
@@ -140,9 +140,9 @@ class StabilityCues:
         return normal
 
     def frame(self) -> NDArray[np.float64]:
-        """Three axes (3, 3) that suit the shape: the file's own where it mirrors or lies along them, else its own.
+        """Axes (3, 3) of the shape: the file's if one of them is a mirror normal, else its own.
 
-        Those are the normal of its mirror plane and the two sides of the smallest box around it in that plane.
+        Its own are the normal of its mirror plane and the sides of the smallest box around it in that plane.
         """
         normal = self.mirror_normal()
         least = max(self.mirror_error(normal), LEAST_ERROR)
@@ -159,7 +159,7 @@ class StabilityCues:
 
 
 def _key(normal: NDArray[np.float64]) -> tuple[float, ...]:
-    """Under which a plane is known, from either side."""
+    """A key of a plane, the same for either sign of its normal."""
     return tuple(np.round(normal * np.sign(normal[np.abs(normal).argmax()]), 9))
 
 
@@ -185,7 +185,7 @@ def _across(normal: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _hull_of(points: NDArray[np.float64]) -> ConvexHull | None:
-    """The convex hull of points (N, 2) in the plane; None where they lie on a line."""
+    """The convex hull of points (N, 2); None if they are collinear."""
     if len(points) < 3:
         return None
     try:
@@ -195,7 +195,7 @@ def _hull_of(points: NDArray[np.float64]) -> ConvexHull | None:
 
 
 def _hull_vertices(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Those of `points` (N, 3) that lie on their convex hull; all of them where they lie in a plane."""
+    """Those of `points` (N, 3) on their convex hull; all if they are coplanar."""
     try:
         on_hull: NDArray[np.float64] = points[ConvexHull(points).vertices]
         return on_hull

@@ -1,1 +1,1 @@
-"""Pictures of a mesh, by rays: cameras around it, light, and the surface point behind every pixel."""
+"""Ray-cast pictures of a mesh: cameras around it, light, and the surface point of every pixel."""

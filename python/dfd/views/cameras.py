@@ -35,7 +35,7 @@ class Camera:
     position
         (3,) the eye.
     right, up, back
-        (3,) orthonormal axes; it looks along −`back`. The mirror image of a camera has its `right` turned round, so
+        (3,) orthonormal axes; it looks along −`back`. The mirror image of a camera has its `right` negated, so
         that it sees the mirror image of what the other sees.
     field_of_view
         Full angle across the picture, degrees.

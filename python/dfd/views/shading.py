@@ -1,4 +1,4 @@
-"""What a pixel looks like: light at the eye, smooth normals, the surface's own color, white behind it."""
+"""Shading of pixels: light at the eye, smooth normals, the surface's own color, white behind it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["Shading", "facing"]
 
 AMBIENT, DIFFUSE = 0.6, 0.4  # the public reference's light
 _LAYERS = 8  # clear surfaces one behind another that a ray passes at most
-_CANCELLED = 0.2  # a blend of unit normals shorter than this says nothing
+_CANCELLED = 0.2  # a blend of unit normals shorter than this is unreliable
 _STEP = 1e-4  # past a clear surface, in normalized coordinates
 
 
@@ -73,7 +73,7 @@ class Shading:
         Returns the first hit of each ray that is at least half opaque, and the color of all N rays, (N, 3).
         """
         color = np.zeros((len(directions), 3), np.float32)
-        clear = np.ones(len(directions), np.float32)  # the part of the light that still gets through
+        clear = np.ones(len(directions), np.float32)  # remaining transmittance
         reached = np.zeros(len(directions), np.float32)
         solid = np.zeros(len(directions), bool)
         kept: list[Hits] = []

@@ -1,4 +1,4 @@
-"""Which part of a surface no camera sees: what pictures of it cannot tell anything about."""
+"""The part of a surface that no camera sees, for which pictures give no features."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ _TOLERANCE = 1e-4
 
 @dataclass(frozen=True)
 class Unseen:
-    """How much of a surface is seen from nowhere."""
+    """The unseen part of a surface."""
 
     views: int  # cameras that looked
-    area: float  # share of the surface, 0 … 1; 1 where no face has an area
+    area: float  # part of the surface, 0 … 1; 1 where no face has an area
     components: int  # connected components of which no camera sees anything: inner walls, mostly
     component_count: int  # all components that have an area
 
@@ -43,8 +43,8 @@ def unseen(mesh: Mesh, *, views: int = 24, frame: NDArray[np.float64] | None = N
     """Measure which part of `mesh` is hidden from all cameras that `dfd.distill` places with its defaults.
 
     Points spread over all faces count as seen when the straight line from some camera to them meets nothing before,
-    be it of glass; a face is seen from both its sides. Where nothing is seen `dfd.distill` has no features to go by:
-    what its smoothing spreads there are those of the nearest surface that is seen.
+    be it of glass; a face is seen from both its sides. On unseen parts `dfd.distill` has no features:
+    its smoothing fills in those of the nearest seen surface.
 
     Parameters
     ----------

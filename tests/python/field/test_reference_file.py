@@ -154,7 +154,7 @@ def test_damaged_and_missing_files_are_named(mesh: Mesh, tmp_path: Path) -> None
         Field.load(path, mesh=mesh)
     path.write_bytes(whole)
     settings = path.with_suffix(".json")
-    for text, message in (("{", "final_encoder.json is no JSON"), ("[1]", "must hold a JSON object, got list")):
+    for text, message in (("{", "final_encoder.json is not JSON"), ("[1]", "must hold a JSON object, got list")):
         settings.write_text(text)
         with pytest.raises(ValueError, match=message):
             Field.load(path, mesh=mesh)

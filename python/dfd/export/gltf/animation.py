@@ -1,6 +1,6 @@
 """Key poses as an animation, of joints or of the weights of morph targets, linear from one to the next.
 
-What the page shows between key poses is the same: positions and scales blend linearly, rotations along the sphere.
+As in the app, positions and scales are interpolated linearly and rotations spherically.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A mesh as a glTF file that more is written into: what the file of the mesh holds, or what trimesh makes of others.
+"""A glTF document to add to: the mesh's own glTF file, or one that trimesh writes for other meshes.
 
 The format: Khronos Group, "glTF 2.0 Specification", 2021.
 """
@@ -37,12 +37,12 @@ _COMPONENTS = {np.dtype("u1"): 5121, np.dtype("<u2"): 5123, np.dtype("<u4"): 512
 class GltfDocument:
     """The header and the data of the file that is being written."""
 
-    header: Header  # its JSON, to be changed in place
-    scene: SceneFile  # what it shows: primitives with their rows
+    header: Header  # its JSON, changed in place
+    scene: SceneFile  # the primitives that it displays, with their rows
     vertex: NDArray[np.int64]  # (R,) the mesh's vertex that each row of the primitives is at, -1 where no face uses it
 
     def __init__(self, mesh: Mesh) -> None:
-        """Take over everything that the file of the mesh holds."""
+        """Copy the content of the mesh's file."""
         if mesh.scene is not None and mesh.scene.gltf is not None:
             self.scene = mesh.scene
             self.vertex = mesh.scene.vertex.astype(np.int64)
@@ -63,14 +63,14 @@ class GltfDocument:
         return self.vertex[primitive.rows]
 
     def parts(self) -> Iterator[tuple[int, list[Primitive]]]:
-        """Yield each node that shows something, and its primitives."""
+        """Yield each node with a displayed mesh, and its primitives."""
         found: dict[int, list[Primitive]] = {}
         for each in self.scene.primitives:
             found.setdefault(each.source[0], []).append(each)
         yield from found.items()
 
     def own_mesh(self, node: int) -> Header:
-        """Return the mesh of a node, which no other node shows any more, and none of its data compressed by Draco."""
+        """Return the mesh of a node, copied if other nodes share it, with its Draco data decompressed."""
         if node not in self._own:
             nodes = objects(self.header, "nodes")
             mesh = int(nodes[node]["mesh"])
@@ -85,7 +85,7 @@ class GltfDocument:
         return content
 
     def _bound(self, node: int, number: int, primitive: Header) -> None:
-        """Say between which limits positions lie, which the format wants, where the file did not or had them packed."""
+        """Add the bounds of positions, which the format requires, where the file has none or compressed them."""
         accessor = self.header["accessors"][int(primitive["attributes"]["POSITION"])]
         packed = "bufferView" not in self._source.header["accessors"][int(primitive["attributes"]["POSITION"])]
         if accessor["componentType"] == FLOAT and (packed or not accessor.keys() >= _LIMITS.keys()):
@@ -113,7 +113,7 @@ class GltfDocument:
     def accessor(self, values: NDArray[Any], *, attribute: bool = False, bounds: bool = False) -> int:
         """Append an array, one row an element, and return the number of its accessor.
 
-        `attribute` says that it is one of vertices, `bounds` that smallest and largest values are stored with it.
+        `attribute` marks vertex attributes; `bounds` stores the smallest and largest values.
         """
         kind = _KINDS[values.shape[1:]]
         stored = np.ascontiguousarray(values.swapaxes(1, 2) if kind == "MAT4" else values)
@@ -142,7 +142,7 @@ class GltfDocument:
         return len(values) - 1
 
     def encode(self, *, binary: bool) -> bytes:
-        """Return the file, as GLB or as glTF with its data inside."""
+        """Return the file, as GLB or as glTF with embedded data."""
         self._patch.store()
         return self._patch.glb() if binary else self._patch.gltf()
 
@@ -151,7 +151,7 @@ _LIMITS = {"min": np.min, "max": np.max}
 
 
 def _source_of(data: bytes) -> GltfSource:
-    """What it takes to write a GLB file of our own again."""
+    """The source for rewriting a GLB file that we encoded."""
     text, embedded = glb.split(data)
     path = Path("mesh.glb")
     header = gltf_header.read(path, text, glb=True)

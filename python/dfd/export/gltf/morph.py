@@ -1,4 +1,4 @@
-"""Morph targets of an edit: what each handle does by itself, or of key poses: the whole shape at each.
+"""Morph targets: one for each handle of an edit by itself, or one for the whole shape at each key pose.
 
 The format: Khronos Group, "glTF 2.0 Specification", 2021, section 3.7.2.2.
 """
@@ -31,14 +31,14 @@ Float64 = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Targets:
-    """Shapes that a mesh passes into."""
+    """Morph targets of a mesh, and their weights over time."""
 
     names: Sequence[str]
     shapes: Sequence[Float64]  # (T) arrays (V, 3), mesh units: the shape where that target alone has weight 1
     weights: Float64  # (M, T) weights of the targets, in the edit and then at each key pose
 
     def shown(self, moment: int, rest: Float64) -> Float64:
-        """(V, 3) what a reader makes of a moment: the rest, and the weighted displacements."""
+        """(V, 3) the shape at a moment: rest positions plus the weighted displacements."""
         result = rest.astype(np.float32).astype(np.float64)
         for weight, shape in zip(self.weights[moment], self.shapes, strict=True):
             if weight:
@@ -46,7 +46,7 @@ class Targets:
         return result
 
     def difference(self, rig: Rig) -> Difference:
-        """How far what a reader makes of the rig's moments is from `dfd.pose`."""
+        """The difference between the morphed shapes of the rig's moments and `dfd.pose`."""
         moments = range(len(rig.poses) + 1)
         return differences(rig, [partial(self.shown, each, rig.mesh.vertices) for each in moments])
 
@@ -77,7 +77,7 @@ def targets_of(rig: Rig) -> Targets:
 
 
 def add_targets(document: GltfDocument, rig: Rig, targets: Targets) -> list[int]:
-    """Give all that is shown the targets, at the weights of the edit; return the nodes.
+    """Add the targets to all displayed nodes, at the weights of the edit; return the nodes.
 
     Raises ValueError if a part has morph targets already.
     """
@@ -112,7 +112,7 @@ def add_targets(document: GltfDocument, rig: Rig, targets: Targets) -> list[int]
         mesh["weights"] = targets.weights[0].tolist()
         extras = mesh.setdefault("extras", {})
         if isinstance(extras, dict):
-            extras["targetNames"] = list(targets.names)  # where Blender, three.js and others look for them
+            extras["targetNames"] = list(targets.names)  # where Blender, three.js and others read them
         objects(document.header, "nodes")[node].pop("weights", None)
         nodes.append(node)
     return nodes

@@ -1,4 +1,4 @@
-"""Parts of a glTF file where a skin wants them: in the coordinates of the scene, under nodes without a transform."""
+"""Baking node transforms into vertices: a skin requires scene coordinates, under nodes without a transform."""
 
 from __future__ import annotations
 
@@ -29,10 +29,9 @@ def animated_nodes(header: Header) -> set[object]:
 
 
 def bring_to_scene(document: GltfDocument, node: int, transform: Float64) -> None:
-    """Write the vertices of a node's mesh where `transform` (4, 4) places them; what it leaves in place stays as it is.
+    """Apply `transform` (4, 4) to the vertices of a node's mesh; attributes that it does not change are kept.
 
-    Normals and tangents are turned along, morph targets too, and triangles that a mirror turns inside out are turned
-    back.
+    Normals, tangents and morph targets are transformed too, and a mirroring transform reverses the winding.
     """
     if np.array_equal(transform, np.eye(4)):
         return
@@ -59,7 +58,7 @@ def bring_to_scene(document: GltfDocument, node: int, transform: Float64) -> Non
 
 
 def stand_alone(document: GltfDocument, node: int) -> int:
-    """Return a root of the scene that shows what `node` does and has no transform, which becomes `node` if it can."""
+    """Return a root node without a transform that displays the mesh of `node`: `node` itself if possible."""
     header = document.header
     content = header["nodes"][node]
     transform_is_used = bool(

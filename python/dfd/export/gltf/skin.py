@@ -1,7 +1,7 @@
 """A skin whose joints are a session's handles.
 
 The format: Khronos Group, "glTF 2.0 Specification", 2021, section 3.7.3. Vertices, normals and inverse binds are in the
-coordinates of the scene, since a skin knows no other transform.
+coordinates of the scene, since a skin ignores node transforms.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["MOST_JOINTS", "add_joints", "add_skin", "check_no_skin", "left_behind", "weigh"]
 
-MOST_JOINTS = 65_535  # that the 16 bits of JOINTS_n have numbers for
+MOST_JOINTS = 65_535  # JOINTS_n has 16 bits
 SET = 4  # influences in each pair of attributes
 
 
@@ -42,7 +42,7 @@ def check_no_skin(document: GltfDocument) -> None:
 
 
 def left_behind(document: GltfDocument) -> list[str]:
-    """The parts that animations of the file move, through a node of theirs or above: a skin knows no such nodes."""
+    """The parts that animations of the file move by a node of theirs or above, which a skin ignores."""
     parent = parents(document.header)
     moved = animated_nodes(document.header)
     found = []
@@ -56,7 +56,7 @@ def left_behind(document: GltfDocument) -> list[str]:
 
 
 def add_joints(document: GltfDocument, rig: Rig, locals_: list[Local]) -> list[int]:
-    """Append a node for each joint, the root a root of the scene and all others its children; return their numbers."""
+    """Append a node for each joint, the root to the scene and all others as its children; return their numbers."""
     numbers = []
     for joint, local in zip(rig.joints, locals_, strict=True):
         node: Header = {"name": joint.name}
@@ -72,7 +72,7 @@ def add_joints(document: GltfDocument, rig: Rig, locals_: list[Local]) -> list[i
 def add_skin(
     document: GltfDocument, rig: Rig, influences: Influences, binds: NDArray[np.float32], joints: list[int]
 ) -> None:
-    """Let all that is shown follow `joints`, which are nodes, with inverse binds (J, 4, 4)."""
+    """Bind all displayed nodes to the nodes `joints` with inverse binds (J, 4, 4)."""
     skin = document.append(
         "skins",
         {"name": "dfd", "joints": joints, "inverseBindMatrices": document.accessor(binds), "skeleton": joints[0]},
@@ -91,7 +91,7 @@ def add_skin(
 def weigh(
     document: GltfDocument, node: int, primitives: list[Primitive], influences: Influences, count: int, default: int
 ) -> None:
-    """Write the attributes of a node's primitives; one without faces, of which there are no weights, follows D₀."""
+    """Write joints and weights of a node's primitives; rows without weights, which no face uses, follow D₀."""
     dtype = "u1" if count <= 256 else "<u2"
     known = {each.source[2]: each for each in primitives}
     done: dict[int, dict[str, int]] = {}

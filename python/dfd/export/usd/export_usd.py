@@ -42,7 +42,7 @@ def export_usd(rig: Rig, target: Path, form: str, most: int | None) -> RigReport
     """
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
-    UsdGeom.SetStageMetersPerUnit(stage, 1.0)  # as glTF has it
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)  # as in glTF
     files = TextureFiles(target.stem)
     root = (UsdGeom.Xform if form == "baked" else UsdSkel.Root).Define(stage, "/shape")
     stage.SetDefaultPrim(root.GetPrim())
@@ -60,7 +60,7 @@ def export_usd(rig: Rig, target: Path, form: str, most: int | None) -> RigReport
 
 
 def _lost(rig: Rig, surfaces: Surfaces) -> tuple[str, ...]:
-    """Sentences about colors that USD has no place for."""
+    """Sentences about colors that USD cannot store."""
     known = rig.mesh.appearance
     if known is None or known.colors is None or all(each.texture is None for each in known.materials):
         return surfaces.notes
@@ -144,7 +144,7 @@ def _add_targets(
 
 
 def _times(stage: Any, rig: Rig) -> list[Any]:
-    """The time of the edit, which is none, and of each key pose."""
+    """The time code of the edit, the default one, and of each key pose."""
     if rig.poses:
         stage.SetTimeCodesPerSecond(skeleton.RATE)
         stage.SetFramesPerSecond(skeleton.RATE)
@@ -154,7 +154,7 @@ def _times(stage: Any, rig: Rig) -> list[Any]:
 
 
 def _write(stage: Any, target: Path, images: dict[str, bytes]) -> tuple[Path, ...]:
-    """Write the file, and its pictures beside it or, in a .usdz, inside; return their paths."""
+    """Write the file, and its textures next to it or, in a .usdz, inside; return the paths."""
     with tempfile.TemporaryDirectory(prefix="dfd-") as folder:
         ending = target.suffix.lower()
         layer = Path(folder) / f"{target.stem}{'.usdc' if ending == '.usdz' else ending}"

@@ -35,7 +35,7 @@ class TextureFiles:
         self.files: dict[str, bytes] = {}
         self._stem = stem
         self._names: dict[tuple[int, bool], str] = {}
-        self._kept: list[NDArray[np.uint8]] = []  # so that no other array takes the place of one that is known
+        self._kept: list[NDArray[np.uint8]] = []  # kept alive, since arrays are recognized by their ids
 
     def name(self, texels: NDArray[np.uint8], *, opaque: bool = False) -> str:
         """The path, from the USD file, of a texture (rows, columns, 4), with its fourth channel unless `opaque`."""
@@ -53,7 +53,7 @@ def add_materials(
 ) -> list[Any]:
     """Define a UsdPreviewSurface for each material, and have `files` keep its textures."""
     UsdGeom.Scope.Define(stage, scope)
-    # colors of vertices show where no texture hides them, since USD multiplies nothing
+    # vertex colors apply only where there is no texture: USD does not multiply the two
     has_colors = appearance.colors is not None
     return [
         _Preview(stage, f"{scope}/material_{number}", files).of(
@@ -137,7 +137,7 @@ class _Preview:
         elif any(surface.emissive):
             self._set("emissiveColor", Gf.Vec3f(*surface.emissive))
         if surface.normal is not None:
-            # from [0, 1] to [−1, 1], as USD asks of pictures with eight bits
+            # from [0, 1] to [−1, 1], as USD requires for 8-bit textures
             spread: tuple[Four, Four] = ((2.0, 2.0, 2.0, 1.0), (-1.0, -1.0, -1.0, 0.0))
             self._connect("normal", self._texture("normal", surface.normal, "raw", *spread), "rgb")
         if surface.occlusion is not None:

@@ -1,4 +1,4 @@
-"""A rig as UsdSkel has it: a skeleton with its pose over time, and what each mesh follows of it."""
+"""A rig in UsdSkel: a skeleton with its pose over time, and the joint influences of each mesh."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ Float64 = NDArray[np.float64]
 
 
 def identifiers(names: Sequence[str]) -> list[str]:
-    """Names as USD takes them: letters, digits and underscores, all different."""
+    """Valid USD names: letters, digits and underscores, all different."""
     unique = UniqueNames()
     return [unique.unique(Tf.MakeValidIdentifier(name)) for name in names]
 
 
 def stored(local: Local) -> Local:
-    """What is left of a pose in the numbers that UsdSkel has for it, which are half as long for scales."""
+    """Round a pose to the precision of UsdSkel, which stores scales as 16-bit floats."""
     return Local(local.translation, local.rotation, local.scale.astype(np.float16).astype(np.float64))
 
 
@@ -40,7 +40,7 @@ def add_skeleton(stage: Usd.Stage, path: str, rig: Rig) -> Any:
     skeleton = UsdSkel.Skeleton.Define(stage, path)
     skeleton.CreateJointsAttr(_tokens(rig))
     skeleton.CreateJointNamesAttr([joint.name for joint in rig.joints])
-    # The root stands at the origin, unturned: what is below it is there in the mesh's coordinates.
+    # The root is the identity, so its children are in the mesh's coordinates.
     frames = Vt.Matrix4dArray([Gf.Matrix4d(joint.frame.T.tolist()) for joint in rig.joints])
     skeleton.CreateBindTransformsAttr(frames)
     skeleton.CreateRestTransformsAttr(frames)
@@ -50,7 +50,7 @@ def add_skeleton(stage: Usd.Stage, path: str, rig: Rig) -> Any:
 def add_animation(
     stage: Usd.Stage, path: str, rig: Rig, moments: Sequence[tuple[Any, Sequence[Local]]], skeleton: Any
 ) -> Any:
-    """Define the poses of a skeleton at moments, the first of which is that without a time."""
+    """Define the poses of a skeleton at time codes, the first of which is the default one."""
     animation = UsdSkel.Animation.Define(stage, path)
     animation.CreateJointsAttr(_tokens(rig))
     for time, locals_ in moments:
@@ -66,7 +66,7 @@ def add_animation(
 
 
 def bind_mesh(mesh: Any, skeleton: Any, influences: Influences, vertices: NDArray[np.int64]) -> None:
-    """Let the points of a mesh, which are `vertices` (N,), follow a skeleton."""
+    """Bind the points of a mesh, which are `vertices` (N,), to a skeleton."""
     binding = UsdSkel.BindingAPI.Apply(mesh.GetPrim())
     binding.CreateSkeletonRel().SetTargets([skeleton.GetPath()])
     binding.CreateGeomBindTransformAttr(Gf.Matrix4d(1.0))

@@ -1,4 +1,4 @@
-"""What a glTF file says of its surfaces beyond the base color: what UsdPreviewSurface has a place for.
+"""Material properties of a glTF file beyond the base color that UsdPreviewSurface supports.
 
 The format: Khronos Group, "glTF 2.0 Specification", 2021, section 3.9.
 """
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Picture", "Surface", "Surfaces", "read_surfaces"]
 
-BASE = "st"  # the primvar with the places of corners on the base color's picture
+BASE = "st"  # the primvar with the texture coordinates of the base color
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +33,8 @@ class Picture:
     """A texture."""
 
     texels: NDArray[np.uint8]  # (rows, columns, 4) RGBA, the first row on top
-    wrap: tuple[Wrap, Wrap]  # what lies beyond it along u and v
-    coordinates: str  # the primvar with the places of corners on it
+    wrap: tuple[Wrap, Wrap]  # addressing outside [0, 1] along u and v
+    coordinates: str  # the primvar with its texture coordinates
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Surface:
     # metallic, roughness: in [0, 1]; they multiply the blue and the green of `metallic_roughness`
     metallic: float = 0.0
     roughness: float = 0.8
-    # linear red, green and blue of the light that it gives off; they multiply those of `glow`
+    # linear red, green and blue of the emitted light; they multiply those of `glow`
     emissive: tuple[float, float, float] = (0.0, 0.0, 0.0)
     double_sided: bool = True  # whether it is seen from behind
     # metallic_roughness, normal, occlusion, glow: textures; None where there is none, or it cannot be read
@@ -68,11 +68,11 @@ class Surfaces:
     of_material: tuple[Surface, ...]  # one for each material of the mesh's appearance
     # (R, 2) texture coordinates, v upwards, of the rows of the appearance, by the names of primvars
     coordinates: dict[str, NDArray[np.float32]]
-    notes: tuple[str, ...]  # sentences about what USD has no place for
+    notes: tuple[str, ...]  # sentences about what USD cannot store
 
 
 def read_surfaces(mesh: Mesh) -> Surfaces:
-    """The surfaces of the glTF file that a mesh is from; dull ones for a mesh of another kind."""
+    """The surfaces of a mesh's glTF file; defaults for other meshes."""
     if mesh.appearance is None:
         return Surfaces((), {}, ())
     count = len(mesh.appearance.materials)
@@ -108,7 +108,7 @@ class _Reader:
         if not primitives:
             return Surface()
         content = item(self._header, "materials", self._primitive(primitives[0]).get("material"))
-        if content is None:  # what the format says of a primitive without one
+        if content is None:  # the format's default material
             return Surface(1.0, 1.0, double_sided=False)
         base = _object(content, "pbrMetallicRoughness")
         known = _key(base.get("baseColorTexture")) if has_picture else None
@@ -155,7 +155,7 @@ class _Reader:
         return Picture(texels, wrap, name)
 
     def _places(self, primitive: Primitive, reference: Any) -> NDArray[np.float64] | None:
-        """(rows, 2) where the rows of a primitive lie on a texture; None where the file does not say."""
+        """(rows, 2) texture coordinates of the rows of a primitive; None where the file has none."""
         number, transform = coordinates(reference)
         found = self._data.attribute(self._primitive(primitive), f"TEXCOORD_{number}")
         if found is None or found.shape != (primitive.rows.stop - primitive.rows.start, 2):
@@ -169,7 +169,7 @@ class _Reader:
 
 
 def _key(reference: Any) -> tuple[int, bytes]:
-    """What two textures have in common that lie in the same places."""
+    """The key of a texture's coordinates: equal for textures with the same coordinates and transform."""
     number, transform = coordinates(reference)
     return number, b"" if transform is None else transform.tobytes()
 

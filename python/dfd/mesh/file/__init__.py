@@ -1,1 +1,1 @@
-"""Mesh files: what stands in them, read with care and written back with nothing but positions changed."""
+"""Reading mesh files, and writing them back with only positions and normals changed."""

@@ -1,4 +1,4 @@
-"""The folder of a mesh file, where materials, pictures and data that the file names are looked for."""
+"""Access to the files next to a mesh file: materials, images and buffers that it references."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ __all__ = ["AssetFolder", "read_regular", "shortened"]
 
 
 class AssetFolder:
-    """Reads files beside the mesh: never above its folder, never hidden ones, and nothing but files.
+    """Reads regular files below the mesh's folder; paths outside it and hidden files are refused.
 
-    A mesh goes on without a picture or materials file that cannot be read; `unreadable` names them for a warning.
+    An image or materials file that cannot be read does not stop loading; `unreadable` lists it for a warning.
     """
 
     def __init__(self, mesh: Path) -> None:
@@ -47,13 +47,13 @@ class AssetFolder:
 
 
 def read_regular(path: Path) -> bytes:
-    """Return the bytes of a file; what is none, such as a pipe or a device, is refused and never waited for.
+    """Return the bytes of a regular file; pipes and devices are refused without blocking.
 
     Raises OSError if `path` is not a file, or cannot be read.
     """
     if path.exists() and not stat.S_ISREG(path.stat().st_mode):
         raise OSError(errno.EINVAL, "it is not a file")
-    # opened without waiting for the other end of a pipe, should one have come since
+    # O_NONBLOCK: a pipe that replaced the file since the check must not block the open
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     with os.fdopen(os.open(path, flags), "rb") as stream:
         if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
@@ -62,7 +62,7 @@ def read_regular(path: Path) -> bytes:
 
 
 def shortened(value: object) -> str:
-    """Return a value of a file as a message quotes it: however long it is, in a few words."""
+    """Return a value of a file as text for an error message, cut to about 60 characters."""
     text = repr(value)
     if isinstance(value, str) and value.startswith("data:"):
         return f"a data URI of {len(value)} characters"

@@ -1,4 +1,4 @@
-"""The pictures of one file: each opened and decoded once, and together no larger than a budget of texels."""
+"""The images of one file, each opened and decoded once, within a common budget of texels."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ _KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
 
 
 class ImageCache:
-    """Opens pictures and decodes those that are looked at.
+    """Opens images, and decodes those whose texels are requested.
 
-    Equal bytes are one picture. A picture's size stands in its first bytes, so that one that would not fit in the
-    budget is refused before any of it is decoded.
+    Equal bytes are one image. Its size is read from its first bytes, so an image beyond the budget is refused before
+    it is decoded.
     """
 
     def __init__(self) -> None:
@@ -83,7 +83,7 @@ class ImageCache:
 
 
 def as_image(texels: NDArray[np.uint8], *, opaque: bool = False) -> Image.Image:
-    """Return RGBA texels (rows, columns, 4) as a picture, without alpha where all is opaque or is to be."""
+    """Return RGBA texels (rows, columns, 4) as an image, without alpha where all is opaque or `opaque` is set."""
     from PIL import Image
 
     opaque = opaque or bool((texels[..., 3] == 255).all())

@@ -1,4 +1,4 @@
-"""Geometries as trimesh has them: those that it read, and those that it is to write."""
+"""Conversion of geometries from and to trimesh."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _WHITE = (1.0, 1.0, 1.0, 1.0)
 
 
 def from_trimesh(mesh: trimesh.Trimesh, materials: dict[int, Material]) -> Geometry:
-    """Return a trimesh geometry as one of ours; `materials` are known already, by the ids of trimesh's."""
+    """Convert a trimesh geometry; `materials` caches converted materials by the ids of trimesh's."""
     visual = mesh.visual
     source = getattr(visual, "material", None)
     if source is not None and id(source) not in materials:
@@ -35,7 +35,7 @@ def from_trimesh(mesh: trimesh.Trimesh, materials: dict[int, Material]) -> Geome
         colors = getattr(visual, "vertex_attributes", {}).get("color", mesh.vertex_attributes.get("color"))
     if colors is not None and (np.ndim(colors) != 2 or len(colors) != count):
         colors = None
-    # trimesh would make normals up when asked for `vertex_normals`; only those it was given are in its cache
+    # `vertex_normals` would compute missing normals; only those that trimesh was given are in its cache
     normals = mesh._cache.cache.get("vertex_normals")
     return Geometry(
         np.asarray(mesh.vertices, np.float64),
@@ -59,7 +59,7 @@ def to_trimesh(
 ) -> trimesh.Trimesh:
     """Return a geometry with other vertices and normals; for `gltf` its colors are linear.
 
-    `written` keeps materials that other geometries share.
+    `written` caches materials that geometries share.
     """
     options: dict[str, Any] = {"vertex_attributes": dict(geometry.attributes)}
     if geometry.original is not None:
@@ -82,7 +82,7 @@ def to_trimesh(
 
 
 def is_default_material(material: Any) -> bool:
-    """Whether trimesh made the material up, with an image of 2 x 2 texels, for a mesh that has none."""
+    """Whether trimesh created the material, with an image of 2 x 2 texels, for a mesh without one."""
     image = getattr(material, "image", None)
     return isinstance(material, SimpleMaterial) and image is not None and image.size == (2, 2) and image.format is None
 
@@ -95,7 +95,6 @@ def _bytes(colors: NDArray[np.float32], gltf: bool) -> NDArray[np.uint8]:
 
 
 def _material(source: Any) -> Material:
-    """Return a material of trimesh as ours."""
     name = str(getattr(source, "name", None) or "")
     if isinstance(source, PBRMaterial):
         factor = np.ones(4) if source.baseColorFactor is None else np.asarray(source.baseColorFactor) / 255

@@ -22,7 +22,7 @@ def read_appearance(
     vertex: NDArray[np.int32],  # (R,) the vertex each row is at
     corner_faces: NDArray[np.int32],  # (F, 3)
 ) -> Appearance | None:
-    """Return what colors the primitives, None where nothing is known."""
+    """Return the appearance of the primitives, None where the file does not define any."""
     numbers: dict[tuple[int, bool], int] = {}  # from a material, and whether colors come with it, to our number
     known: list[Material] = []
     for each in primitives:

@@ -1,4 +1,4 @@
-"""Normals that follow a moved surface, as smooth and as sharp as the file's own were."""
+"""Recomputing the normals of a moved surface, with the file's smooth and sharp edges."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def follow(
     """Return each primitive's normals in its own coordinates, None for one whose file had none.
 
     Rows that share position and normal are one smooth surface, whatever seams the texture has there: they
-    get one new normal, the sum of the normals of their faces weighted by area. Rows of another normal lie beyond a
-    sharp edge. Where no face has moved the file's normals stay, bit for bit.
+    get one new normal, the sum of the normals of their faces weighted by area. Rows of another normal are
+    across a sharp edge. Where no face moved, the file's normals are kept bit for bit.
     """
     own = [each.normals for each in scene.primitives]
     if not changed.any() or all(normals is None for normals in own):
@@ -40,7 +40,7 @@ def follow(
     stale = np.zeros(len(first), bool)
     stale[faces[touched]] = True
     new = _sums(vertices, scene, faces, len(first))
-    # a file may wind its faces the other way round, or a mirrored placing may: normals keep their side
+    # the file or a mirroring transform may wind faces inward: normals keep their side
     inward = np.einsum("ij,ij->i", _sums(before, scene, faces, len(first)), placed[first]) < 0
     new[inward] *= -1
     stale &= np.linalg.norm(new, axis=1) > 0

@@ -1,6 +1,6 @@
-"""Triangles of polygons: fans of convex ones, and ears of those that are not.
+"""Triangulation of polygons: fans for convex ones, ear clipping for the others.
 
-Ears: Meisters, "Polygons Have Ears", 1975, as mapbox-earcut cuts them.
+Ear clipping: Meisters, "Polygons Have Ears", 1975, by mapbox-earcut.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 __all__ = ["check_corners", "ranges", "triangulate"]
 
-_REFLEX = 1e-6  # of the polygon's own size: corners that turn back by less are straight
+_REFLEX = 1e-6  # of the polygon's size; corners less reflex than this count as straight
 
 
 def check_corners(corners: NDArray[np.int64], count: int) -> None:
@@ -56,7 +56,7 @@ def triangulate(
 
 
 def ranges(starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the whole numbers from each start on, as many as its length says, one range after the other."""
+    """Return the concatenated ranges of `lengths` whole numbers from `starts`."""
     before = np.cumsum(lengths) - lengths
     return np.repeat(starts - before, lengths) + np.arange(int(lengths.sum()))
 

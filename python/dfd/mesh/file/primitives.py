@@ -1,4 +1,4 @@
-"""What a scene shows: geometries of one material each, where they are shown, as parts with names."""
+"""Geometries of one material each, and their instances in a scene, grouped into named parts."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 __all__ = ["IDENTITY", "Geometry", "MeshInstance", "MovedPrimitive", "Primitive", "UniqueNames", "place"]
 
-MOST_ROWS = 10**8  # vertices or faces that a scene may place: a file of a few kilobytes can name any number of them
+MOST_ROWS = 10**8  # vertices or faces in a scene: a file of a few kilobytes can instance any number of them
 MOST_PRIMITIVES = 20_000  # of a glTF file that are shown: more take seconds to read
 MOST_INSTANCES = 100_000  # primitives that the scene of a glTF file places
 
 Float64 = NDArray[np.float64]
-IDENTITY = np.eye(4)  # of all that the scene shows where it is: found without a comparison
+IDENTITY = np.eye(4)  # the shared default transform, recognized without comparing values
 IDENTITY.setflags(write=False)
 
 
@@ -40,14 +40,14 @@ class Geometry:
     colors: NDArray[np.float32] | None = None  # (N, 4) display-referred RGBA in [0, 1]
     face_colors: NDArray[np.float32] | None = None  # (F, 4), in place of those of the vertices
     material: Material | None = None
-    attributes: dict[str, NDArray[Any]] = field(default_factory=dict)  # what else the file knows of its vertices
+    attributes: dict[str, NDArray[Any]] = field(default_factory=dict)  # further vertex attributes of the file
     stored: Float64 | None = None  # (N, 3) the file's positions, where morph targets move them to `vertices`
-    original: trimesh.Trimesh | None = None  # what it was in memory
+    original: trimesh.Trimesh | None = None  # the object it was converted from
 
 
 @dataclass(frozen=True)
 class MeshInstance:
-    """One geometry, and where the scene shows it; one that is shown twice has two instances."""
+    """One occurrence of a geometry in the scene."""
 
     part: str  # the scene's part that it belongs to; equal names that follow each other are one part
     name: str  # the geometry's own name
@@ -72,24 +72,24 @@ class Primitive(MeshInstance):
         """Return where points (rows, 3) of the geometry are in the scene."""
         if self.transform is IDENTITY:
             return points
-        with np.errstate(over="ignore", invalid="ignore"):  # judged afterwards, for the whole scene at once
+        with np.errstate(over="ignore", invalid="ignore"):  # `place` checks finiteness for the whole scene
             return _applied(self.transform[..., :3, :3], points) + self.transform[..., :3, 3]
 
     def vectors_from_scene(self, vectors: Float64, rows: Any = slice(None)) -> Float64:
         """Return displacements (N, 3) of some rows in the geometry's own coordinates.
 
-        A transform that flattens the geometry has no inverse; its pseudo-inverse moves within what is left.
+        A transform that flattens the geometry has no inverse; its pseudo-inverse is used.
         """
         inverse = np.linalg.pinv(self._linear(rows)).astype(np.float64)
         return _applied(inverse, vectors)
 
     def from_scene(self, points: Float64, rows: Any = slice(None)) -> Float64:
-        """Return points (N, 3) of the scene, which are at some rows, in the geometry's own coordinates."""
+        """Return the scene points (N, 3) of some rows in the geometry's own coordinates."""
         shift = self.transform[..., :3, 3]
         return self.vectors_from_scene(points - (shift[rows] if shift.ndim > 1 else shift), rows)
 
     def normals_to_scene(self, normals: Float64) -> Float64:
-        """Return unit normals (rows, 3) turned as the surface is: by the inverse transpose of the transform."""
+        """Return unit normals (rows, 3) transformed by the inverse transpose of the transform."""
         inverse = np.linalg.pinv(self._linear(slice(None))).astype(np.float64)
         return unit(_applied(np.swapaxes(inverse, -1, -2), normals))
 
@@ -188,7 +188,7 @@ class UniqueNames:
         self._next: dict[str, int] = {}
 
     def unique(self, name: str) -> str:
-        """Return `name`, with a number where it has been given out."""
+        """Return `name`, with a number appended where it is taken."""
         found = name
         while found in self._taken:
             self._next[name] = self._next.get(name, 0) + 1

@@ -1,4 +1,4 @@
-"""Reading a mesh file, whatever its format, into the scene that it holds."""
+"""Reading a mesh file of any supported format as a scene."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 
 __all__ = ["ENDINGS", "of_trimesh", "read"]
 
-_MOST_NAMED = 5  # files that could not be read, in a warning
+_MOST_NAMED = 5  # unreadable files listed in a warning
 ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
 
 
 def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
-    """Return the scene of a file, posed as it rests or else as it was bound; raises what `dfd.load` raises."""
+    """Return the scene of a file, at rest or in its bind pose; raises what `dfd.load` raises."""
     path = Path(path)
     ending = path.suffix.lower()
     if ending not in ENDINGS:
@@ -73,7 +73,7 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
 
 
 def of_trimesh(source: trimesh.Trimesh | trimesh.Scene) -> SceneFile:
-    """Return what a trimesh object holds, as a scene; its arrays are copied.
+    """Convert a trimesh object to a scene; its arrays are copied.
 
     Raises ValueError if it holds no faces, an index out of range or a coordinate that is not finite.
     """

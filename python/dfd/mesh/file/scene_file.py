@@ -1,4 +1,4 @@
-"""What a mesh file holds: its parts, where their own vertices lie in the whole, and what it takes to write it again."""
+"""The scene of a mesh file: its parts, the mesh vertices of their rows, and the source for rewriting it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ __all__ = ["SceneFile"]
 
 @dataclass(frozen=True)
 class SceneFile:
-    """A file's scene, kept as it was read so that it can be colored and written again.
+    """A file's scene, kept for coloring and rewriting.
 
     `rows` are the vertices of the primitives, one after the other: the file's own vertices, split where a seam of
     texture or normals splits them. A vertex of the mesh stands for all rows at its position.
@@ -37,9 +37,9 @@ class SceneFile:
     representative: NDArray[np.int32]  # (V,) the first vertex at each one's position
     vertex: NDArray[np.int32]  # (R,) the vertex that stands for each row, -1 where the mesh has none
     appearance: Appearance | None  # what colors the faces; None where nothing is known
-    at_rest: bool = True  # whether skins and morph targets are posed as the file has them; otherwise they are left out
-    gltf: GltfSource | None = None  # the glTF file that it was
-    obj: ObjSource | None = None  # the OBJ file that it was
+    at_rest: bool = True  # whether skins and default morph weights are applied
+    gltf: GltfSource | None = None  # the source glTF file
+    obj: ObjSource | None = None  # the source OBJ file
 
     def local_faces(self, primitive: Primitive) -> NDArray[np.int32]:
         """Return the faces (F, 3) of a primitive as its own rows, wound as the scene shows them."""
@@ -62,19 +62,19 @@ class SceneFile:
         obj: ObjSource | None = None,
         at_rest: bool = True,
     ) -> SceneFile:
-        """Number the vertices of what a file places.
+        """Number the vertices of a file's instances.
 
         Parameters
         ----------
         path
             The file, for errors.
         instances
-            What it shows.
+            Its mesh instances.
         own_vertices, own_numbers
             The file's own list of vertices (V, 3) and the one (R,) that each row is, where it has one list; distinct
             positions that faces use are numbered in the order of the rows where it has none.
         gltf, obj
-            What it takes to write the file again.
+            The source, for rewriting.
 
         Raises
         ------

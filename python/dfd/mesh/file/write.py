@@ -1,4 +1,4 @@
-"""Writing a mesh: the scene of its file, with positions and normals moved and everything else as it was."""
+"""Writing a mesh: the scene of its file with new positions and normals, and everything else unchanged."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def write(
         raise ValueError(
             f"Mesh.save: `vertices` must fit in 32-bit floats for a {ending} file; .obj and .off have more"
         )
-    if scene is not None:  # the file's vertices at one position are one, wherever they were sent
+    if scene is not None:  # all vertices at one position move with the first of them
         vertices = vertices[scene.representative]
     files: dict[str, bytes]
     if ending == ".off":
@@ -79,7 +79,7 @@ def as_glb(vertices: NDArray[np.float64], faces: NDArray[np.int32], scene: Scene
 
 
 def _write(target: Path, files: dict[str, bytes]) -> None:
-    """Write all files beside their places, then rename them, `target` last: it never names a file that is not there."""
+    """Write all files under temporary names, then rename them, `target` last: it never references a missing file."""
     names = sorted(files, key=lambda name: name != target.name)  # the first one entered is renamed last
     try:
         with ExitStack() as stack:
@@ -87,7 +87,7 @@ def _write(target: Path, files: dict[str, bytes]) -> None:
                 temporary = stack.enter_context(atomic_write(target.with_name(name)))
                 temporary.write_bytes(files[name])
     except OSError as error:
-        first = error  # each file on the way out puts its own sentence around that of the one that failed
+        first = error  # each enclosing `atomic_write` wraps the error again: find the first
         while isinstance(first.__cause__, OSError) and isinstance(first.__cause__.__cause__, OSError):
             first = first.__cause__
         raise first from first.__cause__
@@ -98,7 +98,7 @@ def _bare(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> trimesh.Tr
 
 
 def _encode_bare(target: Path, vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> dict[str, bytes]:
-    """A mesh that no file knows: one part, smooth in formats that would show it faceted otherwise."""
+    """A mesh without a scene: one part, with smooth normals in formats that would display it faceted."""
     geometry = _bare(vertices, faces)
     if target.suffix.lower() in (".glb", ".gltf"):
         geometry.vertex_normals = smooth_normals(vertices, faces)
@@ -144,7 +144,7 @@ def _encode_ply(
     scene: SceneFile,
     moved: Sequence[MovedPrimitive],
 ) -> bytes:
-    """One part stays as it is; several, and textures, which PLY has no room for, become colored vertices."""
+    """One part is kept as it is; several parts, and textures, which PLY cannot store, become vertex colors."""
     first = moved[0].primitive
     material = first.geometry.material or Material(is_default=True)
     if len(moved) == 1 and (first.geometry.uv is None or (material.texture is None and not material.is_default)):
@@ -169,7 +169,7 @@ def _move(
     normals: Sequence[NDArray[np.float64] | None],
     scene: SceneFile,
 ) -> list[MovedPrimitive]:
-    """Bring moved positions back into each primitive's coordinates; what has not moved keeps its bits."""
+    """Convert positions to each primitive's coordinates; unmoved ones are kept bit for bit."""
     result = []
     for each, own_normals in zip(scene.primitives, normals, strict=True):
         rows = scene.vertex[each.rows]
@@ -183,7 +183,7 @@ def _move(
 
 
 def _rebuild(moved: Sequence[MovedPrimitive]) -> trimesh.Scene:
-    """Return a scene of the moved primitives; a geometry that is placed twice is split where its places moved."""
+    """Return a scene of the moved primitives; a geometry with several instances is split where they moved."""
     result = trimesh.Scene()
     names, nodes = UniqueNames(), UniqueNames()
     first: dict[int, tuple[MovedPrimitive, str]] = {}

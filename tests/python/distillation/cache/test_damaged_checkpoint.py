@@ -119,7 +119,7 @@ def test_a_full_disk_is_one_warning(
                 resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
     monkeypatch.setattr(Checkpoint, "write_tokens", on_a_full_disk)
-    with pytest.warns(RuntimeWarning, match="could not be written: .*; the run goes on, but") as told:
+    with pytest.warns(RuntimeWarning, match="could not be written: .*; the run continues, but") as told:
         field = dfd.distill(mesh, encoder, checkpoint=tmp_path / "run", **SMALL)
     assert len(told) == 1
     assert same(field, whole)

@@ -1,1 +1,1 @@
-"""glTF and GLB files: header, data, scene and materials read, and vertices moved with all else left as it was."""
+"""glTF and GLB files: reading, and rewriting of vertex positions with everything else unchanged."""

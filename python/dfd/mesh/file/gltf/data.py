@@ -1,7 +1,4 @@
-"""The data of a glTF file: buffers, views of them, and the accessors that say what the bytes mean.
-
-Nothing is read, and nothing decompressed, before an accessor or a picture that is needed asks for it.
-"""
+"""The binary data of a glTF file: buffers, views and accessors, each read and decompressed on first use."""
 
 from __future__ import annotations
 
@@ -30,9 +27,9 @@ from dfd.mesh.file.gltf.header import (
 __all__ = ["GltfData", "data_uri"]
 
 _MOST_DECOMPRESSED = 64  # bytes for each byte of compressed data, all views together
-_SMALL = 2**26  # bytes, below which the ratio does not matter
+_SMALL = 2**26  # decompressed bytes, below which the ratio is not checked
 _DATA_ENDINGS = (".bin", ".glbin", ".glbuf")
-_ALIGNMENT = 4  # bytes to whose multiples data may be filled up
+_ALIGNMENT = 4  # bytes; data may be padded to a multiple
 _UNSIGNED = (5121, 5123, 5125)  # component types
 
 
@@ -40,7 +37,7 @@ class GltfData:
     """Reads the views and accessors of a file; raises ValueError or OSError for what cannot be read."""
 
     def __init__(self, header: Header, embedded: bytes | None, assets: AssetFolder) -> None:
-        """Keep the header, the data of the GLB file's second chunk, and where other files lie."""
+        """Keep the header, the binary chunk of a GLB file, and access to external files."""
         self._header = header
         self._embedded = embedded
         self._assets = assets
@@ -66,10 +63,10 @@ class GltfData:
         return self._buffers[index]
 
     def _file(self, index: int, uri: str, length: int) -> bytes:
-        """Return the data of a buffer in a file of its own, which what is saved would carry on.
+        """Return the data of a buffer in an external file.
 
-        A file that is not named as one of data must have the length that the header says: a stranger's file could name
-        any other, such as one of passwords.
+        Saving copies the data into the new file, so a malicious glTF file could leak any file that it references: one
+        without a usual extension must have the length that the header states.
         """
         data = self._assets.read(uri)
         if not uri.lower().endswith(_DATA_ENDINGS) and not 0 <= len(data) - length < _ALIGNMENT:
@@ -98,7 +95,7 @@ class GltfData:
         return bytes(self.view(image["bufferView"]))
 
     def accessor(self, index: object) -> NDArray[Any]:
-        """Return the items (count, components) of an accessor; normalized integers as the numbers they stand for."""
+        """Return the items (count, components) of an accessor; normalized integers are converted to floats."""
         accessor = item(self._header, "accessors", index)
         if accessor is None:
             raise ValueError(f"accessor {shortened(index)} is not there")
@@ -204,7 +201,7 @@ class GltfData:
         return np.ascontiguousarray(plain).tobytes()
 
     def _stored(self, accessor: Header) -> NDArray[Any]:
-        """Return the items of an accessor as they are stored, zeros where nothing is."""
+        """Return the items of an accessor as they are stored, zeros where it has no data."""
         dtype, width = np.dtype(COMPONENT_TYPES[accessor["componentType"]]), COMPONENTS[accessor["type"]]
         count = int(accessor["count"])
         if "bufferView" not in accessor:

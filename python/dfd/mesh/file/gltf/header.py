@@ -1,4 +1,4 @@
-"""The JSON header of a glTF file: judged before any buffer is read: counts are bounded before anything is allocated.
+"""The JSON header of a glTF file, validated before buffers are read: counts are bounded before allocation.
 
 The format: Khronos Group, "glTF 2.0 Specification", 2021.
 """
@@ -26,7 +26,7 @@ MODES_READ = (4, 5, 6)  # primitives with faces: triangles, strips, fans
 DRACO = "KHR_draco_mesh_compression"
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 _LIBRARIES = {DRACO: "DracoPy", MESHOPT[0]: "meshopt"}  # in the extra `gltf`
-# what a file may require: it changes how a surface looks, lies beside it, or is read
+# extensions that a file may require: they change only the appearance, add unrelated data, or are implemented
 _HARMLESS = (
     *("KHR_materials_", "KHR_texture_", "EXT_texture_", "MSFT_texture_", "MSFT_packing_", "KHR_lights_", "EXT_lights_"),
     *("KHR_animation_", "KHR_node_", "KHR_xmp", "KHR_mesh_quantization", "KHR_accessor_", "KHR_audio", "VRM"),
@@ -37,8 +37,8 @@ _COLLECTIONS = (
 )
 _LEAST_STRIDE = 4  # bytes
 _MOST_ZEROS = 2**20  # items of an accessor without data, if none with data has more
-_DEEPEST = 1000  # nodes below nodes
-_DEEPEST_JSON = 200  # values inside values
+_DEEPEST = 1000  # nesting of nodes
+_DEEPEST_JSON = 200  # nesting of JSON values
 _MOST_OVERLAP = 8  # times the length of its buffers that a file's views may add up to
 _SMALL = 2**24  # bytes, below which the overlap does not matter
 
@@ -47,7 +47,7 @@ def read(path: Path, text: bytes, *, glb: bool) -> Header:
     """Return the header of a glTF file, or GLB file, from its JSON text.
 
     Raises ValueError if it cannot be read, uses a compression that cannot be read, or its views, accessors or nodes
-    cannot be right.
+    are inconsistent.
     """
     try:
         header = json.loads(text.decode())
@@ -105,7 +105,7 @@ def primitives(header: Header) -> Iterator[tuple[int, int, Header]]:
 
 
 def _check_depth(header: Header) -> None:
-    """Refuse what could not be written again: Python's own limit is met by what stands on the stack already."""
+    """Refuse nesting so deep that Python's recursion limit would prevent writing it again."""
     layer: list[Any] = [header]
     for _ in range(_DEEPEST_JSON):
         layer = [
@@ -182,18 +182,18 @@ def _check_accessors(header: Header) -> None:
         if "bufferView" not in accessor:
             unfilled.append((i, count))
             continue
-        place = reference(accessor, "bufferView", len(views), f"accessor {i}")
-        stride = whole(views[place], "byteStride", f"bufferView {place}", default=max(size, _LEAST_STRIDE))
+        view = reference(accessor, "bufferView", len(views), f"accessor {i}")
+        stride = whole(views[view], "byteStride", f"bufferView {view}", default=max(size, _LEAST_STRIDE))
         if stride < max(size, _LEAST_STRIDE):
             raise ValueError(
-                f"bufferView {place} has the byteStride {stride}, but items of accessor {i} have {size} bytes"
+                f"bufferView {view} has the byteStride {stride}, but items of accessor {i} have {size} bytes"
             )
-        stride = stride if "byteStride" in views[place] else size
+        stride = stride if "byteStride" in views[view] else size
         end = (
             whole(accessor, "byteOffset", f"accessor {i}", default=0) + max(count - 1, 0) * stride + size * (count > 0)
         )
-        if end > views[place]["byteLength"]:
-            raise ValueError(f"accessor {i} has {count} items up to byte {end} of {views[place]['byteLength']}")
+        if end > views[view]["byteLength"]:
+            raise ValueError(f"accessor {i} has {count} items up to byte {end} of {views[view]['byteLength']}")
         total, longest = total + count * size, max(longest, count)
     stored = sum(view["byteLength"] for view in views)
     if total > max(_MOST_OVERLAP * stored, _SMALL):
@@ -205,7 +205,7 @@ def _check_accessors(header: Header) -> None:
 
 
 def _draco_accessors(header: Header) -> set[object]:
-    """Return the accessors whose data lies in a primitive's own compressed stream."""
+    """Return the accessors whose data is in a primitive's compressed stream."""
     found: set[object] = set()
     for _, _, primitive in primitives(header):
         attributes = primitive.get("attributes")
@@ -264,7 +264,7 @@ def reference(owner: Header, name: str, count: int, what: str) -> int:
 
 
 def whole(owner: Header, name: str, what: str, default: int | None = None) -> int:
-    """Return a whole number of the header that is not negative; `what` says in an error whose it is."""
+    """Return a whole number of the header that is not negative; `what` names its owner in errors."""
     value = owner.get(name, default)
     if isinstance(value, float) and value.is_integer():  # some writers put 12.0
         value = int(value)

@@ -1,4 +1,4 @@
-"""The materials of a glTF file: their base color, and the picture and texture coordinates that give it."""
+"""The materials of a glTF file: base colors, their textures and texture coordinates."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Surface:
 
 
 class GltfMaterials:
-    """Reads the materials that primitives use, each once, and only the pictures that they show."""
+    """Reads each material that primitives use once, and only the images that it displays."""
 
     def __init__(self, header: Header, data: GltfData, pictures: ImageCache, unreadable: set[str]) -> None:
         self._header, self._data, self._images, self._unreadable = header, data, pictures, unreadable
@@ -51,7 +51,7 @@ class GltfMaterials:
         found = content.get("pbrMetallicRoughness")
         base = found if isinstance(found, dict) else {}
         factor, reference = base.get("baseColorFactor"), base.get("baseColorTexture")
-        # an older way to say the same: the diffuse color is the base color of what is no metal
+        # the older model, in which the diffuse color of a non-metal is the base color
         glossiness = extension(content, "KHR_materials_pbrSpecularGlossiness")
         if glossiness is not None:
             factor, reference = glossiness.get("diffuseFactor"), glossiness.get("diffuseTexture")
@@ -76,7 +76,7 @@ class GltfMaterials:
         return Surface(material, *coordinates(reference))
 
     def texture(self, reference: Any, name: str) -> tuple[NDArray[np.uint8] | None, tuple[Wrap, Wrap]]:
-        """Return the texels of a texture and what lies beyond it; None where it cannot be read."""
+        """Return the texels and wrap modes of a texture; None where it cannot be read."""
         texture = item(self._header, "textures", reference.get("index")) if isinstance(reference, dict) else None
         failed = [f"the texture of material {shortened(name)}"]
         if texture is not None:
@@ -108,7 +108,7 @@ class GltfMaterials:
 
 
 def coordinates(reference: Any) -> tuple[int, NDArray[np.float64] | None]:
-    """Return the set of texture coordinates that a texture uses and what KHR_texture_transform does to them."""
+    """Return the number of a texture's coordinate set, and its KHR_texture_transform as a matrix (2, 3)."""
     if not isinstance(reference, dict):
         return 0, None
     number = reference.get("texCoord", 0)

@@ -1,7 +1,7 @@
-"""Moving the vertices of a glTF file and leaving everything else in it alone.
+"""Rewriting vertex positions in a glTF file, with everything else unchanged.
 
-New positions and normals are appended to the file's data and named in its header. Textures, samplers, skins, morph
-targets, animations, extras and extensions stay as they are, bit for bit; so do parts that did not move.
+New positions and normals are appended to the file's data and referenced in its header. Textures, samplers, skins, morph
+targets, animations, extras, extensions and parts that did not move are kept bit for bit.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _FLOAT, _UNSIGNED = 5126, 5125
 
 @dataclass(frozen=True)
 class GltfSource:
-    """A glTF file's header, as text and as it was understood, and its data."""
+    """The header of a glTF file, as text and parsed, and its data."""
 
     text: bytes
     header: Header
@@ -37,14 +37,14 @@ class GltfSource:
 
 
 def encode(source: GltfSource, moved: Sequence[MovedPrimitive], *, binary: bool) -> bytes:
-    """Return the file with its primitives moved, as GLB or as glTF with its data inside.
+    """Return the file with its primitives moved, as GLB or as glTF with embedded data.
 
-    Data and pictures in files of their own are taken in where a mesh, a skin, an animation or a material that is
-    shown needs them; whatever else the file names it goes on naming.
+    External buffers and images are embedded where a displayed mesh, skin, animation or material needs them; other
+    external references are kept.
     """
     patch = GltfPatch(source)
     users = Counter(each for node in objects(patch.header, "nodes") for each in _numbers([node.get("mesh")]))
-    meshes: dict[int, int] = {}  # from a node whose parts moved to the mesh that is now its own
+    meshes: dict[int, int] = {}  # from a node with moved parts to its own copy of the mesh
     for each in moved:
         if not each.moved:
             continue
@@ -58,13 +58,13 @@ def encode(source: GltfSource, moved: Sequence[MovedPrimitive], *, binary: bool)
 
 
 class GltfPatch:
-    """A copy of the header, all data in one buffer, and what is still to be appended."""
+    """A copy of the header, all data in one buffer, and pending additions."""
 
     def __init__(self, source: GltfSource) -> None:
         self.header: Header = json.loads(source.text.decode())
         self._source = source
         self._data = bytearray()
-        self._left: list[Header] = []  # buffers that stay where they are, after the first
+        self._left: list[Header] = []  # external buffers that are kept, after the first
         self._take_buffers()
         self._take_pictures()
         # primitives may share an accessor: rows that one of them moves are moved for all of the node's
@@ -72,7 +72,7 @@ class GltfPatch:
         self._uses: dict[tuple[int, str, int], list[dict[str, Any]]] = {}
 
     def _take_buffers(self) -> None:
-        """Put the buffers into one, as far as they lie in the file or something that is shown needs them."""
+        """Concatenate the buffers that are embedded or that displayed content needs."""
         needed = _needed_buffers(self.header)
         moved_to: dict[int, tuple[int, int]] = {}  # from a buffer to its new number and where it starts there
         for index, buffer in enumerate(self.header.get("buffers", [])):
@@ -80,7 +80,7 @@ class GltfPatch:
             inside = uri is None or uri.startswith("data:")
             try:
                 data = self._source.data.buffer(index) if inside or index in needed else None
-            except (ValueError, OSError):  # a placeholder of a compressed view, or a file that has gone since
+            except (ValueError, OSError):  # a placeholder of a compressed view, or a file deleted since loading
                 data = None
             if data is None:
                 self._left.append(buffer)
@@ -103,14 +103,14 @@ class GltfPatch:
             try:
                 data = self._source.data.picture(image)
                 kind = pictures.open(data).format
-            except (ValueError, OSError):  # it goes on being named
+            except (ValueError, OSError):  # keep the reference
                 continue
             image["bufferView"] = self.view(data)
             del image["uri"]
             image.setdefault("mimeType", f"image/{(kind or 'ktx2').lower()}")
 
     def own_mesh(self, node: int, mesh: int, shared: bool) -> int:
-        """Return the mesh of a node, a copy of its own where other nodes show the same one."""
+        """Return the mesh of a node, copied where other nodes use the same one."""
         if not shared:
             return mesh
         self.header["meshes"].append(json.loads(json.dumps(self._source.header["meshes"][mesh])))
@@ -118,17 +118,17 @@ class GltfPatch:
         return len(self.header["meshes"]) - 1
 
     def move(self, node: int, primitive: dict[str, Any], each: MovedPrimitive) -> None:
-        """Give a primitive of a node other positions and normals."""
+        """Replace the positions and normals of a primitive of a node."""
         self.unpack(primitive)
         attributes = primitive["attributes"]
-        attributes.pop("TANGENT", None)  # of the old surface; viewers make new ones
+        attributes.pop("TANGENT", None)  # invalid on the moved surface; viewers recompute them
         geometry = each.primitive.geometry
         self._collect(node, "POSITION", attributes, geometry.vertices, each.vertices, geometry.stored)
         if each.normals is not None and geometry.normals is not None and "NORMAL" in attributes:
             self._collect(node, "NORMAL", attributes, geometry.normals, each.normals)
 
     def unpack(self, primitive: dict[str, Any], *, moving: bool = True) -> None:
-        """Store what a primitive keeps in a compressed stream as plain data.
+        """Decompress a primitive's Draco stream into plain accessors.
 
         Positions and normals that are `moving` are left out: the stream holds the old ones.
         """
@@ -157,7 +157,7 @@ class GltfPatch:
         accessor["bufferView"] = self.view(np.ascontiguousarray(values, dtype).tobytes())
 
     def store(self) -> None:
-        """Append what was collected to the data and name it in the header."""
+        """Append what was collected to the data and reference it in the header."""
         for key, rows in self._rows.items():
             values = rows.astype("<f4")
             accessor: dict[str, Any] = {
@@ -187,7 +187,7 @@ class GltfPatch:
         return glb.join(json.dumps(self.header, separators=(",", ":")).encode(), bytes(self._data))
 
     def gltf(self) -> bytes:
-        """Return the file as glTF, its data inside."""
+        """Return the file as glTF with embedded data."""
         data = base64.b64encode(bytes(self._data)).decode()
         self.header["buffers"][0]["uri"] = f"data:application/octet-stream;base64,{data}"
         return json.dumps(self.header, separators=(",", ":")).encode()
@@ -199,7 +199,7 @@ class GltfPatch:
         attributes: dict[str, Any],
         old: NDArray[np.float64],
         new: NDArray[np.float64],
-        stored: NDArray[np.float64] | None = None,  # the file's own, where morph targets make `old` of them
+        stored: NDArray[np.float64] | None = None,  # the file's positions, before morph targets
     ) -> None:
         key = (node, name, int(attributes[name]))
         rows = self._rows.setdefault(key, (old if stored is None else stored).copy())

@@ -1,4 +1,4 @@
-"""What a glTF file shows: the triangles of its meshes, at the nodes of its scene.
+"""Reading the displayed scene of a glTF file: triangles of its meshes, placed by its nodes.
 
 The format: Khronos Group, "glTF 2.0 Specification", 2021.
 """
@@ -35,9 +35,9 @@ _STRIP, _FAN = 5, 6
 
 
 def read(header: Header, data: GltfData, assets: AssetFolder, *, at_rest: bool = True) -> list[MeshInstance]:
-    """Return what the scene places, node after node in the file's order.
+    """Return the mesh instances of the scene, node by node in the file's order.
 
-    Skins and morph targets are posed as the file has them where it is shown `at_rest`, and left out otherwise.
+    With `at_rest`, skins and default morph weights are applied; otherwise both are ignored.
 
     Raises ValueError, OSError if a primitive that is shown cannot be read.
     """
@@ -154,7 +154,7 @@ def triangles(indices: NDArray[Any], mode: int) -> NDArray[np.int64]:
 
 
 def from_below(uv: NDArray[Any], transform: NDArray[np.float64] | None) -> NDArray[np.float64]:
-    """Return texture coordinates with v upwards of glTF's, which point down."""
+    """Apply a texture transform, and flip v, which points down in glTF."""
     with np.errstate(invalid="ignore", over="ignore"):
         placed = uv.astype(np.float64)
         if transform is not None:
@@ -180,7 +180,7 @@ def world_transforms(header: Header) -> dict[int, NDArray[np.float64]]:
     nodes, below = objects(header, "nodes"), parents(header)
     found: dict[int, NDArray[np.float64]] = {}
     layer = [(i, IDENTITY) for i in range(len(nodes)) if i not in below]
-    with np.errstate(over="ignore", invalid="ignore"):  # judged where something is shown
+    with np.errstate(over="ignore", invalid="ignore"):  # finiteness is checked later, for displayed nodes
         while layer:
             node, parent = layer.pop()
             own = _local_transform(nodes[node], node)

@@ -21,7 +21,7 @@ __all__ = [
     *("morph_weights", "morphed", "skin_transforms"),
 ]
 
-_SEAM = 1e-4  # of the largest side: rows of one place that a skin takes no further apart are one vertex
+_SEAM = 1e-4  # of the largest side; rows at one position that skinning separates by less stay one vertex
 
 Float64 = NDArray[np.float64]
 
@@ -50,14 +50,14 @@ def morphed(values: Float64, name: str, primitive: Header, weights: tuple[float,
 
 
 def joint_matrices(header: Header, skin: Any, data: GltfData, world: Mapping[int, Float64]) -> Float64 | None:
-    """Return what each joint of a skin does to vertices, (J, 4, 4); None where there is no such skin."""
+    """Return the skinning matrix of each joint of a skin, (J, 4, 4); None where there is no such skin."""
     skins, nodes = objects(header, "skins"), objects(header, "nodes")
     if not is_index(skin, len(skins)):
         return None
     joints = skins[skin].get("joints")
     if not isinstance(joints, list) or not joints or not all(is_index(each, len(nodes)) for each in joints):
         raise ValueError(f"skin {skin} has joints {shortened(joints)}, which are not all in the file")
-    with np.errstate(over="ignore", invalid="ignore"):  # judged where vertices are placed
+    with np.errstate(over="ignore", invalid="ignore"):  # `place` checks finiteness
         return np.stack([world[each] for each in joints]) @ inverse_binds(skins[skin], data)
 
 
@@ -98,7 +98,7 @@ def joints_and_weights(
 def skin_transforms(primitive: Header, data: GltfData, rows: int, matrices: Float64) -> Float64 | None:
     """Return the transform (rows, 4, 4) from each vertex to the scene, None for a primitive without weights.
 
-    Weights count by their share of the sum; a vertex without any follows the first joint, as three.js has it.
+    Weights are divided by their sum; a vertex without weights follows the first joint, as in three.js.
     """
     pairs = joints_and_weights(primitive, data, rows, len(matrices))
     if not pairs:
@@ -116,13 +116,13 @@ def skin_transforms(primitive: Header, data: GltfData, rows: int, matrices: Floa
 
 
 def closed_seams(positions: Float64, transforms: Float64) -> Float64:
-    """Return the transforms (rows, 4, 4) with those of rows at one position alike, where they differ by rounding.
+    """Return the transforms (rows, 4, 4), made equal for rows at one position where they differ only by rounding.
 
-    Along seams of texture or normals a file has several rows of a vertex, whose weights were rounded one by one.
+    Exporters round the weights of each row separately, which would open seams of texture or normals.
     """
     finite = np.isfinite(positions).all() and np.isfinite(transforms).all()
     if not finite:
-        return transforms  # refused where vertices are placed
+        return transforms  # `place` refuses them
     first, vertex = weld(positions)
     placed = np.einsum("nij,nj->ni", transforms[:, :3, :3], positions) + transforms[:, :3, 3]
     leader = first[vertex]

@@ -1,1 +1,1 @@
-"""OBJ files: text and scene read, written, or changed where vertices moved and nowhere else."""
+"""OBJ files: reading, writing, and rewriting of moved vertices only."""

@@ -1,4 +1,4 @@
-"""What stands beside a written OBJ file: its one file of materials, `<stem>.mtl`, and their pictures."""
+"""Files written next to an OBJ file: its material library, `<stem>.mtl`, and textures."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _PICTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".ktx2", ".png", ".tga", ".tif", "
 
 
 class Companions:
-    """The files beside an OBJ file that is written; none of them replaces a file that is not its own.
+    """The files written next to an OBJ file; unrelated files are never overwritten.
 
-    Its own are, where it is written once more, the materials that it names and the pictures that they name, as far as
-    they are called after it.
+    A file may be overwritten if the existing OBJ file or its materials reference it and its name begins with the OBJ
+    file's stem.
     """
 
     def __init__(self, target: Path) -> None:
@@ -28,7 +28,7 @@ class Companions:
         self._own = _own_files(target)
 
     def add(self, name: str, data: bytes) -> str:
-        """Put a file beside the target and return its name, another one where something else has it."""
+        """Add a file and return its name, numbered where an unrelated file has that name."""
         path, number = PurePosixPath(name), 1
         while not self._is_free(name, data):
             number += 1
@@ -37,7 +37,7 @@ class Companions:
         return name
 
     def add_library(self, text: str) -> str:
-        """Put the file of materials beside the target and return its name."""
+        """Add the material library and return its name."""
         return self.add(f"{self._target.stem}.mtl", text.encode())
 
     def _is_free(self, name: str, data: bytes) -> bool:
@@ -52,9 +52,9 @@ class Companions:
 
 
 def copied_materials(text: ObjText, source: Path, companions: Companions) -> tuple[str | None, set[str]]:
-    """Put the materials that an OBJ file uses, with their pictures, beside the one that is written.
+    """Copy the materials that an OBJ file uses, and their textures, next to the written file.
 
-    Of the files that it names only descriptions of used materials are taken, and as a picture only what is one.
+    Only used materials are copied, and only textures that are valid images.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def copied_materials(text: ObjText, source: Path, companions: Companions) -> tup
     source
         The folder where its materials are.
     companions
-        What stands beside the file that is written.
+        The files written next to the target.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def _with_copied_picture(line: str, assets: AssetFolder, images: ImageCache, com
     try:
         data = assets.read(name)
         kind = images.open(data).format or "KTX2"
-    except (ValueError, OSError):  # it goes on being named
+    except (ValueError, OSError):  # keep the reference
         return line
     path = PurePosixPath(name.replace("\\", "/"))
     plain = path.name if path.suffix.lower() in _PICTURES else f"{path.stem}.{kind.lower()}"
@@ -104,7 +104,7 @@ def _with_copied_picture(line: str, assets: AssetFolder, images: ImageCache, com
 
 
 def _own_files(target: Path) -> set[str]:
-    """Return the names of what an OBJ file that is there already has beside it, called after it."""
+    """Return the names of the files that an existing OBJ file `target` references and that begin with its stem."""
     mine = re.compile(rf"{re.escape(target.stem)}(_.*)?\.[A-Za-z0-9]+")
     found = set()
     try:

@@ -1,4 +1,4 @@
-"""Moving the vertices of an OBJ file and leaving everything else in it alone.
+"""Rewriting vertex positions in an OBJ file, with everything else unchanged.
 
 Only the coordinates of `v` and `vn` lines change, and of faces the number of a normal that they no longer share:
 order, polygons, groups, smoothing, curves, comments and materials stay as they were written.
@@ -26,16 +26,16 @@ def encode(
     vertices: NDArray[np.float64],
     normals: Sequence[NDArray[np.float64] | None],
 ) -> dict[str, bytes]:
-    """Return the files of the moved mesh: the OBJ file `target`, and beside it what materials it needs there.
+    """Return the contents of the moved OBJ file `target` and of the material files that it needs next to it.
 
     Parameters
     ----------
     target
-        Where the file goes. In the folder of the original the materials are there already.
+        The path to write. In the folder of the original, materials are not copied.
     source
         The original.
     vertices
-        (N, 3) where its vertices are now; those that are where they were keep their text.
+        (N, 3) new positions; unmoved vertices keep their text.
     normals
         For each primitive its normals (rows, 3), None where it has none.
     """
@@ -51,7 +51,7 @@ def encode(
 
 
 def _rename_libraries(edits: _Edits, text: ObjText, name: str | None, read: set[str]) -> None:
-    """Let the file name its new materials in place of the libraries that were read."""
+    """Replace the libraries that were read with the new one in `mtllib` lines."""
     for line, keyword, rest in text.statements:
         named = [rest] if rest in read else rest.split()
         if keyword == "mtllib" and read.intersection(named):
@@ -71,12 +71,11 @@ class _Edits:
         self._new: list[str] = []
 
     def replace(self, spans: NDArray[np.int64], texts: Sequence[str]) -> None:
-        """Put `texts` where `spans` (L, 2) begin and end."""
+        """Replace the text at `spans` (L, 2) with `texts`."""
         self._spans.append(spans)
         self._new += texts
 
     def replace_line(self, line: int, text: str) -> None:
-        """Put `text` in place of a line."""
         if self._starts is None:
             self._starts = np.flatnonzero(np.frombuffer(self._data, np.uint8) == ord("\n")) + 1
         start = int(self._starts[line - 1]) if line else 0
@@ -85,7 +84,6 @@ class _Edits:
         self.replace(np.array([[start, end]]), [text.encode().decode("latin-1")])
 
     def result(self) -> bytes:
-        """Return the text with everything replaced."""
         if not self._new:
             return self._text.encode("latin-1")
         spans = np.concatenate(self._spans)
@@ -101,14 +99,14 @@ class _Edits:
 
 
 def _triples(values: NDArray[np.float64]) -> list[str]:
-    """Return three numbers (L, 3) as text, as short as they can be read back exactly."""
+    """Return three numbers (L, 3) as the shortest text that reads back exactly."""
     return [f"{x!r} {y!r} {z!r}" for x, y, z in values.tolist()]
 
 
 def _edit_normals(
     edits: _Edits, text: ObjText, source: ObjSource, normals: Sequence[NDArray[np.float64] | None]
 ) -> None:
-    """Move the normals that faces name; corners that shared one and no longer do get one of their own."""
+    """Rewrite the normals of faces; corners that no longer share one get a new one."""
     known = [each is not None for each in normals]
     if not any(known):
         return
@@ -123,7 +121,7 @@ def _edit_normals(
     number = text.corners[corners, 2]
     distinct, value = weld(by_row[source.corner_rows[corners]])
     pairs, first, pair = np.unique(number * (len(distinct) + 1) + value, return_index=True, return_inverse=True)
-    # of all directions that a normal's corners have now it takes the first, and the others become new normals
+    # a normal takes the first of its corners' new directions; the others become new normals
     keeps = np.diff(number[first], prepend=-1) > 0
     directions = by_row[source.corner_rows[corners]][first]
     moved = keeps & (directions != text.normals[number[first]]).any(axis=1)
@@ -133,7 +131,7 @@ def _edit_normals(
     new = np.cumsum(~keeps) - 1
     begin = text.data.rfind(b"\n", 0, int(text.corner_spans[0, 0])) + 1
     edits.replace(np.array([[begin, begin]]), ["".join(f"vn {each}\n" for each in _triples(directions[~keeps]))])
-    # normals that come later in the file are counted on; a reader need not look ahead for any
+    # the new normals stand before the first face, so later ones are renumbered
     before = int(np.searchsorted(text.normal_spans[:, 0], begin))
     numbers = text.corners[:, 2].copy()
     numbers[numbers >= before] += len(pairs) - int(keeps.sum())

@@ -1,4 +1,4 @@
-"""What an OBJ file shows: its faces as triangles, by part and material."""
+"""Reading an OBJ file as triangles, by part and material."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from dfd.mesh.file.primitives import Geometry, MeshInstance
 
 __all__ = ["ObjSource", "face_groups", "libraries", "material_lines", "picture_name", "read"]
 
-_PICTURES = ("map_", "bump", "disp", "decal", "refl", "norm")  # how keywords that name one begin
+_PICTURES = ("map_", "bump", "disp", "decal", "refl", "norm")  # prefixes of MTL keywords that name an image
 _OPTIONS = re.compile(r"-(?:imfchan\s+\w+|\w+(?:\s+(?:on|off|[-+]?[\d.]+(?:[eE][-+]?\d+)?))+)\s+")
 
-_GROUP_KEYWORDS = ("g", "o", "usemtl")  # where two kinds have one name, the first is meant
+_GROUP_KEYWORDS = ("g", "o", "usemtl")  # in order of precedence for equal names
 
 
 @dataclass(frozen=True)
 class ObjSource:
-    """What it takes to write an OBJ file again with other positions; its text is parsed once more when that is done."""
+    """The source for rewriting an OBJ file with other positions; its text is parsed again then."""
 
     data: bytes
     folder: Path
@@ -38,7 +38,7 @@ class ObjSource:
 
 
 def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInstance], NDArray[np.int64], ObjSource]:
-    """Return what the file shows, the vertex (R,) of each row, and what is needed to write it again.
+    """Return the mesh instances, the vertex (R,) of each row, and the source for rewriting.
 
     Parts are the file's `o`, or its `g` where it has not several `o`; within a part faces are sorted by material.
 
@@ -51,7 +51,7 @@ def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInsta
     part_names, part = _parts(text, path.stem)
     material_names, material = _state_at_faces(text, "usemtl", "")
     known = np.array([name in materials for name in material_names], bool)
-    material = np.where(known[material], material, -1)  # faces of materials that are nowhere described are alike
+    material = np.where(known[material], material, -1)  # undefined materials count as one
     faces = np.flatnonzero(text.sizes >= 3)
     if len(faces) < len(text.sizes):
         _warn_of_short_faces(text, path)
@@ -161,11 +161,11 @@ def face_groups(data: bytes) -> dict[str, NDArray[np.int64]]:
     """Return the vertices (N,) of each group in the text of an OBJ file, ascending, by the group's name.
 
     Every word of a `g` line names a group, and so does the line as a whole; `o` and `usemtl` lines have one name each.
-    A group has all faces of its name, wherever they are, and goes on where a line of another kind comes between. Faces
-    before the first line of a kind are in no group of that kind, and groups without faces are left out.
+    A group has all faces of its name, and a line of another kind does not end it. Faces before the first line of a kind
+    are in no group of that kind, and groups without faces are left out.
     """
     text = parse(data)
-    kept = np.repeat(text.sizes >= 3, text.sizes)  # faces of fewer corners are none of the mesh
+    kept = np.repeat(text.sizes >= 3, text.sizes)  # `read` skips faces of fewer corners
     vertices = text.corners[kept, 0]
     found: dict[str, NDArray[np.int64]] = {}
     for keyword in _GROUP_KEYWORDS:

@@ -1,4 +1,4 @@
-"""The text of an OBJ file as arrays, and where in the text the numbers of each vertex stand.
+"""Parsing an OBJ file into arrays, with the byte positions of each vertex's numbers.
 
 The format: Wavefront, "Advanced Visualizer Manual", appendix B1, 1992, with colors after a vertex's coordinates as
 many programs write them. NumPy reads every number, so that a file of a million faces takes seconds.
@@ -19,7 +19,7 @@ from dfd.mesh.file.assets import shortened
 
 __all__ = ["ObjText", "Tokens", "decoded", "parse"]
 
-_INDENTED = 64  # spaces before a keyword that are passed over for all lines at once
+_INDENTED = 64  # spaces before a keyword that are skipped for all lines at once
 _CORNER = re.compile(rb"[-+]?\d+(/[-+]?\d*){0,2}")
 _STATEMENTS = ("o", "g", "usemtl", "mtllib")
 
@@ -33,7 +33,7 @@ class Tokens:
     starts: NDArray[np.int64]  # (W,) first byte of each word in `text`
     ends: NDArray[np.int64]  # (W,) byte after it
     text: bytes  # the lines, with spaces in place of keywords and comments
-    shifts: NDArray[np.int64]  # (L,) from a place in `text` to that in the file
+    shifts: NDArray[np.int64]  # (L,) offset from positions in `text` to those in the file
 
     def spans(self) -> NDArray[np.int64]:
         """(W, 2) where in the file each word begins and ends."""
@@ -46,7 +46,7 @@ class Tokens:
 
 @dataclass(frozen=True)
 class ObjText:
-    """What the lines of an OBJ file say; numbers count from 0."""
+    """The contents of an OBJ file; numbers count from 0."""
 
     data: bytes  # the text; continued lines are joined
     positions: NDArray[np.float64]  # (N, 3) of the `v` lines
@@ -63,7 +63,7 @@ class ObjText:
 
 
 def decoded(data: bytes) -> str:
-    """Return what bytes of a text file say: in UTF-8, or Latin-1 where they are not that."""
+    """Decode text as UTF-8, or as Latin-1 where it is not valid UTF-8."""
     try:
         return data.decode()
     except UnicodeDecodeError:
@@ -73,7 +73,7 @@ def decoded(data: bytes) -> str:
 def parse(data: bytes) -> ObjText:
     """Read the text of an OBJ file.
 
-    Raises ValueError if a line of a vertex or a face cannot be right.
+    Raises ValueError if a line of a vertex or a face is malformed.
     """
     data = data.removeprefix(codecs.BOM_UTF8)
     data = data.replace(b"\\\r\n", b"   ").replace(b"\\\n", b"  ")
@@ -88,7 +88,7 @@ def parse(data: bytes) -> ObjText:
     uv, first_uv = _values(uv_tokens, "vt", at_least=1)
     faces = lines.tokens(b"f")
     counts = (vertices.lines, uv_tokens.lines, normal_tokens.lines)
-    second_uv = first_uv + np.minimum(uv_tokens.counts, 2) - 1  # of one coordinate the other is the same number
+    second_uv = first_uv + np.minimum(uv_tokens.counts, 2) - 1  # a single coordinate is used twice
     return ObjText(
         data=data,
         positions=values[first[:, None] + np.arange(3)],
@@ -136,7 +136,7 @@ class _Lines:
         if b"#" in text:
             _blank_comments(text)
         words = array > ord(" ")  # no control character is part of a word either
-        edges = np.flatnonzero(words[1:] != words[:-1]) + 1  # the first byte is none, and neither is the last
+        edges = np.flatnonzero(words[1:] != words[:-1]) + 1  # the first and last bytes are separators
         first, end = edges[::2], edges[1::2]
         counts = np.diff(np.searchsorted(first, stops), prepend=0)
         return Tokens(lines, counts, first, end, bytes(text), shifts)
@@ -188,7 +188,7 @@ def _blank_comments(text: bytearray) -> None:
 
 
 def _values(tokens: Tokens, keyword: str, at_least: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the numbers of all lines of one kind, and the place of each line's first."""
+    """Return the numbers of all lines of one kind, and the index of each line's first."""
     short = np.flatnonzero(tokens.counts < at_least)
     first = tokens.first()
     if len(short):
@@ -209,7 +209,7 @@ def _numbers(text: bytes, dtype: Any, count: int) -> NDArray[Any] | None:
     if not count:
         return np.zeros(0, dtype)
     with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)  # older NumPy's way to say that it found no number
+        warnings.simplefilter("error", DeprecationWarning)  # older NumPy warns where it finds no number
         try:
             values = np.fromstring(text, dtype, sep=" ")
         except (ValueError, DeprecationWarning):
@@ -266,7 +266,7 @@ def _corners(
         if relative.any():
             found[relative] += np.searchsorted(lines, line[given][relative]) + 1
         outside = (found < 1) | (found > len(lines))
-        if column:  # a texture or normal that is not there is none
+        if column:  # a missing texture or normal becomes −1
             found[outside] = 0
         elif outside.any():
             where = int(np.argmax(outside))

@@ -1,6 +1,6 @@
-"""OBJ files that keep every vertex once: seams of texture and normals are named by the faces, as the format means it.
+"""Writing OBJ files that store each vertex once: along seams, faces have separate texture and normal indices.
 
-(trimesh's writer repeats the vertices along every seam, which tears the surface and renumbers it for other programs.)
+(trimesh's writer duplicates the vertices along every seam, which splits the surface and renumbers its vertices.)
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from dfd.mesh.file.scene_file import SceneFile
 
 __all__ = ["encode", "encode_scene"]
 
-_SEPARATORS = re.compile(r"[/\\:*?\"<>|\0]")  # what no name of a file may hold, here or elsewhere
+_SEPARATORS = re.compile(r"[/\\:*?\"<>|\0]")  # not allowed in file names on some systems
 _LONGEST_NAME = 60  # letters of a material's name, which becomes part of a texture's
 
 
@@ -41,7 +41,7 @@ def encode_scene(
     target
         Where the OBJ file goes.
     vertices
-        (V, 3) where the mesh's vertices are.
+        (V, 3) positions of the mesh's vertices.
     scene
         The parts, their texture coordinates and materials.
     normals
@@ -57,7 +57,7 @@ def encode_scene(
     for each, own_normals, material in zip(scene.primitives, normals, materials, strict=True):
         local = scene.local_faces(each)
         columns: list[NDArray[np.integer] | None] = [scene.vertex[each.rows][local], None, None]
-        if each.part != part:  # primitives of one part differ in their materials alone
+        if each.part != part:  # primitives of one part differ only in their materials
             part = each.part
             body.append(f"o {_one_line(part)}\n".encode())
         uv = each.geometry.uv
@@ -70,7 +70,7 @@ def encode_scene(
             columns[2] = local + normal_count
             normal_count += len(own_normals)
         used = library.add(material)
-        if used is None and several:  # a primitive without one would go on with that of the one before
+        if used is None and several:  # a primitive without one would inherit the previous one's
             used = library.plain(1.0 if each.geometry.colors is not None else GREY)
         if used is not None:
             body.append(f"usemtl {used}\n".encode())
@@ -92,7 +92,7 @@ class _MaterialLibrary:
         self._counts: dict[str, int] = {}
 
     def add(self, material: Material | None) -> str | None:
-        """Return the name of a material, written when it first comes; None for one that nothing is known of."""
+        """Return the name of a material, written on first use; None for a default one."""
         if material is None or material.is_default:
             return None
         if id(material) not in self._names:
@@ -106,7 +106,7 @@ class _MaterialLibrary:
         return self._names[id(material)]
 
     def plain(self, grey: float) -> str:
-        """Return the name of a material of one grey, written when it first comes."""
+        """Return the name of a grey material, written on first use."""
         if (grey_id := -int(1000 * grey)) not in self._names:
             name = self._names[grey_id] = self._unused("plain")
             self.text += f"newmtl {name}\nKd {grey} {grey} {grey}\n\n"
@@ -134,7 +134,7 @@ def _vertex_colors(scene: SceneFile) -> NDArray[np.float64] | None:
 
 
 def _lines(kind: str, values: NDArray[np.float64]) -> bytes:
-    """Return a line for each row, its numbers as short as they can be read back exactly."""
+    """Return a line for each row, its numbers in the shortest form that reads back exactly."""
     numbers = [repr(value) for value in np.asarray(values, np.float64).ravel().tolist()]
     width = values.shape[1]
     template = f"{kind} {' '.join(['%s'] * width)}\n"

@@ -26,7 +26,7 @@ _STL_VERTEX = re.compile(rf"\bvertex\s+({_NUMBER})\s+({_NUMBER})\s+({_NUMBER})",
 def read_off(data: bytes) -> Geometry:
     """Return the vertices and faces of an OFF file.
 
-    Raises ValueError if it holds fewer vertices, faces or corners than it says, or a face of fewer than three corners.
+    Raises ValueError if it holds fewer vertices, faces or corners than stated, or a face of fewer than three corners.
     """
     lines = [line.split("#", 1)[0] for line in decoded(data).splitlines()]
     lines = [line for line in lines if line and not line.isspace()]

@@ -43,8 +43,8 @@ _TEXTURE = re.compile(r"comment\s+TextureFile\s+(\S.*)")
 class _Property:
     name: str
     dtype: np.dtype[Any]  # of its values
-    stored: np.dtype[Any]  # as what they stand in the data
-    counts: np.dtype[Any] | None  # of a list, as what its length stands there
+    stored: np.dtype[Any]  # their type in the data
+    counts: np.dtype[Any] | None  # type of a list's length in the data
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ _NOTHING = np.zeros(0), np.zeros(0, np.int64)  # the values of no rows, and how 
 
 
 def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, NDArray[np.float64], NDArray[np.int64]]:
-    """Return what a file shows, its own vertices (V, 3), and the vertex (N,) of each row of the geometry.
+    """Return the geometry of a file, its own vertices (V, 3), and the vertex (N,) of each row of the geometry.
 
     Raises
     ------
@@ -147,12 +147,12 @@ def _indices(element: _Element) -> _List | None:
 
 
 def _strip_triangles(strips: _List) -> NDArray[np.int64]:
-    """Return the triangles (F, 3) of strips; -1 in one begins another."""
+    """Return the triangles (F, 3) of strips; -1 starts a new strip."""
     values = strips.values.astype(np.int64)
     run = np.cumsum(values < 0) + np.repeat(np.arange(len(strips.sizes)), strips.sizes) * (len(values) + 1)
     place = np.arange(len(values))
     new = np.diff(run, prepend=-1) != 0
-    begin = np.maximum.accumulate(np.where(new, place + (values < 0), 0))  # a -1 stands before its own run
+    begin = np.maximum.accumulate(np.where(new, place + (values < 0), 0))  # each -1 precedes its run
     first = np.flatnonzero((values[:-2] >= 0) & (run[:-2] == run[2:])) if len(values) > 2 else np.zeros(0, np.int64)
     triangles = values[first[:, None] + np.arange(3)]
     odd = (first - begin[first]) % 2 == 1
@@ -241,21 +241,21 @@ def _columns_of(
 ) -> tuple[list[tuple[NDArray[Any], NDArray[np.int64]]], int]:
     """Return the values of each property in `count` rows from byte `start` on, how many each row has, and the end."""
 
-    def row_at(place: int) -> tuple[list[int], int]:
-        """Return how many values the row at a place has of each property, and where it ends."""
+    def row_at(offset: int) -> tuple[list[int], int]:
+        """Return how many values the row at an offset has of each property, and where it ends."""
         lengths = []
         for each in properties:
             length = 1
             if each.counts is not None:
-                if place + each.counts.itemsize > len(data):
+                if offset + each.counts.itemsize > len(data):
                     raise _cut_off(name, count)
-                said = np.frombuffer(data, each.counts, 1, place)[0]
-                if not 0 <= said <= len(data) or said != int(said):
-                    raise ValueError(f"a list of {shortened(name)} has the length {said:g}")
-                length, place = int(said), place + each.counts.itemsize
+                stated = np.frombuffer(data, each.counts, 1, offset)[0]
+                if not 0 <= stated <= len(data) or stated != int(stated):
+                    raise ValueError(f"a list of {shortened(name)} has the length {stated:g}")
+                length, offset = int(stated), offset + each.counts.itemsize
             lengths.append(length)
-            place += length * each.stored.itemsize
-        return lengths, place
+            offset += length * each.stored.itemsize
+        return lengths, offset
 
     first, end = row_at(start)
     if start + count * (end - start) <= len(data):  # most files have rows that are all alike
