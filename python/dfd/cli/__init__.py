@@ -15,15 +15,14 @@ from typing import Annotated
 import typer
 
 from dfd.cli.app import app as app_command
+from dfd.cli.arguments import PresetOption, chosen_preset
 from dfd.cli.batch import batch
 from dfd.cli.deform import deform
 from dfd.cli.distill import distill
 from dfd.cli.errors import CommandGroup
 from dfd.cli.export import export, rig
 from dfd.cli.handles import HandlesCommand
-from dfd.cli.inspect import inspect
-from dfd.cli.options import PresetOption, chosen_preset
-from dfd.cli.parts import parts
+from dfd.cli.inspect import inspect, parts
 from dfd.cli.show import pick, show
 
 __all__ = ["app", "main"]

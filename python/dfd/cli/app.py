@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from dfd.cli.options import PresetOption, chosen_preset
+from dfd.cli.arguments import PresetOption, chosen_preset
 from dfd.encoders.known import DEFAULT_ENCODER
 
 __all__ = ["app"]

@@ -7,10 +7,21 @@ from typing import Annotated, Any
 
 import typer
 
-from dfd.cli.arguments import PLACE, Places, check_camera, check_output, given_besides, plane_text
+from dfd.cli.arguments import (
+    PLACE,
+    FixOption,
+    Places,
+    PresetOption,
+    check_camera,
+    check_output,
+    chosen_preset,
+    given_besides,
+    number_or,
+    plane_text,
+    with_controls,
+)
 from dfd.cli.deform_many import BatchOptions, deform_many, is_many
 from dfd.cli.handles import handles
-from dfd.cli.options import FixOption, PresetOption, chosen_preset, number_or, with_controls
 from dfd.encoders.known import DEFAULT_ENCODER
 
 __all__ = ["deform"]

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin
 import typer
 
 import dfd
-from dfd.cli.arguments import MeshArgument, check_output
-from dfd.cli.options import add_options, shown
+from dfd.cli.arguments import MeshArgument, add_options, check_output, shown
 from dfd.common.interrupts import importing
 from dfd.common.progress import Stages
 from dfd.distillation.distill import distilling, find_distilled

@@ -7,7 +7,7 @@ from typing import Any
 
 from typer.core import TyperCommand
 
-from dfd.cli.options import controls
+from dfd.cli.arguments import controls, is_number
 from dfd.editing.presets import CONTROLS
 
 __all__ = ["HandlesCommand", "handles"]
@@ -122,12 +122,3 @@ def _factors(text: str) -> float | list[float]:
 
 def _listed(numbers: list[str]) -> str:
     return f"{len(numbers)}: {' '.join(numbers)}" if numbers else "none"
-
-
-def is_number(text: str) -> bool:
-    """Whether `text` is one."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

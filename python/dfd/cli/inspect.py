@@ -1,4 +1,4 @@
-"""`dfd inspect`."""
+"""`dfd inspect` and `dfd parts`: what a mesh is made of."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dfd.cli.arguments import MeshArgument, check_output
+from dfd.cli.arguments import MeshArgument, check_output, shown
 
 if TYPE_CHECKING:
     import numpy as np
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dfd.symmetry.plane import SymmetryPlane
     from dfd.upright.candidates import Up
 
-__all__ = ["inspect"]
+__all__ = ["inspect", "parts"]
 
 
 def inspect(
@@ -141,9 +141,9 @@ def _suggested(
         }
         for each in found
     ]
-    shown = features.principal(3) if isinstance(features, CompactFeatures) else features
+    colors = features.principal(3) if isinstance(features, CompactFeatures) else features
     marks = {
-        "colors": feature_colors(shown),
+        "colors": feature_colors(colors),
         "handles": [shape.vertices[each.vertex] for each in found],
         "labels": [str(number) for number in range(1, len(found) + 1)],
     }
@@ -188,12 +188,8 @@ def _print_table(report: dict[str, Any]) -> None:
 
 
 def _suggestion(number: int, vertex: int, position: Any, share: float, alike: list[int]) -> str:
-    follow = f", and alike {_shown_indices(alike)}" if alike else ""
+    follow = f", and alike {', '.join(map(str, alike))}" if alike else ""
     return f"{number}: vertex {vertex}, {share:.0%} of the shape{follow}"
-
-
-def _shown_indices(vertices: list[int]) -> str:
-    return ", ".join(str(vertex) for vertex in vertices)
 
 
 def _measures(against: dict[str, Any]) -> dict[str, str]:
@@ -227,17 +223,72 @@ def _unseen(views: int, area: float, components: int, component_count: int) -> s
 
 def _shown(value: Any) -> str:
     value = _plain(value) if hasattr(value, "tolist") else value
-    if isinstance(value, bool) or value is None:
-        return {True: "yes", False: "no", None: "none"}[value]
-    if isinstance(value, int):
-        return f"{value:,}"
-    if isinstance(value, float):
-        return f"{value:.6g}"
     if isinstance(value, list | tuple):
-        return ", ".join(_shown(item) for item in value) or "none"
-    return str(value)
+        return ", ".join(map(_shown, value)) or "none"
+    return f"{value:,}" if isinstance(value, int) and not isinstance(value, bool) else shown(value)
 
 
 def _plain(value: Any) -> Any:
     """Arrays and paths as JSON has them."""
     return value.tolist() if hasattr(value, "tolist") else str(value)
+
+
+def parts(
+    mesh: MeshArgument,
+    field: Annotated[
+        Path | None, typer.Option(metavar="FIELD", help="The shape's field; without it, it is found or made.")
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="JSON", help="Write the parts, and the part of every vertex."),
+    ] = None,
+    picture: Annotated[Path | None, typer.Option(metavar="PNG", help="Draw them, numbered.")] = None,
+    views: Annotated[int, typer.Option(min=1, max=36, help="From how many sides, all around.")] = 2,
+    resolution: Annotated[int, typer.Option(min=16, max=8192, help="Pixels along the side of each picture.")] = 768,
+) -> None:
+    """Cut MESH into its parts: what looks alike, ends at creases, and would move as one."""
+    check_output("--output", output, (".json",))
+    check_output("--picture", picture, (".png",))
+
+    import numpy as np
+
+    from dfd import Field, distill, load
+    from dfd.common.files import atomic_write
+    from dfd.common.progress import Stages
+    from dfd.segmentation.parts import parts as parts_of
+
+    stages = Stages()
+    with stages.stage("read"):
+        shape = load(mesh)
+    opened = distill(shape, progress=stages) if field is None else Field.load(field, mesh=shape)
+    with stages.stage("parts"):
+        found = parts_of(opened, shape).cut()
+    labels = np.argmax([part.mask for part in found], axis=0)
+    rows: list[dict[str, Any]] = [
+        {"part": number, "share": round(each.share, 4), "pieces": each.pieces, "vertex": each.vertex}
+        for number, each in enumerate(found, start=1)
+    ]
+    if output is not None:
+        with atomic_write(output) as temporary:
+            temporary.write_text(json.dumps({"parts": rows, "part_of_vertex": (labels + 1).tolist()}), "utf-8")
+    if picture is not None:
+        from dfd.pictures.colors import part_colors
+        from dfd.pictures.sheet import save_sheet
+
+        how = {
+            "colors": part_colors(labels),
+            "handles": shape.vertices[[row["vertex"] for row in rows]],
+            "labels": [str(row["part"]) for row in rows],
+        }
+        save_sheet(
+            picture,
+            shape,
+            [(f"{len(rows)} parts", how)],
+            views=views,
+            azimuth=35.0,
+            resolution=resolution,
+            file=mesh,
+        )
+    for row in rows:
+        pieces = f"{row['pieces']} pieces" if row["pieces"] > 1 else "1 piece"
+        typer.echo(f"{row['part']:3d}  {row['share']:6.1%} of the surface, {pieces}, at vertex {row['vertex']}")

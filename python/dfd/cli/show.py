@@ -9,8 +9,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dfd.cli.arguments import PLACE, MeshArgument, Places, check_camera, check_output
-from dfd.cli.options import FixOption, PresetOption, chosen_preset, controls, with_controls
+from dfd.cli.arguments import (
+    PLACE,
+    FixOption,
+    MeshArgument,
+    Places,
+    PresetOption,
+    check_camera,
+    check_output,
+    chosen_preset,
+    controls,
+    with_controls,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

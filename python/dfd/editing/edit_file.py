@@ -267,6 +267,8 @@ def to_document(edit: Edit, mesh: Mesh) -> dict[str, Any]:
     document: dict[str, Any] = {key: written.pop(key) for key in FIRST} | written
     document["handles"] = [_spread(handle) for handle in document["handles"]]
     document["fixed"] = [_spread(fixed) for fixed in document["fixed"]]
+    for place in (place for handle in document["handles"] for place in handle["without_instances"]):
+        del place["region"]  # they are points
     if edit.symmetry is not None:
         document["symmetry"] = {key: document["symmetry"][key] for key in ("normal", "offset", "band")}
     if edit.default is not None:

@@ -71,8 +71,8 @@ class History:
             self._states, self._now = before, start
             raise
         finally:
-            self._floor, self._topic = floor, None
+            self._floor, self._topic = floor, about
+        made = self.present
         if self._now > start:
-            made = self.present
-            self._states[start + 1 :], self._now, self._topic = [], start, about
-            self.commit(made, topic=topic, merge=merge)
+            self._states[start + 1 :], self._now = [], start
+        self.commit(made, topic=topic, merge=merge)

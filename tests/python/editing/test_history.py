@@ -1,5 +1,7 @@
 """Undo without limit."""
 
+from contextlib import suppress
+
 import pytest
 
 from dfd.editing.edit import Edit, Fixed
@@ -76,6 +78,20 @@ def test_a_merge_joins_only_an_unbroken_run(between):
     history.commit(fourth, topic=1, merge=True)
     history.undo()
     assert history.present == before
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_a_merged_step_that_does_nothing_or_fails_does_not_break_the_run(fails):
+    first, second, third = states(3)
+    history = History(first)
+    history.commit(second, topic=1)
+    with suppress(ZeroDivisionError), history.step(1, merge=True):
+        history.commit(third if fails else second)
+        _ = 1 / (0 if fails else 1)
+    assert history.present == second
+    history.commit(third, topic=1, merge=True)
+    history.undo()
+    assert history.present == first
 
 
 def test_a_step_is_undone_whole():

@@ -168,20 +168,15 @@ def move(
     parts, changed = _transform_parts(transform), _controls(session, controls)
     if merge and not (settle or changed):
         session.require_deformer().move(handle, **parts, merge=True)
-        session.note_drag(handle)
-    elif not changed:
-        session.change(lambda deformer: deformer.move(handle, **parts, merge=merge), ("move", handle))
-    else:
-        with_controls = {"transform": parts, "controls": changed}
-        session.change(
-            lambda deformer: _move_and_change(deformer, handle, **with_controls), ("move", handle), merge=merge
-        )
+        session.note_shown()
+        return
 
+    def work(deformer: Any) -> None:
+        deformer.move(handle, **parts)
+        if changed:
+            deformer.change(handle, **changed)
 
-def _move_and_change(deformer: Any, handle: int, transform: dict[str, Any], controls: dict[str, Any]) -> None:
-    with deformer.step():
-        deformer.move(handle, **transform)
-        deformer.change(handle, **controls)
+    session.change(work, ("handle", handle), merge=merge)  # as `Deformer.move` calls the steps of a drag
 
 
 @request

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["NO_MEMORY", "Session", "as_one_step", "sentence", "without_paths"]
+__all__ = ["NO_MEMORY", "Session", "sentence", "without_paths"]
 
 Result = TypeVar("Result")
 
@@ -71,7 +71,6 @@ class Session:
         self._names: dict[str, str] = {}  # path of each opened file: its name as the user knows it
         self._saved_edit: Edit | None = None  # as on disk
         self._shown_edit: Edit | None = None  # as last sent to the page
-        self._gesture: tuple[Hashable, Edit] | None = None  # the topic and the result of the newest step
         self._ready = True  # whether instances can be found
         self._unreported = False  # whether a report is due
         self._pending_edit: OpenedFile | None = None  # opened once the field is ready
@@ -292,21 +291,11 @@ class Session:
         """
         deformer = self.require_deformer()
         assert self.columns is not None
-        before = deformer.edit
-        joins = merge and topic is not None and self._gesture == (topic, before)
-        try:
-            result = as_one_step(deformer, work) if joins else work(deformer)
+        with deformer.step(topic, merge=merge):
+            result = work(deformer)
             check_drawable(deformer)
             columns = self.columns.message()
             edit_report = None if self.columns.has_pending else report(deformer)
-        except BaseException:
-            if deformer.edit is not before:
-                deformer.undo()
-                if joins:
-                    deformer.apply(before)
-            raise
-        if deformer.edit is not before:
-            self._gesture = (topic, deformer.edit)
         if columns is not None:
             self._send(columns)
         self.tell_state()
@@ -314,10 +303,9 @@ class Session:
             self.send(edit_report)
         return result
 
-    def note_drag(self, handle: int) -> None:
-        """Record that the newest step is a drag of `handle`, which the page has already drawn."""
+    def note_shown(self) -> None:
+        """Record that the page has drawn the present edit itself."""
         self._shown_edit = self.require_deformer().edit
-        self._gesture = (("move", handle), self._shown_edit)
 
     # --- messages
 
@@ -421,16 +409,3 @@ def without_paths(why: str, names: Mapping[str, str], folder: Path) -> str:
     for path, name in names.items():
         why = why.replace(f"`path` {path}", name).replace(path, name)
     return _FUNCTION.sub("", why.replace(f"{folder}/", ""))
-
-
-def as_one_step(deformer: Deformer, work: Callable[[Deformer], Result]) -> Result:
-    """Do `work` as part of the newest step; if it fails, that step is unchanged."""
-    newest = deformer.edit
-    deformer.undo()
-    try:
-        with deformer.step():
-            deformer.apply(newest)
-            return work(deformer)
-    except BaseException:
-        deformer.redo()
-        raise
