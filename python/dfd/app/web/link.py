@@ -110,6 +110,9 @@ class ProcessLink(Link):
             with contextlib.suppress(ProcessLookupError):
                 self._process.kill()
             await self._process.wait()
+        # What the page has not taken yet would keep the pipes open until after the event loop has ended.
+        self._process._transport.close()  # type: ignore[attr-defined]
+        await asyncio.sleep(0)
 
 
 class ThreadLink(Link):
