@@ -141,9 +141,7 @@ def _surface(mesh: Mesh, nodes: Nodes, size: float) -> tuple[Float64, Float64, I
     node = nodes.of_vertex[faces]
     count = len(nodes.center)
     areas: Float64 = np.bincount(node.ravel(), np.repeat(area / 3, 3), minlength=count).astype(np.float64)
-    normals: Float64 = np.stack(
-        [np.bincount(node.ravel(), np.repeat(axis, 3), minlength=count) for axis in normal.T], axis=1
-    )
+    normals = _summed(node.ravel(), np.repeat(normal, 3, axis=0), count)
     pairs, lengths = [], []
     for one, other in ((0, 1), (1, 2), (2, 0)):
         between = node[:, one] != node[:, other]
@@ -198,7 +196,8 @@ def _nearest(graph: csr_array, seeds: Indices, center: Float64) -> Indices:
     return found
 
 
-def _summed(group: Indices, values: Float64, count: int) -> Float64:
+def _summed(group: NDArray[np.integer], values: Float64, count: int) -> Float64:
+    """(count, 3) sums of `values` (N, 3) over those of equal `group` (N,)."""
     return np.stack([np.bincount(group, axis, minlength=count) for axis in values.T], axis=1)
 
 
