@@ -2,7 +2,7 @@
 
 import type { Payload, Received } from "../protocol/binary_messages";
 import type { ColumnsMessage, InstancesMessage, StateMessage } from "../protocol/messages";
-import { store, type ColumnData, type State } from "../store/state";
+import { CLOSED, store, type ColumnData, type State } from "../store/state";
 import { PROTOCOL } from "./connection";
 import { note, problem } from "./toasts";
 
@@ -71,30 +71,6 @@ export function receive({ message, payload }: Received): void {
       break;
   }
 }
-
-/** What no shape has. */
-const CLOSED = {
-  mesh: null,
-  meshArrays: null,
-  detail: null,
-  featureColors: null,
-  posed: null,
-  edit: null,
-  columns: new Map<number, ColumnData>(),
-  ahead: new Map(),
-  selected: null,
-  hidden: new Set<number>(),
-  hover: null,
-  probe: null,
-  painted: null,
-  suggestions: [],
-  similar: null,
-  report: null,
-  moment: null,
-  playing: false,
-  comparing: false,
-  tool: "hold",
-} as const;
 
 /** Take back what was shown before the server refused it. */
 function takeBack(request: number): void {

@@ -128,11 +128,8 @@ export interface State {
   readonly framed: number;
 }
 
-const INITIAL: State = {
-  link: "connecting",
-  ended: null,
-  session: null,
-  page: "waiting",
+/** What is known of a shape and done to it, while none is open. */
+export const CLOSED = {
   mesh: null,
   meshArrays: null,
   detail: null,
@@ -148,10 +145,21 @@ const INITIAL: State = {
   painted: null,
   suggestions: [],
   similar: null,
-  progress: null,
-  uploading: null,
   report: null,
   tool: "hold",
+  comparing: false,
+  moment: null,
+  playing: false,
+} as const satisfies Partial<State>;
+
+const INITIAL: State = {
+  ...CLOSED,
+  link: "connecting",
+  ended: null,
+  session: null,
+  page: "waiting",
+  progress: null,
+  uploading: null,
   gizmo: "translate",
   space: "world",
   snap: false,
@@ -164,10 +172,7 @@ const INITIAL: State = {
   showPlanes: false,
   showGhosts: true,
   theme: "system",
-  comparing: false,
-  moment: null,
   playhead: 0,
-  playing: false,
   timeline: false,
   inspector: true,
   help: false,
