@@ -487,7 +487,7 @@ class Deformer:
             If it is no place, is fixed or a handle already, `strength` lies outside [0, 1], or nothing would be left of
             a handle that is to arrive.
         """
-        fixed = Fixed(place_on(self.mesh, at), strength)
+        fixed = Fixed(place_on(self.mesh, self._part_named(at)), strength)
         self._commit(replace(self.edit, fixed=(*self.fixed, fixed)), ("fixed", fixed.place), merge)
 
     @public
@@ -499,7 +499,7 @@ class Deformer:
         ValueError
             If that point or region is not fixed.
         """
-        place = place_on(self.mesh, at)
+        place = place_on(self.mesh, self._part_named(at))
         self._commit(self.edit.released(place), ("fixed", place), merge)
 
     @property

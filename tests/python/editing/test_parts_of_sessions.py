@@ -33,6 +33,10 @@ def test_what_is_said_of_parts_is_held_and_limits(legged):
         held = session.add(text)
         assert session.handles[-1].place.region == region
         session.remove(held)
+        session.fix(text)
+        assert session.fixed[-1].place.region == region
+        session.release(text)
+        assert not session.fixed
     session.add(100, within="part", reach=2)
     assert session.handles[-1].controls.within == part
     inside = np.isin(np.arange(len(session.mesh.vertices)), part.indices)
