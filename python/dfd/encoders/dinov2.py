@@ -164,12 +164,8 @@ def build_dinov2(weights: EncoderWeights, block: int | None, channels: ChannelSt
 
     `channels` are used where the weights come without their own.
 
-    Raises
-    ------
-    ValueError
-        If the configuration makes no sense, the block is out of range, or the tensors do not fit the configuration.
-    OSError
-        If the file of weights cannot be read.
+    Raises ValueError if the configuration makes no sense, the block is out of range, or the tensors do not fit the
+    configuration. Raises OSError if the file of weights cannot be read.
     """
     config = _checked(weights.config)
     depth, width, kind = config["num_hidden_layers"], config["hidden_size"], config["model_type"]
@@ -207,10 +203,7 @@ def build_dinov2(weights: EncoderWeights, block: int | None, channels: ChannelSt
 def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
     """The settings that `Dinov2` goes by, those left out as transformers has them.
 
-    Raises
-    ------
-    ValueError
-        If they describe no such network.
+    Raises ValueError if they describe no such network.
     """
     sizes = {
         "hidden_size": 768,

@@ -28,12 +28,8 @@ def build_family(weights: EncoderWeights, block: int | None, channels: ChannelSt
 
     `channels` are used where the weights come without their own.
 
-    Raises
-    ------
-    ValueError
-        If the family is unknown, the block out of range, or the tensors do not fit the configuration.
-    OSError
-        If the file of weights cannot be read.
+    Raises ValueError if the family is unknown, the block out of range, or the tensors do not fit the configuration.
+    Raises OSError if the file of weights cannot be read.
     """
     from transformers.models.auto.configuration_auto import CONFIG_MAPPING
 

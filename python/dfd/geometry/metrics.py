@@ -37,10 +37,7 @@ def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> SurfaceMetrics:
 
     Faces without area at rest count for nothing. Self-intersections are found by libigl, of the extra `metrics`.
 
-    Raises
-    ------
-    ValueError
-        If `vertices` is not finite or has another shape than those of the mesh, or no face has an area.
+    Raises ValueError if `vertices` is not finite or has another shape than those of the mesh, or no face has an area.
     """
     moved = check.array("surface_metrics", "vertices", vertices, mesh.vertices.shape, dtype=np.float64)
     # In units of the shape, around its middle: lengths far from 1 lose nothing.
@@ -69,10 +66,7 @@ def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> SurfaceMetrics:
 def area_ratios(mesh: Mesh, vertices: ArrayLike) -> NDArray[np.float64]:
     """(V,) how many times larger the faces around each vertex have become; 1 where none has an area.
 
-    Raises
-    ------
-    ValueError
-        If `vertices` is not finite or has another shape than those of the mesh.
+    Raises ValueError if `vertices` is not finite or has another shape than those of the mesh.
     """
     moved = check.array("area_ratios", "vertices", vertices, mesh.vertices.shape, dtype=np.float64)
     welded = first_at_place(mesh)

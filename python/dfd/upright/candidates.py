@@ -111,10 +111,7 @@ def axis_frames(frame: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 def check_up(up: Any) -> str | tuple[float, float, float]:
     """Return `up` as one of `UP_WORDS`, or as a unit direction; "0, 0, 1" is one too.
 
-    Raises
-    ------
-    ValueError
-        If it is neither, nor three numbers with a length.
+    Raises ValueError if it is neither, nor three numbers with a length.
     """
     word = f"+{up}" if isinstance(up, str) and up in ("x", "y", "z") else up
     if isinstance(word, str) and word in UP_WORDS:
@@ -139,10 +136,7 @@ def file_up() -> Up:
 def explicit_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
     """The frame for an `up` that `check_up` has returned, other than "auto".
 
-    Raises
-    ------
-    ValueError
-        If `mesh` has no extent along `up`.
+    Raises ValueError if `mesh` has no extent along `up`.
     """
     if up == "file":
         return Up(np.eye(3), 1.0, "said")
