@@ -342,7 +342,10 @@ def load(
     if isinstance(source, str | os.PathLike):
         scene = read(source, at_rest=pose == "rest")
     elif _is_of_trimesh(source):
-        scene = of_trimesh(source)
+        try:
+            scene = of_trimesh(source)
+        except ArgumentError as error:
+            raise ArgumentError("source", error.reason, "load") from None
     elif isinstance(source, tuple | list) and len(source) == 2:
         return Mesh(*source)
     else:
