@@ -170,5 +170,4 @@ class Kinds:
         units = np.maximum((features - mean) @ self.hidden + self.hidden_bias, 0)
         logits = units @ self.output + self.output_bias
         probable = np.exp(logits - logits.max(axis=1, keepdims=True))
-        result: NDArray[np.float32] = np.sqrt(probable / probable.sum(axis=1, keepdims=True))
-        return result
+        return np.sqrt(probable / probable.sum(axis=1, keepdims=True))

@@ -57,8 +57,7 @@ class Setting(Generic[Value]):
     def __get__(self, session: Deformer, owner: type | None = None) -> Value:
         if session is None:
             return self  # asked of the class, as help() does
-        value: Value = getattr(session.edit, self._name)
-        return value
+        return getattr(session.edit, self._name)
 
     def __set__(self, session: Deformer, value: Value) -> None:
         with called(f"Deformer.{self._name}"):

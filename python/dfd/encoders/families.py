@@ -195,7 +195,7 @@ def _interpolated(network: Any, images: Tensor) -> Tensor:
 
 def _clip(network: Any, images: Tensor) -> Tensor:
     # CLIP itself applies its last norm to the class token only.
-    return network.post_layernorm(_interpolated(network, images))  # type: ignore[no-any-return]
+    return network.post_layernorm(_interpolated(network, images))
 
 
 def _siglip2(network: Any, images: Tensor) -> Tensor:
@@ -224,8 +224,7 @@ def _mae(network: Any, images: Tensor) -> Tensor:
 
 
 def _hiera(network: Any, images: Tensor) -> Tensor:
-    tokens: Tensor = network(pixel_values=images).last_hidden_state
-    return tokens
+    return network(pixel_values=images).last_hidden_state
 
 
 def _sam(network: Any, images: Tensor) -> Tensor:

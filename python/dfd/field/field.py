@@ -205,8 +205,7 @@ class Field:
             raise ArgumentError("points", f"must have shape (N, 3), got {tuple(points.shape)}", "Field")
         network = Network.of(self.parameters, self.architecture).to(points.device)
         center = torch.tensor(self.center, device=points.device)
-        result: torch.Tensor = network(((points.to(center.dtype) - center) * self.scale).to(torch.float32))
-        return result
+        return network(((points.to(center.dtype) - center) * self.scale).to(torch.float32))
 
     @cached_property
     def _kernel(self) -> _core.Field:
@@ -330,8 +329,7 @@ class FieldOnMesh:
         piece, boxes = pieces_of_vertices(self.mesh)
         corners = (boxes.reshape(-1, 2, 3) - self.field.center) * self.field.scale
         known = np.append(self.field.pieces.known(corners.reshape(-1, 6)), -1)  # the last one is that of −1
-        found: NDArray[np.int64] = known[piece]
-        return found
+        return known[piece]
 
     @cached_property
     def _nearest(self) -> cKDTree:

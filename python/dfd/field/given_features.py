@@ -55,8 +55,7 @@ def _read_tensor(path: Path, named: str) -> NDArray[Any]:
         raise ValueError(f"{named} must be a .pt file of one tensor, but {path} holds a {type(tensor).__name__}")
     if tensor.layout != torch.strided or tensor.is_complex() or tensor.is_quantized:
         raise ValueError(f"{named} must be a .pt file of plain numbers, but {path} holds a {tensor.type()}")
-    rows: NDArray[Any] = tensor.detach().float().numpy()
-    return rows
+    return tensor.detach().float().numpy()
 
 
 def of_vertices(mesh: Mesh, rows: NDArray[Any]) -> NDArray[np.float64]:
@@ -158,5 +157,4 @@ def _check_vertices(path: Path, mesh: Mesh, named: str) -> None:
 def _in_box(vertices: NDArray[Any]) -> NDArray[Any]:
     """Vertices around the center of their box, in units of its longest side: what scaling and moving leave alike."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
-    placed: NDArray[Any] = (vertices - (low + high) / 2) / max((high - low).max(), 1e-300)
-    return placed
+    return (vertices - (low + high) / 2) / max((high - low).max(), 1e-300)

@@ -47,8 +47,7 @@ def weight_colors(weights: ArrayLike) -> NDArray[np.float32]:
     place = values.clip(0, 1) * (len(_HEAT) - 1)
     before = np.minimum(place.astype(np.int64), len(_HEAT) - 2)
     part = (place - before)[:, None]
-    colors: NDArray[np.float32] = (_HEAT[before] * (1 - part) + _HEAT[before + 1] * part).astype(np.float32)
-    return colors
+    return (_HEAT[before] * (1 - part) + _HEAT[before + 1] * part).astype(np.float32)
 
 
 def ratio_colors(ratios: ArrayLike) -> NDArray[np.float32]:
@@ -59,8 +58,7 @@ def ratio_colors(ratios: ArrayLike) -> NDArray[np.float32]:
     values = check.array("ratio_colors", "ratios", ratios, ("V",), dtype=np.float64)
     octaves = np.log2(values.clip(0.5, 2.0))[:, None]
     ends = np.where(octaves < 0, SMALLER, LARGER)
-    colors: NDArray[np.float32] = (np.array(CLAY) + np.abs(octaves) * (ends - np.array(CLAY))).astype(np.float32)
-    return colors
+    return (np.array(CLAY) + np.abs(octaves) * (ends - np.array(CLAY))).astype(np.float32)
 
 
 def feature_colors(features: ArrayLike) -> NDArray[np.float32]:
@@ -104,14 +102,12 @@ def part_colors(labels: ArrayLike) -> NDArray[np.float32]:
     hue = 2 * np.pi * (number * 0.618034 % 1)
     lightness = np.array([0.72, 0.6, 0.82])[number % 3]
     table = _from_oklab(np.stack([lightness, 0.13 * np.cos(hue), 0.13 * np.sin(hue)], axis=1))
-    colours: NDArray[np.float32] = table[numbers].astype(np.float32)
-    return colours
+    return table[numbers].astype(np.float32)
 
 
 def oklab(colors: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     """Lightness and two hue axes, (N, 3), in which equal steps look equally large (Oklab, Ottosson 2020)."""
-    lab: NDArray[np.float64] = np.cbrt(linear(colors) @ _TO_CONE.T) @ _TO_LAB.T
-    return lab
+    return np.cbrt(linear(colors) @ _TO_CONE.T) @ _TO_LAB.T
 
 
 def _from_oklab(lab: NDArray[np.float64]) -> NDArray[np.float64]:

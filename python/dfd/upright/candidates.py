@@ -63,8 +63,7 @@ class Up:
     @property
     def direction(self) -> NDArray[np.float64]:
         """(3,) unit, in the mesh's coordinates."""
-        up: NDArray[np.float64] = self.frame[1]
-        return up
+        return self.frame[1]
 
     def __str__(self) -> str:
         """As `up` takes it: an axis, or three numbers."""
@@ -150,8 +149,7 @@ def _upright_frame(up: NDArray[np.float64]) -> NDArray[np.float64]:
     """The frame with `up` that rotates the file's other axes least."""
     along = np.flatnonzero(up)
     if len(along) == 1:
-        straight: NDArray[np.float64] = axis_frames(np.eye(3))[2 * int(along[0]) + int(up[along[0]] < 0)]
-        return straight
+        return axis_frames(np.eye(3))[2 * int(along[0]) + int(up[along[0]] < 0)]
     right = np.eye(3)[0] if abs(up[0]) < 0.9 else np.eye(3)[2]
     return frame_facing(up, right)
 

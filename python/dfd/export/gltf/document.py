@@ -103,8 +103,7 @@ class GltfDocument:
 
     def _primitive(self, node: int, number: int) -> Header:
         mesh = int(self._source.header["nodes"][node]["mesh"])
-        content: Header = self._source.header["meshes"][mesh]["primitives"][number]
-        return content
+        return self._source.header["meshes"][mesh]["primitives"][number]
 
     def stored(self, index: int) -> NDArray[Any]:
         """Return the values of an accessor of the file."""

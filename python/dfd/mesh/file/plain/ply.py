@@ -151,8 +151,7 @@ def _strip_triangles(strips: _List) -> NDArray[np.int64]:
     odd = (first - begin[first]) % 2 == 1
     triangles[odd] = triangles[odd][:, [1, 0, 2]]
     distinct = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)  # repeated corners only turn the strip
-    result: NDArray[np.int64] = triangles[distinct]
-    return result
+    return triangles[distinct]
 
 
 def _material(picture: str, assets: AssetFolder) -> Material | None:
