@@ -168,10 +168,7 @@ class Field:
     def with_pieces(self, pieces: ComponentResiduals | None) -> Field:
         """The same field with other pieces, or without any.
 
-        Raises
-        ------
-        ValueError
-            If they are of another width.
+        Raises ValueError if they are of another width.
         """
         other = self.with_settings(self.settings)
         other.pieces = self._checked_pieces(pieces)
@@ -226,10 +223,7 @@ class Field:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the field to `path` (.safetensors), whole or not at all; equal fields are equal files.
 
-        Raises
-        ------
-        OSError
-            If `path` cannot be written; a file that was there stays as it was.
+        Raises OSError if `path` cannot be written; a file that was there stays as it was.
         """
         pieces = None if self.pieces is None else self.pieces.arrays()
         content = field_file.Content(self.architecture, self.parameters, self.center, self.scale, self.settings, pieces)

@@ -146,12 +146,8 @@ def save_png(
 
     A `document` goes into the file: from it `dfd.pictures.pick` knows through which cameras the picture was taken.
 
-    Raises
-    ------
-    ValueError
-        If the ending of `path` is not .png.
-    OSError
-        If `path` cannot be written; a file that was there stays as it was.
+    Raises ValueError if the ending of `path` is not .png. Raises OSError if `path` cannot be written; a file that was
+    there stays as it was.
     """
     if Path(path).suffix.lower() != ".png":
         raise ValueError(f"save_png: `path` must end in .png, got {os.fspath(path)}")
