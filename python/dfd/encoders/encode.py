@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from torch.nn.functional import interpolate
 
 from dfd.common import check
-from dfd.common.devices import choose_device, out_of_memory, share
+from dfd.common.devices import choose_device, out_of_memory, parallel_inference
 from dfd.common.progress import Stages
 from dfd.encoders.dinov2 import KINDS, build_dinov2
 from dfd.encoders.families import build_family
@@ -203,7 +203,7 @@ class Encoder:
                 # Tokens are written on a separate thread, so that those that compute never wait for the disk.
                 with ThreadPoolExecutor(1, "dfd-keep") as disk:
                     if self.device == "cpu":
-                        share(len(remaining), 1, fill)
+                        parallel_inference(len(remaining), 1, fill)
                     else:
                         _fill_in_batches(len(remaining), max(1, _PIXELS_AT_ONCE // resolution**2), fill)
                 for written in writing:
