@@ -22,7 +22,7 @@ from dfd.field.architecture import Architecture
 from dfd.field.component_residuals import ComponentResiduals, components_of_vertices
 from dfd.field.given_features import FEATURE_FILES
 
-# torch takes seconds to import; only those need it who ask with its tensors.
+# torch takes seconds to import, and is needed only to evaluate tensors.
 if TYPE_CHECKING:
     import torch
     from scipy.spatial import cKDTree
@@ -31,20 +31,20 @@ if TYPE_CHECKING:
 
 __all__ = ["Field", "FieldOnMesh", "FieldSource"]
 
-# Farther from the middle of the shape, in halves of its box, a network of float32 has nothing to say.
+# From the center of the shape, in halves of the longest side of its box: the network's float32 tells nothing beyond.
 FARTHEST = 1e6
 
 
 @dataclass(frozen=True)
 class FieldSource:
-    """The file that a field was read from, and the SHA-256 of what was in it, 64 hexadecimal digits."""
+    """The file that a field was read from, and the SHA-256 of its content, 64 hexadecimal digits."""
 
     path: Path
     sha256: str
 
     @classmethod
     def of(cls, path: str | os.PathLike[str]) -> FieldSource:
-        """That of a file as it is now."""
+        """The source that `path` is now."""
         digest = hashlib.sha256()
         with Path(path).open("rb") as stream:
             while data := stream.read(1 << 20):
@@ -64,8 +64,8 @@ class Field:
     Where components of a surface lie beside or inside each other, vertices have features of their own component: see
     `dfd.field.component_residuals`.
 
-    A field never changes. It is evaluated by a kernel: neither torch nor a GPU is needed. `source` is the file that it
-    was read from, None where it was made.
+    A field is immutable. It is evaluated by a kernel: neither torch nor a GPU is needed. `source` is the file that it
+    was read from, None if it was not read from a file.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class Field:
     scale
         Factor per mesh unit; with the longest side of the box s it is 2/s.
     settings
-        How the field came to be (encoder, views, seed, …), kept with it in its file; JSON values.
+        How the field was made (encoder, views, seed, …), saved in its file; JSON values.
     residuals
         How features of each component of the surface differ from those of the network; None where they do not.
 
@@ -89,7 +89,7 @@ class Field:
         `residuals` are of another width.
     """
 
-    # What reads features of vertices: a later file builds on this class and puts itself there.
+    # Reads features of vertices; set by `dfd.field.vertex_field`, whose class derives from this one.
     read_vertex_field: ClassVar[Callable[[Path, Mesh | None], Field]]
     source: FieldSource | None = None
     residuals: ComponentResiduals | None = None
@@ -159,7 +159,7 @@ class Field:
         return array
 
     def with_settings(self, settings: Mapping[str, Any]) -> Field:
-        """The same field, said to have come to be by other `settings`."""
+        """The same field with other `settings`."""
         other = copy.copy(self)
         other.settings = dict(settings)
         other.source = None
@@ -180,7 +180,7 @@ class Field:
         return residuals
 
     def on(self, mesh: Mesh) -> FieldOnMesh:
-        """The field as the vertices of `mesh` have it, to be asked for some of them at a time."""
+        """The field at the vertices of `mesh`, to be evaluated for some of them at a time."""
         return FieldOnMesh(self, mesh)
 
     def features(self, mesh: Mesh) -> NDArray[np.float32]:
@@ -233,10 +233,10 @@ class Field:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, mesh: Mesh | None = None) -> Field:
-        """Read a field from `path`: what `save` wrote, or what other programs have written for a mesh.
+        """Read a field from `path`: a file of `save`, or one that another program wrote for a mesh.
 
-        Those are a `.pth` of the method's public reference implementation, and an `.npy` (MeshFM, PartField) or `.pt`
-        (Diff3F) with a row of another network for each vertex or face, which becomes a `VertexField`. MeshFM and
+        The latter are a `.pth` of the method's public reference implementation, and an `.npy` (MeshFM, PartField) or
+        `.pt` (Diff3F) with a row of another network for each vertex or face, which becomes a `VertexField`. MeshFM and
         PartField write files beside theirs; what these say of the vertices is checked.
 
         Parameters
@@ -249,7 +249,7 @@ class Field:
         OSError
             If `path` does not exist or cannot be read.
         ValueError
-            If it is no field, cut short, of another version, does not hold the tensors that it promises, or gives
+            If it is not a field, is truncated, of another version, lacks tensors that its header names, or gives
             features that are not finite; if an `.npy` or `.pt` has not one row for each vertex, in the order of the
             vertices, or for each face.
         """
