@@ -25,10 +25,7 @@ __all__ = ["choose_device", "one_thread", "out_of_memory", "share"]
 def choose_device(function: str, device: str | torch.device | None) -> torch.device:
     """Return `device` as torch names it; None takes a CUDA device when there is one.
 
-    Raises
-    ------
-    ValueError
-        In the name of `function`, if torch cannot use it.
+    Raises ValueError in the name of `function`, if torch cannot use it.
     """
     import torch
 

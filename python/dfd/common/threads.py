@@ -24,12 +24,8 @@ T = TypeVar("T")
 def set_num_threads(count: int) -> None:
     """Let every later call use `count` threads; results do not depend on it.
 
-    Raises
-    ------
-    ValueError
-        If `count` is not a whole number from 1 to 1024.
-    RuntimeError
-        If `count` is above 1 in a forked process.
+    Raises ValueError if `count` is not a whole number from 1 to 1024. Raises RuntimeError if `count` is above 1 in a
+    forked process.
     """
     global _threads
     wanted = check.whole("set_num_threads", "count", count, minimum=1, maximum=1024)

@@ -279,8 +279,7 @@ def _mirror_links(
 def _centered(points: NDArray[np.float64], views: Views) -> NDArray[np.float64]:
     """Return `points` (N, 3) in the axes of the pictures' frame, relative to the center of the shape's box there."""
     corners = used_vertices(views.vertices, views.faces) @ views.frame.T
-    turned: NDArray[np.float64] = points @ views.frame.T - (corners.min(axis=0) + corners.max(axis=0)) / 2
-    return turned
+    return points @ views.frame.T - (corners.min(axis=0) + corners.max(axis=0)) / 2
 
 
 def _symmetric(

@@ -52,8 +52,7 @@ def thickness_bands(views: Views, targets: PointTargets) -> NDArray[np.float32]:
     bands = np.exp(-np.square((ratio[:, None] - _CENTERS) / width)).astype(np.float32)
     separated = points if piece is None else apart(points, piece)
     _, near = cKDTree(separated).query(separated, np.arange(1, min(NEIGHBORS, len(points)) + 1), workers=-1)
-    result: NDArray[np.float32] = bands[near].mean(axis=1)
-    return result
+    return bands[near].mean(axis=1)
 
 
 def thicknesses(

@@ -51,7 +51,7 @@ class _Attention(nn.Module):
 
         pictures = zip(*map(of_pictures, (self.q_proj, self.k_proj, self.v_proj)), strict=True)
         mixed = torch.cat([scaled_dot_product_attention(*picture)[0].transpose(0, 1) for picture in pictures])
-        return self.o_proj(mixed.flatten(1))  # type: ignore[no-any-return]
+        return self.o_proj(mixed.flatten(1))
 
 
 class _Perceptron(nn.Module):
@@ -60,7 +60,7 @@ class _Perceptron(nn.Module):
         self.fc1, self.fc2 = nn.Linear(width, hidden), nn.Linear(hidden, width)
 
     def forward(self, tokens: Tensor) -> Tensor:
-        return self.fc2(gelu(self.fc1(tokens)))  # type: ignore[no-any-return]
+        return self.fc2(gelu(self.fc1(tokens)))
 
 
 class _GatedPerceptron(nn.Module):
@@ -71,7 +71,7 @@ class _GatedPerceptron(nn.Module):
         self.down_proj = nn.Linear(hidden, width)
 
     def forward(self, tokens: Tensor) -> Tensor:
-        return self.down_proj(silu(self.gate_proj(tokens)) * self.up_proj(tokens))  # type: ignore[no-any-return]
+        return self.down_proj(silu(self.gate_proj(tokens)) * self.up_proj(tokens))
 
 
 class _LayerScale(nn.Module):
@@ -95,7 +95,7 @@ class _Layer(nn.Module):
 
     def forward(self, tokens: Tensor, lengths: Sequence[int]) -> Tensor:
         tokens = tokens + self.layer_scale1(self.attention(self.norm1(tokens), lengths))
-        return tokens + self.layer_scale2(self.mlp(self.norm2(tokens)))  # type: ignore[no-any-return]
+        return tokens + self.layer_scale2(self.mlp(self.norm2(tokens)))
 
 
 class _Embeddings(nn.Module):
@@ -164,12 +164,8 @@ def build_dinov2(weights: EncoderWeights, block: int | None, channels: ChannelSt
 
     `channels` are used where the weights come without their own.
 
-    Raises
-    ------
-    ValueError
-        If the configuration makes no sense, the block is out of range, or the tensors do not fit the configuration.
-    OSError
-        If the file of weights cannot be read.
+    Raises ValueError if the configuration makes no sense, the block is out of range, or the tensors do not fit the
+    configuration. Raises OSError if the file of weights cannot be read.
     """
     config = _checked(weights.config)
     depth, width, kind = config["num_hidden_layers"], config["hidden_size"], config["model_type"]
@@ -207,10 +203,7 @@ def build_dinov2(weights: EncoderWeights, block: int | None, channels: ChannelSt
 def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
     """The settings that `Dinov2` goes by, those left out as transformers has them.
 
-    Raises
-    ------
-    ValueError
-        If they describe no such network.
+    Raises ValueError if they describe no such network.
     """
     sizes = {
         "hidden_size": 768,

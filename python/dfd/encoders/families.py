@@ -28,12 +28,8 @@ def build_family(weights: EncoderWeights, block: int | None, channels: ChannelSt
 
     `channels` are used where the weights come without their own.
 
-    Raises
-    ------
-    ValueError
-        If the family is unknown, the block out of range, or the tensors do not fit the configuration.
-    OSError
-        If the file of weights cannot be read.
+    Raises ValueError if the family is unknown, the block out of range, or the tensors do not fit the configuration.
+    Raises OSError if the file of weights cannot be read.
     """
     from transformers.models.auto.configuration_auto import CONFIG_MAPPING
 
@@ -199,7 +195,7 @@ def _interpolated(network: Any, images: Tensor) -> Tensor:
 
 def _clip(network: Any, images: Tensor) -> Tensor:
     # CLIP itself applies its last norm to the class token only.
-    return network.post_layernorm(_interpolated(network, images))  # type: ignore[no-any-return]
+    return network.post_layernorm(_interpolated(network, images))
 
 
 def _siglip2(network: Any, images: Tensor) -> Tensor:
@@ -228,8 +224,7 @@ def _mae(network: Any, images: Tensor) -> Tensor:
 
 
 def _hiera(network: Any, images: Tensor) -> Tensor:
-    tokens: Tensor = network(pixel_values=images).last_hidden_state
-    return tokens
+    return network(pixel_values=images).last_hidden_state
 
 
 def _sam(network: Any, images: Tensor) -> Tensor:

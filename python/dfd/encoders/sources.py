@@ -20,12 +20,7 @@ _FORMS = ("model*.safetensors*", "pytorch_model*.bin*")  # the first one that a 
 def find_weights(encoder: str | os.PathLike[str]) -> EncoderWeights:
     """Return the weights that `encoder` names: a folder, a known encoder or a name on the hub.
 
-    Raises
-    ------
-    ValueError
-        If no such encoder is known.
-    OSError
-        If the weights cannot be found or read.
+    Raises ValueError if no such encoder is known. Raises OSError if the weights cannot be found or read.
     """
     name = os.fspath(encoder)
     path = Path(name).expanduser()
@@ -105,12 +100,7 @@ def _cached_folder(hub: str) -> Path | None:
 def _downloaded_folder(name: str, hub: str) -> Path:
     """The folder of `hub` in the hub's cache, downloaded into it.
 
-    Raises
-    ------
-    ValueError
-        If the hub has no such model.
-    OSError
-        If it cannot be had now.
+    Raises ValueError if the hub has no such model. Raises OSError if it cannot be had now.
     """
     from huggingface_hub import constants, snapshot_download
     from huggingface_hub.errors import GatedRepoError, RepositoryNotFoundError

@@ -168,10 +168,7 @@ class Field:
     def with_pieces(self, pieces: ComponentResiduals | None) -> Field:
         """The same field with other pieces, or without any.
 
-        Raises
-        ------
-        ValueError
-            If they are of another width.
+        Raises ValueError if they are of another width.
         """
         other = self.with_settings(self.settings)
         other.pieces = self._checked_pieces(pieces)
@@ -205,8 +202,7 @@ class Field:
             raise ArgumentError("points", f"must have shape (N, 3), got {tuple(points.shape)}", "Field")
         network = Network.of(self.parameters, self.architecture).to(points.device)
         center = torch.tensor(self.center, device=points.device)
-        result: torch.Tensor = network(((points.to(center.dtype) - center) * self.scale).to(torch.float32))
-        return result
+        return network(((points.to(center.dtype) - center) * self.scale).to(torch.float32))
 
     @cached_property
     def _kernel(self) -> _core.Field:
@@ -227,10 +223,7 @@ class Field:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the field to `path` (.safetensors), whole or not at all; equal fields are equal files.
 
-        Raises
-        ------
-        OSError
-            If `path` cannot be written; a file that was there stays as it was.
+        Raises OSError if `path` cannot be written; a file that was there stays as it was.
         """
         pieces = None if self.pieces is None else self.pieces.arrays()
         content = field_file.Content(self.architecture, self.parameters, self.center, self.scale, self.settings, pieces)
@@ -330,8 +323,7 @@ class FieldOnMesh:
         piece, boxes = pieces_of_vertices(self.mesh)
         corners = (boxes.reshape(-1, 2, 3) - self.field.center) * self.field.scale
         known = np.append(self.field.pieces.known(corners.reshape(-1, 6)), -1)  # the last one is that of −1
-        found: NDArray[np.int64] = known[piece]
-        return found
+        return known[piece]
 
     @cached_property
     def _nearest(self) -> cKDTree:

@@ -85,8 +85,7 @@ class VertexField(Field):
             import torch
 
             return torch.from_numpy(self(points.detach().cpu().numpy())).to(points.device)
-        found: NDArray[np.float32] = self._rows[self._nearest.query(self._checked_points(points))[1]]
-        return found
+        return self._rows[self._nearest.query(self._checked_points(points))[1]]
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Refuse: features of vertices are kept as the array that they came as.

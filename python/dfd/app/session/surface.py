@@ -25,8 +25,7 @@ Arrays = dict[str, NDArray[Any]]
 
 def center_of(mesh: Mesh) -> NDArray[np.float64]:
     """(3,) the center of the box, mesh units: positions are sent relative to it, to keep precision in float32."""
-    center: NDArray[np.float64] = mesh.bounds[0] / 2 + mesh.bounds[1] / 2
-    return center
+    return mesh.bounds[0] / 2 + mesh.bounds[1] / 2
 
 
 def mesh_messages(mesh: Mesh, *, number: int, name: str, warnings: Sequence[str]) -> Iterator[bytes]:
@@ -119,14 +118,12 @@ def _corner_rows(
     if "uv" in arrays:
         dissimilarity += _row_distances(arrays["uv"], candidates, origins)
     best = np.lexsort((dissimilarity, corner))[begins]
-    corners: NDArray[np.int32] = candidates[best].reshape(-1, 3).astype(np.int32)
-    return corners
+    return candidates[best].reshape(-1, 3).astype(np.int32)
 
 
 def _row_distances(values: NDArray[Any], some: NDArray[np.int64], others: NDArray[np.int32]) -> NDArray[Any]:
     offsets: NDArray[Any] = values[some] - values[others]
-    distances: NDArray[Any] = np.linalg.norm(offsets, axis=1)
-    return distances
+    return np.linalg.norm(offsets, axis=1)
 
 
 def _materials(mesh: Mesh) -> tuple[Arrays, tuple[MaterialEntry, ...]]:
@@ -171,8 +168,7 @@ def _corners(mesh: Mesh) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
 
 def _used_rows(mesh: Mesh) -> NDArray[np.bool_]:
     vertex, _ = _corners(mesh)
-    used: NDArray[np.bool_] = vertex >= 0
-    return used
+    return vertex >= 0
 
 
 def _rows(mesh: Mesh) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
