@@ -16,7 +16,7 @@ from typing import TypeVar
 
 from dfd.common import check, openmp
 
-__all__ = ["beside", "get_num_threads", "one_blas_thread", "set_num_threads", "share"]
+__all__ = ["beside", "get_num_threads", "one_blas_thread", "parallel_ranges", "set_num_threads"]
 
 T = TypeVar("T")
 
@@ -108,7 +108,7 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_after_fork)
 
 
-def share(count: int, size: int, work: Callable[[int, int], None]) -> None:
+def parallel_ranges(count: int, size: int, work: Callable[[int, int], None]) -> None:
     """Call `work(begin, end)` for ranges of `size` that cover 0 … `count`, on as many threads as the kernels use.
 
     What `work` raises is raised here.

@@ -96,7 +96,7 @@ class Metric:
     def of_targets(self, targets: PointTargets, thickness: NDArray[np.float32], seed: int) -> PointTargets:
         """Apply `mapped` to the features of `targets`; `seed` draws the pairs that measure mean distances."""
         rows = self.mapped(targets.features, thickness, np.random.default_rng(seed))
-        return PointTargets(targets.points, rows, None, targets.piece, targets.boxes, targets.face)
+        return PointTargets(targets.points, rows, None, targets.component, targets.boxes, targets.face)
 
     @property
     def content_hash(self) -> str:

@@ -56,7 +56,8 @@ class PosedShape:
             self._drag = Drag(self._mesh.vertices, weights, moving=moving, **how)
             self._moving = {handle: [column for column in columns if column.handle == handle] for handle in moved}
         matrices = [self._matrix(edit, column) for columns in self._moving.values() for column in columns]
-        return self._drag.pose(matrices)
+        posed: NDArray[np.float64] = self._drag.pose(matrices)
+        return posed
 
     def _whole(self, edit: Edit) -> NDArray[np.float64]:
         if not edit.handles and edit.default is None:
@@ -65,7 +66,8 @@ class PosedShape:
             return self._mesh.vertices  # no weight changes that
         weights, columns, overlap = self._weights.posing(edit)
         how = self._arguments(edit, weights, columns, overlap)
-        return pose(self._mesh.vertices, weights, **how)
+        posed: NDArray[np.float64] = pose(self._mesh.vertices, weights, **how)
+        return posed
 
     def _arguments(
         self, edit: Edit, weights: NDArray[np.float32], columns: tuple[Column, ...], overlap: Overlap

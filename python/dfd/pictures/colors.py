@@ -47,7 +47,8 @@ def weight_colors(weights: ArrayLike) -> NDArray[np.float32]:
     place = values.clip(0, 1) * (len(_HEAT) - 1)
     before = np.minimum(place.astype(np.int64), len(_HEAT) - 2)
     part = (place - before)[:, None]
-    return (_HEAT[before] * (1 - part) + _HEAT[before + 1] * part).astype(np.float32)
+    colors: NDArray[np.float32] = (_HEAT[before] * (1 - part) + _HEAT[before + 1] * part).astype(np.float32)
+    return colors
 
 
 def ratio_colors(ratios: ArrayLike) -> NDArray[np.float32]:
@@ -58,7 +59,8 @@ def ratio_colors(ratios: ArrayLike) -> NDArray[np.float32]:
     values = check.array("ratio_colors", "ratios", ratios, ("V",), dtype=np.float64)
     octaves = np.log2(values.clip(0.5, 2.0))[:, None]
     ends = np.where(octaves < 0, SMALLER, LARGER)
-    return (np.array(CLAY) + np.abs(octaves) * (ends - np.array(CLAY))).astype(np.float32)
+    colors: NDArray[np.float32] = (np.array(CLAY) + np.abs(octaves) * (ends - np.array(CLAY))).astype(np.float32)
+    return colors
 
 
 def feature_colors(features: ArrayLike) -> NDArray[np.float32]:
@@ -90,7 +92,10 @@ def feature_colors(features: ArrayLike) -> NDArray[np.float32]:
 def part_colors(labels: ArrayLike) -> NDArray[np.float32]:
     """Return sRGB colors (V, 3) in [0, 1] of part numbers (V,): hues by the golden ratio, so that none are alike.
 
-    Raises ValueError if `labels` is not a row of numbers of at least 0.
+    Raises
+    ------
+    ValueError
+        If `labels` is not a row of numbers of at least 0.
     """
     numbers = check.array("part_colors", "labels", labels, ("V",), dtype=np.int64)
     if (numbers < 0).any():
@@ -99,12 +104,14 @@ def part_colors(labels: ArrayLike) -> NDArray[np.float32]:
     hue = 2 * np.pi * (number * 0.618034 % 1)
     lightness = np.array([0.72, 0.6, 0.82])[number % 3]
     table = _from_oklab(np.stack([lightness, 0.13 * np.cos(hue), 0.13 * np.sin(hue)], axis=1))
-    return table[numbers].astype(np.float32)
+    colours: NDArray[np.float32] = table[numbers].astype(np.float32)
+    return colours
 
 
 def oklab(colors: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     """Lightness and two hue axes, (N, 3), in which equal steps look equally large (Oklab, Ottosson 2020)."""
-    return np.cbrt(linear(colors) @ _TO_CONE.T) @ _TO_LAB.T
+    lab: NDArray[np.float64] = np.cbrt(linear(colors) @ _TO_CONE.T) @ _TO_LAB.T
+    return lab
 
 
 def _from_oklab(lab: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -25,7 +25,8 @@ Arrays = dict[str, NDArray[Any]]
 
 def center_of(mesh: Mesh) -> NDArray[np.float64]:
     """(3,) the center of the box, mesh units: positions are sent relative to it, to keep precision in float32."""
-    return mesh.bounds[0] / 2 + mesh.bounds[1] / 2
+    center: NDArray[np.float64] = mesh.bounds[0] / 2 + mesh.bounds[1] / 2
+    return center
 
 
 def mesh_messages(mesh: Mesh, *, number: int, name: str, warnings: Sequence[str]) -> Iterator[bytes]:
@@ -118,12 +119,14 @@ def _corner_rows(
     if "uv" in arrays:
         dissimilarity += _row_distances(arrays["uv"], candidates, origins)
     best = np.lexsort((dissimilarity, corner))[begins]
-    return candidates[best].reshape(-1, 3).astype(np.int32)
+    corners: NDArray[np.int32] = candidates[best].reshape(-1, 3).astype(np.int32)
+    return corners
 
 
 def _row_distances(values: NDArray[Any], some: NDArray[np.int64], others: NDArray[np.int32]) -> NDArray[Any]:
     offsets: NDArray[Any] = values[some] - values[others]
-    return np.linalg.norm(offsets, axis=1)
+    distances: NDArray[Any] = np.linalg.norm(offsets, axis=1)
+    return distances
 
 
 def _materials(mesh: Mesh) -> tuple[Arrays, tuple[MaterialEntry, ...]]:
@@ -168,7 +171,8 @@ def _corners(mesh: Mesh) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
 
 def _used_rows(mesh: Mesh) -> NDArray[np.bool_]:
     vertex, _ = _corners(mesh)
-    return vertex >= 0
+    used: NDArray[np.bool_] = vertex >= 0
+    return used
 
 
 def _rows(mesh: Mesh) -> tuple[NDArray[np.int32], NDArray[np.int32]]:

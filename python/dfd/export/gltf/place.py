@@ -92,12 +92,14 @@ def _roots(header: Header) -> list[int]:
         header["scenes"] = [{"nodes": [index for index in range(len(header["nodes"])) if index not in below]}]
     header.setdefault("scene", 0)
     scene = header["scenes"][header["scene"]]
-    return scene.setdefault("nodes", [])
+    roots: list[int] = scene.setdefault("nodes", [])
+    return roots
 
 
 def _placed(name: str, values: NDArray[Any], transform: Float64) -> Float64:
     if name == "POSITION":
-        return values.astype(np.float64) @ transform[:3, :3].T + transform[:3, 3]
+        placed: Float64 = values.astype(np.float64) @ transform[:3, :3].T + transform[:3, 3]
+        return placed
     turned = _turned(name, values[:, :3].astype(np.float64), transform)
     length = np.linalg.norm(turned, axis=1, keepdims=True)
     unit: Float64 = np.divide(turned, length, out=values[:, :3].astype(np.float64), where=length > 0)
@@ -110,7 +112,8 @@ def _placed(name: str, values: NDArray[Any], transform: Float64) -> Float64:
 def _turned(name: str, vectors: Float64, transform: Float64) -> Float64:
     """Displacements and tangents turn with the surface, normals by the inverse transpose."""
     linear = transform[:3, :3]
-    return vectors @ (np.linalg.pinv(linear) if name == "NORMAL" else linear.T)
+    turned: Float64 = vectors @ (np.linalg.pinv(linear) if name == "NORMAL" else linear.T)
+    return turned
 
 
 def _write(document: GltfDocument, name: str, values: Float64) -> int:
