@@ -75,13 +75,12 @@ class PartAxis:
     @property
     def base(self) -> Float64:
         """(3,) the middle of the border."""
-        return (self.border.min(axis=0) + self.border.max(axis=0)) / 2
+        return np.asarray(self.border.min(axis=0) + self.border.max(axis=0)) / 2
 
     @property
     def direction(self) -> Float64:
         """(3,) of length 1, from the base to the tip."""
-        chord = self.nodes[-1] - self.nodes[0]
-        return chord / max(float(np.linalg.norm(chord)), 1e-300)
+        return unit((self.nodes[-1] - self.nodes[0])[None])[0]
 
     @property
     def is_limb(self) -> bool:
@@ -147,8 +146,7 @@ class PartAxes:
     @cached_property
     def _vertex_areas(self) -> Float64:
         areas = np.repeat(self._areas / 3, 3)
-        sums: Float64 = np.bincount(self._mesh.faces.ravel(), areas, minlength=len(self._mesh.vertices))
-        return sums
+        return np.bincount(self._mesh.faces.ravel(), areas, minlength=len(self._mesh.vertices)).astype(np.float64)
 
     def of(self, inside: NDArray[np.bool_]) -> list[PartAxis]:
         """The axes of the connected pieces of a region `inside` (V,), the largest first; crumbs have none."""
