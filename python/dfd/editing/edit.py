@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,18 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Edit", "Fixed", "Handle", "band_on", "box_center", "edit_on", "empty_edit", "symmetry_on", "with_preset"]
+__all__ = [
+    "Edit",
+    "Fixed",
+    "GivenSettings",
+    "Handle",
+    "band_on",
+    "box_center",
+    "edit_on",
+    "empty_edit",
+    "symmetry_on",
+    "with_preset",
+]
 
 IDENTITY = Transform()
 CONTROLS = Controls()
@@ -189,9 +200,30 @@ class Edit:
             raise ArgumentError("at", f"must be a fixed point, got {place}", "Edit")
         return replace(self, fixed=kept)
 
+    def removed(self, handle: int) -> Edit:
+        """The edit without the handle of that id.
+
+        Raises
+        ------
+        ValueError
+            If there is none.
+        """
+        held = self.handle(handle)
+        return replace(self, handles=tuple(other for other in self.handles if other is not held))
+
     def replaced(self, changed: Handle) -> Edit:
         """The edit with `changed` in place of the handle of its id."""
         return replace(self, handles=tuple(changed if handle.id == changed.id else handle for handle in self.handles))
+
+
+class GivenSettings(TypedDict, total=False):
+    """What holds for a whole shape, as people give it: None is not given."""
+
+    overlap: Overlap | None
+    blend: Blend | None
+    arrive: bool | None
+    mirrored_locality: bool | None
+    bridges: bool | None
 
 
 def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None = None) -> Edit:

@@ -114,7 +114,7 @@ class HandleWeights:
     """
 
     def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
-        self._mesh = mesh
+        self.mesh = mesh
         self._rows = HandleFeatures(mesh, field, features)
         self._distances = Distances(mesh)
         self._axes = SurfaceAxes(mesh, self._distances)
@@ -128,7 +128,7 @@ class HandleWeights:
         self._mixed: tuple[Float32, Float32] | None = None  # columns, and what makes their handles land exactly
         self._reaches: dict[Place, float] = {}
         self._held_parts: dict[Place, Float32] = {}
-        self._field = field
+        self.field = field
 
     @property
     def features(self) -> Float32 | CompactFeatures:
@@ -148,7 +148,7 @@ class HandleWeights:
         """What finds parts on the mesh."""
         from dfd.segmentation.parts import parts  # for those who ask for parts, and for nobody else
 
-        return parts(self._field, self._mesh)
+        return parts(self.field, self.mesh)
 
     @property
     def finder(self) -> InstanceFinder:
@@ -376,8 +376,8 @@ class HandleWeights:
     def _part(self, place: Place) -> Float32:
         """(V,) 1 on the part that a place is on, with its look-alikes, falling smoothly to 0 over its seam."""
         if place not in self._held_parts:
-            part = VertexSet.of(self._mesh, self.parts.part(self._rows.anchor(place)).mask)
-            self._held_parts[place] = self._rows.inside(part, SEAM * self._mesh.diagonal)
+            part = VertexSet.of(self.mesh, self.parts.part(self._rows.anchor(place)).mask)
+            self._held_parts[place] = self._rows.inside(part, SEAM * self.mesh.diagonal)
         return self._held_parts[place]
 
     def _left_of(self, key: Key, column: Float32) -> float:
@@ -391,7 +391,7 @@ class HandleWeights:
     def _held_weights(self) -> Float32:
         """(V,) max_p s_p W_p of Eq. 6: what the fixed points take away."""
         if self._held is None:
-            self._held = np.zeros(len(self._mesh.vertices), np.float32)
+            self._held = np.zeros(len(self.mesh.vertices), np.float32)
             one = np.empty((len(self._held), 1), np.float32, order="F")
             for fixed in self._fixed:
                 bind(self.features, self._rows.points([fixed.place]), out=one)
