@@ -75,7 +75,8 @@ class PartAxis:
     @property
     def base(self) -> Float64:
         """(3,) the middle of the border."""
-        return np.asarray(self.border.min(axis=0) + self.border.max(axis=0)) / 2
+        middle: Float64 = (self.border.min(axis=0) + self.border.max(axis=0)) / 2
+        return middle
 
     @property
     def direction(self) -> Float64:
@@ -146,7 +147,8 @@ class PartAxes:
     @cached_property
     def _vertex_areas(self) -> Float64:
         areas = np.repeat(self._areas / 3, 3)
-        return np.bincount(self._mesh.faces.ravel(), areas, minlength=len(self._mesh.vertices)).astype(np.float64)
+        sums = np.bincount(self._mesh.faces.ravel(), areas, minlength=len(self._mesh.vertices))
+        return np.asarray(sums, np.float64)
 
     def of(self, inside: NDArray[np.bool_]) -> list[PartAxis]:
         """The axes of the connected pieces of a region `inside` (V,), the largest first; crumbs have none."""
