@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dfd.common import check
 from dfd.common.errors import called, public
 from dfd.common.preset import Preset
 from dfd.editing import verbs
@@ -22,6 +23,7 @@ from dfd.editing.influence.handle_weights import HandleWeights
 from dfd.editing.presets import SymmetryCandidates
 from dfd.editing.report import Report, report
 from dfd.editing.shape import PosedShape
+from dfd.field.field import Field
 from dfd.mesh.mesh import MeshLike, as_mesh
 from dfd.posing.pose import Blend, Overlap
 from dfd.posing.transforms import Transform
@@ -36,7 +38,6 @@ if TYPE_CHECKING:
     from dfd.editing.influence.instances import Instance
     from dfd.editing.influence.regions import VertexSet
     from dfd.editing.verbs import GivenHandle
-    from dfd.field.field import Field
     from dfd.posing.transforms import GivenMotion, GivenTransform
     from dfd.segmentation.parts import Level
 
@@ -107,7 +108,7 @@ class Deformer:
     @public
     def __init__(self, mesh: MeshLike, field: Field, *, preset: Preset = "default", features: Any = None) -> None:
         self.mesh = as_mesh(mesh)
-        self.field = field
+        self.field = check.field("Deformer", field)
         start = empty_edit(preset)
         if features is None:
             check_compatible(field, self.mesh)

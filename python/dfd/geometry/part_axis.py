@@ -81,7 +81,7 @@ class PartAxis:
     @property
     def direction(self) -> Float64:
         """(3,) of length 1, from the base to the tip."""
-        return unit((self.nodes[-1] - self.nodes[0])[None])[0]
+        return np.asarray(unit((self.nodes[-1] - self.nodes[0])[None])[0])
 
     @property
     def is_limb(self) -> bool:

@@ -116,9 +116,7 @@ def test_pivots_by_their_words(one):
     np.testing.assert_array_equal(one.handle(handle).pivot, held)
     one.move(handle, pivot="middle")
     np.testing.assert_allclose(one.handle(handle).pivot, (0, HEIGHT + 1, 0), atol=0.1)
-    with pytest.raises(
-        ValueError, match=r"Deformer.move: `pivot` cannot be 'plane': the edit has no plane of symmetry"
-    ):
+    with pytest.raises(ValueError, match=r"Deformer.move: `pivot` cannot be 'plane': the edit has no plane"):
         one.move(handle, pivot="plane")
     one.set_symmetry(SymmetryPlane((0.0, 0.0, 1.0), 0.0))
     one.move(handle, pivot="plane")
