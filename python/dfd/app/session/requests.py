@@ -204,7 +204,10 @@ def _pose(deformer: Any, transforms: tuple[PoseTransform, ...]) -> None:
     with deformer.step():
         for each in transforms:
             parts = {name: getattr(each, name) for name in TRANSFORM_PARTS}
-            deformer.move(each.handle, **{name: "auto" if part is None else part for name, part in parts.items()})
+            at_rest = {"pivot": "point", "axes": "auto"}
+            deformer.move(
+                each.handle, **{name: at_rest[name] if part is None else part for name, part in parts.items()}
+            )
 
 
 @request
@@ -367,7 +370,10 @@ def _members(session: Session, place: RegionPlace) -> Any:
 
 
 def _transform_parts(transform: Transform) -> dict[str, Any]:
-    return {name: value for name, value in transform if value is not None}
+    """What is given of a transform; the page shows a handle without a pivot as one that turns about itself."""
+    return {
+        name: "point" if (name, value) == ("pivot", "auto") else value for name, value in transform if value is not None
+    }
 
 
 def _controls(session: Session, controls: Controls) -> dict[str, Any]:

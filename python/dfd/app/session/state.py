@@ -61,6 +61,7 @@ def state_message(
         overlap, blend = PRESETS["default"].overlap, PRESETS["default"].blend
         return StateMessage(preset="default", new_handle=_new_handle("default"), overlap=overlap, blend=blend, **common)
     mesh, preset = deformer.mesh, deformer.preset
+    bends = any(handle.transform.bends for handle in deformer.handles)
     return StateMessage(
         handles=tuple(_handle(deformer, columns, handle) for handle in deformer.handles),
         fixed=tuple(
@@ -80,7 +81,7 @@ def state_message(
         new_handle=_new_handle(preset),
         overlap=deformer.overlap,
         blend=deformer.blend,
-        posing="shader" if (deformer.overlap, deformer.blend) == ("add", "linear") else "server",
+        posing="server" if (deformer.overlap, deformer.blend) != ("add", "linear") or bends else "shader",
         can_undo=deformer.can_undo,
         can_redo=deformer.can_redo,
         **common,
@@ -104,7 +105,7 @@ def _handle(deformer: Deformer, columns: Columns, handle: Handle) -> HandleState
         rotation=transform.rotation,
         scale=transform.scale,
         pivot=handle.pivot,
-        own_pivot=transform.pivot is not None,
+        own_pivot=transform.pivot is not None and transform.pivot_at != "point",
         axes=transform.axes,
         reach=bound.reach(handle),
         exponent=bound.locality(edit, handle)[2],
