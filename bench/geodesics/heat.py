@@ -9,8 +9,6 @@ import numpy as np
 import potpourri3d
 from numpy.typing import NDArray
 
-__all__ = ["heat_seconds", "shortest_seconds"]
-
 
 def heat_seconds(vertices: NDArray[np.float64], faces: NDArray[np.int32], handle: int) -> tuple[float, float]:
     """The seconds that factoring takes, and the shortest of a solve."""

@@ -29,8 +29,6 @@ from bench.paper.handles import Case, find
 from bench.paper.report import Page, Section, Table
 from dfd.pictures.picture import picture
 
-__all__ = ["farthest"]
-
 # A handle, how far it goes, and what other methods hold.
 FEET = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 1.0))
 TOP = ((0.1, 1.0, 0.1), (0.9, 1.0, 0.1), (0.5, 1.0, 0.9))

@@ -22,8 +22,6 @@ from dfd.encoders.encode import Encoder, load_encoder
 from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.geometry.refine import split_long_edges
 
-__all__ = ["BALL", "PRESETS", "BoxHandle", "Context", "Shape", "Subject", "named", "session"]
-
 PRESETS: tuple[Preset, ...] = ("paper", "default")
 NAMES: dict[Preset, str] = {"paper": "paper preset", "default": "dfd default"}
 
@@ -86,10 +84,7 @@ class BoxHandle:
 
     def on(self, shape: Shape) -> dict[str, Any]:
         """What `Deformer.add` takes by name."""
-        handle: dict[str, Any] = {
-            "at": shape.at(self.at),
-            "translation": np.array(self.offset) * shape.mesh.diagonal,
-        }
+        handle: dict[str, Any] = {"at": shape.at(self.at), "translation": np.array(self.offset) * shape.mesh.diagonal}
         if self.rotation is not None:
             handle["rotation"] = self.rotation
         if self.pivot is not None:

@@ -16,8 +16,6 @@ from dfd.common.preset import Preset
 from dfd.geometry.metrics import surface_metrics
 from dfd.pictures.picture import picture
 
-__all__ = ["correlation"]
-
 Choice = tuple[str, int | None]  # an encoder's name, and the block whose tokens are taken; None is its own choice
 # Besides the blocks of the encoder that is at hand anyway, those that the paper names and what is like them.
 OTHERS = ("dinov2-base", "dinov3-small", "clip-vit-l-14", "siglip2-base", "sam-base", "sam2-tiny", "mae-base")

@@ -21,8 +21,6 @@ from dfd.pictures.picture import picture
 from dfd.pictures.viewpoint import azimuth_towards
 from dfd.views.render import Supervision, Views, render
 
-__all__ = ["in_box_of"]
-
 DISTILLED = dict.fromkeys(("koala", "plane_holes", "scorpion", "spot", "quadruped", "*"))
 REDUCED = 0.99
 SUPERVISION: tuple[Supervision, ...] = ("vertex", "barycentric")

@@ -35,8 +35,6 @@ from scipy.spatial import KDTree
 
 import dfd
 
-__all__ = ["Case", "Found", "find"]
-
 USER, FIXED = "user_single_keypoints.txt", "constraint_single_keypoints.txt"
 APAP_MESH, META_MESH, KEY_POINTS = "mesh.obj", "manifold.obj", "key_point_50.obj"
 SAME = 1e-4  # of the diagonal: places as near as that are one
@@ -69,12 +67,7 @@ class Found:
 def find(folder: Path) -> list[Found]:
     """Return the cases of `folder`, which is that of one shape or holds those of several, in the order of their names.
 
-    Raises
-    ------
-    OSError
-        If there is no such folder.
-    ValueError
-        If no folder has a shape in one of the layouts.
+    Raises OSError if there is no such folder. Raises ValueError if no folder has a shape in one of the layouts.
     """
     found = _in_shape(folder.resolve())
     for shape in sorted(each for each in folder.iterdir() if each.is_dir()):
@@ -102,13 +95,9 @@ def _in_shape(shape: Path) -> list[Found]:
 def read_apap(path: Path, texts: Path) -> Case:
     """Read a case of APAP-Bench 3D: its mesh, and the folder of its two texts.
 
-    Raises
-    ------
-    ValueError
-        If a line is no vertex and its place, a vertex is none of a face or is to be at two places, or a fixed point
-        lies elsewhere than its vertex; the message names file and line.
-    OSError
-        If a file cannot be read.
+    Raises ValueError if a line is no vertex and its place, a vertex is none of a face or is to be at two places, or a
+    fixed point lies elsewhere than its vertex; the message names file and line. Raises OSError if a file cannot be
+    read.
     """
     mesh = dfd.load(path)
     handles, targets, _ = _read_text(texts / USER, mesh, {})
@@ -169,13 +158,9 @@ def _read_text(
 def read_meta_handles(folder: Path) -> Case:
     """Read a case of DeepMetaHandles, its handle being the control point with the largest offset of all.
 
-    Raises
-    ------
-    ValueError
-        If an array has another shape than the mesh and the control points ask for, or is not finite, or a control point
-        lies away from the surface's vertices; the message names the file, and the line where it has lines.
-    OSError
-        If a file cannot be read.
+    Raises ValueError if an array has another shape than the mesh and the control points ask for, or is not finite, or a
+    control point lies away from the surface's vertices; the message names the file, and the line where it has lines.
+    Raises OSError if a file cannot be read.
     """
     mesh = dfd.load(folder / META_MESH)
     corners = np.unique(mesh.faces)
@@ -206,16 +191,7 @@ def read_meta_handles(folder: Path) -> Case:
     coordinates = _array(weights, (len(mesh.vertices), len(places))) if weights.is_file() else None
     chosen = np.linalg.norm(offsets, axis=1).argmax()
     held_to = mesh.vertices[held] + offsets
-    return Case(
-        mesh,
-        held[[chosen]],
-        held_to[[chosen]],
-        np.empty(0, np.int64),
-        held,
-        held_to,
-        coordinates,
-        dense=True,
-    )
+    return Case(mesh, held[[chosen]], held_to[[chosen]], np.empty(0, np.int64), held, held_to, coordinates, dense=True)
 
 
 def _largest(folder: Path, count: int) -> NDArray[np.float64]:

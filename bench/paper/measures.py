@@ -14,8 +14,6 @@ from scipy.spatial import KDTree
 import dfd
 from dfd.geometry.topology import face_areas, face_components, first_at_place
 
-__all__ = ["NEAR", "Defects", "defects", "gap", "roughness", "subdivided", "vertex_shares"]
-
 NEAR = 0.005  # of the diagonal: vertices of two components as near as that belong together
 
 

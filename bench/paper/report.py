@@ -22,8 +22,6 @@ from dfd.common.files import atomic_write
 from dfd.pictures.contact_sheet import contact_sheet
 from dfd.pictures.picture import save_png
 
-__all__ = ["Page", "Row", "Section", "Table", "write"]
-
 Row = tuple[str, Sequence[tuple[NDArray[np.uint8], str]]]  # a heading, and pictures with their captions
 CELL = 320
 

@@ -97,10 +97,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def settings_of(texts: Sequence[str]) -> dict[str, Any]:
     """Settings from words such as "steps=300": Python literals, and plain words for the rest.
 
-    Raises
-    ------
-    ValueError
-        If a word has another form, or names no setting of the lab's.
+    Raises ValueError if a word has another form, or names no setting of the lab's.
     """
     settings: dict[str, Any] = {}
     for word in " ".join(texts).split():
@@ -130,9 +127,7 @@ def _plan(
         plan[study] = lambda: studies.compare(bench, study, on, settings())
 
     everything = [*labelled, *([spot] if spot else [])]
-    plan: dict[str, Callable[[], list[Row]]] = {
-        "methods": lambda: studies.methods(bench, everything, peers=not quick),
-    }
+    plan: dict[str, Callable[[], list[Row]]] = {"methods": lambda: studies.methods(bench, everything, peers=not quick)}
     if variants:
         comparison("variants", everything, lambda: {"default": {}, **variants})
     comparison("supervision", subjects, studies.supervision)

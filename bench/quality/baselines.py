@@ -51,11 +51,8 @@ def biharmonic(
     Such weights fall off towards the other handles: each round of one handle a part is solved by itself, 1 at the
     handle and 0 at the others. Unbounded weights are cut to [0, 1].
 
-    Raises
-    ------
-    PeerError
-        If libigl is not installed, fails, crashes or takes longer than `PATIENCE`, or a piece of the surface has no
-        handle: the equations leave its weights open.
+    Raises PeerError if libigl is not installed, fails, crashes or takes longer than `PATIENCE`, or a piece of the
+    surface has no handle: the equations leave its weights open.
     """
     vertices, faces = np.ascontiguousarray(mesh.vertices), mesh.faces.astype(np.int64)
     columns = rounds(labels, handles)
@@ -74,10 +71,7 @@ def biharmonic(
 def in_child(function: Callable[..., Any], *arguments: Any, seconds: float = PATIENCE) -> Any:
     """What `function` returns in a process of its own, so that a peer can neither hang nor crash the bench.
 
-    Raises
-    ------
-    PeerError
-        If it raises, dies, or takes longer than `seconds`.
+    Raises PeerError if it raises, dies, or takes longer than `seconds`.
     """
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()

@@ -32,8 +32,6 @@ from dfd.pictures.contact_sheet import contact_sheet
 from dfd.pictures.picture import save_png
 from dfd.segmentation.parts import Parts
 
-__all__ = ["main"]
-
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "quality"
 EACH = 4  # handles in every label
 NEAR = 0.05  # of the diagonal: an instance that near to a landmark is on it

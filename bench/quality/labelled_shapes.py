@@ -21,8 +21,6 @@ import dfd
 from bench.quality.shapes import Shape
 from dfd.geometry.topology import face_areas
 
-__all__ = ["LabelledShape", "labelled_shapes"]
-
 
 @dataclass(frozen=True, eq=False)
 class LabelledShape:
@@ -74,10 +72,7 @@ class LabelledShape:
 def labelled_shapes(folder: Path, *, quick: bool = False) -> Iterator[LabelledShape]:
     """Read every labelled mesh of `folder`; with `quick` the first of each category that is judged.
 
-    Raises
-    ------
-    ValueError
-        If there is none, or its files are not of that layout.
+    Raises ValueError if there is none, or its files are not of that layout.
     """
     categories = sorted(path for path in folder.iterdir() if any(path.glob("*_labels.txt")))
     if not categories:

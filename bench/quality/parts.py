@@ -107,10 +107,7 @@ def without_few(
 def strongest_joints(mesh: dfd.Mesh) -> list[str | None]:
     """(V,) the name of the joint that moves each vertex of a glTF file the most; None where nothing is skinned.
 
-    Raises
-    ------
-    ValueError
-        If a skin's numbers cannot be read.
+    Raises ValueError if a skin's numbers cannot be read.
     """
     found: list[str | None] = [None] * len(mesh.vertices)
     if mesh.scene is None or mesh.scene.gltf is None:
@@ -162,10 +159,7 @@ def label_vertices(
 def only(mesh: dfd.Mesh, vertices: NDArray[np.bool_]) -> tuple[dfd.Mesh, NDArray[np.int64]]:
     """The faces of `mesh` whose corners are all among `vertices` (V,), with their looks; and its vertices' old indices.
 
-    Raises
-    ------
-    ValueError
-        If no face is left.
+    Raises ValueError if no face is left.
     """
     kept = vertices[mesh.faces].all(axis=1)
     old = np.unique(mesh.faces[kept])

@@ -17,8 +17,6 @@ from bench.paper.peers.tetrahedra import boundary, fill
 from bench.quality.baselines import PeerError, in_child
 from dfd.export.bones import Bones
 
-__all__ = ["bounded_biharmonic", "geodesic_voxels"]
-
 CELLS = 96  # along the longest side of the voxels' grid
 SAMPLES = 32  # points on a bone
 EDGE = 0.04  # of the diagonal: the length of tetrahedra's edges
@@ -61,10 +59,7 @@ def bounded_biharmonic(mesh: dfd.Mesh, bones: Bones, joints: NDArray[np.integer]
     Rigs are seldom closed and cross themselves: fTetWild fills them with tetrahedra all the same. Bones are the nodes
     nearest to them; a vertex has the weights of the tetrahedra's surface where it is nearest.
 
-    Raises
-    ------
-    PeerError
-        If libigl or `wildmeshing` is not installed, one of them fails or crashes, or both take too long.
+    Raises PeerError if libigl or `wildmeshing` is not installed, one of them fails or crashes, or both take too long.
     """
     points, faces = _skin(mesh, bones)
     samples = [_on_bones(bones, joint) for joint in joints]

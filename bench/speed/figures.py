@@ -16,8 +16,6 @@ from dfd.common.files import atomic_write
 from .made_input import MadeInput, make_input
 from .measure import measure
 
-__all__ = ["draw"]
-
 Row = tuple[str, float, float]  # series, place on the horizontal axis, milliseconds
 
 

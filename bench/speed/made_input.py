@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 import dfd
 from dfd.field.architecture import Architecture
 
-__all__ = ["MadeInput", "make_input", "mirrored_field", "torus"]
-
 WIDTH = 384  # of the features of a small vision transformer
 
 

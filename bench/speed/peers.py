@@ -8,8 +8,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-__all__ = ["igl_blending", "torch_binding", "torch_blending"]
-
 
 def torch_binding(features: NDArray[np.float32], handles: NDArray[np.int64]) -> Callable[[], object]:
     """The arithmetic of the public reference: rows of the distance matrix, clamped."""

@@ -14,8 +14,6 @@ from . import peers
 from .made_input import MadeInput, make_input
 from .measure import Timing, copying, measure, moving, product, reading, together
 
-__all__ = ["Line", "lines"]
-
 
 @dataclass(frozen=True)
 class Line:

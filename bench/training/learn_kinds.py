@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from dfd.distillation.metric import Kinds
 
-__all__ = ["KINDS", "Taught", "learn_kinds"]
-
 KINDS = ("ear", "horn", "trunk", "wing", "fin", "tail", "foot", "leg", "neck", "head", "torso", "hand", "arm")
 SAME = {"body": "torso", "hoof": "foot"}
 HIDDEN = 256

@@ -21,8 +21,6 @@ from dfd.encoders.encode import Encoder
 from dfd.upright.find_up import resolve_up
 from dfd.views.render import render
 
-__all__ = ["Looks", "kept_looks", "looks"]
-
 NEAREST = 3  # points that a vertex is interpolated from
 
 

@@ -22,10 +22,7 @@ MANIFEST = "blender_manifest.toml"
 def main(folder: Path) -> Path:
     """Return the path of the zip.
 
-    Raises
-    ------
-    FileNotFoundError
-        If the folder holds no wheel of dfd.
+    Raises FileNotFoundError if the folder holds no wheel of dfd.
     """
     wheels = sorted(folder.glob("dfd-*.whl"), key=lambda path: path.stat().st_mtime)
     if not wheels:

@@ -16,8 +16,6 @@ from bench.paper.peers.neural_mls import NeuralMLS
 from bench.paper.peers.opt_ctrl_points import OptCtrlPoints
 from bench.paper.peers.peer import Peer
 
-__all__ = ["PEERS"]
-
 PEERS: dict[str, Callable[[], Peer]] = {
     "ARAP": Arap,
     "biharmonic": Coordinates,

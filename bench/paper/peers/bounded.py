@@ -9,8 +9,6 @@ from bench.paper.peers.coordinates import on_nodes
 from bench.paper.peers.peer import Body, check_pieces
 from bench.quality.baselines import PeerError
 
-__all__ = ["Bounded", "bounded_weights"]
-
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 
@@ -48,10 +46,7 @@ class Bounded:
 def bounded_weights(nodes: Float64, cells: Int64, known: Int64, values: Float64) -> Float64:
     """Weights (N, K) that have `values` (P, K) at the nodes `known` (P,).
 
-    Raises
-    ------
-    PeerError
-        If libigl is not installed, or finds no solution.
+    Raises PeerError if libigl is not installed, or finds no solution.
     """
     try:
         import igl

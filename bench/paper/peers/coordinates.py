@@ -10,8 +10,6 @@ from scipy.sparse.linalg import splu
 from bench.paper.peers.peer import Body, pieces_of
 from bench.quality.baselines import PeerError
 
-__all__ = ["Coordinates", "bilaplacian", "on_nodes"]
-
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from bench.paper.peers.peer import Body
 
-__all__ = ["NeuralMLS"]
-
 WIDTH, HIDDEN = 256, 3
 STEPS, RATE = 1_000, 1e-3
 ENOUGH = 0.02  # mean cross-entropy at which training ends

@@ -15,8 +15,6 @@ from bench.paper.peers.coordinates import Coordinates
 from bench.paper.peers.peer import Body
 from bench.quality.baselines import PeerError
 
-__all__ = ["OptCtrlPoints"]
-
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 

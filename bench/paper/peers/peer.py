@@ -16,8 +16,6 @@ import dfd
 from bench.paper.peers.tetrahedra import MOST_FACES, Tetrahedra, tetrahedra
 from bench.quality.baselines import PeerError, in_child
 
-__all__ = ["Body", "Done", "Job", "Peer", "run"]
-
 PATIENCE = 300.0  # seconds for all that one peer does with one shape
 
 Float64 = NDArray[np.float64]
@@ -80,10 +78,7 @@ def run(
 
     Tetrahedra are those of the shape simplified to `most_faces`; None fills it as it is, within `patience` too.
 
-    Raises
-    ------
-    PeerError
-        If the peer is not installed, cannot do the shape or the handles, fails, crashes or takes too long.
+    Raises PeerError if the peer is not installed, cannot do the shape or the handles, fails, crashes or takes too long.
     """
     used, faces = np.unique(mesh.faces, return_inverse=True)  # a vertex of no face makes equations singular
     faces = faces.reshape(-1, 3).astype(np.int64)

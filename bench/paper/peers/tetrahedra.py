@@ -16,8 +16,6 @@ from scipy.spatial import KDTree
 
 from bench.quality.baselines import PeerError, in_child
 
-__all__ = ["Tetrahedra", "tetrahedra"]
-
 EDGE = 0.05  # of the diagonal: the length of tetrahedra's edges
 MOST_FACES = 6_000  # of the surface that is filled: fTetWild takes minutes beyond on two cores
 AWAY = 0.08  # of the diagonal: a surface that is farther from the tetrahedra was not filled
@@ -56,10 +54,8 @@ def tetrahedra(
 ) -> Tetrahedra:
     """Fill a surface with tetrahedra, once in a process; one of more than `most_faces` faces is simplified before.
 
-    Raises
-    ------
-    PeerError
-        If `wildmeshing` or libigl is not installed, or the surface cannot be filled, or not within `patience` seconds.
+    Raises PeerError if `wildmeshing` or libigl is not installed, or the surface cannot be filled, or not within
+    `patience` seconds.
     """
     key = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest() + f" {most_faces}"
     if key not in known:
@@ -78,10 +74,7 @@ def fill(points: Float64, faces: Int64, edge: float) -> tuple[Float64, Int64]:
 
     fTetWild writes every step to stdout, and a file where it works.
 
-    Raises
-    ------
-    PeerError
-        If `wildmeshing` is not installed, or nothing is closed off.
+    Raises PeerError if `wildmeshing` is not installed, or nothing is closed off.
     """
     try:
         import igl  # noqa: F401

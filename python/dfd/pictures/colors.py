@@ -92,10 +92,7 @@ def feature_colors(features: ArrayLike) -> NDArray[np.float32]:
 def part_colors(labels: ArrayLike) -> NDArray[np.float32]:
     """Return sRGB colors (V, 3) in [0, 1] of part numbers (V,): hues by the golden ratio, so that none are alike.
 
-    Raises
-    ------
-    ValueError
-        If `labels` is not a row of numbers of at least 0.
+    Raises ValueError if `labels` is not a row of numbers of at least 0.
     """
     numbers = check.array("part_colors", "labels", labels, ("V",), dtype=np.int64)
     if (numbers < 0).any():

@@ -138,20 +138,14 @@ def picture(
 
 
 def save_png(
-    path: str | os.PathLike[str],
-    image: Image.Image | NDArray[np.uint8],
-    document: PictureDocument | None = None,
+    path: str | os.PathLike[str], image: Image.Image | NDArray[np.uint8], document: PictureDocument | None = None
 ) -> None:
     """Write a picture, a PIL image or a uint8 array of shape (height, width, 3), whole or not at all.
 
     A `document` goes into the file: from it `dfd.pictures.pick` knows through which cameras the picture was taken.
 
-    Raises
-    ------
-    ValueError
-        If the ending of `path` is not .png.
-    OSError
-        If `path` cannot be written; a file that was there stays as it was.
+    Raises ValueError if the ending of `path` is not .png. Raises OSError if `path` cannot be written; a file that was
+    there stays as it was.
     """
     if Path(path).suffix.lower() != ".png":
         raise ValueError(f"save_png: `path` must end in .png, got {os.fspath(path)}")
