@@ -12,9 +12,8 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
 import dfd
-from bench.paper.peers.bounded import bounded_weights
 from bench.paper.peers.tetrahedra import boundary, fill
-from bench.quality.baselines import PeerError, in_child
+from bench.quality.baselines import PeerError, bounded_weights, in_child
 from dfd.export.bones import Bones
 
 CELLS = 96  # along the longest side of the voxels' grid

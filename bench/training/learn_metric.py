@@ -26,16 +26,16 @@ from numpy.typing import NDArray
 import dfd
 from bench.quality import shapes
 from bench.quality.evaluate import Draw, judge
+from bench.quality.measures import area_fractions
 from bench.quality.parts import family_of, label_vertices, strongest_joints, without_few
 from bench.quality.shapes import Shape
+from bench.tables import to_markdown, write_text
 from bench.training.learn_kinds import learn_kinds
 from bench.training.looks import Looks, kept_looks
-from dfd.common.files import atomic_write
 from dfd.distillation.metric import FOLDER, Metric
 from dfd.encoders.encode import Encoder, load_encoder
 from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.encoders.learned_file import encoder_identity
-from dfd.geometry.topology import face_areas
 
 REPORT = Path(__file__).resolve().parents[1] / "results" / "quality" / "metric.md"
 KEPT_LOOKS = REPORT.parent / "metric_looks"
@@ -72,11 +72,8 @@ class Lesson:
     @cached_property
     def mean(self) -> NDArray[np.float32]:
         """(D,) the mean feature of the surface, whose faces stand for their corners."""
-        mesh = self.shape.mesh
-        corners = np.repeat(face_areas(mesh.vertices, mesh.faces), 3)
-        area = np.bincount(mesh.faces.ravel(), corners, minlength=len(mesh.vertices))
-        mean: NDArray[np.float32] = np.average(self.features, axis=0, weights=area).astype(np.float32)
-        return mean
+        mean = np.average(self.features, axis=0, weights=area_fractions(self.shape.mesh))
+        return np.asarray(mean, np.float32)
 
     @property
     def kinds(self) -> list[tuple[str, NDArray[np.float32]]]:
@@ -120,8 +117,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     output.parent.mkdir(parents=True, exist_ok=True)
     learn(lessons, encoder).save(output)
     REPORT.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_write(REPORT) as temporary:
-        temporary.write_text(report(lessons), "utf-8")
+    write_text(REPORT, report(lessons))
     print(f"{output}\n{REPORT}")
 
 
@@ -186,9 +182,8 @@ def report(lessons: Sequence[Lesson], draw: Draw = DRAW) -> str:
         "Each shape judged without its family; precision, and the share of vertices that a handle moves by more than "
         "0.01, by the plain distance and by the learned one; at the vertices, before a field is fitted.",
         "",
-        "| family | shape | precision, none | learned | moving, none | learned |",
-        "|---|---|---:|---:|---:|---:|",
     ]
+    columns, rows = ["family", "shape", "precision, none", "learned", "moving, none", "learned"], []
     gains: dict[str, list[float]] = {}
     for family in dict.fromkeys(each.family for each in lessons):
         others = [each for each in lessons if each.family != family]
@@ -201,10 +196,11 @@ def report(lessons: Sequence[Lesson], draw: Draw = DRAW) -> str:
             mapped = metric.mapped(lesson.features, thickness, np.random.default_rng(0), mean=lesson.mean)
             plain, learned = judged(lesson, lesson.features, draw), judged(lesson, mapped, draw)
             numbers = [verdict[name] for name in ("precision", "moving") for verdict in (plain, learned)]
-            lines.append(f"| {family} | {lesson.shape.name} | " + " | ".join(f"{each:.3f}" for each in numbers) + " |")
+            rows.append([family, lesson.shape.name, *numbers])
             gains.setdefault(family, []).append(learned["precision"] - plain["precision"])
     by_family = {family: float(np.mean(some)) for family, some in gains.items()}
     told = ", ".join(f"{family} {gain:+.3f}" for family, gain in by_family.items())
+    lines += to_markdown(columns, rows, ".3f")
     return "\n".join([*lines, "", f"Gain by family, mean {np.mean(list(by_family.values())):+.4f}: {told}.", ""])
 
 

@@ -9,8 +9,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 import dfd
 from bench.paper.peers.tetrahedra import MOST_FACES, Tetrahedra, tetrahedra
@@ -110,18 +108,3 @@ def _run(make: Callable[[], Peer], body: Body, jobs: Sequence[Job]) -> list[tupl
         moved = peer.deform(job.targets)
         done.append((moved, {"prepare": prepared, "bind": bound - start, "pose": time.perf_counter() - bound}))
     return done
-
-
-def pieces_of(corners: Int64, count: int) -> Int64:
-    """The number (count,) of the connected piece of elements (E, K) that each vertex is of."""
-    edges = corners[:, [[a, a + 1] for a in range(corners.shape[1] - 1)]].reshape(-1, 2)
-    graph = coo_array((np.ones(len(edges), bool), (edges[:, 0], edges[:, 1])), shape=(count, count))
-    piece: Int64 = connected_components(graph, directed=False)[1]
-    return piece
-
-
-def check_pieces(corners: Int64, count: int, held: Int64) -> None:
-    """Raise PeerError unless every connected piece of elements (E, K), of `count` vertices, holds one of `held`."""
-    piece = pieces_of(corners, count)
-    if len(np.unique(piece[held])) <= piece.max():
-        raise PeerError(f"needs a handle or a fixed point on every one of the {piece.max() + 1} pieces")

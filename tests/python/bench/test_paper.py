@@ -217,7 +217,7 @@ def test_a_piece_without_a_point_is_told(ball):
         np.concatenate([ball.vertices, ball.vertices + 5]),
         np.concatenate([ball.faces, ball.faces + len(ball.vertices)]),
     )
-    with pytest.raises(PeerError, match="on every one of the 2 pieces"):
+    with pytest.raises(PeerError, match="on every one of the 2 components"):
         methods.deform("ARAP", case_of(both, [top(ball), bottom(ball)], MOVE), 0.01)
 
 

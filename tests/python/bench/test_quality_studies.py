@@ -8,7 +8,7 @@ import pytest
 from bench.quality import studies
 from bench.quality.evaluate import Draw
 from bench.quality.fields import Lab
-from bench.quality.report import compared, in_words, to_markdown
+from bench.quality.report import as_markdown, compared, in_words
 from bench.quality.shapes import Shape
 from bench.quality.studies import BARYCENTRIC, GREY, PLAIN, TEXTURED, VERTEX, Bench, Row, compare
 from dfd import Mesh, samples
@@ -135,7 +135,7 @@ def test_supervision_is_told_in_words():
         "knight, barycentric against plain vertex: 1.50 times rougher (Dirichlet energy 3 against 2), "
         "0.050 more precise (precision 0.800 against 0.750).",
     ]
-    page = to_markdown(rows, "Settings.")
+    page = as_markdown(rows, "Settings.")
     assert "\n\n- spot, barycentric against plain vertex: 2.50 times smoother" in page
     assert page.index("| knight |") < page.index("- spot,")
 
