@@ -297,5 +297,5 @@ def _study(context: Context, name: str, title: str, text: str, most: int, kinds:
     return Page(title, text, sections, files={f"{name}_key.json": json.dumps({"seed": SEED, **key}, indent=2) + "\n"})
 
 
-def _chosen(shares: Mapping[str, float]) -> str:
-    return ", ".join(f"{method} {share:g} %" for method, share in shares.items())
+def _chosen(percent: Mapping[str, float]) -> str:
+    return ", ".join(f"{method} {value:g} %" for method, value in percent.items())

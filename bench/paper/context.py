@@ -65,7 +65,7 @@ class Shape:
         return int(corners[distance.argmin()])
 
     def refined(self) -> Shape:
-        """The shape with long edges halved, without its looks, where faces are large; else as it is."""
+        """The shape with long edges halved, without its appearance, where faces are large; else as it is."""
         longest = LONGEST_EDGE * self.mesh.diagonal
         vertices, faces = split_long_edges(self.mesh.vertices, self.mesh.faces, longest, most=50_000)
         return self if len(faces) == len(self.mesh.faces) else Shape(self.name, dfd.Mesh(vertices, faces))

@@ -205,7 +205,7 @@ def fig19(context: Context) -> Page:
 
 
 def turned(shape: Shape, degrees: float) -> dfd.Mesh:
-    """The shape turned about y, its long edges halved, without its looks."""
+    """The shape turned about y, its long edges halved, without its appearance."""
     angle = np.radians(degrees)
     rotation = np.array([(np.cos(angle), 0, np.sin(angle)), (0, 1, 0), (-np.sin(angle), 0, np.cos(angle))])
     refined = shape.refined().mesh

@@ -111,7 +111,7 @@ def gap(mesh: dfd.Mesh, moved: NDArray[np.floating]) -> float | None:
 
 
 def subdivided(mesh: dfd.Mesh, times: int) -> dfd.Mesh:
-    """The mesh with every face cut into four, `times` times over; holes stay, looks go."""
+    """The mesh with every face cut into four, `times` times over; holes stay, appearance goes."""
     vertices, faces = mesh.vertices, mesh.faces
     for _ in range(times):
         vertices, faces = trimesh.remesh.subdivide(vertices, faces)

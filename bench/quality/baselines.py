@@ -1,4 +1,4 @@
-"""Weights by methods that know nothing of looks: distances, and libigl's where it is installed."""
+"""Weights by methods that know nothing of features: distances, and libigl's where it is installed."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ def rounds(labels: NDArray[np.integer], handles: NDArray[np.integer]) -> list[ND
 def biharmonic(
     mesh: dfd.Mesh, labels: NDArray[np.integer], handles: NDArray[np.integer], *, bounded: bool
 ) -> NDArray[np.float64]:
-    """Biharmonic weights (V, H) over the surface by libigl; `bounded` ones by its quadratic programme (BBW).
+    """Biharmonic weights (V, H) over the surface by libigl; `bounded` ones by its quadratic program (BBW).
 
     Such weights fall off towards the other handles: each round of one handle a part is solved by itself, 1 at the
     handle and 0 at the others. Unbounded weights are cut to [0, 1].
 
-    Raises PeerError if libigl is not installed, fails, crashes or takes longer than `PATIENCE`, or a piece of the
+    Raises PeerError if libigl is not installed, fails, crashes or takes longer than `PATIENCE`, or a component of the
     surface has no handle: the equations leave its weights open.
     """
     vertices, faces = np.ascontiguousarray(mesh.vertices), mesh.faces.astype(np.int64)

@@ -44,7 +44,7 @@ LEGEND = {
     "threshold": "IoU with the label of all vertices above the best threshold of a handle's weights",
     "part": "IoU with the label of the part at a click, with its look-alikes",
     "best of three": "of that part, the smaller one in it and the larger one around it, the best",
-    "instance": "IoU of the connected piece of the part with that of the label",
+    "instance": "IoU of the connected component of the part with that of the label",
     "grip": "Σ min(w, t) / Σ max(w, t) over the surface, for a session's weights w and the label t",
     "coverage": "weight that the label has, of all that it could have",
     "leak": "weight beyond the label, of all weight",
@@ -166,10 +166,10 @@ def _counterparts(on: LabelledShape, field: dfd.Field, features: NDArray[np.floa
             held = session.add(vertex)
             handle = session.edit.handles[0]
             instances = [one for one, _ in session.bound.instances(session.edit, handle) if one.weight >= FOLLOWS]
-            places = [one.position for one in instances] or [handle.place.position]
+            positions = [one.position for one in instances] or [handle.place.position]
             others = mesh.vertices[[other for other in present if other != vertex]]
-            hits.append((cKDTree(places).query(others)[0] <= NEAR * mesh.diagonal).mean())
-            wrong.append((cKDTree(mesh.vertices[present]).query(places)[0] > NEAR * mesh.diagonal).sum())
+            hits.append((cKDTree(positions).query(others)[0] <= NEAR * mesh.diagonal).mean())
+            wrong.append((cKDTree(mesh.vertices[present]).query(positions)[0] > NEAR * mesh.diagonal).sum())
             session.remove(held)
     return {"counterparts": float(np.mean(hits)), "too many": float(np.mean(wrong))} if hits else {}
 

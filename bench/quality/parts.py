@@ -157,7 +157,7 @@ def label_vertices(
 
 
 def only(mesh: dfd.Mesh, vertices: NDArray[np.bool_]) -> tuple[dfd.Mesh, NDArray[np.int64]]:
-    """The faces of `mesh` whose corners are all among `vertices` (V,), with their looks; and its vertices' old indices.
+    """The faces whose corners are all among `vertices` (V,), with their appearance; and the vertices' old indices.
 
     Raises ValueError if no face is left.
     """
@@ -165,17 +165,17 @@ def only(mesh: dfd.Mesh, vertices: NDArray[np.bool_]) -> tuple[dfd.Mesh, NDArray
     old = np.unique(mesh.faces[kept])
     new = np.full(len(mesh.vertices), -1, np.int32)
     new[old] = np.arange(len(old))
-    looks = mesh.appearance
-    if looks is not None:
-        used = np.zeros(len(looks.corners), bool)
-        used[looks.corner_faces[kept]] = True
-        looks = replace(
-            looks,
-            corners=np.where(used, new[looks.corners], -1).astype(np.int32),
-            corner_faces=looks.corner_faces[kept],
-            face_material=looks.face_material[kept],
+    appearance = mesh.appearance
+    if appearance is not None:
+        used = np.zeros(len(appearance.corners), bool)
+        used[appearance.corner_faces[kept]] = True
+        appearance = replace(
+            appearance,
+            corners=np.where(used, new[appearance.corners], -1).astype(np.int32),
+            corner_faces=appearance.corner_faces[kept],
+            face_material=appearance.face_material[kept],
         )
-    return dfd.Mesh(mesh.vertices[old], new[mesh.faces[kept]], appearance=looks), old
+    return dfd.Mesh(mesh.vertices[old], new[mesh.faces[kept]], appearance=appearance), old
 
 
 def family_of(name: str) -> str:

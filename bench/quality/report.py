@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from rich.console import Console
 
-from bench.quality.studies import BARYCENTRIC, GREY, PLAIN, TEXTURED, VERTEX, Row
+from bench.quality.studies import BARYCENTRIC, GRAY, PLAIN, TEXTURED, VERTEX, Row
 from bench.tables import to_csv, to_markdown
 
 MEASURES = ("precision", "precision ±", "ratio", "moving", "symmetry error", "Dirichlet energy", "off the first")
@@ -20,7 +20,7 @@ LEGEND = {
     "Dirichlet energy": "∫ ‖∇w‖² over the full mesh, mean over handles; less is smoother",
     "off the first": "mean of |W − W'| over the mean of W', the weights of the group's first row",
     "plain": "with neither mirrored views nor smoothing: the paper's own loss",
-    "grey": "pictures taken without the file's colours and textures",
+    "gray": "pictures taken without the file's colors and textures",
 }
 
 # By study: a setting, the one it is held against, and by which measures.
@@ -30,7 +30,7 @@ COMPARISONS: Mapping[str, Sequence[tuple[str, str, Sequence[str]]]] = {
         (PLAIN, VERTEX, ("Dirichlet energy", "precision")),
         (BARYCENTRIC, PLAIN, ("symmetry error",)),
     ),
-    "textures": ((GREY, TEXTURED, ("precision", "Dirichlet energy")),),
+    "textures": ((GRAY, TEXTURED, ("precision", "Dirichlet energy")),),
 }
 # Of which less is better, and what a weight that has less or more of it is called.
 LESS_IS_BETTER = {"Dirichlet energy": ("smoother", "rougher"), "symmetry error": ("more symmetric", "less symmetric")}

@@ -23,7 +23,7 @@ from dfd.encoders.known import KNOWN_ENCODERS
 
 Settings = Mapping[str, Any]  # by their names in `dfd.distill`, and those of `bench.quality.fields`
 BARYCENTRIC, PLAIN, VERTEX = "barycentric", "plain barycentric", "plain vertex"
-TEXTURED, GREY = "textured", "grey"
+TEXTURED, GRAY = "textured", "gray"
 FAMILIES_STUDY = "families"
 EUCLIDEAN, GEODESIC, BIHARMONIC = "Euclidean distance", "geodesic distance", "biharmonic (libigl)"
 Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -74,7 +74,7 @@ class Bench:
 
 
 def methods(bench: Bench, shapes: Sequence[Shape], *, peers: bool) -> list[Row]:
-    """Weights by looks beside weights by distance; `peers`: bounded biharmonic ones too, which can take minutes."""
+    """Weights by features beside weights by distance; `peers`: bounded biharmonic ones too, which can take minutes."""
     rows = []
     for shape in shapes:
         row = partial(Row, "methods", shape.name)
@@ -87,7 +87,7 @@ def methods(bench: Bench, shapes: Sequence[Shape], *, peers: bool) -> list[Row]:
 
 
 def _by_distance(bench: Bench, study: str, shape: Shape, *, bounded: bool = False) -> list[Row]:
-    """A row for each method that knows nothing of looks."""
+    """A row for each method that knows no features."""
     row, judged = partial(Row, study, shape.name), partial(judge, shape, draw=bench.draw)
     rows = [
         row(EUCLIDEAN, judged(partial(euclidean, shape.mesh.vertices))),
@@ -154,7 +154,7 @@ PLAIN_FIT: Settings = {"mirrored": False, "smoothing": 0.0}
 COMPARED: Mapping[str, Callable[[Lab], Mapping[str, Settings]]] = {
     # The paper's Fig. 13, as many steps over as many points: by default, and plain, with the paper's loss alone.
     "supervision": lambda lab: {BARYCENTRIC: {}, PLAIN: PLAIN_FIT, VERTEX: {**PLAIN_FIT, "supervision": "vertex"}},
-    "textures": lambda lab: {TEXTURED: {}, GREY: {"texture": False}},
+    "textures": lambda lab: {TEXTURED: {}, GRAY: {"texture": False}},
     # What the network sees of a picture.
     "background": lambda lab: {"the shape's patches": {}, "whole pictures": {"background": True}},
     "fit length": lambda lab: lengths(lab, "steps"),
@@ -170,17 +170,17 @@ COMPARED: Mapping[str, Callable[[Lab], Mapping[str, Settings]]] = {
 }
 
 
-# --- by family: as files come, and the same shapes turned, in grey, and by distance alone
+# --- by family: as files come, and the same shapes turned, in gray, and by distance alone
 
 
 def turned(shape: Shape, rotation: NDArray[np.float64]) -> Shape:
-    """The same shape, its vertices turned by `rotation` (3, 3); its looks and parts stay."""
+    """The same shape, its vertices turned by `rotation` (3, 3); its appearance and parts stay."""
     mesh = dfd.Mesh(shape.mesh.vertices @ rotation.T, shape.mesh.faces, appearance=shape.mesh.appearance)
     return replace(shape, mesh=mesh)
 
 
 def families(bench: Bench, shapes: Sequence[Shape], *, turns: Mapping[str, NDArray[np.float64]] = TURNS) -> list[Row]:
-    """Every labelled shape as it comes, turned, turned with the file's up taken for granted, grey, and by distances."""
+    """Every labelled shape as it comes, turned, turned with the file's up taken for granted, gray, and by distances."""
     rows = []
     for shape in shapes:
         row = partial(Row, FAMILIES_STUDY, shape.name)
@@ -190,7 +190,7 @@ def families(bench: Bench, shapes: Sequence[Shape], *, turns: Mapping[str, NDArr
             rows.append(row(f"dfd, {name}", bench.verdict(other, {})))
             rows.append(row(f"dfd, {name}, up=file", bench.verdict(other, {"up": "file"})))
         if shape.mesh.appearance is not None:
-            rows.append(row("dfd, grey", bench.verdict(shape, {"texture": False})))
+            rows.append(row("dfd, gray", bench.verdict(shape, {"texture": False})))
         rows += _by_distance(bench, FAMILIES_STUDY, shape)
     return rows
 

@@ -78,8 +78,8 @@ def _skin(mesh: dfd.Mesh, bones: Bones) -> tuple[Float64, NDArray[np.int64]]:
 def _on_bones(bones: Bones, joint: int) -> Float64:
     """(N, 3) points on the bones of a joint."""
     own = bones.joint == joint
-    share = np.linspace(0.0, 1.0, SAMPLES)[:, None, None]
-    points: Float64 = ((1.0 - share) * bones.starts[own] + share * bones.ends[own]).reshape(-1, 3)
+    along = np.linspace(0.0, 1.0, SAMPLES)[:, None, None]
+    points: Float64 = ((1.0 - along) * bones.starts[own] + along * bones.ends[own]).reshape(-1, 3)
     return points
 
 
@@ -115,6 +115,6 @@ def _bounded(points: Float64, faces: NDArray[np.int64], samples: list[Float64], 
     there = np.flatnonzero(ones.any(axis=0))  # a bone shorter than an edge may have no node of its own
     solved = bounded_weights(nodes, tetrahedra, known, ones[:, there])
     weights = np.zeros((len(vertices), len(samples)))
-    corners, shares, _ = boundary(nodes, tetrahedra, vertices)
-    weights[:, there] = np.einsum("vk,vkj->vj", shares, solved[corners]).clip(0.0, 1.0)
+    corners, barycentric, _ = boundary(nodes, tetrahedra, vertices)
+    weights[:, there] = np.einsum("vk,vkj->vj", barycentric, solved[corners]).clip(0.0, 1.0)
     return weights

@@ -2,8 +2,8 @@
 
 From the rigs in the folder that DFD_MESHES names (its "rigs" and "upright" folders, and skinned characters), +y up, the
 samples of dfd, and every skinned .glb in a folder given with `--also`, whose joints have the names of parts ("other" is
-none). What the encoder sees is kept between runs; a folder that is given with --looks is taken as it is. Equal looks
-give equal files.
+none). What the encoder sees is kept between runs; a folder that is given with --features is taken as it is. Equal
+features give equal files.
 
 The metric that comes with the package was learned with 52 more models, of Debian's 0ad-data 0.0.26 (CC BY-SA 3.0),
 converted to .glb: 36 animals and 16 people with what they wear and carry. They teach, and are not judged.
@@ -31,14 +31,14 @@ from bench.quality.parts import family_of, label_vertices, strongest_joints, wit
 from bench.quality.shapes import Shape
 from bench.tables import to_markdown, write_text
 from bench.training.learn_kinds import learn_kinds
-from bench.training.looks import Looks, kept_looks
+from bench.training.vertex_features import VertexFeatures, cached_vertex_features
 from dfd.distillation.metric import FOLDER, Metric
 from dfd.encoders.encode import Encoder, load_encoder
 from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.encoders.learned_file import encoder_identity
 
 REPORT = Path(__file__).resolve().parents[1] / "results" / "quality" / "metric.md"
-KEPT_LOOKS = REPORT.parent / "metric_looks"
+CACHE = REPORT.parent / "metric_features"
 DIRECTIONS = 51  # with the kinds of parts beside them, 64 numbers
 RIDGE = 1.0  # of the mean variance within parts
 THICKNESS = 0.25  # that a band of thickness counts, beside the numbers of a feature of unit length
@@ -53,16 +53,16 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Lesson:
-    """A labelled shape with the looks of its vertices; whether it only teaches, and is not judged."""
+    """A labelled shape with what is seen at its vertices; whether it only teaches, and is not judged."""
 
     shape: Shape
-    looks: Looks
+    seen: VertexFeatures
     only_teaches: bool = False
 
     @property
     def features(self) -> NDArray[np.float32]:
         """(V, D) of the vertices."""
-        return self.looks.features
+        return self.seen.features
 
     @property
     def family(self) -> str:
@@ -88,7 +88,7 @@ class Lesson:
         Parts count alike.
         """
         assert self.shape.labels is not None
-        every = np.concatenate([self.features, np.float32(THICKNESS) * self.looks.thickness], axis=1, dtype=np.float64)
+        every = np.concatenate([self.features, np.float32(THICKNESS) * self.seen.thickness], axis=1, dtype=np.float64)
         rows = [every[self.shape.labels == part] for part in range(len(self.shape.parts))]
         rows = [part for part in rows if len(part) >= FEWEST]
         within = np.mean([np.cov(part.T, bias=True) for part in rows], axis=0)
@@ -102,7 +102,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser("python -m bench.training.learn_metric", description=__doc__)
     parser.add_argument("--encoder", default=DEFAULT_ENCODER)
     parser.add_argument("--output", type=Path, help="the metric's file; by default where the package looks for it")
-    parser.add_argument("--looks", type=Path, default=KEPT_LOOKS, help="where what is seen is kept (%(default)s)")
+    parser.add_argument("--features", type=Path, default=CACHE, help="where what is seen is kept (%(default)s)")
     parser.add_argument("--also", type=Path, help="a folder of further skinned .glb to learn from, +y up")
     options = parser.parse_args(arguments)
     if not os.environ.get("DFD_MESHES"):
@@ -112,7 +112,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     judged_ones = [(shape, False) for shape in labelled_shapes(Path(os.environ["DFD_MESHES"]), print)]
     for shape, only_teaches in [*judged_ones, *((shape, True) for shape in further_rigs(options.also, print))]:
         print(shape.name, flush=True)
-        lessons.append(Lesson(shape, kept_looks(options.looks, shape.mesh, encoder), only_teaches))
+        lessons.append(Lesson(shape, cached_vertex_features(options.features, shape.mesh, encoder), only_teaches))
     output = options.output or FOLDER / f"{options.encoder}.safetensors"
     output.parent.mkdir(parents=True, exist_ok=True)
     learn(lessons, encoder).save(output)
@@ -150,7 +150,7 @@ def learn(lessons: Sequence[Lesson], encoder: Encoder) -> Metric:
 
 
 def discriminants(lessons: Sequence[Lesson]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The directions, (D, d) and (BANDS, d), in which looks change most between parts for what they change within them.
+    """The directions, (D, d) and (BANDS, d), that tell parts apart best: variance between them over that within.
 
     Every family counts alike. A direction is of unit variance within parts, times a power of the ratio of variances.
 
@@ -192,7 +192,7 @@ def report(lessons: Sequence[Lesson], draw: Draw = DRAW) -> str:
         tested = [each for each in lessons if each.family == family and not each.only_teaches]
         metric = Metric(*discriminants(others), "", 0, learn_kinds(others)) if tested else None
         for lesson in tested:
-            thickness = lesson.looks.thickness
+            thickness = lesson.seen.thickness
             mapped = metric.mapped(lesson.features, thickness, np.random.default_rng(0), mean=lesson.mean)
             plain, learned = judged(lesson, lesson.features, draw), judged(lesson, mapped, draw)
             numbers = [verdict[name] for name in ("precision", "moving") for verdict in (plain, learned)]

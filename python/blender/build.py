@@ -27,8 +27,8 @@ def main(folder: Path) -> Path:
     wheels = sorted(folder.glob("dfd-*.whl"), key=lambda path: path.stat().st_mtime)
     if not wheels:
         raise FileNotFoundError(f"{folder} holds no wheel of dfd: `make wheel` makes one")
-    with tempfile.TemporaryDirectory() as place:
-        inside = Path(place) / "wheels"
+    with tempfile.TemporaryDirectory() as temporary:
+        inside = Path(temporary) / "wheels"
         inside.mkdir()
         shutil.copy2(wheels[-1], inside)
         subprocess.run(

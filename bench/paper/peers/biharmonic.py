@@ -78,12 +78,12 @@ class OptCtrlPoints(Coordinates):
         """Assemble the energy and factor it, four nodes held: that is the generalized inverse."""
         super().prepare(body)
         nodes = self.within.nodes
-        places = (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()
-        self.affine = np.c_[np.ones(len(nodes)), places]
-        pins = [int(places[:, 0].argmin())]
+        positions = (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()
+        self.affine = np.c_[np.ones(len(nodes)), positions]
+        pins = [int(positions[:, 0].argmin())]
         for count in range(1, 4):  # each as far as can be from the point, line or plane of those before
-            spanned = np.linalg.qr((places[pins[1:]] - places[pins[0]]).T)[0] if count > 1 else np.zeros((3, 1))
-            offsets = places - places[pins[0]]
+            spanned = np.linalg.qr((positions[pins[1:]] - positions[pins[0]]).T)[0] if count > 1 else np.zeros((3, 1))
+            offsets = positions - positions[pins[0]]
             pins.append(int(np.linalg.norm(offsets - offsets @ spanned @ spanned.T, axis=1).argmax()))
         self.free = np.setdiff1d(np.arange(len(nodes)), pins)
         try:
@@ -123,9 +123,9 @@ def bilaplacian(nodes: Float64, cells: Int64) -> csc_array:
     """
     import igl
 
-    places = (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()
-    cells = _outwards(places, cells)
-    at = places[cells]
+    positions = (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()
+    cells = _outwards(positions, cells)
+    at = positions[cells]
     edges = at[:, 1:] - at[:, :1]
     volumes = np.abs(np.linalg.det(edges)) / 6
     if volumes.min() <= 0:
