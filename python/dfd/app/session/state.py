@@ -18,7 +18,7 @@ from dfd.app.session.surface import center_of, packed_normals
 from dfd.common.preset import Preset
 from dfd.editing.edit import band_on, box_center
 from dfd.editing.influence.regions import members
-from dfd.editing.presets import PRESETS
+from dfd.editing.presets import CONTROLS, PRESETS
 from dfd.mesh.normals import smooth_normals
 from dfd.pictures.colors import feature_colors
 from dfd.symmetry.plane import axis_name
@@ -94,7 +94,12 @@ def _new_handle(preset: Preset) -> NewHandle:
 def _handle(deformer: Deformer, columns: Columns, handle: Handle) -> HandleState:
     transform, controls = handle.transform, handle.controls
     bound, edit = deformer.bound, deformer.edit
-    same = ("falloff", "locality", "radius", "strength", "instances", "level", "within_width")
+    values = {
+        **{name: getattr(controls, name) for name in CONTROLS},
+        "reach": bound.reach(handle),
+        "without_instances": tuple(place.vertex for place in controls.without_instances if place.vertex is not None),
+        "within": 0 if controls.within is None else len(members(deformer.mesh, controls.within)),
+    }
     return HandleState(
         handle=handle.id,
         name=handle.name,
@@ -106,15 +111,13 @@ def _handle(deformer: Deformer, columns: Columns, handle: Handle) -> HandleState
         pivot=handle.pivot,
         own_pivot=transform.pivot is not None,
         axes=transform.axes,
-        reach=bound.reach(handle),
+        reach_by=controls.reach if isinstance(controls.reach, str) else "number",
         exponent=bound.locality(edit, handle)[2],
-        without_instances=tuple(place.vertex for place in controls.without_instances if place.vertex is not None),
-        within=0 if controls.within is None else len(members(deformer.mesh, controls.within)),
         region=_region_size(deformer, handle.place),
         gain=bound.gain(edit, handle),
         column=columns.of_handle(handle),
         moved=not transform.rests,
-        **{name: getattr(controls, name) for name in same},
+        **values,
     )
 
 

@@ -141,11 +141,8 @@ export function wheelReach(handle: number, factor: number): void {
   else slide(handle, { reach });
 }
 
-/** A slider of a handle. */
-export function slide(
-  handle: number,
-  controls: Partial<Record<"reach" | "locality" | "radius" | "strength", number>>,
-): void {
+/** Have a slider of a handle say another value. */
+export function slide(handle: number, controls: Partial<Record<string, number>>): void {
   showAhead(handle, controls, Infinity);
   throttle(`${handle} ${Object.keys(controls).join()}`, (merge) =>
     showAhead(handle, {}, send({ type: "change", handle, controls, merge })),
