@@ -27,7 +27,6 @@ from dfd.app.protocol.parts import (
     Place,
     Plane,
     PointPlace,
-    PoseTransform,
     PoseTransforms,
     RegionPlace,
     Text,
@@ -50,7 +49,6 @@ from dfd.symmetry.plane import SymmetryPlane
 
 __all__ = ["answer"]
 
-TRANSFORM_PARTS = ("translation", "rotation", "scale", "pivot", "axes")
 NO_TRANSFORM, NO_CONTROLS = Transform(), Controls()
 
 
@@ -135,7 +133,7 @@ def instances(session: Session, handle: int) -> Answer:
     """The handle's similar points, and whether each follows the handle. Answer: `similar`."""
     places = []
     for instance, on in session.require_deformer().instances(handle):
-        x, y, z = (float(value) for value in instance.position)
+        x, y, z = map(float, instance.position)
         weight, vertex = float(instance.weight), int(instance.vertex)
         places.append(SimilarPoint(vertex=vertex, position=(x, y, z), weight=weight, on=on))
     return SimilarMessage(handle=handle, places=tuple(places))
@@ -182,29 +180,25 @@ def move(
 @request
 def pose(session: Session, transforms: PoseTransforms) -> None:
     """Set the transforms of several handles, as one step."""
-    session.change(lambda deformer: _pose(deformer, transforms))
+
+    def work(deformer: Any) -> None:
+        for each in transforms:
+            parts = each.model_dump()
+            deformer.move(**{name: "auto" if part is None else part for name, part in parts.items()})
+
+    session.change(work)
 
 
 @request
 def reset(session: Session, handle: int | None = None) -> None:
     """Return a handle to rest, or with null all of them, as one step."""
-    handles = session.require_deformer().handles
-    chosen = [each.id for each in handles] if handle is None else [handle]
     zero = (0.0, 0.0, 0.0)
 
     def work(deformer: Any) -> None:
-        with deformer.step():
-            for each in chosen:
-                deformer.move(each, translation=zero, rotation=zero, scale=1.0)
+        for each in [each.id for each in deformer.handles] if handle is None else [handle]:
+            deformer.move(each, translation=zero, rotation=zero, scale=1.0)
 
     session.change(work)
-
-
-def _pose(deformer: Any, transforms: tuple[PoseTransform, ...]) -> None:
-    with deformer.step():
-        for each in transforms:
-            parts = {name: getattr(each, name) for name in TRANSFORM_PARTS}
-            deformer.move(each.handle, **{name: "auto" if part is None else part for name, part in parts.items()})
 
 
 @request
@@ -246,7 +240,7 @@ def change_fixed(
     session: Session, index: Index, strength: Annotated[float, Field(ge=0, le=1)], merge: bool = False
 ) -> None:
     """Set the strength of the fixed place at `index`; with `merge`, one step with the preceding such change."""
-    fixed = list(session.require_deformer().fixed)
+    fixed = session.require_deformer().fixed
     changed = replace(_fixed(session, index), strength=strength)
     after = (*fixed[:index], changed, *fixed[index + 1 :])
     session.change(lambda deformer: deformer.apply(replace(deformer.edit, fixed=after)), ("fixed", index), merge=merge)
@@ -278,10 +272,9 @@ def set_mode(
     """Set how handles act together, as one step; a preset replaces all settings that it defines."""
 
     def work(deformer: Any) -> None:
-        with deformer.step():
-            for name, value in (("preset", preset), ("overlap", overlap), ("blend", blend)):
-                if value is not None:
-                    setattr(deformer, name, value)
+        for name, value in (("preset", preset), ("overlap", overlap), ("blend", blend)):
+            if value is not None:
+                setattr(deformer, name, value)
 
     session.change(work)
 
@@ -329,9 +322,8 @@ def export(
     format: Literal["glb", "obj", "ply", "stl", "animation", "edit", "field"],  # noqa: A002
 ) -> Answer:
     """Export the posed mesh, the edit or the field; "animation" is a GLB of the key poses. Answer: `download`."""
-    url, name = exports.export(
-        session.require_deformer(), format, session.name, session.folder, session.view_state.poses
-    )
+    deformer, poses = session.require_deformer(), session.view_state.poses
+    url, name = exports.export(deformer, format, session.name, session.folder, poses)
     return DownloadMessage(url=url, name=name)
 
 
@@ -367,11 +359,12 @@ def _members(session: Session, place: RegionPlace) -> Any:
 
 
 def _transform_parts(transform: Transform) -> dict[str, Any]:
-    return {name: value for name, value in transform if value is not None}
+    return transform.model_dump(exclude_none=True)
 
 
 def _controls(session: Session, controls: Controls) -> dict[str, Any]:
-    given = {name: value for name, value in controls if value is not None}
     return {
-        name: _members(session, value) if isinstance(value, RegionPlace) else value for name, value in given.items()
+        name: _members(session, value) if isinstance(value, RegionPlace) else value
+        for name, value in controls
+        if value is not None
     }

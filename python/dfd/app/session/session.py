@@ -32,22 +32,11 @@ Result = TypeVar("Result")
 
 
 class Session:
-    """The work of one tab. All its methods are called on one thread.
+    """The work of one tab, which it saves in `folder`. All its methods are called on one thread.
 
-    Parameters
-    ----------
-    folder
-        Where the session saves its state and its exports.
-    options
-        What to open first, and how to distill fields.
-    send
-        Sends a message to the page, text or binary; without a connected page the message is dropped.
-    post
-        Runs a call on the session's thread; safe from any thread.
-    lock
-        A lock file, so that only one distillation runs at a time.
-    deformer
-        An existing editing session of this process, as in a notebook.
+    `send` takes a message for the page, text or binary, and drops it where none is connected; `post` runs a call on the
+    session's thread, from any thread. Of all sessions with one `lock` file only one distills at a time. `deformer` is
+    an editing session that exists already, as in a notebook.
     """
 
     def __init__(

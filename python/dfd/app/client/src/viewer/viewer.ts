@@ -66,83 +66,53 @@ export class Viewer {
 
   private follow(overlay: HTMLElement): void {
     const { stage } = this;
-    store.watch(
-      (state) => state.meshArrays,
-      () => this.load(),
-    );
-    store.watch(
-      (state) => state.detail,
-      (detail) => {
-        if (detail) this.shape?.detail(detail.message, detail.arrays);
-        stage.invalidate();
-      },
-    );
-    store.watch(
-      (state) => state.featureColors,
-      (colors) => {
-        if (colors) this.shape?.setFeatureColors(colors);
-        stage.invalidate();
-      },
-    );
-    store.watch(
-      (state) => state.posed,
-      (posed) => {
-        this.shape?.setPosed(posed);
-        stage.invalidate();
-      },
-    );
+    store.on("meshArrays", () => this.load());
+    store.on("detail", (detail) => {
+      if (detail) this.shape?.detail(detail.message, detail.arrays);
+      stage.invalidate();
+    });
+    store.on("featureColors", (colors) => {
+      if (colors) this.shape?.setFeatureColors(colors);
+      stage.invalidate();
+    });
+    store.on("posed", (posed) => {
+      this.shape?.setPosed(posed);
+      stage.invalidate();
+    });
     store.watch(posedBy, () => this.soon());
     // Marks lie over the picture, which stays as it is.
-    store.watch(
-      (state) => state.hover,
-      () => this.mark(),
-    );
+    store.on("hover", () => this.mark());
     store.watch(
       ({ look, wireframe, theme, comparing, showPlanes, edit }) => {
         return [look, wireframe, theme, comparing, showPlanes, edit?.symmetry, edit?.planes];
       },
       () => this.dress(),
     );
-    store.watch(
-      (state) => state.edit,
-      (edit) => {
-        if (edit?.posing === "server") send({ type: "compute" });
-      },
-    );
-    store.watch(
-      (state) => state.dragging,
-      (dragging) => {
-        stage.orbit.enabled = !dragging;
-        stage.hold(dragging);
-      },
-    );
+    store.on("edit", (edit) => {
+      if (edit?.posing === "server") send({ type: "compute" });
+    });
+    store.on("dragging", (dragging) => {
+      stage.orbit.enabled = !dragging;
+      stage.hold(dragging);
+    });
     stage.pace.quality = store.get().quality;
-    store.watch(
-      (state) => state.quality,
-      (quality) => {
-        stage.pace.quality = quality;
-        stage.invalidate();
-      },
-    );
+    store.on("quality", (quality) => {
+      stage.pace.quality = quality;
+      stage.invalidate();
+    });
     store.watch(
       (state) => state.look === "features" && ready(state) && state.mesh,
       (wanted) => {
         if (wanted) send({ type: "features" });
       },
     );
-    store.watch(
-      (state) => state.tool,
-      (tool) => {
-        stage.orbit.mouseButtons.LEFT = tool === "paint" ? null : MOUSE.ROTATE;
-        overlay.classList.toggle("through", tool === "paint");
-      },
-    );
-    store.watch(
-      (state) => state.framed,
-      () => {
-        if (this.shape) stage.frameShape(this.shape.radius);
-      },
-    );
+    store.on("tool", (tool) => {
+      stage.orbit.mouseButtons.LEFT = tool === "paint" ? null : MOUSE.ROTATE;
+      overlay.classList.toggle("through", tool === "paint");
+    });
+    store.on("framed", () => {
+      if (this.shape) stage.frameShape(this.shape.radius);
+    });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.dress());
   }
 

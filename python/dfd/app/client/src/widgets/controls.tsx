@@ -26,17 +26,15 @@ export function readable(value: number): string {
   return String(Number(value.toFixed(size < 1 ? 3 : size < 100 ? 2 : 1)));
 }
 
-interface IconButtonProps {
+interface IconButtonProps extends Partial<
+  Record<"onPointerDown" | "onPointerUp" | "onPointerLeave" | "onPointerCancel", () => void>
+> {
   readonly icon: IconName;
   readonly label: string;
   readonly keys?: string;
   readonly pressed?: boolean;
   readonly disabled?: boolean;
   readonly onPress?: () => void;
-  readonly onPointerDown?: () => void;
-  readonly onPointerUp?: () => void;
-  readonly onPointerLeave?: () => void;
-  readonly onPointerCancel?: () => void;
 }
 
 export function IconButton({ icon, label, keys, pressed, disabled, onPress, ...rest }: IconButtonProps) {
