@@ -35,6 +35,8 @@ class DFD_OT_weigh(bpy.types.Operator):  # noqa: N801
                     handle.vertex, handle.name = vertex, _free_name(of, vertex)
                     try:
                         weigh(of, handle)
+                        if of.dfd.preset != "default":
+                            of.dfd.start(handle)
                     except BaseException:
                         of.dfd.handles.remove(len(of.dfd.handles) - 1)
                         raise

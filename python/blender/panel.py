@@ -29,6 +29,7 @@ class DFD_PT_weights(bpy.types.Panel):  # noqa: N801
         layout.prop(settings, "field")
         if settings.field:
             layout.prop(settings, "axes")
+        layout.prop(settings, "preset")
         layout.operator("dfd.distill")
         layout.operator("dfd.weigh")
         for index, handle in enumerate(settings.handles):

@@ -15,6 +15,10 @@ __all__ = ["CLASSES", "HandleSettings", "ObjectSettings", "Preferences"]
 
 FALLOFFS = [(name, name.capitalize(), "") for name in get_args(Falloff)]
 DEFAULTS = PRESETS["default"]
+PRESET_ITEMS = [
+    ("default", "Default", "What measurements and pictures say is better"),
+    ("paper", "Paper", "The paper's equations to the letter"),
+]
 AXES = [
     ("AUTO", "Whichever fits", "As the object's or as glTF's, by the box of the field's shape"),
     ("SAME", "The object's own", "The field has the coordinates of the mesh as Blender shows them"),
@@ -34,6 +38,12 @@ def _another(settings: ObjectSettings, context: bpy.types.Context) -> None:
     """Another field, or other axes: every group follows."""
     for handle in settings.handles:
         refresh(settings.id_data, handle)
+
+
+def _preset(settings: ObjectSettings, context: bpy.types.Context) -> None:
+    """Another preset: every handle has its reach and falloff, and every group follows."""
+    for handle in settings.handles:
+        settings.start(handle)
 
 
 class HandleSettings(bpy.types.PropertyGroup):
@@ -67,7 +77,14 @@ class ObjectSettings(bpy.types.PropertyGroup):
         name="Field", description="A .field.safetensors of this shape", subtype="FILE_PATH", update=_another
     )
     axes: bpy.props.EnumProperty(name="Axes", items=AXES, default="AUTO", update=_another)
+    preset: bpy.props.EnumProperty(
+        name="Preset", description="What handles begin with", items=PRESET_ITEMS, default="default", update=_preset
+    )
     handles: bpy.props.CollectionProperty(type=HandleSettings)
+
+    def start(self, handle: HandleSettings) -> None:
+        """Give a handle the preset's reach and falloff."""
+        handle.reach, handle.falloff = PRESETS[self.preset].reach, PRESETS[self.preset].falloff
 
 
 class Preferences(bpy.types.AddonPreferences):

@@ -112,6 +112,18 @@ def test_sliders_weigh_anew(ball, field_file):
     np.testing.assert_allclose(group_weights(ball, handle.name), wanted, atol=1e-5)
 
 
+def test_a_preset_sets_reach_and_falloff_of_every_handle(ball, field_file):
+    ball.dfd.axes, ball.dfd.field = "SAME", str(field_file)
+    select(ball, 7)
+    bpy.ops.dfd.weigh()
+    ball.dfd.preset = "paper"
+    bpy.ops.dfd.weigh()
+    wanted = expected(ball, field_file, 7, reach=1.0, falloff="linear")
+    for handle in ball.dfd.handles:
+        np.testing.assert_allclose(group_weights(ball, handle.name), wanted, atol=1e-6)
+    assert np.abs(wanted - expected(ball, field_file, 7)).max() > 0.01
+
+
 def triangles(of: bpy.types.Object) -> np.ndarray:
     of.data.calc_loop_triangles()
     found = np.empty((len(of.data.loop_triangles), 3), np.int32)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from dfd.cli.arguments import FieldOption, MeshArgument, check_output
+from dfd.cli.arguments import FieldOption, MeshArgument, PresetOption, check_output, chosen_preset
 
 __all__ = ["export", "rig"]
 
@@ -36,12 +36,14 @@ def export(
     weights: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the weights as arrays, to an .npz or .safetensors file.")
     ] = None,
+    preset: PresetOption = None,
 ) -> None:
     """Write MESH with the handles of an edit as joints, for Blender, game engines and other programs."""
     if output is None and weights is None:
         raise ValueError("`--output` or `--weights` must be given: otherwise nothing is kept")
     if form not in ("skin", "morph", "baked"):
         raise ValueError(f"`--as` must be skin, morph or baked, got {form}")
+    chosen = chosen_preset(preset)
     most: int | str | None = influences
     if influences is not None and influences != "all":
         if not influences.isdecimal() or int(influences) < 1:
@@ -60,6 +62,7 @@ def export(
         moments = () if poses is None else read_key_poses(poses)
         shape = load(mesh)
         session = Deformer.load(edit, shape, Field.load(field, mesh=shape))
+        session.set(preset=chosen)
     with stages.stage("features", len(shape.vertices)) as advance:
         session.prepare(advance)
     if output is not None:

@@ -15,18 +15,28 @@ NAME = "libgomp.so.1"
 
 
 def load_runtime() -> None:
-    """Load torch's copy of the runtime, where torch is installed, unless some copy is loaded already.
+    """Load the runtime, torch's copy where torch is installed unless some copy is loaded already, and then the kernels.
 
     The kernels, and torch when it is imported later, then find the runtime loaded under its name and load no other. The
     copy of torch comes before the system's: it serves torch and the kernels, it is there where the system has none, and
-    the system's may be older than what torch was built for.
+    the system's may be older than what torch was built for. A torch that names its copy by a hash keeps it to itself:
+    the kernels then need the system's.
+
+    Raises
+    ------
+    ImportError
+        If the kernels need the runtime and neither torch nor the system has it.
     """
-    if not sys.platform.startswith("linux") or _is_loaded():
-        return
-    found = find_torch_runtime()
-    if found is not None:
+    if sys.platform.startswith("linux") and not _is_loaded() and (found := find_torch_runtime()) is not None:
         with suppress(OSError):  # a damaged copy: the kernels ask the system for theirs
             ctypes.CDLL(str(found))
+    try:
+        importlib.import_module("dfd._core")
+    except ImportError as error:
+        if NAME not in str(error):
+            raise
+        reason = f"dfd needs GNU's OpenMP runtime, {NAME}, and neither torch nor the system has it under that name"
+        raise ImportError(f"{reason}: install libgomp1 (Debian, Ubuntu) or libgomp (Fedora)") from error
 
 
 def find_torch_runtime() -> Path | None:

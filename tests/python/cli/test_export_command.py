@@ -44,6 +44,19 @@ def test_features_of_another_network_stand_for_a_field(run, folder, chair):
 
 
 @pytest.mark.usefixtures("edited")
+def test_a_preset_takes_the_place_of_what_the_edit_says(run, folder, chair):
+    assert worked(run(*EXPORT, "--weights", "edit.npz"))
+    assert worked(run(*EXPORT, "--weights", "paper.npz", "--preset", "paper"))
+    features = dfd.Field.load(folder / "chair.field.safetensors").features(chair)
+    with np.load("edit.npz") as edit, np.load("paper.npz") as paper:
+        np.testing.assert_allclose(paper["weights"], dfd.bind(features, [40]), atol=1e-6)
+        assert np.abs(edit["weights"] - paper["weights"]).max() > 0.05
+    assert failed(
+        run(*EXPORT, "-o", "rig.glb", "--preset", "papers"), "`--preset` must be one of default, paper, got 'papers'"
+    )
+
+
+@pytest.mark.usefixtures("edited")
 def test_forms_influences_and_poses(run, tmp_path):
     pose = {"seconds": 1, "transforms": [{"handle": 1, "rotation": [0, 90, 0]}]}
     (tmp_path / "poses.json").write_text(json.dumps([{"seconds": 0, "transforms": []}, pose]))

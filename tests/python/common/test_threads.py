@@ -128,6 +128,15 @@ def test_torch_brings_the_runtime_where_the_system_has_none(tmp_path):
     assert loaded_runtimes(code, **hidden) == [openmp.find_torch_runtime()]
 
 
+@linux_only
+def test_no_runtime_anywhere_is_said_with_what_to_install(tmp_path):
+    (tmp_path / openmp.NAME).write_bytes(b"no library at all" * 20)
+    code = "import importlib.util as u; u.find_spec = lambda name: None; import dfd"  # as if torch were not installed
+    told = python(code, LD_LIBRARY_PATH=str(tmp_path)).stderr.splitlines()[-1]
+    assert told.startswith("ImportError: dfd needs GNU's OpenMP runtime, libgomp.so.1")
+    assert "install libgomp1" in told
+
+
 def test_torch_runtime_is_found_in_either_folder_or_not_at_all(tmp_path, monkeypatch):
     package = tmp_path / "torch"
     package.mkdir()
