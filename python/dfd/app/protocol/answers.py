@@ -77,6 +77,7 @@ class HandleBase(Model):
     axes: Frame | None  # along which it scales, one a row; null is the mesh's own
     reach_by: Literal["number", "auto", "part"]  # what was asked for; `reach` is what that found
     exponent: float  # λ of the formula: the locality, or what makes the radius's falloff
+    within_part: bool  # whether that region is its part
     region: int  # how many vertices it holds as one; 0 where it is no region
     gain: float  # what Eq. 6 left at the handle, undone
     column: int  # the number of its column; the same number is the same data
@@ -115,6 +116,7 @@ class FieldState(Model):
 
     status: Literal["none", "distilling", "preparing", "ready"]
     origin: str | None  # "file", "cache", "distilled"
+    parts: bool = False  # whether parts are found without delay
 
 
 class StateMessage(Answer):

@@ -42,7 +42,13 @@ class RegionPlace(Model):
     mask: Annotated[str, Field(min_length=4, pattern=r"^[A-Za-z0-9+/]+={0,2}$")]
 
 
-Place = VertexPlace | PointPlace | RegionPlace
+class PartPlace(Model):
+    """The part that a vertex is on, with its look-alikes."""
+
+    part: Index
+
+
+Place = VertexPlace | PointPlace | RegionPlace | PartPlace
 
 
 class Transform(Model):

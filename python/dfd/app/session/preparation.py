@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 import warnings
@@ -140,6 +141,9 @@ class Preparation:
         }
         deformer.bound.prepare_instances(planes["default"])
         self._tell("field_planes", planes)
+        with contextlib.suppress(ValueError):  # a shape without an area has none
+            deformer.bound.parts.prepare()
+            self._tell("field_parts")
 
 
 # Seconds of each stage of a distillation with the default settings on two cores, in order. Only the proportions

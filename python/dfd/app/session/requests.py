@@ -24,6 +24,7 @@ from dfd.app.protocol.parts import (
     Controls,
     Index,
     KeyPoses,
+    PartPlace,
     Place,
     Plane,
     PointPlace,
@@ -36,12 +37,14 @@ from dfd.app.protocol.parts import (
 from dfd.app.protocol.requests import Request, call, request
 from dfd.app.session import exports
 from dfd.app.session.columns import heat_message
+from dfd.app.session.parts import Combine
 from dfd.app.session.script import as_command, as_python
 from dfd.app.session.session import Session
 from dfd.app.session.shapes import sample_source
 from dfd.app.session.state import feature_colors_message, positions_message
 from dfd.common.preset import Preset
 from dfd.editing.edit import Fixed, empty_edit
+from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import place_on
 from dfd.editing.suggestions import suggest_handles
 from dfd.posing.pose import Blend, Overlap
@@ -104,6 +107,12 @@ def probe(session: Session, at: VertexPlace | PointPlace) -> bytes:
 
 
 @request
+def part(session: Session, vertex: Index) -> bytes:
+    """The part that a vertex is on; a newer request replaces it unanswered. Answer: `part`."""
+    return session.require_parts().message(vertex, request=session.after)
+
+
+@request
 def compute(session: Session) -> bytes:
     """The posed shape from the kernel. Answer: `positions`; a newer request replaces it unanswered."""
     return positions_message(session.require_deformer(), request=session.after)
@@ -147,6 +156,33 @@ def add(session: Session, at: Place, transform: Transform = NO_TRANSFORM, contro
     """Add a handle. Answer: `done` with the `handle`."""
     given = {"at": _at(session, at), **_transform_parts(transform), **_controls(session, controls)}
     return DoneMessage(handle=session.change(lambda deformer: deformer.add(**given)))
+
+
+@request
+def take_part(session: Session, vertex: Index, handle: int | None = None, how: Combine = "take") -> Answer:
+    """Hold the part that a vertex is on. Answer: `done` with the handle that holds it.
+
+    Where `handle` holds it already, it holds that of the next level instead. "add" adds the part to what `handle`
+    holds, and "remove" takes it away from there. A limit to the part goes along.
+    """
+    parts, handles = session.require_parts(), session.require_deformer().handles
+    held = next((each for each in handles if each.id == handle and isinstance(each.place.region, VertexSet)), None)
+    region: Any = None if held is None else held.place.region
+    if held is not None and how != "take":
+        chosen = parts.combined(vertex, region, how)
+    else:
+        steps = parts.steps(vertex)
+        # Another place is another part: a handle of its own.
+        held = held if region in steps else None
+        chosen = steps[0] if held is None else steps[(steps.index(region) + 1) % len(steps)]
+    same = next((each for each in handles if each.place.region == chosen), None)
+    if same is not None:
+        return DoneMessage(handle=same.id)
+    if held is None:
+        return DoneMessage(handle=session.change(lambda deformer: deformer.add(chosen)))
+    number, within = held.id, chosen if parts.limits(held) else None
+    session.change(lambda deformer: deformer.change(number, at=chosen, within=within))
+    return DoneMessage(handle=number)
 
 
 @request
@@ -209,6 +245,8 @@ def change(
     given = _controls(session, controls)
     if at is not None:
         given["at"] = _at(session, at)
+    if given.get("within") == "part":
+        given["within"] = session.require_parts().of(session.require_deformer().edit.handle(handle))
     session.change(lambda deformer: deformer.change(handle, **given), ("change", handle), merge=merge)
 
 
@@ -340,6 +378,8 @@ def script(session: Session) -> Answer:
 def _at(session: Session, place: Place) -> Any:
     if isinstance(place, VertexPlace):
         return place.vertex
+    if isinstance(place, PartPlace):
+        return session.require_parts().at(place.part)
     return place.point if isinstance(place, PointPlace) else _members(session, place)
 
 

@@ -13,6 +13,7 @@ from dfd.app.protocol.answers import FieldState, FixedState, HandleState, NewHan
 from dfd.app.protocol.binary_messages import ColorsMessage, PositionsMessage, pack
 from dfd.app.protocol.parts import KeyPose, Plane, PoseTransform
 from dfd.app.session.columns import Columns
+from dfd.app.session.parts import ShapeParts
 from dfd.app.session.surface import center_of, packed_normals
 from dfd.common.preset import Preset
 from dfd.editing.edit import band_on, box_center
@@ -40,6 +41,7 @@ class ViewState:
     """The parts of a state message that are not the edit."""
 
     field: FieldState = NO_FIELD
+    parts: ShapeParts | None = None
     planes: Mapping[Preset, Sequence[SymmetryPlane]] = dataclass_field(default_factory=dict)  # by each preset's rules
     poses: tuple[KeyPose, ...] = ()
 
@@ -54,7 +56,7 @@ def state_message(
         return StateMessage(preset="default", new_handle=_new_handle("default"), overlap=overlap, blend=blend, **common)
     mesh, preset = deformer.mesh, deformer.preset
     return StateMessage(
-        handles=tuple(_handle(deformer, columns, handle) for handle in deformer.handles),
+        handles=tuple(_handle(deformer, columns, handle, view_state.parts) for handle in deformer.handles),
         fixed=tuple(
             FixedState(
                 vertex=place.vertex, position=place.position, strength=strength, region=_size(mesh, place.region)
@@ -80,7 +82,7 @@ def _new_handle(preset: Preset) -> NewHandle:
     return NewHandle(reach=PRESETS[preset].reach, falloff=PRESETS[preset].falloff)
 
 
-def _handle(deformer: Deformer, columns: Columns, handle: Handle) -> HandleState:
+def _handle(deformer: Deformer, columns: Columns, handle: Handle, parts: ShapeParts | None) -> HandleState:
     transform, controls = handle.transform, handle.controls
     bound, edit = deformer.bound, deformer.edit
     values = {
@@ -101,6 +103,7 @@ def _handle(deformer: Deformer, columns: Columns, handle: Handle) -> HandleState
         own_pivot=transform.pivot is not None,
         axes=transform.axes,
         reach_by=controls.reach if isinstance(controls.reach, str) else "number",
+        within_part=parts is not None and parts.limits(handle),
         exponent=bound.locality(edit, handle)[2],
         region=_size(deformer.mesh, handle.place.region),
         gain=bound.gain(edit, handle),

@@ -3,7 +3,7 @@ import { heldPart } from "../posing/columns";
 import type { HandleState } from "../protocol/messages";
 import { store } from "../store/state";
 import { useStore } from "../store/use";
-import { percent, readable, Select, Slider, Toggle } from "../widgets/controls";
+import { percent, readable, Segmented, Select, Slider, Toggle } from "../widgets/controls";
 
 /** What a slider says of the present value, where that is more than a number. */
 const TEXTS: Partial<Record<string, (handle: HandleState, size: number) => string>> = {
@@ -40,7 +40,7 @@ export function ControlField({ name, handle }: { readonly name: string; readonly
   }
   const unit = kind === "length" ? size : 1;
   const number = Number(value);
-  return (
+  const field = (
     <Slider
       label={label}
       hint={hint}
@@ -50,5 +50,13 @@ export function ControlField({ name, handle }: { readonly name: string; readonly
       // A radius of nothing is none: all along the surface follows.
       onInput={(part) => slide(id, name === "radius" && part === 0 ? { locality: 0 } : { [name]: part * unit })}
     />
+  );
+  if (name !== "reach") return field;
+  const setBy = (word: string) => change(id, { reach: word === "number" ? handle.reach : (word as "auto" | "part") });
+  return (
+    <>
+      {field}
+      <Segmented label="Reach by" value={handle.reach_by} options={[...choices, "number"]} onChange={setBy} />
+    </>
   );
 }

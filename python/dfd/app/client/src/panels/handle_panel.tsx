@@ -59,6 +59,11 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
         action={resetPivot}
       />
       {["reach", "falloff", "locality", "radius", "strength"].map(field)}
+      <Toggle
+        label="Limit to part"
+        checked={handle.within_part}
+        onChange={(on) => change(id, { within: on ? "part" : "everywhere" })}
+      />
       <div class="limit">
         <span>Limit</span>
         <span class="limit-text">{handle.within > 0 ? `${count.format(handle.within)} vertices` : "none"}</span>

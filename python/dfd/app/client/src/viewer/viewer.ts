@@ -3,7 +3,7 @@
 import { Color, MOUSE } from "three";
 
 import { send } from "../actions/connection";
-import { hold, select, toggleFixed, wheelReach } from "../actions/edit";
+import { hold, select, takePart, toggleFixed, wheelReach } from "../actions/edit";
 import { niceStep } from "../posing/affine";
 import { present, ready, selectedHandle, store, type State } from "../store/state";
 import { Background } from "./overlays/background";
@@ -42,12 +42,12 @@ export class Viewer {
       busy: () => this.gizmo.dragging || this.gizmo.hovered,
       dragging: () => this.gizmo.dragging,
       pick: (x, y) => this.pick(x, y),
-      click: (picked) => this.click(picked),
+      click: (picked, event) => this.click(picked, event),
       wheel: (delta) => this.wheel(delta),
       paint: (picked, erase) => {
         if (this.shape) paint(this.shape, picked, erase);
       },
-      rest: (picked) => this.probe(picked),
+      rest: (picked, part) => this.probe(picked, part),
     });
     this.follow(overlay);
   }
@@ -195,7 +195,7 @@ export class Viewer {
 
   // --- what a person does on the canvas
 
-  private click(picked: Pick | null): void {
+  private click(picked: Pick | null, event: PointerEvent): void {
     const state = store.get();
     if (!picked) {
       select(null);
@@ -203,7 +203,8 @@ export class Viewer {
     }
     if (!ready(state)) return;
     store.set({ hover: { vertex: picked.vertex, row: picked.row }, probe: null });
-    if (state.tool === "fix") toggleFixed(picked.vertex);
+    if (event.altKey) void takePart(picked.vertex, event);
+    else if (state.tool === "fix") toggleFixed(picked.vertex);
     else if (state.tool === "hold") hold(picked.vertex);
   }
 
@@ -214,9 +215,11 @@ export class Viewer {
     return true;
   }
 
-  private probe({ vertex }: Pick): void {
+  private probe({ vertex }: Pick, part: boolean): void {
     const state = store.get();
-    if (ready(state) && state.tool !== "paint" && state.tool !== "pivot") send({ type: "probe", at: { vertex } });
+    if (!ready(state) || state.tool === "paint" || state.tool === "pivot") return;
+    if (!part) send({ type: "probe", at: { vertex } });
+    else if (state.edit?.field.parts) send({ type: "part", vertex });
   }
 }
 
