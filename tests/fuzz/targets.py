@@ -11,6 +11,7 @@ import tempfile
 import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from compressed_files import draco_cube, ktx2_quad, meshopt_cube, packed_glb
@@ -22,13 +23,28 @@ import dfd
 from dfd import Field, Mesh
 from dfd.distillation.checkpoint import Checkpoint, with_hash
 from dfd.editing.edit_file import read_edit, write_edit
+from dfd.export.key_poses import read_key_poses
 from dfd.mesh.file.gltf import glb
 
+from .arrays import array_input, call_with_arrays
 from .kernels import kernel_input, run_kernels
 from .mutation import damaged_bytes, damaged_json
 
 __all__ = ["TARGETS", "Target", "run"]
 
+SHAPE = Mesh(CORNERS, CUBE)
+FIELD = made_field(4, width=8, layers=1, center=(0.5,) * 3, scale=2.0)
+EXPORTS: list[tuple[str, Literal["skin", "morph", "baked"]]]
+EXPORTS = [("skin.glb", "skin"), ("morph.glb", "morph"), ("baked.obj", "baked"), ("baked.ply", "baked")]
+if importlib.util.find_spec("pxr"):
+    EXPORTS += [("usd-skin.usda", "skin"), ("usd-morph.usdc", "morph")]
+POSES = [
+    {"seconds": 0, "transforms": []},
+    {
+        "seconds": 1.5,
+        "transforms": [{"handle": 0, "rotation": [0, 90, 0], "translation": [0, 1, 0], "scale": [1, 2, 1]}],
+    },
+]
 LONGEST_MESSAGE = 700  # characters
 
 Target = tuple[st.SearchStrategy[bytes], Callable[[Path], None]]
@@ -74,6 +90,31 @@ def load_edit(path: Path) -> None:
         again = Path(folder, "again.json")
         write_edit(again, edit, mesh)
         assert read_edit(again, mesh) == edit
+
+
+def apply_edit(path: Path) -> None:
+    """An edit that is read poses a shape that stays finite, and every form of export loads again."""
+    session = dfd.Deformer.load(path, SHAPE, FIELD)
+    assert np.isfinite(session.vertices).all()
+    assert "\n" not in str(session.report().warning or "")
+    with tempfile.TemporaryDirectory() as folder:
+        for name, form in EXPORTS:
+            dfd.export_rig(session, Path(folder, name), form=form)
+            if not name.startswith("usd"):
+                dfd.load(Path(folder, name))
+        dfd.export_weights(session, Path(folder, "weights.npz"))
+
+
+def load_poses(path: Path) -> None:
+    """Key poses that are read are finite and in order, and posed with an edit give finite vertices."""
+    moments = read_key_poses(path)
+    seconds = [moment.seconds for moment in moments]
+    assert np.isfinite(seconds).all()
+    session = dfd.Deformer(SHAPE, FIELD)
+    session.add(0)
+    with tempfile.TemporaryDirectory() as folder:
+        dfd.export_rig(session, Path(folder, "animated.glb"), poses=moments)
+        dfd.load(Path(folder, "animated.glb"))
 
 
 def load_checkpoint(path: Path) -> None:
@@ -158,6 +199,10 @@ def _targets() -> dict[str, Target]:
     edit = json.loads(good[".json"][0])
     texts = damaged_json(edit).map(lambda document: json.dumps(document).encode())
     made["edit.json"] = (st.one_of(texts, texts, damaged_bytes(good[".json"][0])), load_edit)
+    made["applied.json"] = (texts, apply_edit)
+    poses = damaged_json(POSES).map(lambda document: json.dumps(document).encode())
+    made["poses.json"] = (st.one_of(poses, damaged_bytes(json.dumps(POSES).encode())), load_poses)
+    made["arrays.json"] = (array_input(), call_with_arrays)
     made["checkpoint.piece"] = (damaged_bytes(good[".piece"][0]), load_checkpoint)
     made["kernels.json"] = (kernel_input(), run_kernels)
     return made

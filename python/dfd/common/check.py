@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dfd.common import tensors
 from dfd.common.errors import ArgumentError
 
-__all__ = ["array", "choice", "number", "vertex_indices", "warn", "whole"]
+__all__ = ["array", "choice", "field", "number", "vertex_indices", "warn", "whole"]
 
 
 def _describe(shape: Sequence[int | str | None]) -> str:
@@ -119,6 +119,13 @@ def choice(function: str | None, name: str, value: Any, options: Any) -> Any:
     words = get_args(options)
     if not isinstance(value, str) or value not in words:
         raise ArgumentError(name, f"must be one of {', '.join(words)}, got {value!r}", function)
+    return value
+
+
+def field(function: str, value: Any) -> Any:
+    """Return `value`, a `Field` or what else gives features when it is called with points."""
+    if not callable(value):
+        raise ArgumentError("field", f"must be a Field, got {type(value).__name__}", function)
     return value
 
 

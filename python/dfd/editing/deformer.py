@@ -25,6 +25,7 @@ from dfd.editing.points import Place, place_on
 from dfd.editing.presets import SymmetryCandidates
 from dfd.editing.report import Report, report
 from dfd.editing.shape import PosedShape
+from dfd.field.field import Field
 from dfd.mesh.mesh import MeshLike, as_mesh
 from dfd.posing.pose import Blend, Overlap
 from dfd.posing.transforms import Along, Transform
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from dfd.editing.influence.instances import Instance
-    from dfd.field.field import Field
     from dfd.segmentation.parts import Level
 
 __all__ = ["Deformer"]
@@ -105,7 +105,7 @@ class Deformer:
     @public
     def __init__(self, mesh: MeshLike, field: Field, *, preset: Preset = "default", features: Any = None) -> None:
         self.mesh = as_mesh(mesh)
-        self.field = field
+        self.field = check.field("Deformer", field)
         start = empty_edit(preset)
         if features is None:
             check_compatible(field, self.mesh)

@@ -15,12 +15,12 @@ from dfd.common import check, tensors
 from dfd.common.errors import ArgumentError
 from dfd.field.field import Field, FieldSource
 from dfd.field.given_features import of_vertices, read_features, rows_of_vertices
+from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 from dfd.mesh.normalization import normalization
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
-    from dfd.mesh.mesh import Mesh
 
 __all__ = ["VertexField", "read_vertex_field"]
 
@@ -50,7 +50,8 @@ class VertexField(Field):
         If `features` has another shape, is not finite, or a row has no direction.
     """
 
-    def __init__(self, mesh: Mesh, features: ArrayLike, *, settings: Mapping[str, Any] | None = None) -> None:
+    def __init__(self, mesh: MeshLike, features: ArrayLike, *, settings: Mapping[str, Any] | None = None) -> None:
+        mesh = as_mesh(mesh)
         rows = check.array("VertexField", "features", features, ("V", "D"))
         if len(rows) == len(mesh.faces) != len(mesh.vertices):
             rows = of_vertices(mesh, rows).astype(np.float32)

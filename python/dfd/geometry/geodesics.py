@@ -16,7 +16,7 @@ from dfd.common.threads import get_num_threads
 from dfd.geometry.refine import split_long_edges
 from dfd.geometry.surface_graph import bridges
 from dfd.geometry.topology import face_areas
-from dfd.mesh.mesh import Mesh
+from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 from dfd.mesh.normalization import box_normalization
 from dfd.mesh.weld import weld
 
@@ -53,11 +53,11 @@ class Geodesics:
         If `bridges` is not True or False.
     """
 
-    def __init__(self, mesh: Mesh, *, bridges: bool = True) -> None:
+    def __init__(self, mesh: MeshLike, *, bridges: bool = True) -> None:
         """Check and keep the arguments; nothing is computed yet."""
         if not isinstance(bridges, bool):
             raise ValueError(f"Geodesics: `bridges` must be True or False, got {bridges!r}")
-        self._mesh = mesh
+        self._mesh = as_mesh(mesh)
         self._bridges = bridges
         self._lock = threading.Lock()
         self._result: _Prepared | None = None

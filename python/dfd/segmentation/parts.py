@@ -193,4 +193,4 @@ class Parts:
 def parts(field: Field, mesh: MeshLike) -> Parts:
     """Find the parts of `mesh`, or of whatever `dfd.load` makes one of, by the features that `field` gives there."""
     shape = as_mesh(mesh)
-    return Parts(shape, field.on(shape).rows)
+    return Parts(shape, check.field("parts", field).on(shape).rows)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,12 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
+from dfd.field.field import Field
+from dfd.mesh.mesh import MeshLike, as_mesh
 from dfd.symmetry.evidence import SurfaceFeatures, gather
 from dfd.symmetry.registration import registered
-
-if TYPE_CHECKING:
-    from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
 
 __all__ = ["LARGEST_ORDER", "RotationalSymmetry", "rotational_symmetries"]
 
@@ -78,7 +75,7 @@ class RotationalSymmetry:
         return turned
 
 
-def rotational_symmetries(field: Field, mesh: Mesh, *, threshold: float = THRESHOLD) -> list[RotationalSymmetry]:
+def rotational_symmetries(field: Field, mesh: MeshLike, *, threshold: float = THRESHOLD) -> list[RotationalSymmetry]:
     """Find the axes about which `mesh` looks alike after a turn of 360° / n, n from 2 to 12.
 
     Principal axes and axes of the coordinates through the middle of the surface are moved to where the turned surface
@@ -97,10 +94,11 @@ def rotational_symmetries(field: Field, mesh: Mesh, *, threshold: float = THRESH
     Raises
     ------
     ValueError
-        If `threshold` is negative or not finite.
+        If `field` is not one, or `threshold` is negative or not finite.
     """
+    check.field("rotational_symmetries", field)
     threshold = check.number("rotational_symmetries", "threshold", threshold, minimum=0.0)
-    evidence = gather(field, mesh)
+    evidence = gather(field, as_mesh(mesh))
     if evidence is None:
         return []
     judged = [_best_order(evidence, axis, point, threshold) for axis, point in _axes(evidence.points)]

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
+from dfd.field.field import Field
+from dfd.mesh.mesh import MeshLike, as_mesh
 from dfd.symmetry.evidence import SurfaceFeatures, gather
 from dfd.symmetry.plane import AXES, DEFAULT_BAND, SymmetryPlane, axis_plane
 from dfd.symmetry.plane_search import candidate_planes, mirrored, same_plane
 
 if TYPE_CHECKING:
-    from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
 __all__ = ["scored_planes", "symmetry_planes"]
@@ -33,7 +34,7 @@ _SNAP_ANGLE, _SNAP_OFFSET, _SNAP_LOSS = np.radians(1.5), 0.012, 0.01
 
 def symmetry_planes(
     field: Field,
-    mesh: Mesh,
+    mesh: MeshLike,
     *,
     threshold: float | Literal["relative"] = "relative",
     candidates: Literal["any", "axes"] = "any",
@@ -60,11 +61,13 @@ def symmetry_planes(
     Raises
     ------
     ValueError
-        If `threshold` is another word, negative or not finite, or `candidates` is another word.
+        If `field` is not one, `threshold` is another word, negative or not finite, or `candidates` is another word.
 
     Source: paper, section 3.3.3; planes from pairs of points: Mitra, Guibas and Pauly, "Partial and approximate
     symmetry detection for 3D geometry", 2006.
     """
+    check.field("symmetry_planes", field)
+    mesh = as_mesh(mesh)
     if threshold != "relative":
         threshold = check.number("symmetry_planes", "threshold", threshold, minimum=0.0)
     if candidates not in ("any", "axes"):

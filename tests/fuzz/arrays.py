@@ -1,0 +1,100 @@
+"""Arrays of odd shapes, types and memory layouts into every public function that takes arrays."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from hypothesis import strategies as st
+from mesh_files import CORNERS, CUBE
+
+import dfd
+
+__all__ = ["array_input", "call_with_arrays"]
+
+MESH = dfd.Mesh(CORNERS, CUBE)
+SHAPES = [
+    (8, 3),
+    (8, 4),
+    (12, 3),
+    (8,),
+    (1,),
+    (2,),
+    (8, 1),
+    (1, 8),
+    (2, 3, 4),
+    (1, 3, 4),
+    (0, 3),
+    (0,),
+    (3, 8),
+    (7, 4),
+    (),
+]
+DTYPES = ["<f8", "<f4", "<f2", "<i8", "<i4", "|u1", "<u8", "|b1", "<c8", "<U3", "|O", ">f4", ">i8", "<M8[s]"]
+FILLS: dict[str, Callable[[np.random.Generator, tuple[int, ...]], np.ndarray]] = {
+    "small": lambda random, shape: random.random(shape),
+    "index": lambda random, shape: random.integers(0, 8, shape),
+    "wide": lambda random, shape: random.integers(-9, 20, shape),
+    "zero": lambda random, shape: np.zeros(shape),
+    "nan": lambda random, shape: np.where(random.random(shape) < 0.2, np.nan, 0.5),
+    "infinite": lambda random, shape: np.where(random.random(shape) < 0.2, np.inf, 0.5),
+    "huge": lambda random, shape: random.random(shape) * 1e300,
+    "tiny": lambda random, shape: random.random(shape) * 1e-300,
+}
+LAYOUTS: dict[str, Callable[[np.ndarray], Any]] = {
+    "plain": lambda array: array,
+    "reversed": lambda array: array[::-1] if array.ndim else array,
+    "transposed": lambda array: np.ascontiguousarray(array.T).T,
+    "strided": lambda array: np.repeat(array, 2, axis=-1)[..., ::2] if array.ndim else array,
+    "list": lambda array: array.tolist(),
+    "nothing": lambda array: None,
+}
+# What each gives back must be finite.
+CALLS: dict[str, Callable[..., Any]] = {
+    "mesh": lambda a, b, c: dfd.Mesh(a, b).vertices,
+    "bind": lambda a, b, c: dfd.bind(a, b),
+    "bind, fixed": lambda a, b, c: dfd.bind(a, b, fixed=c),
+    "bind, geodesic": lambda a, b, c: dfd.bind(a, [0], geodesic=b, locality=1.0),
+    "pose": lambda a, b, c: dfd.pose(a, b, c),
+    "compact": lambda a, b, c: dfd.bind(dfd.compact(a), [0]),
+    "distances": lambda a, b, c: np.nan_to_num(dfd.Geodesics(MESH).distances(a), posinf=0),
+    "planes": lambda a, b, c: [plane.normal for plane in dfd.symmetry_planes(dfd.VertexField(MESH, a), MESH)],
+    "parts": lambda a, b, c: dfd.parts(dfd.VertexField(MESH, a), MESH).part(b).vertices,
+    "field": lambda a, b, c: dfd.VertexField(MESH, a)(b),
+    "session": lambda a, b, c: moved(dfd.VertexField(MESH, a), b, c),
+}
+
+
+def moved(field: dfd.VertexField, at: Any, by: Any) -> np.ndarray:
+    """The cube, a handle at `at` moved and another place fixed."""
+    session = dfd.Deformer(MESH, field)
+    session.add(at, translation=by)
+    session.fix(at)
+    return session.vertices
+
+
+def array_input() -> st.SearchStrategy[bytes]:
+    """What `call_with_arrays` calls, and with what."""
+    array = st.tuples(*map(st.sampled_from, (SHAPES, DTYPES, list(FILLS), list(LAYOUTS))))
+    drawn = st.tuples(st.sampled_from(list(CALLS)), st.integers(0, 2**31), array, array, array)
+    return drawn.map(lambda case: json.dumps(case).encode())
+
+
+def call_with_arrays(path: Path) -> None:
+    """The call refuses its arrays, or gives finite numbers, and leaves them alone."""
+    name, seed, *described = json.loads(path.read_bytes())
+    random = np.random.default_rng(seed)
+    arrays = []
+    for shape, dtype, fill, layout in described:
+        with np.errstate(all="ignore"):
+            array = np.asarray(FILLS[fill](random, tuple(shape)))
+            array = array.astype("<i8").astype(dtype) if dtype.startswith("<M") else array.astype(dtype)
+        arrays.append(LAYOUTS[layout](array))
+    before = repr([np.array(array).tolist() for array in arrays])
+    with np.errstate(all="ignore"):
+        result = CALLS[name](*arrays)
+    assert np.isfinite(np.asarray(result, np.float64)).all(), name
+    assert repr([np.array(array).tolist() for array in arrays]) == before, "an argument was changed"
