@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from dfd.mesh.appearance import GREY, Material
 from dfd.mesh.file.images import as_png
 from dfd.mesh.file.obj.library import Companions
+from dfd.mesh.file.primitives import UniqueNames
 from dfd.mesh.file.scene_file import SceneFile
 
 __all__ = ["encode", "encode_scene"]
@@ -80,8 +81,7 @@ class _MaterialLibrary:
         self.text = ""
         self._stem, self._companions = stem, companions
         self._names: dict[int, str] = {}
-        self._taken: set[str] = set()
-        self._counts: dict[str, int] = {}
+        self._unique = UniqueNames(2)
 
     def add(self, material: Material | None) -> str | None:
         """Return the name of a material, written on first use; None for a default one."""
@@ -105,13 +105,7 @@ class _MaterialLibrary:
         return self._names[grey_id]
 
     def _unused(self, name: str) -> str:
-        name = _SEPARATORS.sub("_", name)[:_LONGEST_NAME] or "material"
-        numbered = name
-        while numbered in self._taken:
-            self._counts[name] = self._counts.get(name, 1) + 1
-            numbered = f"{name}_{self._counts[name]}"
-        self._taken.add(numbered)
-        return numbered
+        return self._unique.unique(_SEPARATORS.sub("_", name)[:_LONGEST_NAME] or "material")
 
 
 def _vertex_colors(scene: SceneFile) -> NDArray[np.float64] | None:
