@@ -89,6 +89,8 @@ class Defaults:
     ----------
     reach, falloff, instances
         Of a new handle, as in `Deformer.add`; its other controls change nothing unless they are given.
+    pivot
+        About what a handle turns and scales that says nothing of it: as `Deformer.add` has it, or the point held.
     overlap, blend, arrive, mirrored_locality, bridges
         Of a new session, as the properties of `Deformer`.
     band
@@ -102,6 +104,7 @@ class Defaults:
     reach: float = 0.7
     falloff: Falloff = "smooth"
     instances: Instances = "own"
+    pivot: Literal["auto", "point"] = "auto"
     overlap: Overlap = "add"
     blend: Blend = "linear"
     arrive: bool = True
@@ -129,6 +132,7 @@ PRESETS: dict[Preset, Defaults] = {
         reach=1.0,
         falloff="linear",
         instances="together",
+        pivot="point",
         overlap="paper",
         arrive=False,
         mirrored_locality=False,

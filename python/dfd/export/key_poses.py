@@ -63,10 +63,7 @@ class KeyPose:
 def checked_poses(function: str, poses: Sequence[KeyPose], edit: Edit) -> tuple[KeyPose, ...]:
     """Check that `poses` are ordered by time and of handles that `edit` has, and return them.
 
-    Raises
-    ------
-    ValueError
-        If they are not.
+    Raises ValueError if they are not.
     """
     known = {handle.id for handle in edit.handles}
     before = None
@@ -109,6 +106,9 @@ class _TransformDocument(_Document):
     scale: Three = (1.0, 1.0, 1.0)
     pivot: Three | None = None
     axes: tuple[Three, Three, Three] | None = None
+    bend: Three = (0.0, 0.0, 0.0)
+    twist: float = 0.0
+    joint: Annotated[float, Field(ge=0, le=1)] | None = None
 
 
 class _PoseDocument(_Document):
@@ -124,15 +124,11 @@ def read_key_poses(path: str | os.PathLike[str]) -> tuple[KeyPose, ...]:
     """Read the key poses of a JSON file, such as the app saves of its timeline.
 
     It is a list of objects with `seconds`, a `name` and `transforms`: objects with the id of a `handle`, a
-    `translation` in mesh units, a `rotation` as a rotation vector in degrees, `scale`, `pivot` and `axes`, as in an
-    edit.
+    `translation` in mesh units, a `rotation` as a rotation vector in degrees, `scale`, `pivot`, `axes`, `bend`,
+    `twist` and `joint`, as in an edit.
 
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    ValueError
-        If it is malformed; the message names the field and what was found there.
+    Raises OSError if it cannot be read. Raises ValueError if it is malformed; the message names the field and what was
+    found there.
     """
     text = Path(path).read_bytes()
     try:

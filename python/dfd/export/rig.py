@@ -68,8 +68,8 @@ class Rig:
             result[:, self.default] = np.maximum(1.0 - total[:, 0], 0.0)
             result[:, first:] = blended[:, self._column]
             if plane is not None:
-                share = _side(plane, self.mesh.vertices[rows])[:, None]
-                result[:, first:] *= np.where(self._mirrored, 1.0 - share, share)
+                side = _side(plane, self.mesh.vertices[rows])[:, None]
+                result[:, first:] *= np.where(self._mirrored, 1.0 - side, side)
             yield rows, result
 
     def moments(self) -> Iterator[tuple[str, Edit]]:
@@ -176,5 +176,4 @@ def _side(plane: SymmetryPlane, points: Float64) -> Float64:
     if plane.band == 0:
         return np.asarray(height >= 0, np.float64)
     t = np.clip(height / (2.0 * plane.band) + 0.5, 0.0, 1.0)
-    side: Float64 = t * t * (3.0 - 2.0 * t)
-    return side
+    return t * t * (3.0 - 2.0 * t)

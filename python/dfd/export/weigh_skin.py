@@ -144,16 +144,12 @@ def bleed(weights: Float64, along: Float64) -> Bleed:
     """
     total = weights.sum()
     far = along > along.min(axis=1, keepdims=True) + FAR
-    return Bleed(
-        float(weights[far].sum() / total) if total > 0 else 0.0,
-        int((weights.sum(axis=1) <= 0).sum()),
-    )
+    return Bleed(float(weights[far].sum() / total) if total > 0 else 0.0, int((weights.sum(axis=1) <= 0).sum()))
 
 
 def _whole(weights: Float64) -> Float64:
     total = weights.sum(axis=1, keepdims=True)
-    whole: Float64 = np.divide(weights, total, out=np.zeros_like(weights), where=total > 0)
-    return whole
+    return np.divide(weights, total, out=np.zeros_like(weights), where=total > 0)
 
 
 def _write(mesh: Mesh, bones: Bones, influences: Influences, target: Path) -> None:

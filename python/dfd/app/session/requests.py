@@ -219,8 +219,8 @@ def pose(session: Session, transforms: PoseTransforms) -> None:
 
     def work(deformer: Any) -> None:
         for each in transforms:
-            parts = each.model_dump()
-            deformer.move(**{name: "auto" if part is None else part for name, part in parts.items()})
+            at_rest = {"pivot": "point", "axes": "auto"}
+            deformer.move(**{name: at_rest[name] if part is None else part for name, part in each.model_dump().items()})
 
     session.change(work)
 
@@ -399,7 +399,9 @@ def _members(session: Session, place: RegionPlace) -> Any:
 
 
 def _transform_parts(transform: Transform) -> dict[str, Any]:
-    return transform.model_dump(exclude_none=True)
+    """What is given of a transform; the page shows a handle without a pivot as one that turns about itself."""
+    given = transform.model_dump(exclude_none=True)
+    return {**given, "pivot": "point"} if given.get("pivot") == "auto" else given
 
 
 def _controls(session: Session, controls: Controls) -> dict[str, Any]:

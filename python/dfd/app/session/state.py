@@ -55,6 +55,7 @@ def state_message(
         overlap, blend = PRESETS["default"].overlap, PRESETS["default"].blend
         return StateMessage(preset="default", new_handle=_new_handle("default"), overlap=overlap, blend=blend, **common)
     mesh, preset = deformer.mesh, deformer.preset
+    bends = any(handle.transform.bends for handle in deformer.handles)
     return StateMessage(
         handles=tuple(_handle(deformer, columns, handle, view_state.parts) for handle in deformer.handles),
         fixed=tuple(
@@ -71,7 +72,7 @@ def state_message(
         new_handle=_new_handle(preset),
         overlap=deformer.overlap,
         blend=deformer.blend,
-        posing="shader" if (deformer.overlap, deformer.blend) == ("add", "linear") else "server",
+        posing="server" if (deformer.overlap, deformer.blend) != ("add", "linear") or bends else "shader",
         can_undo=deformer.can_undo,
         can_redo=deformer.can_redo,
         **common,
@@ -100,7 +101,7 @@ def _handle(deformer: Deformer, columns: Columns, handle: Handle, parts: ShapePa
         rotation=transform.rotation,
         scale=transform.scale,
         pivot=handle.pivot,
-        own_pivot=transform.pivot is not None,
+        own_pivot=transform.pivot is not None and transform.pivot_at != "point",
         axes=transform.axes,
         reach_by=controls.reach if isinstance(controls.reach, str) else "number",
         within_part=parts is not None and parts.limits(handle),
@@ -160,10 +161,7 @@ LARGEST = 1e30  # shaders multiply it with coordinates in 32-bit floats
 def check_drawable(deformer: Deformer) -> None:
     """Reject transforms that the page could not draw.
 
-    Raises
-    ------
-    ValueError
-        If a number of a handle's transform, mesh units, is beyond 1e30.
+    Raises ValueError if a number of a handle's transform, mesh units, is beyond 1e30.
     """
     for handle in deformer.handles:
         size = float(np.abs(handle.matrix).max())
