@@ -245,7 +245,7 @@ def change(
     given = _controls(session, controls)
     if at is not None:
         given["at"] = _at(session, at)
-    if isinstance(given.get("within"), str) and given["within"] == "part":
+    if controls.within == "part":
         given["within"] = session.require_parts().of(session.require_deformer().edit.handle(handle))
     session.change(lambda deformer: deformer.change(handle, **given), ("change", handle), merge=merge)
 
