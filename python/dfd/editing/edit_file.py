@@ -20,6 +20,10 @@
           "pivot": null,
           "axes": null,
           "along": null,
+          "pivot_at": null,
+          "bend": [0.0, 0.0, 0.0],
+          "twist": 0.0,
+          "joint": null,
           "reach": 1.0,
           "falloff": "linear",
           "locality": 2.0,
@@ -157,6 +161,7 @@ def _keys(*owners: type) -> tuple[str, ...]:
 
 # What of a handle or a fixed place lies beside its other keys in a file.
 SPREAD: dict[str, type] = {"place": Place, "transform": Transform, "controls": Controls}
+OF_HELD_PARTS = ("along", "pivot_at", "bend", "twist", "joint")  # of a transform, and not of the default one
 FIRST = ("format", "version", "preset", "units", "mesh", "made_on")  # keys of a file, for people
 
 
@@ -171,7 +176,8 @@ def edit_schema() -> dict[str, Any]:
             properties |= definitions[part.capitalize()]["properties"]
         own["properties"] = properties
         del own["required"]
-    del definitions["Transform"]["properties"]["along"]
+    for key in OF_HELD_PARTS:
+        del definitions["Transform"]["properties"][key]
     schema["required"] = ["format", "version"]
     return schema
 
@@ -179,10 +185,7 @@ def edit_schema() -> dict[str, Any]:
 def write_edit(path: str | os.PathLike[str], edit: Edit, mesh: Mesh, field: Field | None = None) -> None:
     """Write `edit` of `mesh` to `path`, whole or not at all; with a `field` that has a file also where both files are.
 
-    Raises
-    ------
-    OSError
-        If `path` cannot be written; a file that was there stays as it was.
+    Raises OSError if `path` cannot be written; a file that was there stays as it was.
     """
     document = to_document(edit, mesh) | {"made_on": _made_on(Path(path), mesh, field)}
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
@@ -195,17 +198,9 @@ def write_edit(path: str | os.PathLike[str], edit: Edit, mesh: Mesh, field: Fiel
 def read_edit(path: str | os.PathLike[str], mesh: Mesh) -> Edit:
     """Read an edit of `mesh`, or of another resolution of the same shape, from `path`.
 
-    Raises
-    ------
-    OSError
-        If `path` cannot be read.
-    ValueError
-        If it is no such document, or one of another shape; the message names the key and what was found there.
-
-    Warns
-    -----
-    UserWarning
-        If a vertex of the edit is no longer where it was, and counts as a point of space.
+    Raises OSError if `path` cannot be read. Raises ValueError if it is no such document, or one of another shape; the
+    message names the key and what was found there. Warns if a vertex of the edit is no longer where it was, and counts
+    as a point of space.
     """
     return from_document(_parsed(path), mesh, name=os.fspath(path))
 
@@ -272,7 +267,8 @@ def to_document(edit: Edit, mesh: Mesh) -> dict[str, Any]:
     if edit.symmetry is not None:
         document["symmetry"] = {key: document["symmetry"][key] for key in ("normal", "offset", "band")}
     if edit.default is not None:
-        del document["default"]["along"]
+        for key in OF_HELD_PARTS:
+            del document["default"][key]
     return document
 
 
@@ -290,15 +286,8 @@ def _spread(entry: dict[str, Any]) -> dict[str, Any]:
 def from_document(document: Any, mesh: Mesh, *, name: str = "edit") -> Edit:
     """The edit of `mesh` in a parsed JSON document; `name` begins every message.
 
-    Raises
-    ------
-    ValueError
-        If it is no such document, or one of another shape; the message names the key and what was found there.
-
-    Warns
-    -----
-    UserWarning
-        If a vertex of the edit is no longer where it was, and counts as a point of space.
+    Raises ValueError if it is no such document, or one of another shape; the message names the key and what was found
+    there. Warns if a vertex of the edit is no longer where it was, and counts as a point of space.
     """
     said = _validated(_completed(_checked(document, name), mesh), name)
     reading = _Places(mesh, said.mesh)
@@ -448,7 +437,7 @@ KNOWN_KEYS: dict[str, tuple[str, ...]] = {
     "without_instances": _keys(Place),
     "fixed": (*_keys(Place), "strength"),
     "symmetry": ("normal", "offset", "band"),
-    "default": _keys(Transform)[:-1],
+    "default": tuple(key for key in _keys(Transform) if key not in OF_HELD_PARTS),
 }
 
 

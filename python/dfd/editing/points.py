@@ -93,17 +93,12 @@ class Found(NamedTuple):
 def place_on(mesh: Mesh, at: Any) -> Place:
     """The place that a person means by `at`.
 
-    Parameters
-    ----------
-    at
-        A vertex index; three coordinates in mesh units, which stay where they are, on the surface or off it; an array
-        of vertex indices or a mask of (V,) truth values; a region; a text, see `find`; or a `Place`, whose vertex and
-        region are taken on this mesh.
+    That is a vertex index; three coordinates in mesh units, which stay where they are, on the surface or off it; an
+    array of vertex indices or a mask of (V,) truth values; a region; a text, see `find`; or a `Place`, whose vertex and
+    region are taken on this mesh.
 
-    Raises
-    ------
-    ValueError
-        If it is none of these, a point lies farther from the shape than the diagonal of its box, or a region is empty.
+    Raises ValueError if it is none of these, a point lies farther from the shape than the diagonal of its box, or a
+    region is empty.
     """
     if isinstance(at, Place):
         said = at.vertex if at.region is None else at.region
@@ -132,10 +127,7 @@ def find(mesh: Mesh, text: str) -> Found:
     `group:NAME` what a `g`, `o` or `usemtl` line of an OBJ file names, `x>0.5` and `y<0` are sides of a plane,
     `ball:x,y,z,radius` and `box:x,y,z,x,y,z` are what they say.
 
-    Raises
-    ------
-    ValueError
-        If it names nothing of the mesh; the message says what was expected.
+    Raises ValueError if it names nothing of the mesh; the message says what was expected.
     """
     said = text.strip()
     if said in EXTREMES:
@@ -177,10 +169,7 @@ def find(mesh: Mesh, text: str) -> Found:
 def nearest_vertex(mesh: Mesh, point: Vector) -> tuple[int, float]:
     """The vertex nearest to `point`, and how far it is, mesh units.
 
-    Raises
-    ------
-    ValueError
-        If it is farther away than the diagonal of the mesh's box: that is no point of this shape.
+    Raises ValueError if it is farther away than the diagonal of the mesh's box: that is no point of this shape.
     """
     squares = np.square(mesh.vertices - np.asarray(point)).sum(axis=1)
     vertex = int(squares.argmin())

@@ -72,14 +72,12 @@ class SymmetryPlane:
     def signed_distance(self, points: ArrayLike) -> NDArray[np.float64]:
         """Distance of (N, 3) points from the plane, (N,), mesh units; positive where the normal points."""
         array = check.array("SymmetryPlane", "points", points, ("N", 3), dtype=np.float64)
-        distance: NDArray[np.float64] = array @ np.asarray(self.normal) - self.offset
-        return distance
+        return array @ np.asarray(self.normal) - self.offset
 
     def reflect(self, points: ArrayLike) -> NDArray[np.float64]:
         """Mirror images R p of (N, 3) points, (N, 3), mesh units."""
         array = check.array("SymmetryPlane", "points", points, ("N", 3), dtype=np.float64)
-        image: NDArray[np.float64] = array - 2.0 * self.signed_distance(array)[:, None] * np.asarray(self.normal)
-        return image
+        return array - 2.0 * self.signed_distance(array)[:, None] * np.asarray(self.normal)
 
 
 def axis_name(normal: Sequence[float]) -> str:
@@ -96,22 +94,12 @@ def axis_plane(mesh: Mesh, axis: str, *, band: float = 0.0) -> SymmetryPlane:
 
 
 def plane_from_text(text: str, mesh: Mesh) -> SymmetryPlane:
-    """Read a plane as people write it.
+    """Read a plane as people write it; its band is 3 % of the longest side of `mesh`.
 
-    Parameters
-    ----------
-    text
-        "x", "y" or "z": across this axis through the center of the bounding box of `mesh`; "x=0.1": across it at this
-        coordinate, mesh units; "0.6,0,0.8=0.1": across this direction, of any length, at this distance from the origin.
+    "x", "y" or "z" is across this axis through the center of the bounding box of `mesh`, "x=0.1" across it at this
+    coordinate, mesh units, "0.6,0,0.8=0.1" across this direction, of any length, at this distance from the origin.
 
-    Returns
-    -------
-    The plane, with a band of 3 % of the longest side of `mesh`.
-
-    Raises
-    ------
-    ValueError
-        If `text` says none of these, a number is not finite or the direction has no length.
+    Raises ValueError if `text` says none of these, a number is not finite or the direction has no length.
     """
     band = DEFAULT_BAND * float(np.max(mesh.extents))
     name, equals, value = (part.strip() for part in text.partition("="))

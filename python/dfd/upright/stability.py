@@ -32,15 +32,7 @@ _SHRINKING = (0.15, 0.07, 0.03, 0.015, 0.007)  # radians, steps of the search fo
 
 
 class StabilityCues:
-    """Stability and symmetry of a shape's surface.
-
-    Parameters
-    ----------
-    vertices
-        (V, 3) in any units.
-    faces
-        (F, 3); at least one has an area.
-    """
+    """Stability and symmetry of a surface of `vertices` (V, 3), in any units, and `faces` (F, 3), one with an area."""
 
     def __init__(self, vertices: NDArray[np.floating], faces: NDArray[np.int32]) -> None:
         generator = np.random.default_rng(0)
@@ -180,8 +172,7 @@ def _edges_that_hold(
 def _across(normal: NDArray[np.float64]) -> NDArray[np.float64]:
     """A unit vector at right angles."""
     across = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
-    unit: NDArray[np.float64] = across / np.linalg.norm(across)
-    return unit
+    return across / np.linalg.norm(across)
 
 
 def _hull_of(points: NDArray[np.float64]) -> ConvexHull | None:
@@ -197,7 +188,6 @@ def _hull_of(points: NDArray[np.float64]) -> ConvexHull | None:
 def _hull_vertices(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Those of `points` (N, 3) on their convex hull; all if they are coplanar."""
     try:
-        on_hull: NDArray[np.float64] = points[ConvexHull(points).vertices]
-        return on_hull
+        return points[ConvexHull(points).vertices]
     except (QhullError, ValueError):
         return points

@@ -46,14 +46,9 @@ class Hits:
 class Scene:
     """Triangles in normalized coordinates, ready to be hit; front and back faces alike.
 
-    Several threads may cast at once, and do so in parallel.
-
-    Parameters
-    ----------
-    vertices
-        (V, 3) in normalized coordinates: Embree computes in float32 and loses hits far from the origin.
-    faces
-        (F, 3) indices into `vertices`, checked by `dfd.Mesh`; triangles without area are never hit.
+    Several threads may cast at once, and do so in parallel. `vertices` (V, 3) are in normalized coordinates, since
+    Embree computes in float32 and loses hits far from the origin; `faces` (F, 3) are checked by `dfd.Mesh`, and those
+    without area are never hit.
     """
 
     def __init__(self, vertices: NDArray[np.floating[Any]], faces: NDArray[np.integer[Any]]) -> None:
@@ -92,5 +87,4 @@ class Scene:
         eyes = np.ascontiguousarray(np.broadcast_to(eye, points.shape), dtype=np.float32)
         reach = np.full(len(points), 1 - tolerance, np.float32)
         met = self._scene.run(eyes, np.asarray(points - eye, np.float32, order="C"), dists=reach, query="OCCLUDED")
-        hidden: NDArray[np.bool_] = met >= 0
-        return hidden
+        return met >= 0

@@ -29,17 +29,7 @@ INTERVAL = 0.1  # seconds between two lines about one stage
 
 
 class DistillProcess:
-    """The parent's side of the process.
-
-    Parameters
-    ----------
-    source
-        The shape, which it reads for itself.
-    options
-        The encoder and the settings.
-    folder
-        The session's, for the checkpoint and the field.
-    """
+    """The parent's side of the process, which reads the shape itself; checkpoint and field are put into `folder`."""
 
     def __init__(self, source: Source, options: SessionOptions, folder: Path, lock: Path | None) -> None:
         self._cancelled = False
@@ -53,10 +43,7 @@ class DistillProcess:
     def run(self, tell: Callable[[str, int, int | None], object]) -> Path | None:
         """Wait for the field's file; None if cancelled. `tell` is called with a stage, items done and their total.
 
-        Raises
-        ------
-        ValueError
-            If the distillation failed.
+        Raises ValueError if the distillation failed.
         """
         assert self._process.stdout is not None
         result: dict[str, Any] = {}

@@ -14,7 +14,14 @@ from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Fixed, Handle
 from dfd.editing.influence.distances import Distances
 from dfd.editing.influence.handle_features import HandleFeatures
-from dfd.editing.influence.instance_weights import Column, InstanceColumns, followed_by, interpolating_columns
+from dfd.editing.influence.held_parts import HeldPart, HeldParts
+from dfd.editing.influence.instance_weights import (
+    Column,
+    InstanceColumns,
+    followed_by,
+    interpolating_columns,
+    wanted_of,
+)
 from dfd.editing.influence.instances import Instance, SurfaceAxes
 from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import Place
@@ -114,11 +121,12 @@ class HandleWeights:
     """
 
     def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
-        self._mesh = mesh
+        self.mesh = mesh
         self._rows = HandleFeatures(mesh, field, features)
         self._distances = Distances(mesh)
         self._axes = SurfaceAxes(mesh, self._distances)
         self._instances = InstanceColumns(mesh, field, self._axes)
+        self._limbs = HeldParts(mesh)
         self._columns = Columns(len(mesh.vertices))
         self._keys: list[Key] = []
         self._fixed: tuple[Fixed, ...] = ()
@@ -128,7 +136,7 @@ class HandleWeights:
         self._mixed: tuple[Float32, Float32] | None = None  # columns, and what makes their handles land exactly
         self._reaches: dict[Place, float] = {}
         self._held_parts: dict[Place, Float32] = {}
-        self._field = field
+        self.field = field
 
     @property
     def features(self) -> Float32 | CompactFeatures:
@@ -148,7 +156,7 @@ class HandleWeights:
         """What finds parts on the mesh."""
         from dfd.segmentation.parts import parts  # for those who ask for parts, and for nobody else
 
-        return parts(self._field, self._mesh)
+        return parts(self.field, self.mesh)
 
     @property
     def finder(self) -> InstanceFinder:
@@ -173,6 +181,19 @@ class HandleWeights:
         """(V, C) how much vertices follow, and which handle and instance each column is of: one or more per handle."""
         self._follow(edit)
         return self._instances.of(edit, self._columns.between(0, len(self._keys)), self._keys, self._rows)
+
+    def held_parts(self, edit: Edit, handle: Handle) -> list[HeldPart]:
+        """The connected parts that follow a handle of `edit`, the one that it stands on first."""
+        weights, columns = self.columns(edit)
+        number = next(i for i, each in enumerate(edit.handles) if each.id == handle.id)
+        key = (self._keys[number], wanted_of(handle), edit.fixed, edit.arrive, edit.symmetry)
+        own = [(weights[:, i], column) for i, column in enumerate(columns) if column.handle == number]
+        return self._limbs.of(key, handle, self.anchor(handle), own, edit.symmetry)
+
+    def bent(self, edit: Edit) -> NDArray[np.float64]:
+        """(V, 3) the vertices that the handles of `edit` transform: the resting ones, bent and twisted where any do."""
+        bending = {i: self.held_parts(edit, handle) for i, handle in enumerate(edit.handles) if handle.transform.bends}
+        return self._limbs.bent(edit, bending) if bending else self.mesh.vertices
 
     def posing(self, edit: Edit) -> tuple[Float32, tuple[Column, ...], Overlap]:
         """(V, C) weights to pose with, what each column is of, and the overlap that `dfd.pose` is to take them with.
@@ -257,10 +278,7 @@ class HandleWeights:
     def check_arrivals(self, edit: Edit) -> None:
         """Refuse an edit whose handles cannot arrive.
 
-        Raises
-        ------
-        ValueError
-            If fixed points leave nothing of a handle at the handle itself.
+        Raises ValueError if fixed points leave nothing of a handle at the handle itself.
         """
         if not edit.arrive or not edit.fixed:
             return
@@ -280,10 +298,7 @@ class HandleWeights:
     def check_interpolation(self, edit: Edit) -> None:
         """Refuse an edit whose handles cannot all land where they are sent.
 
-        Raises
-        ------
-        ValueError
-            If `overlap` is "interpolate" and two handles have the same weights everywhere among handles.
+        Raises ValueError if `overlap` is "interpolate" and two handles have the same weights everywhere among handles.
         """
         if edit.overlap != "interpolate" or len(edit.handles) < 2:
             return
@@ -376,8 +391,8 @@ class HandleWeights:
     def _part(self, place: Place) -> Float32:
         """(V,) 1 on the part that a place is on, with its look-alikes, falling smoothly to 0 over its seam."""
         if place not in self._held_parts:
-            part = VertexSet.of(self._mesh, self.parts.part(self._rows.anchor(place)).mask)
-            self._held_parts[place] = self._rows.inside(part, SEAM * self._mesh.diagonal)
+            part = VertexSet.of(self.mesh, self.parts.part(self._rows.anchor(place)).mask)
+            self._held_parts[place] = self._rows.inside(part, SEAM * self.mesh.diagonal)
         return self._held_parts[place]
 
     def _left_of(self, key: Key, column: Float32) -> float:
@@ -391,7 +406,7 @@ class HandleWeights:
     def _held_weights(self) -> Float32:
         """(V,) max_p s_p W_p of Eq. 6: what the fixed points take away."""
         if self._held is None:
-            self._held = np.zeros(len(self._mesh.vertices), np.float32)
+            self._held = np.zeros(len(self.mesh.vertices), np.float32)
             one = np.empty((len(self._held), 1), np.float32, order="F")
             for fixed in self._fixed:
                 bind(self.features, self._rows.points([fixed.place]), out=one)
