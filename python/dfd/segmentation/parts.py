@@ -19,7 +19,7 @@ from dfd.segmentation.border import CRUMB, pieces_of, snapped
 from dfd.segmentation.hierarchy import Hierarchy
 from dfd.segmentation.patches import Patches
 
-__all__ = ["Level", "Parts", "parts"]
+__all__ = ["Level", "Part", "Parts", "cut_document", "parts"]
 
 Level = Literal["smaller", "part", "larger"]
 LARGER = 1.25  # times the area is the least by which two levels differ
@@ -188,6 +188,15 @@ class Parts:
     @cached_property
     def _hierarchy(self) -> Hierarchy:
         return Hierarchy(self._patches, self._patches.means(self._features))
+
+
+def cut_document(found: Sequence[Part]) -> dict[str, Any]:
+    """What JSON says of a shape's parts: a row for each, numbered from 1, and the part of every vertex."""
+    rows = [
+        {"part": number, "share": round(each.share, 4), "pieces": each.pieces, "vertex": each.vertex}
+        for number, each in enumerate(found, start=1)
+    ]
+    return {"parts": rows, "part_of_vertex": (1 + np.argmax([part.mask for part in found], axis=0)).tolist()}
 
 
 def parts(field: Field, mesh: MeshLike) -> Parts:

@@ -308,10 +308,13 @@ def test_a_second_skin_is_refused_and_the_first_kept_by_the_other_forms(tmp_path
     session = make_session(dfd.load(skinned_cube(tmp_path)))
     session.add(0, translation=(0, 0.5, 0))
     with pytest.raises(
-        ValueError, match="`form` must be 'morph' or 'baked' for a mesh with a skin.*part 'body' has one"
+        ValueError, match="`form` must be 'morph' or 'baked' for a mesh with a skin: part 'body' has its own"
     ):
-        dfd.export_rig(session, tmp_path / "rig.glb")
+        dfd.export_rig(session, tmp_path / "rig.glb", form="skin")
     assert not (tmp_path / "rig.glb").exists()
+    report = dfd.export_rig(session, tmp_path / "rig.glb")
+    assert (report.form, report.targets) == ("morph", 1)
+    assert str(report).endswith("part 'body' keeps its own skin, so the edit is written as morph targets")
     for form in ("morph", "baked"):
         dfd.export_rig(session, tmp_path / f"{form}.glb", form=form)
         glb = Glb(tmp_path / f"{form}.glb")
@@ -333,7 +336,7 @@ def test_more_joints_than_the_format_has_numbers_for_are_refused(session, tmp_pa
     plain(session)
     assert skin.MOST_JOINTS == 65535
     monkeypatch.setattr("dfd.export.export_rig.MOST_JOINTS", 1)
-    with pytest.raises(ValueError, match="`session` must have at most 1 joints, the root's among them, got "):
+    with pytest.raises(ValueError, match="`session` must have at most 1 joints with the root's, got "):
         dfd.export_rig(session, tmp_path / "rig.glb")
     assert list(tmp_path.iterdir()) == []
 
