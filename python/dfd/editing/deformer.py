@@ -58,8 +58,7 @@ class Setting(Generic[Value]):
     def __get__(self, session: Deformer, owner: type | None = None) -> Value:
         if session is None:
             return self  # asked of the class, as help() does
-        value: Value = getattr(session.edit, self._name)
-        return value
+        return getattr(session.edit, self._name)
 
     def __set__(self, session: Deformer, value: Value) -> None:
         with called(f"Deformer.{self._name}"):
@@ -140,10 +139,7 @@ class Deformer:
     def handle(self, handle: int) -> Handle:
         """The handle of that id.
 
-        Raises
-        ------
-        ValueError
-            If there is none.
+        Raises ValueError if there is none.
         """
         return self.edit.handle(handle)
 
@@ -154,10 +150,7 @@ class Deformer:
         Its own is the first, then come the others, the most alike first; `Instance.vertex` and `Instance.position` say
         where each is.
 
-        Raises
-        ------
-        ValueError
-            If there is no such handle.
+        Raises ValueError if there is no such handle.
         """
         return self._weights.instances(self.edit, self.edit.handle(handle))
 
@@ -311,10 +304,7 @@ class Deformer:
         Of `radius` and `locality` the one that is given ends the other; `within="everywhere"` takes the limit away, and
         `without_instances=[]` switches all on.
 
-        Raises
-        ------
-        ValueError
-            As in `add`, or if there is no such handle.
+        Raises ValueError as in `add`, or if there is no such handle.
         """
         self._commit(verbs.change(self.edit, self._weights, handle, at, name, controls), ("handle", handle), merge)
 
@@ -322,10 +312,7 @@ class Deformer:
     def remove(self, handle: int, *, merge: bool = False) -> None:
         """Let go of a handle.
 
-        Raises
-        ------
-        ValueError
-            If there is no such handle.
+        Raises ValueError if there is no such handle.
         """
         self._commit(self.edit.removed(handle), ("handle", handle), merge)
 
@@ -335,10 +322,7 @@ class Deformer:
 
         Its preset is the session's from then on.
 
-        Raises
-        ------
-        ValueError
-            If a vertex of `edit` is none of the mesh, or a region of it is empty there.
+        Raises ValueError if a vertex of `edit` is none of the mesh, or a region of it is empty there.
         """
         self._commit(edit_on(self.mesh, edit), "edit", merge)
         self._next_id = max(self._next_id, 1 + max((handle.id for handle in edit.handles), default=0))
@@ -401,10 +385,7 @@ class Deformer:
     def set(self, *, preset: Preset | None = None, merge: bool = False, **settings: Unpack[GivenSettings]) -> None:
         """Set what holds for the whole shape, as one step: the preset first, then what is given beside it.
 
-        Raises
-        ------
-        ValueError
-            If a name is unknown, a switch is neither True nor False, or a handle could not arrive.
+        Raises ValueError if a name is unknown, a switch is neither True nor False, or a handle could not arrive.
         """
         given = sorted(name for name, value in settings.items() if value is not None)
         edit = verbs.set_whole(self.edit, self._weights, preset, settings)
@@ -434,10 +415,7 @@ class Deformer:
     def release(self, at: Any, *, merge: bool = False) -> None:
         """Take back a `fix`.
 
-        Raises
-        ------
-        ValueError
-            If that point or region is not fixed.
+        Raises ValueError if that point or region is not fixed.
         """
         place = verbs.place_of(self._weights, at)
         self._commit(self.edit.released(place), ("fixed", place), merge)
@@ -495,10 +473,7 @@ class Deformer:
 
         The pivot is the center of the box if left out; the rest is as in `Deformer.add`.
 
-        Raises
-        ------
-        ValueError
-            If a number is not finite or of another shape.
+        Raises ValueError if a number is not finite or of another shape.
         """
         self._commit(verbs.set_default(self.edit, self._weights, given), "default", merge)
 
@@ -558,10 +533,7 @@ class Deformer:
 
         Where the field was read from a file it says which one, and which one the mesh was read from.
 
-        Raises
-        ------
-        OSError
-            If `path` cannot be written; a file that was there stays as it was.
+        Raises OSError if `path` cannot be written; a file that was there stays as it was.
         """
         write_edit(path, self.edit, self.mesh, self.field)
 
@@ -569,17 +541,9 @@ class Deformer:
     def load(cls, path: str | os.PathLike[str], mesh: MeshLike, field: Field, *, features: Any = None) -> Deformer:
         """Open a session with the edit in `path`, made on `mesh` or on another resolution of the same shape.
 
-        Raises
-        ------
-        OSError
-            If `path` cannot be read.
-        ValueError
-            If it is no edit, or one of another shape; the message names the key and what was found there.
-
-        Warns
-        -----
-        UserWarning
-            If a vertex of the edit is no longer where it was, and counts as a point of space.
+        Raises OSError if `path` cannot be read. Raises ValueError if it is no edit, or one of another shape; the
+        message names the key and what was found there. Warns if a vertex of the edit is no longer where it was, and
+        counts as a point of space.
         """
         deformer = cls(mesh, field, features=features)
         deformer._start(read_edit(path, deformer.mesh))

@@ -176,10 +176,7 @@ class Edit:
     def handle(self, id: int) -> Handle:  # noqa: A002  # the handle's own word for it
         """The handle of that id.
 
-        Raises
-        ------
-        ValueError
-            If there is none.
+        Raises ValueError if there is none.
         """
         for handle in self.handles:
             if handle.id == id:
@@ -190,10 +187,7 @@ class Edit:
     def released(self, place: Place) -> Edit:
         """The edit without the fixed point or region at `place`.
 
-        Raises
-        ------
-        ValueError
-            If there is none.
+        Raises ValueError if there is none.
         """
         kept = tuple(fixed for fixed in self.fixed if fixed.place.key != place.key)
         if len(kept) == len(self.fixed):
@@ -203,10 +197,7 @@ class Edit:
     def removed(self, handle: int) -> Edit:
         """The edit without the handle of that id.
 
-        Raises
-        ------
-        ValueError
-            If there is none.
+        Raises ValueError if there is none.
         """
         held = self.handle(handle)
         return replace(self, handles=tuple(other for other in self.handles if other is not held))
@@ -229,10 +220,7 @@ class GivenSettings(TypedDict, total=False):
 def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None = None) -> Edit:
     """`edit` with its vertices and regions where those of `mesh` lie; `place` finds one by its name in the edit.
 
-    Raises
-    ------
-    ValueError
-        If one of them is none of `mesh`.
+    Raises ValueError if one of them is none of `mesh`.
     """
 
     def on_mesh(path: str, said: Place) -> Place:
@@ -260,10 +248,7 @@ def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None 
 def empty_edit(preset: Preset) -> Edit:
     """The edit that a session of this preset starts with.
 
-    Raises
-    ------
-    ValueError
-        If there is no such preset.
+    Raises ValueError if there is no such preset.
     """
     return Edit(preset=preset, **PRESETS[check.choice("Edit", "preset", preset, Preset)].whole_shape)
 
@@ -271,10 +256,7 @@ def empty_edit(preset: Preset) -> Edit:
 def with_preset(edit: Edit, preset: Preset, mesh: Mesh) -> Edit:
     """`edit` with everything that a preset says, whatever it was before: of the shape, of its plane and of each handle.
 
-    Raises
-    ------
-    ValueError
-        If there is no such preset.
+    Raises ValueError if there is no such preset.
     """
     empty, shape = empty_edit(preset), PRESETS[preset].handle
     handles = (replace(handle, controls=replace(handle.controls, **shape)) for handle in edit.handles)
@@ -303,10 +285,8 @@ def symmetry_on(
     `symmetry_planes` takes them; the preset's if left out. `band`, in mesh units, replaces the plane's own, which for a
     text is the preset's.
 
-    Raises
-    ------
-    ValueError
-        If `plane` is neither, "auto" finds none, it lies beside the shape, or `band` is negative or not finite.
+    Raises ValueError if `plane` is neither, "auto" finds none, it lies beside the shape, or `band` is negative or not
+    finite.
     """
     defaults = PRESETS[preset]
     if plane != "auto" and not (candidates is None and threshold is None):

@@ -278,10 +278,7 @@ class HandleWeights:
     def check_arrivals(self, edit: Edit) -> None:
         """Refuse an edit whose handles cannot arrive.
 
-        Raises
-        ------
-        ValueError
-            If fixed points leave nothing of a handle at the handle itself.
+        Raises ValueError if fixed points leave nothing of a handle at the handle itself.
         """
         if not edit.arrive or not edit.fixed:
             return
@@ -301,10 +298,7 @@ class HandleWeights:
     def check_interpolation(self, edit: Edit) -> None:
         """Refuse an edit whose handles cannot all land where they are sent.
 
-        Raises
-        ------
-        ValueError
-            If `overlap` is "interpolate" and two handles have the same weights everywhere among handles.
+        Raises ValueError if `overlap` is "interpolate" and two handles have the same weights everywhere among handles.
         """
         if edit.overlap != "interpolate" or len(edit.handles) < 2:
             return
