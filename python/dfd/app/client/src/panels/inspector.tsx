@@ -160,6 +160,7 @@ const OVERLAPS: Record<StateMessage["overlap"], string> = {
 const BLENDS: Record<StateMessage["blend"], string> = {
   linear: "Linear",
   dual_quaternion: "Dual quaternion",
+  auto: "By the turn",
   polar: "Polar",
 };
 
