@@ -57,10 +57,7 @@ class Shape:
     def weights(self, vertex: int, *, reach: float, falloff: str, locality: float) -> np.ndarray:
         """Weights (V,) float32 in [0, 1] of all vertices for a handle at `vertex`, as `dfd.bind` gives them.
 
-        Raises
-        ------
-        ValueError
-            If `vertex` is none of the mesh, or a number is out of its range.
+        Raises ValueError if `vertex` is none of the mesh, or a number is out of its range.
         """
         geodesic = self.geodesics.distances([vertex]) if locality > 0 else None
         column = dfd.bind(self.features, [vertex], reach=reach, falloff=falloff, geodesic=geodesic, locality=locality)

@@ -32,30 +32,44 @@ CONTROLS = {
         LARGEST,
         exclusive=True,
         metavar="R|auto|part",
+        slider=(0.05, 1.5, 0.01),
     ),
     "falloff": About(
         "Curve from 1 at the handle to 0 at its reach: linear (Eq. 5), smooth, sharp, root, sphere or constant.",
         metavar="CURVE",
     ),
-    "locality": About("λ of Eq. 7: 0 reaches all that looks alike, more stays nearer.", 0.0, LARGEST, metavar="λ"),
+    "locality": About(
+        "λ of Eq. 7: 0 reaches all that looks alike, more stays nearer.",
+        0.0,
+        LARGEST,
+        metavar="λ",
+        slider=(0.0, 20.0, 0.5),
+    ),
     "radius": About(
         "In place of locality: distance along the surface where the weight is smoothly 0, mesh units or % of the box.",
         0.0,
         exclusive=True,
         metavar="R|P%",
+        slider=(0.0, 1.0, 0.01),
     ),
-    "strength": About("From 0 to 1: a factor for what follows.", 0.0, 1.0, metavar="S"),
+    "strength": About("From 0 to 1: a factor for what follows.", 0.0, 1.0, metavar="S", slider=(0.0, 1.0, 0.05)),
     "instances": About(
         "Look-alikes move about their own pivots (own), the handle's (together, the paper), or not at all (only).",
         metavar="own|together|only",
+        label="Look-alikes",
     ),
-    "level": About("Let all instances follow fully, however alike."),
+    "level": About("Let all instances follow fully, however alike.", label="Look-alikes follow in full"),
     "without_instances": About("A place on an instance that does not move along.", metavar="PLACE", repeated=True),
     "within": About(
         "Nothing follows beyond: part:NAME, group:NAME, 'x>0', ball:x,y,z,r or box:x,y,z,x,y,z.", metavar="REGION"
     ),
     "within_width": About(
-        "How far beyond that region the weight fades to 0, mesh units or % of the box.", 0.0, LARGEST, metavar="W|P%"
+        "How far beyond that region the weight fades to 0, mesh units or % of the box.",
+        0.0,
+        LARGEST,
+        metavar="W|P%",
+        label="Limit's edge",
+        slider=(0.0, 0.3, 0.005),
     ),
 }
 # What holds for all handles of a shape: fields of `dfd.editing.edit.Edit`, properties of `Deformer`.
@@ -64,6 +78,7 @@ WHOLE_SHAPE = {
     "blend": About(
         "How transforms blend: linear (Eq. 1), dual_quaternion, polar, or auto: linear up to turns of 30°.",
         metavar="RULE",
+        label="Blending",
     ),
     "arrive": About("Whether handles reach their target although fixed points hold back."),
     "mirrored_locality": About("Whether locality and radius start at the handle's mirror image as well."),

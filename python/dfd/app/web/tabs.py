@@ -136,16 +136,9 @@ class Tab:
 
 
 class Tabs:
-    """All tabs of one server.
+    """All tabs of one server, whose sessions have their folders in `root`.
 
-    Parameters
-    ----------
-    root
-        The folder in which sessions have theirs.
-    options
-        What a new tab opens.
-    make_link
-        How sessions are reached where they are no processes of their own; such a server has one for all tabs.
+    With `make_link` sessions are not processes of their own, and one serves all tabs.
     """
 
     def __init__(self, root: Path, options: SessionOptions, make_link: Callable[[], Link] | None = None) -> None:
