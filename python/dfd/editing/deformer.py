@@ -20,12 +20,12 @@ from dfd.editing.edit import Edit, Fixed, Handle, edit_on, empty_edit
 from dfd.editing.edit_file import read_edit, write_edit
 from dfd.editing.history import History
 from dfd.editing.influence.handle_weights import HandleWeights
-from dfd.editing.presets import SymmetryCandidates
+from dfd.editing.presets import BlendRule, SymmetryCandidates
 from dfd.editing.report import Report, report
 from dfd.editing.shape import PosedShape
 from dfd.field.field import Field
 from dfd.mesh.mesh import MeshLike, as_mesh
-from dfd.posing.pose import Blend, Overlap
+from dfd.posing.pose import Overlap
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.compact import CompactFeatures
@@ -362,7 +362,13 @@ class Deformer:
         sent. "normalize": weights that sum to more than 1 are divided by their sum. "paper": Eq. 1 to the letter.
         """
     )
-    blend: Setting[Blend] = Setting('How transforms are blended: "linear" (Eq. 1), "dual_quaternion" or "polar".')
+    blend: Setting[BlendRule] = Setting(
+        """How transforms are blended: "linear" (Eq. 1), "dual_quaternion" or "polar".
+
+        "auto" is "dual_quaternion" while a handle turns by more than 30°, which keeps the volume of what lies between
+        it and the rest, and "linear" otherwise.
+        """
+    )
     arrive: Setting[bool] = Setting(
         """Whether handles arrive where they are sent although fixed points take from them.
 

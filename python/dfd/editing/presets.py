@@ -13,15 +13,16 @@ from dfd.common.preset import Preset
 from dfd.symmetry.plane import DEFAULT_BAND
 
 if TYPE_CHECKING:
-    from dfd.posing.pose import Blend, Overlap
+    from dfd.posing.pose import Overlap
     from dfd.weights.bind import Falloff
 
-__all__ = ["CONTROLS", "LARGEST", "PRESETS", "WHOLE_SHAPE", "Defaults", "Instances", "SymmetryCandidates"]
+__all__ = ["CONTROLS", "LARGEST", "PRESETS", "WHOLE_SHAPE", "BlendRule", "Defaults", "Instances", "SymmetryCandidates"]
 
 LARGEST = 1e38  # what the kernels compute with are 32-bit floats
 
 Instances = Literal["own", "together", "only"]
 SymmetryCandidates = Literal["any", "axes"]
+BlendRule = Literal["auto", "linear", "dual_quaternion", "polar"]  # `dfd.posing.pose.Blend`, or what fits the edit
 
 # What a handle takes hold of besides where it is: the fields of `dfd.editing.controls.Controls`.
 CONTROLS = {
@@ -74,7 +75,11 @@ CONTROLS = {
 # What holds for all handles of a shape: fields of `dfd.editing.edit.Edit`, properties of `Deformer`.
 WHOLE_SHAPE = {
     "overlap": About("Where weights meet: add, interpolate, normalize or paper (Eq. 1).", metavar="RULE"),
-    "blend": About("How transforms blend: linear (Eq. 1), dual_quaternion or polar.", metavar="RULE", label="Blending"),
+    "blend": About(
+        "How transforms blend: linear (Eq. 1), dual_quaternion, polar, or auto: linear up to turns of 30°.",
+        metavar="RULE",
+        label="Blending",
+    ),
     "arrive": About("Whether handles reach their target although fixed points hold back."),
     "mirrored_locality": About("Whether locality and radius start at the handle's mirror image as well."),
     "bridges": About("Whether locality and radius reach across small gaps."),
@@ -106,7 +111,7 @@ class Defaults:
     instances: Instances = "own"
     pivot: Literal["auto", "point"] = "auto"
     overlap: Overlap = "add"
-    blend: Blend = "linear"
+    blend: BlendRule = "linear"
     arrive: bool = True
     mirrored_locality: bool = True
     bridges: bool = True

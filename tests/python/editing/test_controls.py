@@ -346,7 +346,7 @@ def test_odd_controls_are_refused_by_name(session, given, message):
     ("name", "value", "message"),
     [
         ("overlap", "sum", r"Deformer.overlap: `overlap` must be one of add, interpolate, normalize, paper, got 'sum'"),
-        ("blend", "cubic", r"Deformer.blend: `blend` must be one of linear, dual_quaternion, polar, got 'cubic'"),
+        ("blend", "cubic", r"Deformer.blend: `blend` must be one of auto, linear, dual_quaternion, polar, got 'cubic'"),
         ("arrive", 1, r"Deformer.arrive: `arrive` must be True or False, got 1"),
         ("symmetry", "x=wide", r"Deformer.symmetry: `plane` must be like x, x=0.1 or .* got 'x=wide'"),
     ],
