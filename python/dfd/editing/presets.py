@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["CONTROLS", "LARGEST", "PRESETS", "WHOLE_SHAPE", "Defaults", "Instances", "SymmetryCandidates"]
 
 LARGEST = 1e38  # what the kernels compute with are 32-bit floats
+PARTLESS_REACH = 0.7  # what the reach "part" is on a shape of which no part ends anywhere, such as a ball
 
 Instances = Literal["own", "together", "only"]
 SymmetryCandidates = Literal["any", "axes"]
