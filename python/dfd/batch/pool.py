@@ -125,8 +125,7 @@ class _Slot:
         assert self._pipe is not None
         try:
             if self._pipe.poll():
-                found: Outcome = self._pipe.recv()
-                return found
+                return self._pipe.recv()
         except (EOFError, OSError):
             self._process.join(5.0)
         if self._process.is_alive():

@@ -82,10 +82,7 @@ class Places:
     def find(self, option: str, text: str) -> Place:
         """What of the shape `text` names, as `dfd.editing.points.find` reads it, or with a session a part.
 
-        Raises
-        ------
-        ValueError
-            In the name of `option`, if it names nothing there.
+        Raises ValueError in the name of `option`, if it names nothing there.
         """
         from dfd.editing.points import find, place_on
 
@@ -127,12 +124,8 @@ def plane_text(text: str) -> str:
 def check_output(option: str, path: Path | None, endings: Sequence[str] = ()) -> None:
     """Refuse, before the work, a file that could not be written after it.
 
-    Raises
-    ------
-    ValueError
-        In the name of `option`, if `path` has none of the `endings`.
-    OSError
-        If its folder does not exist or cannot be written, or it is a folder itself.
+    Raises ValueError in the name of `option`, if `path` has none of the `endings`. Raises OSError if its folder does
+    not exist or cannot be written, or it is a folder itself.
     """
     if path is None:
         return
@@ -159,10 +152,7 @@ def given_besides(context: typer.Context, names: Sequence[str]) -> list[str]:
 def check_camera(azimuth: float | None, elevation: float, zoom: float) -> None:
     """Refuse, before the work, a camera that could not be.
 
-    Raises
-    ------
-    ValueError
-        If an angle is not finite, `elevation` is above 90 or below −90, or `zoom` is not above 0.
+    Raises ValueError if an angle is not finite, `elevation` is above 90 or below −90, or `zoom` is not above 0.
     """
     if azimuth is not None:
         check.number(None, "--azimuth", azimuth)
@@ -219,10 +209,7 @@ def shown(value: Any) -> str:
 def controls(values: Mapping[str, Any]) -> dict[str, Any]:
     """What of `values`, a command's parameters, `Deformer.add` takes as controls; what was not given is left out.
 
-    Raises
-    ------
-    ValueError
-        If `--reach` is neither auto, nor part, nor a number.
+    Raises ValueError if `--reach` is neither auto, nor part, nor a number.
     """
     given = {name: values[name] for name in CONTROLS if values[name] not in (None, [], ())}
     if "reach" in given and given["reach"] not in ("auto", "part"):
@@ -233,10 +220,7 @@ def controls(values: Mapping[str, Any]) -> dict[str, Any]:
 def chosen_preset(preset: str | None) -> Preset | None:
     """The preset of that name, or None where none was named.
 
-    Raises
-    ------
-    ValueError
-        If there is none of that name.
+    Raises ValueError if there is none of that name.
     """
     return None if preset is None else check.choice(None, "--preset", preset, Preset)
 
@@ -244,10 +228,7 @@ def chosen_preset(preset: str | None) -> Preset | None:
 def number_or(word: str, option: str, text: str, number: str) -> Any:
     """The number that `text` is, or `word`; `number` describes what is wanted.
 
-    Raises
-    ------
-    ValueError
-        In the name of `option`, if it is neither.
+    Raises ValueError in the name of `option`, if it is neither.
     """
     if text == word:
         return word

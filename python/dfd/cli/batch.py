@@ -200,10 +200,7 @@ def _listed(texts: list[str]) -> list[str]:
 def _distill_settings(texts: list[str], wanted: bool) -> dict[str, Any]:
     """The settings of the step distill, all of them, from texts such as views=12.
 
-    Raises
-    ------
-    ValueError
-        If one is unknown, no such text, or out of its range.
+    Raises ValueError if one is unknown, no such text, or out of its range.
     """
     import json
 

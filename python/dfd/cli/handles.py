@@ -91,10 +91,7 @@ def handles(params: Mapping[str, Any], meta: Mapping[str, Any]) -> list[tuple[st
 def _values(name: str, count: int, rest: list[str]) -> list[str]:
     """The values at the beginning of `rest` that belong to an option.
 
-    Raises
-    ------
-    ValueError
-        If it needs three numbers, or one or three, and has another number of them.
+    Raises ValueError if it needs three numbers, or one or three, and has another number of them.
     """
     numbers = next((i for i, token in enumerate(rest) if not is_number(token)), len(rest))
     if name == "--scale":

@@ -34,11 +34,8 @@ def array(
 
     `shape` lists the wanted sizes: a number is exact, a name such as ``"V"`` or ``None`` stands for any size.
 
-    Raises
-    ------
-    ValueError
-        If `value` is not numeric, a masked array or a tensor that NumPy cannot look into, has another shape, or (with
-        `finite`) holds NaN or infinity.
+    Raises ValueError if `value` is not numeric, a masked array or a tensor that NumPy cannot look into, has another
+    shape, or (with `finite`) holds NaN or infinity.
     """
     if type(value) is np.ndarray:
         result = value
@@ -134,10 +131,7 @@ def vertex_indices(
 ) -> NDArray[np.int64]:
     """Return `value` as int64 vertex indices, each in [0, `vertex_count`).
 
-    Raises
-    ------
-    ValueError
-        If an index is not a whole number, lies out of range or (with `unique`) occurs twice.
+    Raises ValueError if an index is not a whole number, lies out of range or (with `unique`) occurs twice.
     """
     indices = np.asarray(tensors.shared(function, name, value))
     if indices.size == 0 and indices.ndim == 1:

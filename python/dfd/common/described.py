@@ -94,10 +94,7 @@ def check_fields(value: Any) -> None:
 
     Numbers become floats; what is None where a field may be None is left.
 
-    Raises
-    ------
-    ArgumentError
-        In the name of the class.
+    Raises ArgumentError in the name of the class.
     """
     owner: type = type(value)
     function = owner.__name__

@@ -19,16 +19,13 @@ from dfd.common.errors import ArgumentError
 if TYPE_CHECKING:
     import torch
 
-__all__ = ["choose_device", "one_thread", "out_of_memory", "share"]
+__all__ = ["choose_device", "one_thread", "out_of_memory", "parallel_inference"]
 
 
 def choose_device(function: str, device: str | torch.device | None) -> torch.device:
     """Return `device` as torch names it; None takes a CUDA device when there is one.
 
-    Raises
-    ------
-    ValueError
-        In the name of `function`, if torch cannot use it.
+    Raises ValueError in the name of `function`, if torch cannot use it.
     """
     import torch
 
@@ -65,7 +62,7 @@ def one_thread() -> Iterator[None]:
         torch.set_num_threads(before)
 
 
-def share(count: int, size: int, work: Callable[[int, int], None]) -> None:
+def parallel_inference(count: int, size: int, work: Callable[[int, int], None]) -> None:
     """Call `work(begin, end)` for ranges of `size` that cover 0 … `count`, on as many threads as the kernels use.
 
     On each of them torch computes alone and keeps nothing for gradients. What `work` raises is raised here.
@@ -78,4 +75,4 @@ def share(count: int, size: int, work: Callable[[int, int], None]) -> None:
             work(begin, end)
 
     with one_thread():
-        threads.share(count, size, alone)
+        threads.parallel_ranges(count, size, alone)

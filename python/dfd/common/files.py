@@ -38,11 +38,8 @@ def atomic_write(path: str | os.PathLike[str], argument: str = "path") -> Iterat
     link stays one: the file it leads to is replaced. What a killed process left behind goes with the next write of
     the same file.
 
-    Raises
-    ------
-    OSError
-        If the folder does not exist or cannot be written, the disk is full, or `path` is a folder, a device, a pipe
-        or anything else that is no file; an existing file stays as it was.
+    Raises OSError if the folder does not exist or cannot be written, the disk is full, or `path` is a folder, a device,
+    a pipe or anything else that is no file; an existing file stays as it was.
     """
     named, target = Path(path), _target(Path(path), argument)
     temporary, held = None, -1

@@ -22,10 +22,7 @@ def load_runtime() -> None:
     the system's may be older than what torch was built for. A torch that names its copy by a hash keeps it to itself:
     the kernels then need the system's.
 
-    Raises
-    ------
-    ImportError
-        If the kernels need the runtime and neither torch nor the system has it.
+    Raises ImportError if the kernels need the runtime and neither torch nor the system has it.
     """
     if sys.platform.startswith("linux") and not _is_loaded() and (found := find_torch_runtime()) is not None:
         with suppress(OSError):  # a damaged copy: the kernels ask the system for theirs

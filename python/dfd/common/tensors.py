@@ -30,10 +30,8 @@ def tracked(*values: Any) -> bool:
 def shared(function: str | None, name: str, value: Any) -> Any:
     """`value`, or the NumPy view of the memory of a torch CPU tensor.
 
-    Raises
-    ------
-    ValueError
-        If `value` is a tensor on another device or of a type that NumPy lacks, or an array whose mask would be lost.
+    Raises ValueError if `value` is a tensor on another device or of a type that NumPy lacks, or an array whose mask
+    would be lost.
     """
     if type(value) is np.ndarray:
         return value
@@ -60,10 +58,8 @@ def output(
 ) -> NDArray[Any]:
     """The array behind `out`, checked to be what a kernel may write to; with `columns`, column by column as well.
 
-    Raises
-    ------
-    ValueError
-        If `out` is not a writable contiguous array of `shape` and `dtype`, or shares memory with one of `inputs`.
+    Raises ValueError if `out` is not a writable contiguous array of `shape` and `dtype`, or shares memory with one of
+    `inputs`.
     """
     if is_tensor(out) and out.requires_grad:
         raise ArgumentError("out", "must not require a gradient", function)

@@ -16,7 +16,7 @@ from typing import TypeVar
 
 from dfd.common import check, openmp
 
-__all__ = ["beside", "get_num_threads", "one_blas_thread", "set_num_threads", "share"]
+__all__ = ["beside", "get_num_threads", "one_blas_thread", "parallel_ranges", "set_num_threads"]
 
 T = TypeVar("T")
 
@@ -24,12 +24,8 @@ T = TypeVar("T")
 def set_num_threads(count: int) -> None:
     """Let every later call use `count` threads; results do not depend on it.
 
-    Raises
-    ------
-    ValueError
-        If `count` is not a whole number from 1 to 1024.
-    RuntimeError
-        If `count` is above 1 in a forked process.
+    Raises ValueError if `count` is not a whole number from 1 to 1024. Raises RuntimeError if `count` is above 1 in a
+    forked process.
     """
     global _threads
     wanted = check.whole("set_num_threads", "count", count, minimum=1, maximum=1024)
@@ -112,7 +108,7 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_after_fork)
 
 
-def share(count: int, size: int, work: Callable[[int, int], None]) -> None:
+def parallel_ranges(count: int, size: int, work: Callable[[int, int], None]) -> None:
     """Call `work(begin, end)` for ranges of `size` that cover 0 … `count`, on as many threads as the kernels use.
 
     What `work` raises is raised here.

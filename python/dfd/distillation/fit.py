@@ -192,14 +192,14 @@ def fit_component_residuals(field: Field, targets: PointTargets) -> Field:
 
     `targets` are as wide as the field's features. If the surface is one component the field is returned unchanged.
     """
-    piece, boxes = targets.piece, targets.boxes
-    if piece is None or boxes is None:
+    component, boxes = targets.component, targets.boxes
+    if component is None or boxes is None:
         return field
     missed = targets.targets - field(field.center + targets.points / field.scale)
-    size = np.bincount(piece, minlength=len(boxes))
-    missed *= (size / (size + SHRINKAGE))[piece, None].astype(np.float32)
-    residuals = ComponentResiduals(boxes.astype(np.float32), targets.points, piece, missed.astype(np.float16))
-    return field.with_pieces(residuals)
+    size = np.bincount(component, minlength=len(boxes))
+    missed *= (size / (size + SHRINKAGE))[component, None].astype(np.float32)
+    residuals = ComponentResiduals(boxes.astype(np.float32), targets.points, component, missed.astype(np.float16))
+    return field.with_residuals(residuals)
 
 
 def widen(field: Field, directions: NDArray[np.float32]) -> Field:
@@ -217,5 +217,5 @@ def widen(field: Field, directions: NDArray[np.float32]) -> Field:
         center=field.center,
         scale=field.scale,
         settings=field.settings,
-        pieces=None if field.pieces is None else field.pieces.widened(directions),
+        residuals=None if field.residuals is None else field.residuals.widened(directions),
     )

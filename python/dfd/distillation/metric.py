@@ -96,7 +96,7 @@ class Metric:
     def of_targets(self, targets: PointTargets, thickness: NDArray[np.float32], seed: int) -> PointTargets:
         """Apply `mapped` to the features of `targets`; `seed` draws the pairs that measure mean distances."""
         rows = self.mapped(targets.features, thickness, np.random.default_rng(seed))
-        return PointTargets(targets.points, rows, None, targets.piece, targets.boxes, targets.face)
+        return PointTargets(targets.points, rows, None, targets.component, targets.boxes, targets.face)
 
     @property
     def content_hash(self) -> str:
@@ -120,13 +120,8 @@ class Metric:
     def load(cls, path: str | os.PathLike[str], encoder: Encoder | None = None) -> Metric:
         """Read what `save` has written; checked against `encoder` if given.
 
-        Raises
-        ------
-        ValueError
-            If the file is truncated or of another kind, its arrays do not fit or are not finite, or it was learned from
-            another encoder.
-        OSError
-            If it cannot be read.
+        Raises ValueError if the file is truncated or of another kind, its arrays do not fit or are not finite, or it
+        was learned from another encoder. Raises OSError if it cannot be read.
         """
         arrays, identity = read_learned("Metric.load", path, KIND, SHAPES, optional=list(SHAPES)[2:])
         directions, thickness, *learned = (values.astype(np.float32) for values in arrays.values())
@@ -139,10 +134,7 @@ class Metric:
 def find_metric(encoder: Encoder) -> Metric | None:
     """Return the package's metric for the weights and block of `encoder`, else None.
 
-    Raises
-    ------
-    ValueError
-        If one of the package's files is damaged.
+    Raises ValueError if one of the package's files is damaged.
     """
     metrics = (Metric.load(path) for path in sorted(FOLDER.glob("*.safetensors")))
     return next((metric for metric in metrics if metric.fits(encoder)), None)
@@ -170,5 +162,4 @@ class Kinds:
         units = np.maximum((features - mean) @ self.hidden + self.hidden_bias, 0)
         logits = units @ self.output + self.output_bias
         probable = np.exp(logits - logits.max(axis=1, keepdims=True))
-        result: NDArray[np.float32] = np.sqrt(probable / probable.sum(axis=1, keepdims=True))
-        return result
+        return np.sqrt(probable / probable.sum(axis=1, keepdims=True))

@@ -33,7 +33,7 @@ from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import principal_directions
 from dfd.common.progress import Stages
-from dfd.common.threads import one_blas_thread, share
+from dfd.common.threads import one_blas_thread, parallel_ranges
 from dfd.distillation.targets import PAIRS, PixelTargets, PointTargets, TokenGrid, mean_distance, restore_contrast, unit
 from dfd.field.component_residuals import apart, boxes_of_components
 from dfd.geometry.topology import face_areas, face_components
@@ -149,11 +149,11 @@ def smooth_along_surface(
         reached = np.linalg.norm(smooth, axis=1) > 1e-4
         one, other = (pixels.rows(some) for some in generator.integers(0, len(views.points), (2, PAIRS)))
         targets = restore_contrast(unit(smooth[reached]), DISTANCE_KEPT * mean_distance(one, other), generator)
-        face, piece, boxes = on.face[reached], None, None
+        face, component, boxes = on.face[reached], None, None
         if on.component.max(initial=0) > 0:
-            piece = on.component[face]
+            component = on.component[face]
             boxes = boxes_of_components(views.vertices.astype(np.float64), views.faces, on.component)
-        return PointTargets(on.points[reached].astype(np.float32), targets, directions, piece, boxes, face)
+        return PointTargets(on.points[reached].astype(np.float32), targets, directions, component, boxes, face)
 
 
 def _gather(
@@ -222,7 +222,7 @@ def _solve(tokens: NDArray[np.float32], confidence: NDArray[np.float64], factors
     def solve(begin: int, end: int) -> None:
         smooth[:, begin:end] = factors.solve(confidence[:, None] * tokens[:, begin:end])
 
-    share(tokens.shape[1], COLUMNS_PER_SOLVE, solve)
+    parallel_ranges(tokens.shape[1], COLUMNS_PER_SOLVE, solve)
     return smooth
 
 
@@ -279,8 +279,7 @@ def _mirror_links(
 def _centered(points: NDArray[np.float64], views: Views) -> NDArray[np.float64]:
     """Return `points` (N, 3) in the axes of the pictures' frame, relative to the center of the shape's box there."""
     corners = used_vertices(views.vertices, views.faces) @ views.frame.T
-    turned: NDArray[np.float64] = points @ views.frame.T - (corners.min(axis=0) + corners.max(axis=0)) / 2
-    return turned
+    return points @ views.frame.T - (corners.min(axis=0) + corners.max(axis=0)) / 2
 
 
 def _symmetric(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from dfd.common.threads import share
+from dfd.common.threads import parallel_ranges
 from dfd.views.render import Views
 
 # torch takes seconds to import; only the fit needs it.
@@ -63,7 +63,7 @@ class PointTargets(Targets):
         (N, 3) normalized, and (N, d) unit rows.
     directions
         (d, D) orthonormal rows that map targets to features of the encoder; None if the targets are final features.
-    piece, boxes
+    component, boxes
         If the surface has several connected components, (N,) the component of each point and (P, 6) their boxes' lower
         and upper corners; else None.
     face
@@ -73,7 +73,7 @@ class PointTargets(Targets):
     points: NDArray[np.float32]
     targets: NDArray[np.float32]
     directions: NDArray[np.float32] | None = None
-    piece: NDArray[np.int32] | None = None
+    component: NDArray[np.int32] | None = None
     boxes: NDArray[np.float64] | None = None
     face: NDArray[np.int64] | None = None
 
@@ -170,13 +170,13 @@ class PixelTargets(Targets):
         def shorten(begin: int, end: int) -> None:
             table[begin:end] = unit(self._table[begin:end])
 
-        share(len(table), _ROWS_AT_ONCE, shorten)
+        parallel_ranges(len(table), _ROWS_AT_ONCE, shorten)
         mean = np.empty((weights.shape[0], self.dimension), np.float32)
 
         def fill(begin: int, end: int) -> None:
             mean[begin:end] = weights[begin:end] @ table
 
-        share(len(mean), _GROUPS_AT_ONCE, fill)
+        parallel_ranges(len(mean), _GROUPS_AT_ONCE, fill)
         return mean
 
 

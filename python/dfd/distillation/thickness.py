@@ -42,25 +42,24 @@ def thickness_bands(views: Views, targets: PointTargets) -> NDArray[np.float32]:
     Thickness is relative to the root mean square distance of the points from their mean, so scale does not matter.
     """
     assert targets.face is not None, "only points on a surface have a thickness"
-    points, piece = targets.points.astype(np.float64), targets.piece
+    points, component = targets.points.astype(np.float64), targets.component
     # Reused, because the search tree of a million faces takes a second to build.
     scene = views.scene or Scene(views.vertices, views.faces)
-    thick = thicknesses(scene, views.vertices[views.faces[targets.face]], points, piece)
+    thick = thicknesses(scene, views.vertices[views.faces[targets.face]], points, component)
     size = np.sqrt(np.square(points - points.mean(axis=0)).sum(axis=1).mean())
     ratio = np.log(np.clip(thick / max(size, 1e-12), np.exp(_CENTERS[0]), np.exp(_CENTERS[-1])))
     width = _CENTERS[1] - _CENTERS[0]
     bands = np.exp(-np.square((ratio[:, None] - _CENTERS) / width)).astype(np.float32)
-    separated = points if piece is None else apart(points, piece)
+    separated = points if component is None else apart(points, component)
     _, near = cKDTree(separated).query(separated, np.arange(1, min(NEIGHBORS, len(points)) + 1), workers=-1)
-    result: NDArray[np.float32] = bands[near].mean(axis=1)
-    return result
+    return bands[near].mean(axis=1)
 
 
 def thicknesses(
     scene: Scene,
     corners: NDArray[np.floating],
     points: NDArray[np.float64],
-    piece: NDArray[np.int32] | None = None,
+    component: NDArray[np.int32] | None = None,
 ) -> NDArray[np.float64]:
     """Return the thickness (N,) of the shape at each point, in the unit of the scene; 0 on an open sheet.
 
@@ -70,7 +69,7 @@ def thicknesses(
         The shape, normalized.
     corners, points
         (N, 3, 3) the corners of each point's face, and (N, 3) the points.
-    piece
+    component
         (N,) the connected component of each; None if there is only one. It decides which side is inside if as many rays
         of a point hit something on either side.
     """
@@ -88,9 +87,9 @@ def thicknesses(
             far[side, hits.ray, ray] = hits.distance
     met = np.isfinite(far).sum(axis=2)
     lead = met[0] - met[1]
-    of_piece = np.zeros(len(points), np.int64) if piece is None else piece
-    of_piece_lead = np.bincount(of_piece, lead)[of_piece]
-    behind = np.where(lead == 0, of_piece_lead >= 0, lead > 0)
+    of_component = np.zeros(len(points), np.int64) if component is None else component
+    of_component_lead = np.bincount(of_component, lead)[of_component]
+    behind = np.where(lead == 0, of_component_lead >= 0, lead > 0)
     median = np.sort(np.where(behind[:, None], far[0], far[1]), axis=1)[:, (RAYS - 1) // 2]
     return np.where(np.isfinite(median), median, 0.0)
 

@@ -30,16 +30,9 @@ def check_compatible(field: Field, mesh: Mesh) -> None:
     size in the same position passes. So do other resolutions of the same shape, its parts down to half of its size, and
     poses of it.
 
-    Raises
-    ------
-    ValueError
-        If the longest side of the mesh's box is less than half or more than twice that of the field's shape, or the box
-        lies wholly outside the cube around that shape.
-
-    Warns
-    -----
-    UserWarning
-        If the mesh reaches out of that cube by more than half of its half side: there the field only guesses.
+    Raises ValueError if the longest side of the mesh's box is less than half or more than twice that of the field's
+    shape, or the box lies wholly outside the cube around that shape. Warns if the mesh reaches out of that cube by more
+    than half of its half side: there the field only guesses.
     """
     center, scale = field.center, field.scale
     low, high = (np.asarray(mesh.bounds) - center) * scale  # in the field's own cube, [-1, 1]³

@@ -31,10 +31,7 @@ class Controls:
     What is left out is as the preset "default" has it. Lengths are in mesh units; of `radius` and `locality` only one
     may be given.
 
-    Raises
-    ------
-    ValueError
-        If a number is out of its bounds, a name is unknown, or a place or a region is none.
+    Raises ValueError if a number is out of its bounds, a name is unknown, or a place or a region is none.
     """
 
     reach: Annotated[float | Literal["auto", "part"], CONTROLS["reach"]] = DEFAULTS.reach
@@ -67,10 +64,7 @@ class Controls:
     def changed(self, **given: Any) -> Controls:
         """The controls with some of them exchanged; None leaves one, and of `radius` and `locality` one ends the other.
 
-        Raises
-        ------
-        ValueError
-            As `Controls` does.
+        Raises ValueError as `Controls` does.
         """
         parts = {name: value for name, value in given.items() if value is not None}
         if "radius" in parts and "locality" not in parts:
@@ -105,13 +99,8 @@ def controls_of(preset: Preset) -> Controls:
 def controls_on(mesh: Mesh, given: GivenControls) -> dict[str, Any]:
     """The controls of `given` as `Controls.changed` takes them: lengths in mesh units, regions and places of `mesh`.
 
-    Raises
-    ------
-    ValueError
-        If a length is neither a number nor a percentage, `without_instances` is no list of points, or `within` is no
-        region or holds no vertex.
-    TypeError
-        If there is no control of a name.
+    Raises ValueError if a length is neither a number nor a percentage, `without_instances` is no list of points, or
+    `within` is no region or holds no vertex. Raises TypeError if there is no control of a name.
     """
     found = {name: value for name, value in dict(given).items() if value is not None}
     for name, value in found.items():
@@ -141,10 +130,7 @@ def _points_on(mesh: Mesh, places: Any) -> tuple[Place, ...]:
 def length_on(mesh: Mesh, name: str, value: Any) -> float:
     """A length in mesh units, from a number or from a text such as "20%", of the diagonal of the mesh's box.
 
-    Raises
-    ------
-    ValueError
-        If it is neither, or out of the bounds of the control of that `name`.
+    Raises ValueError if it is neither, or out of the bounds of the control of that `name`.
     """
     length, unit = value, 1.0
     if isinstance(value, str):

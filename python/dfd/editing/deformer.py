@@ -6,36 +6,39 @@ import os
 from collections.abc import Callable, Hashable
 from contextlib import AbstractContextManager
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from dfd.common import check
-from dfd.common.errors import ArgumentError, called, public
+from dfd.common.errors import called, public
 from dfd.common.preset import Preset
+from dfd.editing import verbs
 from dfd.editing.compatibility import check_compatible
-from dfd.editing.controls import GivenControls, controls_of, controls_on
-from dfd.editing.edit import Edit, Fixed, Handle, box_center, edit_on, empty_edit, symmetry_on, with_preset
+from dfd.editing.edit import Edit, Fixed, Handle, edit_on, empty_edit
 from dfd.editing.edit_file import read_edit, write_edit
 from dfd.editing.history import History
 from dfd.editing.influence.handle_weights import HandleWeights
-from dfd.editing.influence.regions import VertexSet
-from dfd.editing.points import Place, place_on
 from dfd.editing.presets import SymmetryCandidates
 from dfd.editing.report import Report, report
 from dfd.editing.shape import PosedShape
 from dfd.field.field import Field
 from dfd.mesh.mesh import MeshLike, as_mesh
 from dfd.posing.pose import Blend, Overlap
-from dfd.posing.transforms import Along, Transform
+from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.compact import CompactFeatures
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
+    from dfd.editing.controls import GivenControls
+    from dfd.editing.edit import GivenSettings
     from dfd.editing.influence.instances import Instance
+    from dfd.editing.influence.regions import VertexSet
+    from dfd.editing.verbs import GivenHandle
+    from dfd.posing.transforms import GivenTransform
     from dfd.segmentation.parts import Level
 
 __all__ = ["Deformer"]
@@ -55,8 +58,7 @@ class Setting(Generic[Value]):
     def __get__(self, session: Deformer, owner: type | None = None) -> Value:
         if session is None:
             return self  # asked of the class, as help() does
-        value: Value = getattr(session.edit, self._name)
-        return value
+        return getattr(session.edit, self._name)
 
     def __set__(self, session: Deformer, value: Value) -> None:
         with called(f"Deformer.{self._name}"):
@@ -137,10 +139,7 @@ class Deformer:
     def handle(self, handle: int) -> Handle:
         """The handle of that id.
 
-        Raises
-        ------
-        ValueError
-            If there is none.
+        Raises ValueError if there is none.
         """
         return self.edit.handle(handle)
 
@@ -151,10 +150,7 @@ class Deformer:
         Its own is the first, then come the others, the most alike first; `Instance.vertex` and `Instance.position` say
         where each is.
 
-        Raises
-        ------
-        ValueError
-            If there is no such handle.
+        Raises ValueError if there is no such handle.
         """
         return self._weights.instances(self.edit, self.edit.handle(handle))
 
@@ -188,27 +184,17 @@ class Deformer:
         """
         return self._history.step(topic, merge=merge)
 
-    def _commit(self, edit: Edit, topic: Hashable = None, merge: bool = False) -> None:
-        """Take a step that may change weights: refused where a handle could not arrive."""
-        self._weights.check_arrivals(edit)
-        self._weights.check_interpolation(edit)
+    def _commit(self, edit: Edit, topic: Hashable = None, merge: bool = False, *, rebinds: bool = True) -> None:
+        """Take a step; one that may change weights is refused where a handle could not arrive."""
+        if rebinds:
+            self._weights.check_arrivals(edit)
+            self._weights.check_interpolation(edit)
         self._history.commit(edit, topic=topic, merge=merge)
 
     # --- handles
 
     @public
-    def add(
-        self,
-        at: Any,
-        *,
-        translation: ArrayLike | None = None,
-        rotation: ArrayLike | None = None,
-        scale: ArrayLike | None = None,
-        pivot: ArrayLike | None = None,
-        axes: ArrayLike | None = None,
-        name: str | None = None,
-        **controls: Unpack[GivenControls],
-    ) -> int:
+    def add(self, at: Any, *, name: str | None = None, **given: Unpack[GivenHandle]) -> int:
         """Take hold of the shape and return the new handle's id.
 
         Parameters
@@ -232,7 +218,7 @@ class Deformer:
             (1.5, 1.5, 1) makes it thicker and not longer, each instance along its own; the mesh's own if left out.
         name
             For people.
-        **controls
+        **given
             What follows it, as `dfd.editing.presets.CONTROLS` and docs/controls.md say: `reach`, `falloff`, `locality`,
             `radius`, `strength`, `instances`, `level`, `without_instances`, `within` and `within_width`. What is left
             out, or None, is as the preset has it. `within="part"` is the part that the handle is on.
@@ -244,32 +230,13 @@ class Deformer:
             point lies farther from the shape than the diagonal of its box, the place is taken, or fixed points leave
             nothing of the handle.
         """
-        place = place_on(self.mesh, self._part_named(at))
-        controls["within"] = self._part_named(controls.get("within"), place)
-        transform = self._transform(Transform(), place, translation, rotation, scale, pivot, axes)
-        handle = Handle(
-            self._next_id,
-            place,
-            transform,
-            controls_of(self.preset).changed(**controls_on(self.mesh, controls)),
-            name,
-        )
-        self._commit(replace(self.edit, handles=(*self.handles, handle)))
+        new = self._next_id
+        self._commit(verbs.add(self.edit, self._weights, new, at, name=name, **given))
         self._next_id += 1
-        return handle.id
+        return new
 
     @public
-    def move(
-        self,
-        handle: int,
-        *,
-        translation: ArrayLike | None = None,
-        rotation: ArrayLike | None = None,
-        scale: ArrayLike | None = None,
-        pivot: ArrayLike | None = None,
-        axes: ArrayLike | None = None,
-        merge: bool = False,
-    ) -> None:
+    def move(self, handle: int, *, merge: bool = False, **given: Unpack[GivenTransform]) -> None:
         """Set parts of a handle's transform, always from the resting shape; what is left out stays. Nothing is rebound.
 
         Parameters
@@ -288,10 +255,8 @@ class Deformer:
         ValueError
             If there is no such handle, or a number is not finite or of another shape.
         """
-        held = self.edit.handle(handle)
-        moved = self._transform(held.transform, held.place, translation, rotation, scale, pivot, axes)
-        edit = self.edit.replaced(replace(held, transform=moved))
-        self._history.commit(edit, topic=("handle", handle), merge=merge)  # no weight changes
+        edit = verbs.move(self.edit, self._weights, handle, given)
+        self._commit(edit, ("handle", handle), merge, rebinds=False)
 
     @public
     def change(
@@ -308,39 +273,17 @@ class Deformer:
         Of `radius` and `locality` the one that is given ends the other; `within="everywhere"` takes the limit away, and
         `without_instances=[]` switches all on.
 
-        Raises
-        ------
-        ValueError
-            As in `add`, or if there is no such handle.
+        Raises ValueError as in `add`, or if there is no such handle.
         """
-        held = self.edit.handle(handle)
-        place = held.place if at is None else place_on(self.mesh, self._part_named(at))
-        controls["within"] = self._part_named(controls.get("within"), place)
-        transform, along = held.transform, held.transform.along
-        if place != held.place and along is not None:
-            axes = self._weights.axes(place, along)
-            transform = transform if axes is None else transform.changed(axes=axes, along=along)
-        changed = replace(
-            held,
-            place=place,
-            transform=transform,
-            controls=held.controls.changed(**controls_on(self.mesh, controls)),
-            name=held.name if name is None else name,
-        )
-        self._commit(self.edit.replaced(changed), ("handle", handle), merge)
+        self._commit(verbs.change(self.edit, self._weights, handle, at, name, controls), ("handle", handle), merge)
 
     @public
     def remove(self, handle: int, *, merge: bool = False) -> None:
         """Let go of a handle.
 
-        Raises
-        ------
-        ValueError
-            If there is no such handle.
+        Raises ValueError if there is no such handle.
         """
-        held = self.edit.handle(handle)
-        kept = tuple(other for other in self.handles if other is not held)
-        self._commit(replace(self.edit, handles=kept), ("handle", handle), merge)
+        self._commit(self.edit.removed(handle), ("handle", handle), merge)
 
     @public
     def apply(self, edit: Edit, *, merge: bool = False) -> None:
@@ -348,10 +291,7 @@ class Deformer:
 
         Its preset is the session's from then on.
 
-        Raises
-        ------
-        ValueError
-            If a vertex of `edit` is none of the mesh, or a region of it is empty there.
+        Raises ValueError if a vertex of `edit` is none of the mesh, or a region of it is empty there.
         """
         self._commit(edit_on(self.mesh, edit), "edit", merge)
         self._next_id = max(self._next_id, 1 + max((handle.id for handle in edit.handles), default=0))
@@ -372,42 +312,7 @@ class Deformer:
         ValueError
             If `at` is no place, or the mesh has no face with an area.
         """
-        vertex = self._weights.anchor(Handle(1, place_on(self.mesh, at)))
-        return VertexSet.of(self.mesh, self._weights.parts.part(vertex, level, alike=alike).mask)
-
-    def _part_named(self, at: Any, own: Place | None = None) -> Any:
-        """`at`, or the part that it names: "part@1,2,3", "piece@812" without look-alikes, "part" for that of `own`."""
-        if not isinstance(at, str):
-            return at
-        if at == "part" and own is not None:
-            return self.part(own)
-        kind, _, where = at.partition("@")
-        return self.part(where, alike=kind == "part") if where and kind in ("part", "piece") else at
-
-    def _transform(
-        self,
-        transform: Transform,
-        place: Place,
-        translation: ArrayLike | None,
-        rotation: ArrayLike | None,
-        scale: ArrayLike | None,
-        pivot: ArrayLike | None,
-        axes: ArrayLike | None,
-    ) -> Transform:
-        """`transform` with what is given exchanged, `axes` in numbers."""
-        along: Along | None = None
-        if isinstance(axes, str) and axes != "auto":
-            if axes not in get_args(Along):
-                raise ArgumentError(
-                    "axes", f"must be normal, limb, auto or 3 unit vectors at right angles, got {axes!r}"
-                )
-            along = check.choice("Deformer", "axes", axes, Along)
-            axes = self._weights.axes(place, along)
-            if axes is None:
-                why = "the surface has no normal" if along == "normal" else "the shape is as wide as it is long"
-                raise ArgumentError("axes", f"cannot be {along!r}: {why} at the handle")
-        given = {"translation": translation, "rotation": rotation, "scale": scale, "pivot": pivot, "axes": axes}
-        return transform.changed(**given, along=along)
+        return verbs.part_at(self._weights, at, level, alike=alike)
 
     # --- the whole shape
 
@@ -446,29 +351,14 @@ class Deformer:
     )
 
     @public
-    def set(
-        self,
-        *,
-        preset: Preset | None = None,
-        overlap: Overlap | None = None,
-        blend: Blend | None = None,
-        arrive: bool | None = None,
-        mirrored_locality: bool | None = None,
-        bridges: bool | None = None,
-        merge: bool = False,
-    ) -> None:
+    def set(self, *, preset: Preset | None = None, merge: bool = False, **settings: Unpack[GivenSettings]) -> None:
         """Set what holds for the whole shape, as one step: the preset first, then what is given beside it.
 
-        Raises
-        ------
-        ValueError
-            If a name is unknown, a switch is neither True nor False, or a handle could not arrive.
+        Raises ValueError if a name is unknown, a switch is neither True nor False, or a handle could not arrive.
         """
-        edit = self.edit if preset is None else with_preset(self.edit, preset, self.mesh)
-        settings: dict[str, Any] = {"overlap": overlap, "blend": blend, "arrive": arrive}
-        settings |= {"mirrored_locality": mirrored_locality, "bridges": bridges}
-        given = {name: value for name, value in settings.items() if value is not None}
-        self._commit(replace(edit, **given), ("settings", preset is None, *given), merge)
+        given = sorted(name for name, value in settings.items() if value is not None)
+        edit = verbs.set_whole(self.edit, self._weights, preset, settings)
+        self._commit(edit, ("settings", preset is None, *given), merge)
 
     @public
     def fix(self, at: Any, *, strength: float = 1.0, merge: bool = False) -> None:
@@ -487,19 +377,16 @@ class Deformer:
             If it is no place, is fixed or a handle already, `strength` lies outside [0, 1], or nothing would be left of
             a handle that is to arrive.
         """
-        fixed = Fixed(place_on(self.mesh, self._part_named(at)), strength)
-        self._commit(replace(self.edit, fixed=(*self.fixed, fixed)), ("fixed", fixed.place), merge)
+        place = verbs.place_of(self._weights, at)
+        self._commit(replace(self.edit, fixed=(*self.fixed, Fixed(place, strength))), ("fixed", place), merge)
 
     @public
     def release(self, at: Any, *, merge: bool = False) -> None:
         """Take back a `fix`.
 
-        Raises
-        ------
-        ValueError
-            If that point or region is not fixed.
+        Raises ValueError if that point or region is not fixed.
         """
-        place = place_on(self.mesh, self._part_named(at))
+        place = verbs.place_of(self._weights, at)
         self._commit(self.edit.released(place), ("fixed", place), merge)
 
     @property
@@ -542,9 +429,7 @@ class Deformer:
             `threshold` is given for another one.
         """
         how: dict[str, Any] = {"candidates": candidates, "threshold": threshold}
-        if plane is not None:
-            plane = symmetry_on(self.mesh, plane, band, preset=self.preset, field=self.field, **how)
-        self._commit(replace(self.edit, symmetry=plane), "symmetry", merge)
+        self._commit(verbs.set_symmetry(self.edit, self._weights, plane, band, **how), "symmetry", merge)
 
     @property
     def default(self) -> Transform | None:
@@ -552,28 +437,14 @@ class Deformer:
         return self.edit.default
 
     @public
-    def set_default(
-        self,
-        *,
-        translation: ArrayLike | None = None,
-        rotation: ArrayLike | None = None,
-        scale: ArrayLike | None = None,
-        pivot: ArrayLike | None = None,
-        merge: bool = False,
-    ) -> None:
+    def set_default(self, *, merge: bool = False, **given: Unpack[GivenTransform]) -> None:
         """Set D₀ of Eq. 1, what happens to what no handle holds; with nothing given it stays where it is.
 
         The pivot is the center of the box if left out; the rest is as in `Deformer.add`.
 
-        Raises
-        ------
-        ValueError
-            If a number is not finite or of another shape.
+        Raises ValueError if a number is not finite or of another shape.
         """
-        transform = Transform().changed(translation=translation, rotation=rotation, scale=scale, pivot=pivot)
-        transform.matrix(box_center(self.mesh))
-        default = None if transform == Transform() else transform
-        self._commit(replace(self.edit, default=default), "default", merge)
+        self._commit(verbs.set_default(self.edit, self._weights, given), "default", merge)
 
     # --- what comes of it
 
@@ -631,10 +502,7 @@ class Deformer:
 
         Where the field was read from a file it says which one, and which one the mesh was read from.
 
-        Raises
-        ------
-        OSError
-            If `path` cannot be written; a file that was there stays as it was.
+        Raises OSError if `path` cannot be written; a file that was there stays as it was.
         """
         write_edit(path, self.edit, self.mesh, self.field)
 
@@ -642,17 +510,9 @@ class Deformer:
     def load(cls, path: str | os.PathLike[str], mesh: MeshLike, field: Field, *, features: Any = None) -> Deformer:
         """Open a session with the edit in `path`, made on `mesh` or on another resolution of the same shape.
 
-        Raises
-        ------
-        OSError
-            If `path` cannot be read.
-        ValueError
-            If it is no edit, or one of another shape; the message names the key and what was found there.
-
-        Warns
-        -----
-        UserWarning
-            If a vertex of the edit is no longer where it was, and counts as a point of space.
+        Raises OSError if `path` cannot be read. Raises ValueError if it is no edit, or one of another shape; the
+        message names the key and what was found there. Warns if a vertex of the edit is no longer where it was, and
+        counts as a point of space.
         """
         deformer = cls(mesh, field, features=features)
         deformer._start(read_edit(path, deformer.mesh))

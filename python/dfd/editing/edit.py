@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,18 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Edit", "Fixed", "Handle", "band_on", "box_center", "edit_on", "empty_edit", "symmetry_on", "with_preset"]
+__all__ = [
+    "Edit",
+    "Fixed",
+    "GivenSettings",
+    "Handle",
+    "band_on",
+    "box_center",
+    "edit_on",
+    "empty_edit",
+    "symmetry_on",
+    "with_preset",
+]
 
 IDENTITY = Transform()
 CONTROLS = Controls()
@@ -165,10 +176,7 @@ class Edit:
     def handle(self, id: int) -> Handle:  # noqa: A002  # the handle's own word for it
         """The handle of that id.
 
-        Raises
-        ------
-        ValueError
-            If there is none.
+        Raises ValueError if there is none.
         """
         for handle in self.handles:
             if handle.id == id:
@@ -179,28 +187,40 @@ class Edit:
     def released(self, place: Place) -> Edit:
         """The edit without the fixed point or region at `place`.
 
-        Raises
-        ------
-        ValueError
-            If there is none.
+        Raises ValueError if there is none.
         """
         kept = tuple(fixed for fixed in self.fixed if fixed.place.key != place.key)
         if len(kept) == len(self.fixed):
             raise ArgumentError("at", f"must be a fixed point, got {place}", "Edit")
         return replace(self, fixed=kept)
 
+    def removed(self, handle: int) -> Edit:
+        """The edit without the handle of that id.
+
+        Raises ValueError if there is none.
+        """
+        held = self.handle(handle)
+        return replace(self, handles=tuple(other for other in self.handles if other is not held))
+
     def replaced(self, changed: Handle) -> Edit:
         """The edit with `changed` in place of the handle of its id."""
         return replace(self, handles=tuple(changed if handle.id == changed.id else handle for handle in self.handles))
 
 
+class GivenSettings(TypedDict, total=False):
+    """What holds for a whole shape, as people give it: None is not given."""
+
+    overlap: Overlap | None
+    blend: Blend | None
+    arrive: bool | None
+    mirrored_locality: bool | None
+    bridges: bool | None
+
+
 def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None = None) -> Edit:
     """`edit` with its vertices and regions where those of `mesh` lie; `place` finds one by its name in the edit.
 
-    Raises
-    ------
-    ValueError
-        If one of them is none of `mesh`.
+    Raises ValueError if one of them is none of `mesh`.
     """
 
     def on_mesh(path: str, said: Place) -> Place:
@@ -228,10 +248,7 @@ def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None 
 def empty_edit(preset: Preset) -> Edit:
     """The edit that a session of this preset starts with.
 
-    Raises
-    ------
-    ValueError
-        If there is no such preset.
+    Raises ValueError if there is no such preset.
     """
     return Edit(preset=preset, **PRESETS[check.choice("Edit", "preset", preset, Preset)].whole_shape)
 
@@ -239,10 +256,7 @@ def empty_edit(preset: Preset) -> Edit:
 def with_preset(edit: Edit, preset: Preset, mesh: Mesh) -> Edit:
     """`edit` with everything that a preset says, whatever it was before: of the shape, of its plane and of each handle.
 
-    Raises
-    ------
-    ValueError
-        If there is no such preset.
+    Raises ValueError if there is no such preset.
     """
     empty, shape = empty_edit(preset), PRESETS[preset].handle
     handles = (replace(handle, controls=replace(handle.controls, **shape)) for handle in edit.handles)
@@ -271,10 +285,8 @@ def symmetry_on(
     `symmetry_planes` takes them; the preset's if left out. `band`, in mesh units, replaces the plane's own, which for a
     text is the preset's.
 
-    Raises
-    ------
-    ValueError
-        If `plane` is neither, "auto" finds none, it lies beside the shape, or `band` is negative or not finite.
+    Raises ValueError if `plane` is neither, "auto" finds none, it lies beside the shape, or `band` is negative or not
+    finite.
     """
     defaults = PRESETS[preset]
     if plane != "auto" and not (candidates is None and threshold is None):

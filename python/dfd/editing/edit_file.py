@@ -179,10 +179,7 @@ def edit_schema() -> dict[str, Any]:
 def write_edit(path: str | os.PathLike[str], edit: Edit, mesh: Mesh, field: Field | None = None) -> None:
     """Write `edit` of `mesh` to `path`, whole or not at all; with a `field` that has a file also where both files are.
 
-    Raises
-    ------
-    OSError
-        If `path` cannot be written; a file that was there stays as it was.
+    Raises OSError if `path` cannot be written; a file that was there stays as it was.
     """
     document = to_document(edit, mesh) | {"made_on": _made_on(Path(path), mesh, field)}
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
@@ -195,17 +192,9 @@ def write_edit(path: str | os.PathLike[str], edit: Edit, mesh: Mesh, field: Fiel
 def read_edit(path: str | os.PathLike[str], mesh: Mesh) -> Edit:
     """Read an edit of `mesh`, or of another resolution of the same shape, from `path`.
 
-    Raises
-    ------
-    OSError
-        If `path` cannot be read.
-    ValueError
-        If it is no such document, or one of another shape; the message names the key and what was found there.
-
-    Warns
-    -----
-    UserWarning
-        If a vertex of the edit is no longer where it was, and counts as a point of space.
+    Raises OSError if `path` cannot be read. Raises ValueError if it is no such document, or one of another shape; the
+    message names the key and what was found there. Warns if a vertex of the edit is no longer where it was, and counts
+    as a point of space.
     """
     return from_document(_parsed(path), mesh, name=os.fspath(path))
 
@@ -290,15 +279,8 @@ def _spread(entry: dict[str, Any]) -> dict[str, Any]:
 def from_document(document: Any, mesh: Mesh, *, name: str = "edit") -> Edit:
     """The edit of `mesh` in a parsed JSON document; `name` begins every message.
 
-    Raises
-    ------
-    ValueError
-        If it is no such document, or one of another shape; the message names the key and what was found there.
-
-    Warns
-    -----
-    UserWarning
-        If a vertex of the edit is no longer where it was, and counts as a point of space.
+    Raises ValueError if it is no such document, or one of another shape; the message names the key and what was found
+    there. Warns if a vertex of the edit is no longer where it was, and counts as a point of space.
     """
     said = _validated(_completed(_checked(document, name), mesh), name)
     reading = _Places(mesh, said.mesh)

@@ -132,10 +132,7 @@ def find(mesh: Mesh, text: str) -> Found:
     `group:NAME` what a `g`, `o` or `usemtl` line of an OBJ file names, `x>0.5` and `y<0` are sides of a plane,
     `ball:x,y,z,radius` and `box:x,y,z,x,y,z` are what they say.
 
-    Raises
-    ------
-    ValueError
-        If it names nothing of the mesh; the message says what was expected.
+    Raises ValueError if it names nothing of the mesh; the message says what was expected.
     """
     said = text.strip()
     if said in EXTREMES:
@@ -177,10 +174,7 @@ def find(mesh: Mesh, text: str) -> Found:
 def nearest_vertex(mesh: Mesh, point: Vector) -> tuple[int, float]:
     """The vertex nearest to `point`, and how far it is, mesh units.
 
-    Raises
-    ------
-    ValueError
-        If it is farther away than the diagonal of the mesh's box: that is no point of this shape.
+    Raises ValueError if it is farther away than the diagonal of the mesh's box: that is no point of this shape.
     """
     squares = np.square(mesh.vertices - np.asarray(point)).sum(axis=1)
     vertex = int(squares.argmin())

@@ -214,15 +214,13 @@ class _Carrier:
         long = float(np.linalg.norm(offset))
         along = long * self.products(offset / long) if long > 0 else 0.0
         squares = 1.0 + long**2 - 2.0 * along
-        lengths: Points = np.where(squares > TOO_SHORT**2, np.sqrt(np.maximum(squares, 0.0)), np.inf)
-        return lengths
+        return np.where(squares > TOO_SHORT**2, np.sqrt(np.maximum(squares, 0.0)), np.inf)
 
     def products(self, row: Points) -> Points:
         """(V,) products of the vertices' features with a unit row, from the distances that `bind` knows."""
         # With twice the paper's reach, no distance of unit features is cut off.
         distances = 2.0 * (1.0 - bind(self.rows.features, row[None].astype(np.float32), reach=2.0)[:, 0])
-        products: Points = 1.0 - np.square(distances, dtype=np.float64) / 2.0
-        return products
+        return 1.0 - np.square(distances, dtype=np.float64) / 2.0
 
 
 def _mean(mesh: Mesh, field: Field) -> Points:

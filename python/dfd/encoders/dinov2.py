@@ -21,13 +21,13 @@ from dfd.encoders.known import IMAGENET, ChannelStats
 from dfd.encoders.vision_model import VisionModel, check_block
 from dfd.encoders.weight_files import EncoderWeights, read_tensors
 
-__all__ = ["KINDS", "Dinov2", "build_dinov2"]
+__all__ = ["MODEL_TYPES", "Dinov2", "build_dinov2"]
 
-KINDS = ("dinov2", "dinov2_with_registers")
-# Wider networks keep what they know of a whole picture in patches of its background, unless they have registers for it
-# (Darcet et al.); without a background it would go to the shape's own patches.
+MODEL_TYPES = ("dinov2", "dinov2_with_registers")
+# Wider networks store global information in patches of the background, unless they have registers (Darcet et al.);
+# without background patches they would store it in those of the shape.
 _WIDEST_WITHOUT_BACKGROUND = 768
-# Names of older files, which the hub has, and those of today.
+# From the tensor names of older files, which the hub serves, to current ones.
 _RENAMED = {
     "attention.attention.query": "attention.q_proj",
     "attention.attention.key": "attention.k_proj",
@@ -51,7 +51,7 @@ class _Attention(nn.Module):
 
         pictures = zip(*map(of_pictures, (self.q_proj, self.k_proj, self.v_proj)), strict=True)
         mixed = torch.cat([scaled_dot_product_attention(*picture)[0].transpose(0, 1) for picture in pictures])
-        return self.o_proj(mixed.flatten(1))  # type: ignore[no-any-return]
+        return self.o_proj(mixed.flatten(1))
 
 
 class _Perceptron(nn.Module):
@@ -60,7 +60,7 @@ class _Perceptron(nn.Module):
         self.fc1, self.fc2 = nn.Linear(width, hidden), nn.Linear(hidden, width)
 
     def forward(self, tokens: Tensor) -> Tensor:
-        return self.fc2(gelu(self.fc1(tokens)))  # type: ignore[no-any-return]
+        return self.fc2(gelu(self.fc1(tokens)))
 
 
 class _GatedPerceptron(nn.Module):
@@ -71,7 +71,7 @@ class _GatedPerceptron(nn.Module):
         self.down_proj = nn.Linear(hidden, width)
 
     def forward(self, tokens: Tensor) -> Tensor:
-        return self.down_proj(silu(self.gate_proj(tokens)) * self.up_proj(tokens))  # type: ignore[no-any-return]
+        return self.down_proj(silu(self.gate_proj(tokens)) * self.up_proj(tokens))
 
 
 class _LayerScale(nn.Module):
@@ -95,7 +95,7 @@ class _Layer(nn.Module):
 
     def forward(self, tokens: Tensor, lengths: Sequence[int]) -> Tensor:
         tokens = tokens + self.layer_scale1(self.attention(self.norm1(tokens), lengths))
-        return tokens + self.layer_scale2(self.mlp(self.norm2(tokens)))  # type: ignore[no-any-return]
+        return tokens + self.layer_scale2(self.mlp(self.norm2(tokens)))
 
 
 class _Embeddings(nn.Module):
@@ -112,8 +112,8 @@ class _Embeddings(nn.Module):
 class Dinov2(nn.Module):
     """The first `blocks` blocks of a DINOv2 and the LayerNorm after them; parameters have the names of transformers.
 
-    Pictures are computed side by side without padding: the tokens of all lie one after the other in one matrix (T, D),
-    and only attention looks at each picture apart.
+    Images are batched without padding: their tokens are concatenated in one matrix (T, D), and only attention is
+    computed for each image separately.
     """
 
     def __init__(self, config: Mapping[str, Any], blocks: int) -> None:
@@ -160,24 +160,20 @@ class Dinov2(nn.Module):
 
 
 def build_dinov2(weights: EncoderWeights, block: int | None, channels: ChannelStats | None) -> VisionModel:
-    """Put `weights` of one of `KINDS` into a network that is cut off after `block`; None takes the last.
+    """Put `weights` of one of `MODEL_TYPES` into a network that is cut off after `block`; None takes the last.
 
     `channels` are used where the weights come without their own.
 
-    Raises
-    ------
-    ValueError
-        If the configuration makes no sense, the block is out of range, or the tensors do not fit the configuration.
-    OSError
-        If the file of weights cannot be read.
+    Raises ValueError if the configuration makes no sense, the block is out of range, or the tensors do not fit the
+    configuration. Raises OSError if the file of weights cannot be read.
     """
     config = _checked(weights.config)
     depth, width, kind = config["num_hidden_layers"], config["hidden_size"], config["model_type"]
     block = check_block(depth if block is None else block, depth)
-    with torch.device("meta"):  # its numbers come from the weights
+    with torch.device("meta"):  # its parameters come from the weights
         network = Dinov2(config, block)
     wanted = network.state_dict()
-    found = {name: tensor for name, tensor in _with_names_of_today(read_tensors(weights)).items() if name in wanted}
+    found = {name: tensor for name, tensor in _current_names(read_tensors(weights)).items() if name in wanted}
     for name, tensor in found.items():
         if tensor.shape != wanted[name].shape:
             raise ValueError(
@@ -205,12 +201,9 @@ def build_dinov2(weights: EncoderWeights, block: int | None, channels: ChannelSt
 
 
 def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings that `Dinov2` goes by, those left out as transformers has them.
+    """The settings of `Dinov2`; missing ones get the defaults of transformers.
 
-    Raises
-    ------
-    ValueError
-        If they describe no such network.
+    Raises ValueError if there is no such network.
     """
     sizes = {
         "hidden_size": 768,
@@ -237,8 +230,8 @@ def _checked(given: Mapping[str, Any]) -> dict[str, Any]:
     return {**config, "model_type": given["model_type"]}
 
 
-def _with_names_of_today(tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Tensors by the names that transformers' own modules have, whichever version saved them."""
+def _current_names(tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Tensors by the current names of transformers, whichever version saved them."""
     renamed = {}
     for name, tensor in tensors.items():
         name = name.removeprefix("dinov2.").removeprefix("dinov2_with_registers.")

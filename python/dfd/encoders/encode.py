@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from torch.nn.functional import interpolate
 
 from dfd.common import check
-from dfd.common.devices import choose_device, out_of_memory, share
+from dfd.common.devices import choose_device, out_of_memory, parallel_inference
 from dfd.common.progress import Stages
-from dfd.encoders.dinov2 import KINDS, build_dinov2
+from dfd.encoders.dinov2 import MODEL_TYPES, build_dinov2
 from dfd.encoders.families import build_family
 from dfd.encoders.known import DEFAULT_ENCODER, KNOWN_ENCODERS
 from dfd.encoders.precision import Precision, choose_precision, save_device
@@ -33,7 +33,7 @@ _log = logging.getLogger(__name__)
 
 PrecisionOption = Literal["auto", "float32", "bfloat16"]
 
-_PIXELS_AT_ONCE = 24 * 518 * 518  # that go through the network together on an accelerator: enough to keep it busy
+_PIXELS_AT_ONCE = 24 * 518 * 518  # encoded together on an accelerator: enough to keep it busy
 
 
 class TokenStore(Protocol):
@@ -186,7 +186,7 @@ class Encoder:
                 else:
                     remaining.append(image)
 
-            if shown is not None:  # the slowest come first, so that threads end together
+            if shown is not None:  # the slowest first, so that all threads end at about the same time
                 remaining.sort(key=lambda image: -np.count_nonzero(shown[image]))
 
             writing: list[Future[None]] = []
@@ -200,10 +200,10 @@ class Encoder:
                 advance(end - begin)
 
             try:
-                # Tokens are written on a separate thread, so that those that compute never wait for the disk.
+                # Tokens are written on a separate thread, so that compute threads never block on I/O.
                 with ThreadPoolExecutor(1, "dfd-keep") as disk:
                     if self.device == "cpu":
-                        share(len(remaining), 1, fill)
+                        parallel_inference(len(remaining), 1, fill)
                     else:
                         _fill_in_batches(len(remaining), max(1, _PIXELS_AT_ONCE // resolution**2), fill)
                 for written in writing:
@@ -306,7 +306,7 @@ def load_encoder(
         known = KNOWN_ENCODERS.get(name) or next((each for each in KNOWN_ENCODERS.values() if each.hub == name), None)
     if block is None and known is not None:
         block = known.block
-    build = build_dinov2 if weights.config["model_type"] in KINDS else build_family
+    build = build_dinov2 if weights.config["model_type"] in MODEL_TYPES else build_family
     model = build(weights, block, known.channels if known else None)
     chosen = choose_precision(target) if precision == "auto" else precision
     _log.info("encoder %s: weights from %s, block %d of %d", name, weights.source, model.block, model.depth)

@@ -1,4 +1,4 @@
-"""The families of vision networks that transformers runs, and how each gives the tokens of one of its blocks.
+"""The families of vision networks that transformers runs, and how the tokens of a block are read from each.
 
 The tokens of a block are what the network would give if that block were its last: the network's own final layer norm
 (SAM's neck) is applied to them, and the class token and registers are left out.
@@ -28,12 +28,8 @@ def build_family(weights: EncoderWeights, block: int | None, channels: ChannelSt
 
     `channels` are used where the weights come without their own.
 
-    Raises
-    ------
-    ValueError
-        If the family is unknown, the block out of range, or the tensors do not fit the configuration.
-    OSError
-        If the file of weights cannot be read.
+    Raises ValueError if the family is unknown, the block out of range, or the tensors do not fit the configuration.
+    Raises OSError if the file of weights cannot be read.
     """
     from transformers.models.auto.configuration_auto import CONFIG_MAPPING
 
@@ -44,7 +40,7 @@ def build_family(weights: EncoderWeights, block: int | None, channels: ChannelSt
     with _quiet():
         try:
             config = CONFIG_MAPPING[kind].from_dict(dict(weights.config))
-        except Exception as error:  # each configuration checks itself in its own way
+        except Exception as error:  # which configurations raise of any type
             raise ValueError(
                 f"load_encoder: `encoder`: its config.json is not a valid {kind} model: {error}"
             ) from error
@@ -54,7 +50,7 @@ def build_family(weights: EncoderWeights, block: int | None, channels: ChannelSt
     assert isinstance(blocks, nn.ModuleList)
     depth = len(blocks)
     chosen = check_block(family.block(config, depth) if block is None else block, depth)
-    del blocks[chosen:]  # blocks after the one used need not run, nor be held
+    del blocks[chosen:]  # those after the one used are never run
     unset = sorted(missing & {name for name, _ in network.named_parameters()})
     if unset:
         raise ValueError(
@@ -95,16 +91,16 @@ def _image_size(config: Any) -> int:
 
 @dataclass(frozen=True)
 class _Family:
-    """How one kind of network is loaded (class `model`), cut (the list `blocks`) and run.
+    """How a family of networks is loaded (class `model`), cut off (the list `blocks`) and run.
 
-    `inside` is the part of the loaded model that turns images into tokens; `config` picks the part of its
+    `submodule` is the part of the loaded model that turns images into tokens; `config` picks the part of its
     configuration that describes it.
     """
 
     model: str
     tokens: Callable[[Any, Tensor], Tensor]
     blocks: str = ""
-    inside: str = ""
+    submodule: str = ""
     config: Callable[[Any], Any] = lambda config: getattr(config, "vision_config", config)
     arguments: dict[str, Any] = field(default_factory=dict)
     channels: ChannelStats = IMAGENET
@@ -129,9 +125,9 @@ def _load(family: _Family, weights: EncoderWeights, config: Any) -> tuple[Any, s
             ignore_mismatched_sizes=True,  # they are reported, and refused below by name
             **family.arguments,
         )
-    except Exception as error:  # safetensors, pickle, zip and transformers each have their own
+    except Exception as error:  # safetensors, pickle, zip and transformers raise types of their own
         raise unreadable(weights, error) from error
-    prefix = f"{family.inside}." if family.inside else ""
+    prefix = f"{family.submodule}." if family.submodule else ""
     wrong = sorted(entry for entry in report["mismatched_keys"] if entry[0].startswith(prefix))
     if wrong:
         name, found, wanted = wrong[0]
@@ -139,7 +135,7 @@ def _load(family: _Family, weights: EncoderWeights, config: Any) -> tuple[Any, s
             f"load_encoder: `encoder`: the tensor {name} has shape {tuple(found)}, "
             f"its config.json asks for {tuple(wanted)}"
         )
-    network = model.get_submodule(family.inside)
+    network = model.get_submodule(family.submodule)
     return network, {name.removeprefix(prefix) for name in report["missing_keys"] if not _unused(name)}
 
 
@@ -149,7 +145,7 @@ def _unused(name: str) -> bool:
 
 
 def _largest_list(network: nn.Module, kind: str) -> nn.ModuleList:
-    """The blocks of a network of unknown make: its longest list of modules."""
+    """The blocks of a network of unknown architecture: its longest list of modules."""
     lists = [module for module in network.modules() if isinstance(module, nn.ModuleList)]
     if not lists:
         raise ValueError(f"load_encoder: `encoder`: a model of type {kind!r} has no blocks of tokens to take")
@@ -158,7 +154,7 @@ def _largest_list(network: nn.Module, kind: str) -> nn.ModuleList:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep transformers' load reports, warnings and bars to itself: what matters is checked and raised here."""
+    """Silence transformers' load reports, warnings and progress bars: what matters is checked and raised here."""
     from transformers.utils import logging
 
     verbosity, bars = logging.get_verbosity(), logging.is_progress_bar_enabled()
@@ -199,7 +195,7 @@ def _interpolated(network: Any, images: Tensor) -> Tensor:
 
 def _clip(network: Any, images: Tensor) -> Tensor:
     # CLIP itself applies its last norm to the class token only.
-    return network.post_layernorm(_interpolated(network, images))  # type: ignore[no-any-return]
+    return network.post_layernorm(_interpolated(network, images))
 
 
 def _siglip2(network: Any, images: Tensor) -> Tensor:
@@ -228,8 +224,7 @@ def _mae(network: Any, images: Tensor) -> Tensor:
 
 
 def _hiera(network: Any, images: Tensor) -> Tensor:
-    tokens: Tensor = network(pixel_values=images).last_hidden_state
-    return tokens
+    return network(pixel_values=images).last_hidden_state
 
 
 def _sam(network: Any, images: Tensor) -> Tensor:
@@ -312,7 +307,7 @@ _VIT = _Family(
     channels=SYMMETRIC,
 )
 
-# Nothing is known but that its configuration says the size of pictures it was made for.
+# Of other families only the size of images is known, from their configuration.
 _UNKNOWN = _Family("AutoModel", _plain, fixed_size=_image_size)
 
 # By model type; those of CLIP, SigLIP and SAM may stand alone as vision models.

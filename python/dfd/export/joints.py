@@ -55,8 +55,7 @@ class Joint:
     @property
     def _basis(self) -> Float64:
         """(3, 3) the axes, negated where `carry` mirrors them."""
-        basis: Float64 = self.axes * np.sign(np.linalg.det(self.carry[:3, :3] @ self.axes))
-        return basis
+        return self.axes * np.sign(np.linalg.det(self.carry[:3, :3] @ self.axes))
 
     def matrix(self, transform: Transform) -> Float64:
         """(4, 4) the joint's matrix for the handle's `transform`, mesh units."""
@@ -64,8 +63,7 @@ class Joint:
         back = np.eye(4)
         back[:3, :3] = self.carry[:3, :3].T
         back[:3, 3] = -back[:3, :3] @ self.carry[:3, 3]
-        carried: Float64 = self.carry @ matrix @ back
-        return carried
+        return self.carry @ matrix @ back
 
     def local(self, transform: Transform) -> Local:
         """The joint's transform in its own frame for the handle's `transform`.

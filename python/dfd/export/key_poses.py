@@ -63,10 +63,7 @@ class KeyPose:
 def checked_poses(function: str, poses: Sequence[KeyPose], edit: Edit) -> tuple[KeyPose, ...]:
     """Check that `poses` are ordered by time and of handles that `edit` has, and return them.
 
-    Raises
-    ------
-    ValueError
-        If they are not.
+    Raises ValueError if they are not.
     """
     known = {handle.id for handle in edit.handles}
     before = None
@@ -127,12 +124,8 @@ def read_key_poses(path: str | os.PathLike[str]) -> tuple[KeyPose, ...]:
     `translation` in mesh units, a `rotation` as a rotation vector in degrees, `scale`, `pivot` and `axes`, as in an
     edit.
 
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    ValueError
-        If it is malformed; the message names the field and what was found there.
+    Raises OSError if it cannot be read. Raises ValueError if it is malformed; the message names the field and what was
+    found there.
     """
     text = Path(path).read_bytes()
     try:

@@ -176,5 +176,4 @@ def _side(plane: SymmetryPlane, points: Float64) -> Float64:
     if plane.band == 0:
         return np.asarray(height >= 0, np.float64)
     t = np.clip(height / (2.0 * plane.band) + 0.5, 0.0, 1.0)
-    side: Float64 = t * t * (3.0 - 2.0 * t)
-    return side
+    return t * t * (3.0 - 2.0 * t)

@@ -152,8 +152,7 @@ def bleed(weights: Float64, along: Float64) -> Bleed:
 
 def _whole(weights: Float64) -> Float64:
     total = weights.sum(axis=1, keepdims=True)
-    whole: Float64 = np.divide(weights, total, out=np.zeros_like(weights), where=total > 0)
-    return whole
+    return np.divide(weights, total, out=np.zeros_like(weights), where=total > 0)
 
 
 def _write(mesh: Mesh, bones: Bones, influences: Influences, target: Path) -> None:

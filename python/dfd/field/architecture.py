@@ -47,10 +47,7 @@ class Architecture:
     def of(cls, parameters: Mapping[str, ArrayLike], octaves: int) -> Architecture:
         """The architecture whose parameters these are.
 
-        Raises
-        ------
-        ValueError
-            If a parameter is missing, unknown or of another shape.
+        Raises ValueError if a parameter is missing, unknown or of another shape.
         """
         found = {name: np.shape(values) for name, values in parameters.items()}
         layers = (len(found) - 2) // 4

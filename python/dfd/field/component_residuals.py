@@ -7,7 +7,7 @@ mesh whose components match these, a vertex gets the network's feature plus the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -23,40 +23,39 @@ if TYPE_CHECKING:
 
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["NAMES", "ComponentResiduals", "apart", "boxes_of_components", "pieces_of_vertices"]
+__all__ = ["ComponentResiduals", "apart", "boxes_of_components", "components_of_vertices"]
 
-NAMES = ("boxes", "points", "piece", "differences")
 NEIGHBORS = 8  # sample points of its component that a vertex interpolates
 # Components match if the corners of their boxes agree to this much, normalized: another resolution moves them.
 SAME = 0.02
-_APART = 10.0  # between pieces in the search for neighbors, beyond any distance within [−1, 1]³
+_APART = 10.0  # between components in the search for neighbors, beyond any distance within [−1, 1]³
 _ROWS_AT_ONCE = 1 << 16  # to bound memory
 
 
 @dataclass(frozen=True, eq=False)
 class ComponentResiduals:
-    """The pieces of a surface in normalized coordinates, and how they differ from what stands for all of them.
+    """The components of a surface in normalized coordinates, and how they differ from what stands for all of them.
 
     Attributes
     ----------
     boxes
-        (P, 6) float32, the least and the largest corner of the box around each piece.
+        (P, 6) float32, the least and the largest corner of the box around each component.
     points
         (N, 3) float32, on the surface.
-    piece
-        (N,) int32, the piece that each point lies on.
+    component
+        (N,) int32, the component that each point lies on.
     differences
         (N, D) float16, what is added there to a feature of the network.
 
     Raises
     ------
     ValueError
-        If an array has the wrong shape, or holds a number that is not finite or a piece that is none.
+        If an array has the wrong shape, or holds a number that is not finite or a component that is none.
     """
 
     boxes: NDArray[np.float32]
     points: NDArray[np.float32]
-    piece: NDArray[np.int32]
+    component: NDArray[np.int32]
     differences: NDArray[np.float16]
 
     def __post_init__(self) -> None:
@@ -65,14 +64,16 @@ class ComponentResiduals:
         checked = {
             "boxes": _checked("boxes", self.boxes, ("P", 6), np.float32),
             "points": _checked("points", self.points, ("N", 3), np.float32),
-            "piece": check.vertex_indices("ComponentResiduals", "piece", self.piece, len(self.boxes)).astype(np.int32),
+            "component": check.vertex_indices(
+                "ComponentResiduals", "component", self.component, len(self.boxes)
+            ).astype(np.int32),
             "differences": _checked("differences", self.differences, (*count, *width), np.float16),
         }
-        if checked["piece"].shape != count or len(width) != 1:
+        if checked["component"].shape != count or len(width) != 1:
             raise ArgumentError(
-                "piece",
+                "component",
                 f"and `differences` must have a row for each of the {count[0]} points, "
-                f"got {checked['piece'].shape} and {np.shape(self.differences)}",
+                f"got {checked['component'].shape} and {np.shape(self.differences)}",
                 "ComponentResiduals",
             )
         for name, array in checked.items():
@@ -85,17 +86,17 @@ class ComponentResiduals:
         return int(self.differences.shape[1])
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """The arrays by name, see `NAMES`."""
-        return {name: getattr(self, name) for name in NAMES}
+        """The arrays by name."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
     def widened(self, directions: NDArray[np.float32]) -> ComponentResiduals:
-        """The same pieces with differences times `directions` (d, D), D wide."""
+        """The same components with differences times `directions` (d, D), D wide."""
         return ComponentResiduals(
-            self.boxes, self.points, self.piece, (self.differences @ directions).astype(np.float16)
+            self.boxes, self.points, self.component, (self.differences @ directions).astype(np.float16)
         )
 
     def known(self, boxes: NDArray[np.floating]) -> NDArray[np.int64]:
-        """Which piece each of `boxes` (Q, 6) is, (Q,); −1 where none has its corners there."""
+        """Which component each of `boxes` (Q, 6) is, (Q,); −1 where none has its corners there."""
         from scipy.spatial import cKDTree
 
         if len(boxes) == 0 or len(self.boxes) == 0:
@@ -104,19 +105,19 @@ class ComponentResiduals:
         return np.where(distance <= SAME, found, -1)
 
     def add_residuals(
-        self, rows: NDArray[np.float32], points: NDArray[np.floating], piece: NDArray[np.integer]
+        self, rows: NDArray[np.float32], points: NDArray[np.floating], component: NDArray[np.integer]
     ) -> NDArray[np.float32]:
-        """Return unit `rows` (N, D) at normalized `points` (N, 3) with the difference of the `piece` (N,) of each.
+        """Return unit `rows` (N, D) at normalized `points` (N, 3) with the difference of the `component` (N,) of each.
 
-        It is a weighted mean over the nearest points of the piece; weights fall to 0 at the next nearest point, so that
-        it is continuous. A piece of −1 leaves a row unchanged.
+        It is a weighted mean over the nearest points of the component; weights fall to 0 at the next nearest point, so
+        that it is continuous. A component of −1 leaves a row unchanged.
         """
         result = rows.copy()
-        of_some = np.flatnonzero(piece >= 0)
+        of_some = np.flatnonzero(component >= 0)
         for start in range(0, len(of_some), _ROWS_AT_ONCE):
             chosen = of_some[start : start + _ROWS_AT_ONCE]
             changed = rows[chosen]
-            changed += self._differences_at(points[chosen], piece[chosen])
+            changed += self._differences_at(points[chosen], component[chosen])
             length = np.sqrt(np.einsum("ij,ij->i", changed, changed))
             changed /= np.maximum(length, np.float32(1e-6))[:, None]
             vanished = length < 1e-6  # it has no direction: the row stays
@@ -124,14 +125,14 @@ class ComponentResiduals:
             result[chosen] = changed
         return result
 
-    def _differences_at(self, points: NDArray[np.floating], piece: NDArray[np.integer]) -> NDArray[np.float32]:
+    def _differences_at(self, points: NDArray[np.floating], component: NDArray[np.integer]) -> NDArray[np.float32]:
         from scipy import sparse
 
         wanted = min(NEIGHBORS + 1, len(self.points))
-        distance, near = self._tree.query(apart(points, piece), np.arange(1, wanted + 1), workers=-1)
-        own = self.piece[near] == piece[:, None]
+        distance, near = self._tree.query(apart(points, component), np.arange(1, wanted + 1), workers=-1)
+        own = self.component[near] == component[:, None]
         distance = np.where(own, distance, np.inf)
-        # A piece of a few points has no next one: there it is all of them, by their distance.
+        # A component of a few points has no next one: there it is all of them, by their distance.
         reach = np.where(own[:, -1], distance[:, -1], 2 * np.where(own, distance, 0).max(axis=1) + 1e-6)[:, None]
         share = np.where(own, np.maximum(1 - distance / np.maximum(reach, 1e-12), 0) ** 2 + 1e-9 * own, 0)
         share /= np.maximum(share.sum(axis=1, keepdims=True), 1e-30)
@@ -149,47 +150,47 @@ class ComponentResiduals:
     def _tree(self) -> cKDTree:
         from scipy.spatial import cKDTree
 
-        return cKDTree(apart(self.points, self.piece))
+        return cKDTree(apart(self.points, self.component))
 
     def __getstate__(self) -> dict[str, Any]:
         return self.arrays()
 
 
-def pieces_of_vertices(mesh: Mesh) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """Return the piece (V,) that each vertex of `mesh` is on, −1 for one of no face, and their boxes (P, 6).
+def components_of_vertices(mesh: Mesh) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """Return the component (V,) that each vertex of `mesh` is on, −1 for one of no face, and their boxes (P, 6).
 
     Vertices at one position count as one. Boxes are in mesh units.
     """
     place = first_at_place(mesh)
     faces = place[mesh.faces]
-    piece = np.full(len(mesh.vertices), -1, np.int32)
-    piece[faces.ravel()] = np.repeat(face_components(faces), 3)
-    piece = piece[place]
-    return piece, _boxes(mesh.vertices, piece)
+    component = np.full(len(mesh.vertices), -1, np.int32)
+    component[faces.ravel()] = np.repeat(face_components(faces), 3)
+    component = component[place]
+    return component, _boxes(mesh.vertices, component)
 
 
 def boxes_of_components(
     vertices: NDArray[np.floating], faces: NDArray[np.integer], component: NDArray[np.int32]
 ) -> NDArray[np.float64]:
     """The boxes (P, 6) around the faces (F, 3) of each component (F,) of a surface with vertices (V, 3)."""
-    piece = np.full(len(vertices), -1, np.int32)
-    piece[faces.ravel()] = np.repeat(component, 3)
-    return _boxes(vertices, piece)
+    of_vertex = np.full(len(vertices), -1, np.int32)
+    of_vertex[faces.ravel()] = np.repeat(component, 3)
+    return _boxes(vertices, of_vertex)
 
 
-def _boxes(points: NDArray[np.floating], piece: NDArray[np.int32]) -> NDArray[np.float64]:
-    """The boxes (P, 6) around the points (N, 3) of each piece (N,), −1 belonging to none."""
-    count = int(piece.max(initial=-1)) + 1
-    some = piece >= 0
+def _boxes(points: NDArray[np.floating], component: NDArray[np.int32]) -> NDArray[np.float64]:
+    """The boxes (P, 6) around the points (N, 3) of each component (N,), −1 belonging to none."""
+    count = int(component.max(initial=-1)) + 1
+    some = component >= 0
     boxes = np.concatenate([np.full((count, 3), np.inf), np.full((count, 3), -np.inf)], axis=1)
-    np.minimum.at(boxes[:, :3], piece[some], points[some])
-    np.maximum.at(boxes[:, 3:], piece[some], points[some])
+    np.minimum.at(boxes[:, :3], component[some], points[some])
+    np.maximum.at(boxes[:, 3:], component[some], points[some])
     return boxes
 
 
-def apart(points: NDArray[np.floating], piece: NDArray[np.integer]) -> NDArray[np.float64]:
-    """Points (N, 3) with a fourth coordinate that keeps pieces (N,) apart in a search for neighbors, (N, 4)."""
-    return np.column_stack([np.asarray(points, np.float64), _APART * np.asarray(piece, np.float64)])
+def apart(points: NDArray[np.floating], component: NDArray[np.integer]) -> NDArray[np.float64]:
+    """Points (N, 3) with a fourth coordinate that keeps components (N,) apart in a search for neighbors, (N, 4)."""
+    return np.column_stack([np.asarray(points, np.float64), _APART * np.asarray(component, np.float64)])
 
 
 def _checked(name: str, values: ArrayLike, shape: Any, dtype: Any) -> NDArray[Any]:

@@ -19,10 +19,10 @@ from dfd.common import check, tensors, threads
 from dfd.common.errors import ArgumentError
 from dfd.field import field_file
 from dfd.field.architecture import Architecture
-from dfd.field.component_residuals import ComponentResiduals, pieces_of_vertices
+from dfd.field.component_residuals import ComponentResiduals, components_of_vertices
 from dfd.field.given_features import FEATURE_FILES
 
-# torch takes seconds to import; only those need it who ask with its tensors.
+# torch takes seconds to import, and is needed only to evaluate tensors.
 if TYPE_CHECKING:
     import torch
     from scipy.spatial import cKDTree
@@ -31,20 +31,20 @@ if TYPE_CHECKING:
 
 __all__ = ["Field", "FieldOnMesh", "FieldSource"]
 
-# Farther from the middle of the shape, in halves of its box, a network of float32 has nothing to say.
+# From the center of the shape, in halves of the longest side of its box: the network's float32 tells nothing beyond.
 FARTHEST = 1e6
 
 
 @dataclass(frozen=True)
 class FieldSource:
-    """The file that a field was read from, and the SHA-256 of what was in it, 64 hexadecimal digits."""
+    """The file that a field was read from, and the SHA-256 of its content, 64 hexadecimal digits."""
 
     path: Path
     sha256: str
 
     @classmethod
     def of(cls, path: str | os.PathLike[str]) -> FieldSource:
-        """That of a file as it is now."""
+        """The source that `path` is now."""
         digest = hashlib.sha256()
         with Path(path).open("rb") as stream:
             while data := stream.read(1 << 20):
@@ -61,11 +61,11 @@ class Field:
     `octaves` the network also sees sines and cosines of the coordinates, the longest two boxes long (Mildenhall et al.
     2020, section 5.1): borders between parts are then fitted in far fewer steps.
 
-    Of a mesh in several pieces the features of the vertices may say more than those of their positions: see
+    Where components of a surface lie beside or inside each other, vertices have features of their own component: see
     `dfd.field.component_residuals`.
 
-    A field never changes. It is evaluated by a kernel: neither torch nor a GPU is needed. `source` is the file that it
-    was read from, None where it was made.
+    A field is immutable. It is evaluated by a kernel: neither torch nor a GPU is needed. `source` is the file that it
+    was read from, None if it was not read from a file.
 
     Parameters
     ----------
@@ -78,21 +78,21 @@ class Field:
     scale
         Factor per mesh unit; with the longest side of the box s it is 2/s.
     settings
-        How the field came to be (encoder, views, seed, …), kept with it in its file; JSON values.
-    pieces
-        What the pieces of the surface look like where they share a place; None where the network says it all.
+        How the field was made (encoder, views, seed, …), saved in its file; JSON values.
+    residuals
+        How features of each component of the surface differ from those of the network; None where they do not.
 
     Raises
     ------
     ValueError
-        If a parameter is missing, unknown, of another shape or not finite, a number is out of its range, or `pieces`
-        are of another width.
+        If a parameter is missing, unknown, of another shape or not finite, a number is out of its range, or
+        `residuals` are of another width.
     """
 
-    # What reads features of vertices: a later file builds on this class and puts itself there.
+    # Reads features of vertices; set by `dfd.field.vertex_field`, whose class derives from this one.
     read_vertex_field: ClassVar[Callable[[Path, Mesh | None], Field]]
     source: FieldSource | None = None
-    pieces: ComponentResiduals | None = None
+    residuals: ComponentResiduals | None = None
 
     def __init__(
         self,
@@ -102,14 +102,14 @@ class Field:
         center: ArrayLike = (0.0, 0.0, 0.0),
         scale: float = 1.0,
         settings: Mapping[str, Any] | None = None,
-        pieces: ComponentResiduals | None = None,
+        residuals: ComponentResiduals | None = None,
     ) -> None:
         self.architecture = Architecture.of(parameters, octaves)
         self.parameters = {name: _frozen(name, parameters[name]) for name in self.architecture.shapes()}
         self.center = _frozen("center", center, (3,), np.float64)
         self.scale = check.number("Field", "scale", scale, minimum=0.0, exclusive=True)
         self.settings = dict(settings or {})
-        self.pieces = self._checked_pieces(pieces)
+        self.residuals = self._checked_residuals(residuals)
 
     @property
     def dimension(self) -> int:
@@ -159,31 +159,28 @@ class Field:
         return array
 
     def with_settings(self, settings: Mapping[str, Any]) -> Field:
-        """The same field, said to have come to be by other `settings`."""
+        """The same field with other `settings`."""
         other = copy.copy(self)
         other.settings = dict(settings)
         other.source = None
         return other
 
-    def with_pieces(self, pieces: ComponentResiduals | None) -> Field:
-        """The same field with other pieces, or without any.
+    def with_residuals(self, residuals: ComponentResiduals | None) -> Field:
+        """The same field with other residuals, or without any.
 
-        Raises
-        ------
-        ValueError
-            If they are of another width.
+        Raises ValueError if they are of another width.
         """
         other = self.with_settings(self.settings)
-        other.pieces = self._checked_pieces(pieces)
+        other.residuals = self._checked_residuals(residuals)
         return other
 
-    def _checked_pieces(self, pieces: ComponentResiduals | None) -> ComponentResiduals | None:
-        if pieces is not None and pieces.dimension != self.dimension:
-            raise ArgumentError("pieces", f"must be {self.dimension} wide, got {pieces.dimension}", "Field")
-        return pieces
+    def _checked_residuals(self, residuals: ComponentResiduals | None) -> ComponentResiduals | None:
+        if residuals is not None and residuals.dimension != self.dimension:
+            raise ArgumentError("residuals", f"must be {self.dimension} wide, got {residuals.dimension}", "Field")
+        return residuals
 
     def on(self, mesh: Mesh) -> FieldOnMesh:
-        """The field as the vertices of `mesh` have it, to be asked for some of them at a time."""
+        """The field at the vertices of `mesh`, to be evaluated for some of them at a time."""
         return FieldOnMesh(self, mesh)
 
     def features(self, mesh: Mesh) -> NDArray[np.float32]:
@@ -205,8 +202,7 @@ class Field:
             raise ArgumentError("points", f"must have shape (N, 3), got {tuple(points.shape)}", "Field")
         network = Network.of(self.parameters, self.architecture).to(points.device)
         center = torch.tensor(self.center, device=points.device)
-        result: torch.Tensor = network(((points.to(center.dtype) - center) * self.scale).to(torch.float32))
-        return result
+        return network(((points.to(center.dtype) - center) * self.scale).to(torch.float32))
 
     @cached_property
     def _kernel(self) -> _core.Field:
@@ -227,21 +223,20 @@ class Field:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the field to `path` (.safetensors), whole or not at all; equal fields are equal files.
 
-        Raises
-        ------
-        OSError
-            If `path` cannot be written; a file that was there stays as it was.
+        Raises OSError if `path` cannot be written; a file that was there stays as it was.
         """
-        pieces = None if self.pieces is None else self.pieces.arrays()
-        content = field_file.Content(self.architecture, self.parameters, self.center, self.scale, self.settings, pieces)
+        residuals = None if self.residuals is None else self.residuals.arrays()
+        content = field_file.Content(
+            self.architecture, self.parameters, self.center, self.scale, self.settings, residuals
+        )
         field_file.write(path, content)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, mesh: Mesh | None = None) -> Field:
-        """Read a field from `path`: what `save` wrote, or what other programs have written for a mesh.
+        """Read a field from `path`: a file of `save`, or one that another program wrote for a mesh.
 
-        Those are a `.pth` of the method's public reference implementation, and an `.npy` (MeshFM, PartField) or `.pt`
-        (Diff3F) with a row of another network for each vertex or face, which becomes a `VertexField`. MeshFM and
+        The latter are a `.pth` of the method's public reference implementation, and an `.npy` (MeshFM, PartField) or
+        `.pt` (Diff3F) with a row of another network for each vertex or face, which becomes a `VertexField`. MeshFM and
         PartField write files beside theirs; what these say of the vertices is checked.
 
         Parameters
@@ -254,7 +249,7 @@ class Field:
         OSError
             If `path` does not exist or cannot be read.
         ValueError
-            If it is no field, cut short, of another version, does not hold the tensors that it promises, or gives
+            If it is not a field, is truncated, of another version, lacks tensors that its header names, or gives
             features that are not finite; if an `.npy` or `.pt` has not one row for each vertex, in the order of the
             vertices, or for each face.
         """
@@ -279,7 +274,7 @@ class Field:
                 center=content.center,
                 scale=content.scale,
                 settings=content.settings,
-                pieces=None if content.pieces is None else ComponentResiduals(**content.pieces),
+                residuals=None if content.residuals is None else ComponentResiduals(**content.residuals),
             )
         except ArgumentError as error:
             reason = f"`{error.argument}` {error.reason}"
@@ -292,9 +287,9 @@ class Field:
 
 
 class FieldOnMesh:
-    """Features of the vertices of a mesh, and of points on it, each by the piece that it is on.
+    """Features of the vertices of a mesh, and of points on it, each by the component that it is on.
 
-    Where the field keeps no pieces, or a piece of the mesh is none of them, they are those of the position alone.
+    Where the field has no residuals, or none for a component of the mesh, they are those of the position alone.
     """
 
     def __init__(self, field: Field, mesh: Mesh) -> None:
@@ -308,30 +303,29 @@ class FieldOnMesh:
     def rows(self, vertices: slice | NDArray[np.integer[Any]]) -> NDArray[np.float32]:
         """Return the features of some vertices, (N, D) float32 unit rows."""
         points = self.mesh.vertices[vertices]
-        return self._of(points, None if self._piece is None else self._piece[vertices])
+        return self._of(points, None if self._component is None else self._component[vertices])
 
     def at(self, points: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
-        """Return features at `points` (N, 3) in mesh units, (N, D): of the piece that the nearest vertex is on."""
+        """Return features at `points` (N, 3) in mesh units, (N, D): of the component that the nearest vertex is on."""
         places = np.asarray(points, np.float64)
-        return self._of(places, None if self._piece is None else self._piece[self._nearest.query(places)[1]])
+        return self._of(places, None if self._component is None else self._component[self._nearest.query(places)[1]])
 
-    def _of(self, points: NDArray[np.float64], piece: NDArray[np.int64] | None) -> NDArray[np.float32]:
+    def _of(self, points: NDArray[np.float64], component: NDArray[np.int64] | None) -> NDArray[np.float32]:
         field = self.field
         rows = field(points)
-        if piece is None or field.pieces is None:
+        if component is None or field.residuals is None:
             return rows
-        return field.pieces.add_residuals(rows, (points - field.center) * field.scale, piece)
+        return field.residuals.add_residuals(rows, (points - field.center) * field.scale, component)
 
     @cached_property
-    def _piece(self) -> NDArray[np.int64] | None:
-        """(V,) which of the field's pieces each vertex is on, or −1; None where the field has none."""
-        if self.field.pieces is None:
+    def _component(self) -> NDArray[np.int64] | None:
+        """(V,) which of the field's components each vertex is on, or −1; None where the field has none."""
+        if self.field.residuals is None:
             return None
-        piece, boxes = pieces_of_vertices(self.mesh)
+        component, boxes = components_of_vertices(self.mesh)
         corners = (boxes.reshape(-1, 2, 3) - self.field.center) * self.field.scale
-        known = np.append(self.field.pieces.known(corners.reshape(-1, 6)), -1)  # the last one is that of −1
-        found: NDArray[np.int64] = known[piece]
-        return found
+        known = np.append(self.field.residuals.known(corners.reshape(-1, 6)), -1)  # the last one is that of −1
+        return known[component]
 
     @cached_property
     def _nearest(self) -> cKDTree:

@@ -16,13 +16,13 @@ from safetensors import SafetensorError
 
 from dfd.common.files import atomic_write
 from dfd.field.architecture import Architecture
-from dfd.field.component_residuals import NAMES
 
 __all__ = ["Content", "read", "with_sorted_header", "write"]
 
 FORMAT = "dfd-field"
-VERSION, WITH_PIECES = 1, 2
-PIECES = "pieces."
+VERSION, WITH_RESIDUALS = 1, 2
+# Of the component residuals, by the names that all files have them by.
+RESIDUALS = {name: f"pieces.{name}" for name in ("boxes", "points", "differences")} | {"component": "pieces.piece"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,19 +34,19 @@ class Content:
     center: NDArray[np.float64]  # (3,) mesh units
     scale: float  # per mesh unit
     settings: dict[str, Any]
-    pieces: Mapping[str, NDArray[Any]] | None = None  # see `dfd.field.component_residuals.NAMES`
+    residuals: Mapping[str, NDArray[Any]] | None = None  # see `dfd.field.component_residuals`
 
 
 def write(path: str | os.PathLike[str], content: Content) -> None:
     """Write a field, whole or not at all; raises what `Field.save` raises."""
     metadata = {
         "format": FORMAT,
-        "version": str(VERSION if content.pieces is None else WITH_PIECES),
+        "version": str(VERSION if content.residuals is None else WITH_RESIDUALS),
         "network": json.dumps(asdict(content.architecture)),
         "settings": json.dumps(content.settings, sort_keys=True),
     }
     arrays: dict[str, NDArray[Any]] = {**content.parameters, "center": content.center, "scale": np.array(content.scale)}
-    arrays |= {PIECES + name: array for name, array in (content.pieces or {}).items()}
+    arrays |= {RESIDUALS[name]: array for name, array in (content.residuals or {}).items()}
     with atomic_write(path) as temporary:
         temporary.write_bytes(with_sorted_header(safetensors.numpy.save(arrays, metadata)))
 
@@ -60,12 +60,12 @@ def read(path: str | os.PathLike[str]) -> Content:
         except (SafetensorError, KeyError, TypeError, ValueError, RecursionError) as error:
             raise ValueError(f"is cut short or no field: {error}") from error
         architecture, settings = _header(metadata)
-        pieces = _take_pieces(arrays) if metadata["version"] == str(WITH_PIECES) else None
+        residuals = _take_residuals(arrays) if metadata["version"] == str(WITH_RESIDUALS) else None
         _check_arrays(arrays, architecture)
     except ValueError as error:
         raise ValueError(f"Field.load: `path` {os.fspath(path)} {error}") from error
     center, scale = arrays.pop("center"), arrays.pop("scale")
-    return Content(architecture, arrays, center, float(scale), settings, pieces)
+    return Content(architecture, arrays, center, float(scale), settings, residuals)
 
 
 def with_sorted_header(content: bytes) -> bytes:
@@ -89,8 +89,8 @@ def _header(metadata: Mapping[str, str]) -> tuple[Architecture, dict[str, Any]]:
     """The architecture and the settings that the metadata promises."""
     if metadata.get("format") != FORMAT:
         raise ValueError("is a safetensors file but no field")
-    if metadata.get("version") not in (str(VERSION), str(WITH_PIECES)):
-        raise ValueError(f"has version {metadata.get('version')}, this dfd reads {VERSION} and {WITH_PIECES}")
+    if metadata.get("version") not in (str(VERSION), str(WITH_RESIDUALS)):
+        raise ValueError(f"has version {metadata.get('version')}, this dfd reads {VERSION} and {WITH_RESIDUALS}")
     try:
         network, settings = json.loads(metadata["network"]), json.loads(metadata["settings"])
         if not isinstance(settings, dict):
@@ -100,12 +100,12 @@ def _header(metadata: Mapping[str, str]) -> tuple[Architecture, dict[str, Any]]:
         raise ValueError(f"has an unreadable header: {error}") from error
 
 
-def _take_pieces(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+def _take_residuals(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """Remove the component residuals from `arrays`; `ComponentResiduals` checks them."""
-    missing = [name for name in NAMES if PIECES + name not in arrays]
-    if missing:
-        raise ValueError(f"must hold {PIECES}{missing[0]}")
-    return {name: arrays.pop(PIECES + name) for name in NAMES}
+    for name in RESIDUALS.values():
+        if name not in arrays:
+            raise ValueError(f"must hold {name}")
+    return {name: arrays.pop(stored) for name, stored in RESIDUALS.items()}
 
 
 def _check_arrays(arrays: Mapping[str, NDArray[Any]], architecture: Architecture) -> None:

@@ -26,12 +26,7 @@ def read_features(path: Path, named: str) -> NDArray[Any]:
     Diff3F saves `torch.save(features, "NAME.pt")`: (V, 2048) in half precision, of whatever device had them. Errors
     call the file what it is `named` where it was given. Objects of Python in either are never opened.
 
-    Raises
-    ------
-    ValueError
-        If it is no such file, or cut short, or holds something else.
-    OSError
-        If it cannot be read.
+    Raises ValueError if it is no such file, or cut short, or holds something else. Raises OSError if it cannot be read.
     """
     import numpy as np
 
@@ -60,8 +55,7 @@ def _read_tensor(path: Path, named: str) -> NDArray[Any]:
         raise ValueError(f"{named} must be a .pt file of one tensor, but {path} holds a {type(tensor).__name__}")
     if tensor.layout != torch.strided or tensor.is_complex() or tensor.is_quantized:
         raise ValueError(f"{named} must be a .pt file of plain numbers, but {path} holds a {tensor.type()}")
-    rows: NDArray[Any] = tensor.detach().float().numpy()
-    return rows
+    return tensor.detach().float().numpy()
 
 
 def of_vertices(mesh: Mesh, rows: NDArray[Any]) -> NDArray[np.float64]:
@@ -99,13 +93,8 @@ def rows_of_vertices(path: Path, features: NDArray[Any], mesh: Mesh, named: str)
     `part_feat_NAME_0_batch.npy`, (F, 448) or with `vertex_feature` (V, 448), and beside it `feat_pca_NAME_0.ply`, moved
     and scaled. Where no file lies beside, only the number of rows can be checked, by the caller.
 
-    Raises
-    ------
-    ValueError
-        If the rows are of points of the surface, or the vertices are others or in another order; the message names the
-        file.
-    OSError
-        If a file that is there cannot be read.
+    Raises ValueError if the rows are of points of the surface, or the vertices are others or in another order; the
+    message names the file. Raises OSError if a file that is there cannot be read.
     """
     described = path.with_suffix(".json")
     mode = _check_description(described, features, mesh, named) if described.is_file() else None
@@ -168,5 +157,4 @@ def _check_vertices(path: Path, mesh: Mesh, named: str) -> None:
 def _in_box(vertices: NDArray[Any]) -> NDArray[Any]:
     """Vertices around the center of their box, in units of its longest side: what scaling and moving leave alike."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
-    placed: NDArray[Any] = (vertices - (low + high) / 2) / max((high - low).max(), 1e-300)
-    return placed
+    return (vertices - (low + high) / 2) / max((high - low).max(), 1e-300)

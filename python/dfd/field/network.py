@@ -63,5 +63,4 @@ class Network(nn.Module):
 
 def _linear(entering: int, leaving: int) -> nn.Linear:
     """A linear map without values: torch would draw them from its own generator, which is the caller's."""
-    linear: nn.Linear = nn.utils.skip_init(nn.Linear, entering, leaving)  # type: ignore[no-untyped-call]
-    return linear
+    return nn.utils.skip_init(nn.Linear, entering, leaving)  # type: ignore[no-untyped-call]

@@ -83,10 +83,7 @@ Pair = tuple[Tensor, Tensor]  # weight and bias
 def _layers(tensors: Mapping[str, Tensor]) -> tuple[list[Pair], list[Pair]]:
     """The linear maps and the LayerNorms in their order, the first linear maps folded into one.
 
-    Raises
-    ------
-    ValueError
-        If the tensors are not those of such a network.
+    Raises ValueError if the tensors are not those of such a network.
     """
     entries: dict[int, dict[str, Tensor]] = {}
     for name, tensor in tensors.items():

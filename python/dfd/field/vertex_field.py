@@ -1,4 +1,4 @@
-"""A field of features that another network has given to the vertices of a mesh."""
+"""A field of features that another network computed for the vertices of a mesh."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ ROWS_AT_ONCE = 1 << 16  # to bound memory
 
 
 class VertexField(Field):
-    """Φ from features that are given for the vertices of one mesh; elsewhere it has those of the nearest vertex.
+    """Φ from given features of the vertices of one mesh; elsewhere it has those of the nearest vertex.
 
-    Nothing is fitted, so that weights are those of the given features to the bit of their distances. Vertices at one
-    position have the features of the first of them, as faces do: seams stay closed. Where the features should serve
-    other resolutions of the shape, `dfd.distill(mesh, features=features)` fits a network to them.
+    No network is fitted: weights follow from the distances of the given features exactly. Vertices at one position have
+    the features of the first of them, as in faces, so that seams stay closed. To use the features on other resolutions
+    of the shape, `dfd.distill(mesh, features=features)` fits a network to them.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class VertexField(Field):
         (V, D), a row a vertex. Only their directions count. Or (F, D), a row a face, where F is not V: a vertex then
         has the mean of the faces around it, by their areas.
     settings
-        How they came to be, JSON values.
+        How they were made, JSON values.
 
     Raises
     ------
@@ -76,7 +76,7 @@ class VertexField(Field):
         return int(self._rows.shape[1])
 
     def __repr__(self) -> str:
-        """Say of what it is."""
+        """Name the mesh's size and the width of the features."""
         return f"VertexField({self.dimension} dimensions of {len(self._of_vertex)} vertices)"
 
     def __call__(self, points: Any) -> Any:
@@ -85,8 +85,7 @@ class VertexField(Field):
             import torch
 
             return torch.from_numpy(self(points.detach().cpu().numpy())).to(points.device)
-        found: NDArray[np.float32] = self._rows[self._nearest.query(self._checked_points(points))[1]]
-        return found
+        return self._rows[self._nearest.query(self._checked_points(points))[1]]
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Refuse: features of vertices are kept as the array that they came as.
@@ -109,7 +108,7 @@ class VertexField(Field):
 
 
 def read_vertex_field(path: Path, mesh: Mesh | None) -> VertexField:
-    """What `Field.load` makes of an `.npy` or `.pt`, and raises."""
+    """Read an `.npy` or `.pt` for `Field.load`, and raise what it raises."""
     if mesh is None:
         raise ArgumentError(
             "mesh", f"must be given for {path}: its rows are those of the mesh's vertices", "Field.load"
@@ -128,7 +127,7 @@ Field.read_vertex_field = read_vertex_field
 
 
 def _unit(rows: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Rows at unit length, whatever their length was."""
+    """Rows normalized to unit length, without overflow."""
     result = np.empty_like(rows)
     for start in range(0, len(rows), ROWS_AT_ONCE):
         some = rows[start : start + ROWS_AT_ONCE].astype(np.float64)

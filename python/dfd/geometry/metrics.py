@@ -37,10 +37,7 @@ def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> SurfaceMetrics:
 
     Faces without area at rest count for nothing. Self-intersections are found by libigl, of the extra `metrics`.
 
-    Raises
-    ------
-    ValueError
-        If `vertices` is not finite or has another shape than those of the mesh, or no face has an area.
+    Raises ValueError if `vertices` is not finite or has another shape than those of the mesh, or no face has an area.
     """
     moved = check.array("surface_metrics", "vertices", vertices, mesh.vertices.shape, dtype=np.float64)
     # In units of the shape, around its middle: lengths far from 1 lose nothing.
@@ -69,10 +66,7 @@ def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> SurfaceMetrics:
 def area_ratios(mesh: Mesh, vertices: ArrayLike) -> NDArray[np.float64]:
     """(V,) how many times larger the faces around each vertex have become; 1 where none has an area.
 
-    Raises
-    ------
-    ValueError
-        If `vertices` is not finite or has another shape than those of the mesh.
+    Raises ValueError if `vertices` is not finite or has another shape than those of the mesh.
     """
     moved = check.array("area_ratios", "vertices", vertices, mesh.vertices.shape, dtype=np.float64)
     welded = first_at_place(mesh)
@@ -81,8 +75,7 @@ def area_ratios(mesh: Mesh, vertices: ArrayLike) -> NDArray[np.float64]:
         np.bincount(faces, np.repeat(face_areas(each, mesh.faces), 3), minlength=len(welded))[welded]
         for each in (mesh.vertices, moved)
     )
-    ratios: NDArray[np.float64] = np.divide(after, before, out=np.ones(len(welded)), where=before > 0)
-    return ratios
+    return np.divide(after, before, out=np.ones(len(welded)), where=before > 0)
 
 
 def _angles(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> NDArray[np.float64]:
@@ -91,8 +84,7 @@ def _angles(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> NDArra
     one, other = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
     # atan2 keeps small angles, which arccos loses.
     sine, cosine = np.linalg.norm(np.cross(one, other), axis=2), (one * other).sum(axis=2)
-    angles: NDArray[np.float64] = np.degrees(np.arctan2(sine, cosine))
-    return angles
+    return np.degrees(np.arctan2(sine, cosine))
 
 
 def _volume_change(
@@ -116,8 +108,7 @@ def _folded(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> NDArra
     _, edge = np.unique(edges, axis=0, return_inverse=True)
     around = np.stack([np.bincount(edge.ravel(), np.repeat(axis, 3)) for axis in normals.T], axis=1)
     others = around[edge.ravel()].reshape(-1, 3, 3).sum(axis=1) - 3 * normals
-    folded: NDArray[np.bool_] = (others * normals).sum(axis=1) < FOLD
-    return folded
+    return (others * normals).sum(axis=1) < FOLD
 
 
 def _self_intersecting(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> int | None:

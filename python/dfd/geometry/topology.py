@@ -103,8 +103,7 @@ def face_areas(vertices: NDArray[np.floating], faces: NDArray[np.int32]) -> NDAr
 
 def _three_corners(faces: NDArray[np.int32]) -> NDArray[np.bool_]:
     a, b, c = faces.T
-    different: NDArray[np.bool_] = (a != b) & (b != c) & (c != a)
-    return different
+    return (a != b) & (b != c) & (c != a)
 
 
 def _has_area(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.bool_]:
@@ -131,8 +130,7 @@ def _edge_uses(faces: NDArray[np.int32]) -> NDArray[np.int64]:
 def _repeats_earlier(faces: NDArray[np.int32]) -> NDArray[np.bool_]:
     """Return whether each face has the corners of an earlier one."""
     first, number = weld(np.sort(faces, axis=1).astype(np.float64))
-    repeats: NDArray[np.bool_] = first[number] != np.arange(len(faces))
-    return repeats
+    return first[number] != np.arange(len(faces))
 
 
 def points_on_faces(counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float32]]:

@@ -159,10 +159,7 @@ class Mesh:
 
         A glTF file's geometries and materials may be named too, wherever they are.
 
-        Raises
-        ------
-        ValueError
-            If the scene has no part of that name; the message lists those it has.
+        Raises ValueError if the scene has no part of that name; the message lists those it has.
         """
         for part in self.parts:
             if part.name == name:
@@ -196,10 +193,7 @@ class Mesh:
         Every word of a `g` line names a group, as does the line as a whole, an `o` and a `usemtl` line; where two kinds
         have one name, the first of these is meant. Parts and materials need not have been made of them.
 
-        Raises
-        ------
-        ValueError
-            If no faces have that group; the message lists the groups that there are.
+        Raises ValueError if no faces have that group; the message lists the groups that there are.
         """
         if name in self._groups:
             return np.unique(self.representative[self._groups[name]]).astype(np.int64)
@@ -247,13 +241,8 @@ class Mesh:
         saved as glTF or GLB, keep everything else that they hold: only what moved is rewritten. The file is
         written atomically.
 
-        Raises
-        ------
-        ValueError
-            If the ending is none of .obj, .ply, .stl, .off, .glb and .gltf, or `vertices` has another shape or is not
-            finite.
-        OSError
-            If the file cannot be written; what was there before stays.
+        Raises ValueError if the ending is none of .obj, .ply, .stl, .off, .glb and .gltf, or `vertices` has another
+        shape or is not finite. Raises OSError if the file cannot be written; what was there before stays.
         """
         from dfd.mesh.file.write import write
 
@@ -266,10 +255,7 @@ class Mesh:
         Its vertices are moved to `vertices` (V, 3) when given. Textures become colors of the vertices; those on a
         seam take that of one of its sides.
 
-        Raises
-        ------
-        ValueError
-            If `vertices` has another shape or is not finite.
+        Raises ValueError if `vertices` has another shape or is not finite.
         """
         import trimesh
 
@@ -342,7 +328,10 @@ def load(
     if isinstance(source, str | os.PathLike):
         scene = read(source, at_rest=pose == "rest")
     elif _is_of_trimesh(source):
-        scene = of_trimesh(source)
+        try:
+            scene = of_trimesh(source)
+        except ArgumentError as error:
+            raise ArgumentError("source", error.reason, "load") from None
     elif isinstance(source, tuple | list) and len(source) == 2:
         return Mesh(*source)
     else:

@@ -21,13 +21,11 @@ class Normalization(NamedTuple):
 
     def apply(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
         """Return points (…, 3) of the shape's units in the cube."""
-        placed: NDArray[np.float64] = (points - self.center) * self.scale
-        return placed
+        return (points - self.center) * self.scale
 
     def invert(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
         """Return points (…, 3) of the cube in the shape's units."""
-        placed: NDArray[np.float64] = points / self.scale + self.center
-        return placed
+        return points / self.scale + self.center
 
 
 def box_normalization(low: NDArray[np.float64], high: NDArray[np.float64]) -> Normalization | None:

@@ -39,12 +39,7 @@ class Shown:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write it as a PNG file.
 
-        Raises
-        ------
-        ValueError
-            If the ending of `path` is not .png.
-        OSError
-            If `path` cannot be written.
+        Raises ValueError if the ending of `path` is not .png. Raises OSError if `path` cannot be written.
         """
         save_png(path, self.pixels)
 

@@ -146,12 +146,8 @@ def save_png(
 
     A `document` goes into the file: from it `dfd.pictures.pick` knows through which cameras the picture was taken.
 
-    Raises
-    ------
-    ValueError
-        If the ending of `path` is not .png.
-    OSError
-        If `path` cannot be written; a file that was there stays as it was.
+    Raises ValueError if the ending of `path` is not .png. Raises OSError if `path` cannot be written; a file that was
+    there stays as it was.
     """
     if Path(path).suffix.lower() != ".png":
         raise ValueError(f"save_png: `path` must end in .png, got {os.fspath(path)}")
@@ -249,8 +245,7 @@ class _Painter:
         lamp = _unit(self._camera.back.astype(np.float32) + LAMP_OFFSET[0] * right + LAMP_OFFSET[1] * up)
         sky = GROUND + (SKY - GROUND) * (0.5 + 0.5 * (normals @ up))
         direct = LAMP * np.maximum(normals @ lamp, 0) * (0.35 + 0.65 * open_sky)
-        light: NDArray[np.float32] = sky * open_sky + direct
-        return light
+        return sky * open_sky + direct
 
     def _facing_normals(self, hits: Hits, directions: NDArray[np.float32]) -> NDArray[np.float32]:
         """Unit normals (K, 3) on the side of the eye: smooth over gentle bends, sharp at creases."""
@@ -300,8 +295,7 @@ def _smoothed(values: NDArray[np.float32], ray: NDArray[np.int64], shape: tuple[
     grid = np.zeros((2, shape[0] * shape[1]), np.float32)
     grid[0, ray], grid[1, ray] = values, 1
     total, covered = (uniform_filter(each.reshape(shape), len(TILE), mode="constant").ravel()[ray] for each in grid)
-    mean: NDArray[np.float32] = total / np.maximum(covered, np.float32(1 / TILE.size))
-    return mean
+    return total / np.maximum(covered, np.float32(1 / TILE.size))
 
 
 def _vertex_colors(mesh: Mesh, colors: ArrayLike | None, weights: ArrayLike | None) -> NDArray[np.float32] | None:

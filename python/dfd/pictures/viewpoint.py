@@ -39,10 +39,7 @@ def viewpoint(
 ) -> Camera:
     """Return the camera with which `dfd.pictures.picture.picture` draws, in mesh units; all arguments are its own.
 
-    Raises
-    ------
-    ValueError
-        As `picture` does.
+    Raises ValueError as `picture` does.
     """
     drawn = mesh.vertices
     if vertices is not None:

@@ -9,7 +9,7 @@ more than a whole turn stays more than a whole turn, and about a single axis it 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,9 +19,13 @@ from dfd.common import check
 from dfd.common.described import Written
 from dfd.common.errors import ArgumentError
 
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
 __all__ = [
     "Along",
     "Frame",
+    "GivenTransform",
     "Transform",
     "Vector",
     "affine",
@@ -95,16 +99,7 @@ class Transform:
                 raise ArgumentError("axes", "must be given when `along` is", "Transform")
         keep(self, "linear", _linear(self.rotation, self.scale, self.axes))
 
-    def changed(
-        self,
-        *,
-        translation: ArrayLike | None = None,
-        rotation: ArrayLike | None = None,
-        scale: ArrayLike | None = None,
-        pivot: ArrayLike | None = None,
-        axes: ArrayLike | None = None,
-        along: Along | None = None,
-    ) -> Transform:
+    def changed(self, *, along: Along | None = None, **given: Unpack[GivenTransform]) -> Transform:
         """The transform with some of its parts exchanged; None leaves a part, "auto" takes pivot or axes away.
 
         `along` says what `axes` run along; other ones than before run along nothing without it.
@@ -114,7 +109,6 @@ class Transform:
         ValueError
             As `Transform` does.
         """
-        given = {"translation": translation, "rotation": rotation, "scale": scale, "pivot": pivot, "axes": axes}
         parts: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
         for name in ("pivot", "axes"):
             if isinstance(parts.get(name), str) and parts[name] == "auto":
@@ -149,6 +143,16 @@ class Transform:
             )
         matrix.flags.writeable = False
         return matrix
+
+
+class GivenTransform(TypedDict, total=False):
+    """Parts of a `Transform` as people give them: None is not given, see `Transform.changed` for texts."""
+
+    translation: ArrayLike | None
+    rotation: ArrayLike | None
+    scale: ArrayLike | None
+    pivot: ArrayLike | None
+    axes: ArrayLike | None
 
 
 def affine(

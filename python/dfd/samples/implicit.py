@@ -89,8 +89,7 @@ def ellipsoid(center: Triple, radii: Triple, pitch: float = 0.0, roll: float = 0
     def distance(points: Points) -> NDArray[np.float64]:
         scaled = ((points - origin) @ turn) / semi
         inner = _length(scaled)
-        gap: NDArray[np.float64] = inner * (inner - 1) / np.maximum(_length(scaled / semi), 1e-9)
-        return gap
+        return inner * (inner - 1) / np.maximum(_length(scaled / semi), 1e-9)
 
     return distance
 
@@ -109,8 +108,7 @@ def rounded_box(
             slope = 2 * bend * inner[0]
         outside = np.abs(local) - inner
         gap = _length(np.maximum(outside, 0)) + np.minimum(outside.max(axis=1), 0)
-        shrunk: NDArray[np.float64] = (gap - radius) / np.hypot(1, slope)
-        return shrunk
+        return (gap - radius) / np.hypot(1, slope)
 
     return distance
 
@@ -129,8 +127,7 @@ def _smooth_minimum(a: NDArray[np.float64], b: NDArray[np.float64], radius: floa
 
 
 def _length(vectors: Points) -> NDArray[np.float64]:
-    length: NDArray[np.float64] = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
-    return length
+    return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
 
 
 def _turn(pitch: float, roll: float) -> NDArray[np.float64]:
@@ -139,5 +136,4 @@ def _turn(pitch: float, roll: float) -> NDArray[np.float64]:
     about_x = np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]])
     cosine, sine = np.cos(roll), np.sin(roll)
     about_z = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
-    turn: NDArray[np.float64] = about_z @ about_x
-    return turn
+    return about_z @ about_x

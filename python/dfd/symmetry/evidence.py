@@ -51,8 +51,7 @@ class SurfaceFeatures:
     def usual_change(self, distance: NDArray[np.float64]) -> NDArray[np.float64]:
         """How much features of this shape differ, (K,), between points so far apart, (K,) normalized."""
         places = (np.arange(len(self.change)) + 0.5) * self.reach / len(self.change)
-        usual: NDArray[np.float64] = np.interp(distance, np.concatenate([[0], places]), [0, *self.change])
-        return usual
+        return np.interp(distance, np.concatenate([[0], places]), [0, *self.change])
 
     def dissimilarity(self, images: NDArray[np.float64]) -> tuple[float, float]:
         """Judge a symmetry by where it takes `points`.
@@ -141,12 +140,10 @@ def _look_alikes(points: NDArray[np.float64], features: NDArray[np.float32]) -> 
     best = np.argpartition(-likeness, count - 1, axis=1)[:, :count]
     own = np.repeat(np.arange(len(points)), count)
     pairs = np.column_stack([own, best.ravel()])
-    found: NDArray[np.int64] = pairs[np.isfinite(likeness[pairs[:, 0], pairs[:, 1]])]
-    return found
+    return pairs[np.isfinite(likeness[pairs[:, 0], pairs[:, 1]])]
 
 
 def _far(points: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return whether each two of `points` (N, 3) are farther apart than what looks alike anyhow, (N, N)."""
     squared = (points**2).sum(axis=1)
-    far: NDArray[np.bool_] = squared[:, None] + squared - 2 * points @ points.T > _APART**2
-    return far
+    return squared[:, None] + squared - 2 * points @ points.T > _APART**2

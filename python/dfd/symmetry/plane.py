@@ -72,14 +72,12 @@ class SymmetryPlane:
     def signed_distance(self, points: ArrayLike) -> NDArray[np.float64]:
         """Distance of (N, 3) points from the plane, (N,), mesh units; positive where the normal points."""
         array = check.array("SymmetryPlane", "points", points, ("N", 3), dtype=np.float64)
-        distance: NDArray[np.float64] = array @ np.asarray(self.normal) - self.offset
-        return distance
+        return array @ np.asarray(self.normal) - self.offset
 
     def reflect(self, points: ArrayLike) -> NDArray[np.float64]:
         """Mirror images R p of (N, 3) points, (N, 3), mesh units."""
         array = check.array("SymmetryPlane", "points", points, ("N", 3), dtype=np.float64)
-        image: NDArray[np.float64] = array - 2.0 * self.signed_distance(array)[:, None] * np.asarray(self.normal)
-        return image
+        return array - 2.0 * self.signed_distance(array)[:, None] * np.asarray(self.normal)
 
 
 def axis_name(normal: Sequence[float]) -> str:

@@ -31,8 +31,7 @@ def candidate_planes(evidence: SurfaceFeatures) -> Planes:
 def mirrored(points: NDArray[np.float64], plane: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the mirror images of `points` (N, 3)."""
     height = points @ plane[:3] - plane[3]
-    images: NDArray[np.float64] = points - 2 * height[:, None] * plane[:3]
-    return images
+    return points - 2 * height[:, None] * plane[:3]
 
 
 def same_plane(
@@ -89,7 +88,6 @@ def _refined(evidence: SurfaceFeatures, plane: NDArray[np.float64]) -> NDArray[n
 
     def varied(change: NDArray[np.float64]) -> NDArray[np.float64]:
         turned = plane[:3] + change[:2] @ across
-        row: NDArray[np.float64] = np.append(turned, plane[3] + change[2]) / np.linalg.norm(turned)
-        return row
+        return np.append(turned, plane[3] + change[2]) / np.linalg.norm(turned)
 
     return varied(registered(evidence, lambda change: lambda points: mirrored(points, varied(change)), 3))

@@ -71,8 +71,7 @@ class RotationalSymmetry:
         """Turn (N, 3) points by `steps` · 360° / `order`, (N, 3), mesh units."""
         array = check.array("RotationalSymmetry", "points", points, ("N", 3), dtype=np.float64)
         matrix = self.transforms[steps % self.order]
-        turned: NDArray[np.float64] = array @ matrix[:, :3].T + matrix[:, 3]
-        return turned
+        return array @ matrix[:, :3].T + matrix[:, 3]
 
 
 def rotational_symmetries(field: Field, mesh: MeshLike, *, threshold: float = THRESHOLD) -> list[RotationalSymmetry]:
@@ -159,8 +158,7 @@ def _turned(
 ) -> NDArray[np.float64]:
     """Return points (N, 3) turned by 360° / `order`."""
     turn = Rotation.from_rotvec(2 * np.pi / order * axis).as_matrix()
-    turned: NDArray[np.float64] = (points - point) @ turn.T + point
-    return turned
+    return (points - point) @ turn.T + point
 
 
 def _symmetry(

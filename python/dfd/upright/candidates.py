@@ -63,8 +63,7 @@ class Up:
     @property
     def direction(self) -> NDArray[np.float64]:
         """(3,) unit, in the mesh's coordinates."""
-        up: NDArray[np.float64] = self.frame[1]
-        return up
+        return self.frame[1]
 
     def __str__(self) -> str:
         """As `up` takes it: an axis, or three numbers."""
@@ -111,10 +110,7 @@ def axis_frames(frame: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 def check_up(up: Any) -> str | tuple[float, float, float]:
     """Return `up` as one of `UP_WORDS`, or as a unit direction; "0, 0, 1" is one too.
 
-    Raises
-    ------
-    ValueError
-        If it is neither, nor three numbers with a length.
+    Raises ValueError if it is neither, nor three numbers with a length.
     """
     word = f"+{up}" if isinstance(up, str) and up in ("x", "y", "z") else up
     if isinstance(word, str) and word in UP_WORDS:
@@ -139,10 +135,7 @@ def file_up() -> Up:
 def explicit_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
     """The frame for an `up` that `check_up` has returned, other than "auto".
 
-    Raises
-    ------
-    ValueError
-        If `mesh` has no extent along `up`.
+    Raises ValueError if `mesh` has no extent along `up`.
     """
     if up == "file":
         return Up(np.eye(3), 1.0, "said")
@@ -156,8 +149,7 @@ def _upright_frame(up: NDArray[np.float64]) -> NDArray[np.float64]:
     """The frame with `up` that rotates the file's other axes least."""
     along = np.flatnonzero(up)
     if len(along) == 1:
-        straight: NDArray[np.float64] = axis_frames(np.eye(3))[2 * int(along[0]) + int(up[along[0]] < 0)]
-        return straight
+        return axis_frames(np.eye(3))[2 * int(along[0]) + int(up[along[0]] < 0)]
     right = np.eye(3)[0] if abs(up[0]) < 0.9 else np.eye(3)[2]
     return frame_facing(up, right)
 

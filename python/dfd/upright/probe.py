@@ -115,12 +115,8 @@ class UpProbe:
     def load(cls, path: str | os.PathLike[str]) -> UpProbe:
         """Read what `save` has written.
 
-        Raises
-        ------
-        ValueError
-            If the file is truncated or of another kind, or its arrays are not finite.
-        OSError
-            If it cannot be read.
+        Raises ValueError if the file is truncated or of another kind, or its arrays are not finite. Raises OSError if
+        it cannot be read.
         """
         arrays, identity = read_learned("UpProbe.load", path, KIND, SHAPES)
         mean, form, vector = (arrays[name].astype(np.float32) for name in ("mean", "form", "vector"))

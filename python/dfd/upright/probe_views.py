@@ -75,10 +75,7 @@ class ProbeCameras:
     def seen(self, frames: NDArray[np.float64], eyes: NDArray[np.float64]) -> ViewTokens:
         """Pictures from `eyes` (E, 3), for each of `frames` (K, 3, 3) as right, up and front: K·E of them, in turn.
 
-        Raises
-        ------
-        ValueError
-            If no ray hits the mesh.
+        Raises ValueError if no ray hits the mesh.
         """
         around = [self._used @ frame.T for frame in frames]
         cameras = [

@@ -180,8 +180,7 @@ def _edges_that_hold(
 def _across(normal: NDArray[np.float64]) -> NDArray[np.float64]:
     """A unit vector at right angles."""
     across = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
-    unit: NDArray[np.float64] = across / np.linalg.norm(across)
-    return unit
+    return across / np.linalg.norm(across)
 
 
 def _hull_of(points: NDArray[np.float64]) -> ConvexHull | None:
@@ -197,7 +196,6 @@ def _hull_of(points: NDArray[np.float64]) -> ConvexHull | None:
 def _hull_vertices(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Those of `points` (N, 3) on their convex hull; all if they are coplanar."""
     try:
-        on_hull: NDArray[np.float64] = points[ConvexHull(points).vertices]
-        return on_hull
+        return points[ConvexHull(points).vertices]
     except (QhullError, ValueError):
         return points

@@ -92,5 +92,4 @@ class Scene:
         eyes = np.ascontiguousarray(np.broadcast_to(eye, points.shape), dtype=np.float32)
         reach = np.full(len(points), 1 - tolerance, np.float32)
         met = self._scene.run(eyes, np.asarray(points - eye, np.float32, order="C"), dists=reach, query="OCCLUDED")
-        hidden: NDArray[np.bool_] = met >= 0
-        return hidden
+        return met >= 0

@@ -117,8 +117,7 @@ def facing(
         crossed /= np.maximum(np.linalg.norm(crossed, axis=1), np.finfo(np.float32).tiny)[:, None]
         normal[lost], length[lost] = crossed, 1
     towards = np.abs(np.einsum("kc,kc->k", normal, directions.take(hits.ray, axis=0)))
-    light: NDArray[np.float32] = np.minimum(towards / length, np.float32(1))
-    return light
+    return np.minimum(towards / length, np.float32(1))
 
 
 def _bytes(color: NDArray[np.float32]) -> NDArray[np.uint8]:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 import dfd
-from dfd.common.threads import beside, share
+from dfd.common.threads import beside, parallel_ranges
 
 
 @pytest.fixture(autouse=True)
@@ -78,5 +78,5 @@ def test_what_the_block_raises_comes_after_what_was_begun() -> None:
 def test_ranges_cover_everything_once(threads: int) -> None:
     dfd.set_num_threads(threads)
     seen: list[int] = []
-    share(23, 5, lambda begin, end: seen.extend(range(begin, end)))
+    parallel_ranges(23, 5, lambda begin, end: seen.extend(range(begin, end)))
     assert sorted(seen) == list(range(23))

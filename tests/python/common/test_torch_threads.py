@@ -9,7 +9,7 @@ import pytest
 import torch
 
 import dfd
-from dfd.common.devices import one_thread, share
+from dfd.common.devices import one_thread, parallel_inference
 
 
 @pytest.fixture(autouse=True)
@@ -25,7 +25,7 @@ def three_threads() -> Iterator[None]:
 @pytest.mark.parametrize(("count", "size"), [(0, 4), (1, 4), (12, 4), (13, 4), (1000, 1)])
 def test_ranges_cover_everything_once(count: int, size: int) -> None:
     done: list[int] = []
-    share(count, size, lambda begin, end: done.extend(range(begin, end)))
+    parallel_inference(count, size, lambda begin, end: done.extend(range(begin, end)))
     assert sorted(done) == list(range(count))
 
 
@@ -37,7 +37,7 @@ def test_torch_computes_alone_on_several_threads_and_without_gradients() -> None
         meet.wait()  # three ranges are in work at the same time
         seen.add((threading.get_ident(), torch.get_num_threads(), torch.is_inference_mode_enabled()))
 
-    share(3, 1, work)
+    parallel_inference(3, 1, work)
     assert len(seen) == 3
     assert {each[1:] for each in seen} == {(1, True)}
     assert torch.get_num_threads() == 2
@@ -53,7 +53,7 @@ def test_an_error_ends_the_work_and_is_raised() -> None:
             raise ValueError("ten is too many")
 
     with pytest.raises(ValueError, match="ten is too many"):
-        share(100_000, 1, work)
+        parallel_inference(100_000, 1, work)
     assert len(begun) < 1000
     assert torch.get_num_threads() == 2
 

@@ -73,7 +73,7 @@ def test_the_paper_is_what_its_field_says(encoder: Path, monkeypatch: pytest.Mon
     assert field.settings["up_source"] == "said"
     np.testing.assert_array_equal(field.settings["up_direction"], [0, 1, 0])
     assert field.architecture == Architecture(16, 256, 4, 0)
-    assert field.pieces is None
+    assert field.residuals is None
 
     steps = 15 * math.ceil(len(views.points) / 1000)
     assert len(field.settings["losses"]) == len(seen["drawn"]) == steps

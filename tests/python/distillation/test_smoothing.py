@@ -130,16 +130,16 @@ def test_targets_know_their_piece_where_there_are_several() -> None:
     targets = smoothing.smooth_along_surface(
         views, colored(views, np.ones((len(views.points), 1))), smoothing=0.3, seed=0, stages=Stages(show=False)
     )
-    assert targets.piece is not None
+    assert targets.component is not None
     assert targets.boxes is not None
-    np.testing.assert_array_equal(targets.piece, targets.points[:, 1] > 0)
+    np.testing.assert_array_equal(targets.component, targets.points[:, 1] > 0)
     np.testing.assert_allclose(targets.boxes[1, [1, 4]] - targets.boxes[0, [1, 4]], gap * views.scale, atol=1e-5)
     box = trimesh.creation.box((1, 1, 1))
     one = views_of(Mesh(box.vertices, box.faces))
     alone = smoothing.smooth_along_surface(
         one, colored(one, np.ones((len(one.points), 1))), smoothing=0.3, seed=0, stages=Stages(show=False)
     )
-    assert alone.piece is None
+    assert alone.component is None
     assert alone.boxes is None
 
 

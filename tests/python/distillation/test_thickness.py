@@ -119,8 +119,8 @@ def test_neighbors_on_other_pieces_do_not_count() -> None:
     views, targets = targets_of(dfd.Mesh(both.vertices, both.faces))
     bands = thickness_bands(views, targets).argmax(axis=1)
     middle = np.abs(targets.points[:, [0, 2]]).max(axis=1) < 0.7
-    assert targets.piece is not None
-    thin = targets.piece == targets.piece[targets.points[:, 1].argmax()]
+    assert targets.component is not None
+    thin = targets.component == targets.component[targets.points[:, 1].argmax()]
     assert bands[thin & middle].max() + 6 < bands[~thin & middle].min()
 
 

@@ -358,6 +358,13 @@ def test_odd_settings_are_refused_by_name(session, name, value, message):
     assert session.edit is before
 
 
+def test_names_that_are_not_settings_are_refused(session):
+    with pytest.raises(TypeError, match="'handles' is no setting of a whole shape; these are overlap, blend"):
+        session.set(handles=())
+    with pytest.raises(TypeError, match="'stretch' is no control of a handle; these are reach, falloff"):
+        session.add(5, stretch=2)
+
+
 def test_a_limit_is_checked_on_the_mesh_at_hand(session, foot):
     session.add(foot, within=Ball(session.mesh.vertices[foot], 0.1))
     other = dfd.Mesh(session.mesh.vertices + 5, session.mesh.faces)

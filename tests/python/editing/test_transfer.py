@@ -13,7 +13,7 @@ class Known:
     """A field that knows what it was distilled from: what a point was before its shape was stretched and moved."""
 
     dimension = 16
-    pieces = None
+    residuals = None
     settings: dict = {}  # noqa: RUF012
 
     def __init__(self, scale=1.0, shift=(0.0, 0.0, 0.0), mesh=None, signature=None):

@@ -14,7 +14,7 @@ from safetensors.numpy import load_file, save_file
 import dfd
 from dfd.distillation.fit import fit_component_residuals
 from dfd.distillation.targets import PointTargets
-from dfd.field.component_residuals import ComponentResiduals, pieces_of_vertices
+from dfd.field.component_residuals import ComponentResiduals, components_of_vertices
 from dfd.mesh.mesh import Mesh
 
 WIDTH = 12
@@ -37,10 +37,10 @@ def shells(detail: int = 12) -> Mesh:
 
 def kept(mesh: Mesh) -> tuple[dfd.Field, NDArray[np.float32]]:
     """A field that was told what each tube looks like, and the features that were meant: a direction a tube."""
-    piece, boxes = pieces_of_vertices(mesh)
-    wanted = np.eye(WIDTH, dtype=np.float32)[piece]
+    component, boxes = components_of_vertices(mesh)
+    wanted = np.eye(WIDTH, dtype=np.float32)[component]
     field = made_field(dimension=WIDTH, width=16, layers=2, octaves=2, scale=1.0)
-    targets = PointTargets(mesh.vertices.astype(np.float32), wanted, None, piece, boxes)
+    targets = PointTargets(mesh.vertices.astype(np.float32), wanted, None, component, boxes)
     return fit_component_residuals(field, targets), wanted
 
 
@@ -52,7 +52,7 @@ def test_each_piece_has_its_own_features_where_they_share_a_place() -> None:
     np.testing.assert_allclose(np.linalg.norm(features, axis=1), 1, atol=1e-5)
     assert (features * wanted).sum(axis=1).min() > 0.95
     assert (network * wanted).sum(axis=1).max() < 0.9  # a position alone cannot tell them apart
-    assert field.with_pieces(None).features(mesh).tobytes() == network.tobytes()
+    assert field.with_residuals(None).features(mesh).tobytes() == network.tobytes()
 
 
 def test_a_handle_moves_its_own_piece_alone_and_itself_by_exactly_1() -> None:
@@ -69,8 +69,8 @@ def test_a_handle_moves_its_own_piece_alone_and_itself_by_exactly_1() -> None:
 def test_another_resolution_knows_its_pieces_and_another_shape_has_none() -> None:
     field, _ = kept(shells())
     finer = shells(31)
-    piece, _ = pieces_of_vertices(finer)
-    assert (field.features(finer) * np.eye(WIDTH)[piece]).sum(axis=1).min() > 0.9
+    component, _ = components_of_vertices(finer)
+    assert (field.features(finer) * np.eye(WIDTH)[component]).sum(axis=1).min() > 0.9
     moved = dfd.Mesh(finer.vertices + [0.5, 0, 0], finer.faces)
     assert field.features(moved).tobytes() == field(moved.vertices).tobytes()
 
@@ -120,8 +120,8 @@ def test_pieces_of_vertices_take_seams_together_and_leave_loose_vertices_out() -
         [5, 6, 5],
         [9, 9, 9],
     ]
-    piece, boxes = pieces_of_vertices(dfd.Mesh(vertices, [[0, 1, 2], [3, 5, 4], [6, 7, 8]]))
-    np.testing.assert_array_equal(piece, [0, 0, 0, 0, 0, 0, 1, 1, 1, -1])
+    component, boxes = components_of_vertices(dfd.Mesh(vertices, [[0, 1, 2], [3, 5, 4], [6, 7, 8]]))
+    np.testing.assert_array_equal(component, [0, 0, 0, 0, 0, 0, 1, 1, 1, -1])
     np.testing.assert_array_equal(boxes, [[0, 0, 0, 1, 1, 0], [5, 5, 5, 6, 6, 5]])
 
 
@@ -134,15 +134,15 @@ def test_a_file_keeps_pieces_and_equal_fields_are_equal_files(tmp_path: Path) ->
     assert (tmp_path / "one.safetensors").read_bytes() == (tmp_path / "two.safetensors").read_bytes()
     assert again.features(mesh).tobytes() == field.features(mesh).tobytes()
     assert pickle.loads(pickle.dumps(field)).features(mesh).tobytes() == field.features(mesh).tobytes()
-    field.with_pieces(None).save(tmp_path / "plain.safetensors")
-    assert dfd.Field.load(tmp_path / "plain.safetensors").pieces is None
+    field.with_residuals(None).save(tmp_path / "plain.safetensors")
+    assert dfd.Field.load(tmp_path / "plain.safetensors").residuals is None
 
 
 @pytest.mark.parametrize(
     ("name", "change", "said"),
     [
         ("pieces.points", lambda array: array[:-1], "must have"),
-        ("pieces.piece", lambda array: array + 1000, "piece"),
+        ("pieces.piece", lambda array: array + 1000, "component"),
         ("pieces.boxes", lambda array: array[:, :5], "boxes"),
         ("pieces.differences", lambda array: array * np.float16(np.nan), "finite"),
         ("pieces.differences", lambda array: array[:, :3].copy(), "12 wide"),
@@ -168,8 +168,8 @@ def test_damaged_pieces_are_refused(tmp_path: Path, name: str, change: object, s
 def test_pieces_of_another_width_are_refused() -> None:
     field, _ = kept(shells())
     narrow = ComponentResiduals(np.zeros((1, 6)), np.zeros((2, 3)), np.zeros(2, np.int32), np.zeros((2, 3)))
-    with pytest.raises(ValueError, match="`pieces` must be 12 wide, got 3"):
-        field.with_pieces(narrow)
+    with pytest.raises(ValueError, match="`residuals` must be 12 wide, got 3"):
+        field.with_residuals(narrow)
 
 
 def test_widened_pieces_differ_in_the_wider_features() -> None:

@@ -80,7 +80,7 @@ def test_a_scene_keeps_its_parts_and_their_places(tmp_path: Path) -> None:
     again = load(tmp_path / "scene.glb")
     assert again.part_names == ("here", "there")
     assert same_shape(again, Mesh(mesh.vertices * 2, mesh.faces))
-    with pytest.raises(ValueError, match="holds no faces"):
+    with pytest.raises(ValueError, match="load: `source` holds no faces"):
         load(trimesh.Scene())
 
 

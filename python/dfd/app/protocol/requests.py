@@ -72,10 +72,7 @@ def _adapter() -> TypeAdapter[Any]:
 def read_request(text: str) -> Request:
     """The request in a text of the page.
 
-    Raises
-    ------
-    RequestError
-        If it is none, in plain words.
+    Raises RequestError if it is none, in plain words.
     """
     try:
         read: Request = _adapter().validate_json(text)

@@ -53,10 +53,7 @@ class DistillProcess:
     def run(self, tell: Callable[[str, int, int | None], object]) -> Path | None:
         """Wait for the field's file; None if cancelled. `tell` is called with a stage, items done and their total.
 
-        Raises
-        ------
-        ValueError
-            If the distillation failed.
+        Raises ValueError if the distillation failed.
         """
         assert self._process.stdout is not None
         result: dict[str, Any] = {}

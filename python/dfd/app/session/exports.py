@@ -30,12 +30,8 @@ def export(
 
     `name` is the shape's, `folder` the session's, `poses` are those of the timeline.
 
-    Raises
-    ------
-    ValueError
-        If an animation is requested with fewer than two poses, or with two at the same time.
-    OSError
-        If it cannot be written.
+    Raises ValueError if an animation is requested with fewer than two poses, or with two at the same time. Raises
+    OSError if it cannot be written.
     """
     number = secrets.token_hex(16)
     directory = folder / EXPORTS / number

@@ -61,15 +61,13 @@ def _within_unit_cube(points: NDArray[np.float64]) -> Floats:
         size = float((points.max(axis=0) / 2 - low / 2).max()) * 2
     if not 0 < size < np.inf:
         size = 1.0 if size == 0 else float(np.finfo(np.float64).max)
-    scaled: Floats = (points / size - low / size).astype(np.float32)
-    return scaled
+    return (points / size - low / size).astype(np.float32)
 
 
 def _cubes(points: Floats, grid: int) -> Ints:
     """(N,) the number of each point's cube, of `grid` along a side."""
     x, y, z = np.minimum((points * np.float32(grid)).astype(np.int32), grid - 1).T
-    cubes: Ints = (x * grid + y) * grid + z
-    return cubes
+    return (x * grid + y) * grid + z
 
 
 def _finest_grid(points: Floats, max_cubes: float) -> int:
@@ -143,8 +141,7 @@ def _clustered(clusters: _Clusters, points: Floats, corners: Ints) -> tuple[Ints
 
 def _squared(offsets: Floats) -> Floats:
     x, y, z = offsets.T
-    squares: Floats = x * x + y * y + z * z
-    return squares
+    return x * x + y * y + z * z
 
 
 def _any_marked(marked: NDArray[np.bool_], ends: Ints) -> NDArray[np.bool_]:
@@ -176,5 +173,4 @@ def _largest(areas: Floats, ends: Ints, wanted: NDArray[np.bool_]) -> Ints:
     order = order[areas[order] > 0]
     at = ends[order].reshape(-1)
     clusters, first = np.unique(at, return_index=True)
-    found: Ints = np.unique(order[first[wanted[clusters]] // 3])
-    return found
+    return np.unique(order[first[wanted[clusters]] // 3])

@@ -117,10 +117,7 @@ class Session:
     def open_shape(self, source: Source, *, field: OpenedFile | None = None, edit: OpenedFile | None = None) -> None:
         """Show another shape in place of the present one, which stays open if the new one cannot be read.
 
-        Raises
-        ------
-        ValueError, OSError
-            As `dfd.load` does.
+        Raises ValueError, OSError as `dfd.load` does.
         """
         if source.path is not None:
             self._names[str(source.path)] = source.name

@@ -31,10 +31,7 @@ def sample_source(name: str) -> Source:
 def read_shape(source: Source) -> tuple[Mesh, list[str]]:
     """The mesh of `source`, and the warnings of reading it, without paths of this machine.
 
-    Raises
-    ------
-    ValueError, OSError
-        As `dfd.load` does.
+    Raises ValueError, OSError as `dfd.load` does.
     """
     if source.sample is not None:
         import dfd.samples as samples

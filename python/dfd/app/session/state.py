@@ -168,10 +168,7 @@ LARGEST = 1e30  # shaders multiply it with coordinates in 32-bit floats
 def check_drawable(deformer: Deformer) -> None:
     """Reject transforms that the page could not draw.
 
-    Raises
-    ------
-    ValueError
-        If a number of a handle's transform, mesh units, is beyond 1e30.
+    Raises ValueError if a number of a handle's transform, mesh units, is beyond 1e30.
     """
     for handle in deformer.handles:
         size = float(np.abs(handle.matrix).max())

@@ -156,10 +156,7 @@ def _listen(host: str, port: int) -> socket.socket:
 def check_built(static: Path = STATIC) -> None:
     """Check that the page was built.
 
-    Raises
-    ------
-    FileNotFoundError
-        If not; the message says how to build it.
+    Raises FileNotFoundError if not; the message says how to build it.
     """
     if not (static / "index.html").is_file():
         raise FileNotFoundError(
@@ -173,10 +170,7 @@ def serve(options: SessionOptions, *, host: str, port: int | None, browser: bool
 
     Without a `port` it is the default one or, if that is taken, any free one.
 
-    Raises
-    ------
-    OSError
-        If the page was not built, or the port is taken.
+    Raises OSError if the page was not built, or the port is taken.
     """
     check_built()
     try:

@@ -187,10 +187,7 @@ class Tabs:
     async def open(self, name: str | None) -> tuple[Tab, bool]:
         """The tab of that name, or a new one; and whether it is the one asked for.
 
-        Raises
-        ------
-        ValueError
-            If there are as many as there can be, and a page looks at each of them.
+        Raises ValueError if there are as many as there can be, and a page looks at each of them.
         """
         found = None if name is None else self.find(name)
         if found is not None:

@@ -51,11 +51,8 @@ def receive(files: Sequence[UploadedFile], folder: Path, most_bytes: int) -> Upl
     The mesh, the field and the edit get names of ours. What a mesh names beside itself (materials, textures, buffers)
     keeps its name where that is harmless, and is left out where it is not.
 
-    Raises
-    ------
-    ValueError
-        If there is nothing to open among them, or more than one mesh, or they are too large or too many, or a zip is
-        damaged or names a place outside itself.
+    Raises ValueError if there is nothing to open among them, or more than one mesh, or they are too large or too many,
+    or a zip is damaged or names a place outside itself.
     """
     place = folder / "uploads" / secrets.token_hex(8)
     place.mkdir(parents=True)

@@ -115,7 +115,7 @@ class HandleWeights:
     """
 
     def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
-        self._mesh = mesh
+        self.mesh = mesh
         self._rows = HandleFeatures(mesh, field, features)
         self._distances = Distances(mesh)
         self._axes = SurfaceAxes(mesh, self._distances)
@@ -129,6 +129,7 @@ class HandleWeights:
         self._mixed: tuple[Float32, Float32] | None = None  # columns, and what makes their handles land exactly
         self._reaches: dict[tuple[Place, str], float] = {}
         self._held_parts: dict[Place, Float32 | None] = {}
+        self.field = field
 
     @property
     def features(self) -> Float32 | CompactFeatures:
@@ -148,7 +149,7 @@ class HandleWeights:
         """What finds parts on the mesh."""
         from dfd.segmentation.parts import Parts  # for those who ask for parts, and for nobody else
 
-        return Parts(self._mesh, self._rows.of_vertices)
+        return Parts(self.mesh, self._rows.of_vertices)
 
     @property
     def finder(self) -> InstanceFinder:
@@ -265,10 +266,7 @@ class HandleWeights:
     def check_arrivals(self, edit: Edit) -> None:
         """Refuse an edit whose handles cannot arrive.
 
-        Raises
-        ------
-        ValueError
-            If fixed points leave nothing of a handle at the handle itself.
+        Raises ValueError if fixed points leave nothing of a handle at the handle itself.
         """
         if not edit.arrive or not edit.fixed:
             return
@@ -288,10 +286,7 @@ class HandleWeights:
     def check_interpolation(self, edit: Edit) -> None:
         """Refuse an edit whose handles cannot all land where they are sent.
 
-        Raises
-        ------
-        ValueError
-            If `overlap` is "interpolate" and two handles have the same weights everywhere among handles.
+        Raises ValueError if `overlap` is "interpolate" and two handles have the same weights everywhere among handles.
         """
         if edit.overlap != "interpolate" or len(edit.handles) < 2:
             return
@@ -398,7 +393,7 @@ class HandleWeights:
     def _held_weights(self) -> Float32:
         """(V,) max_p s_p W_p of Eq. 6: what the fixed points take away."""
         if self._held is None:
-            self._held = np.zeros(len(self._mesh.vertices), np.float32)
+            self._held = np.zeros(len(self.mesh.vertices), np.float32)
             one = np.empty((len(self._held), 1), np.float32, order="F")
             for fixed in self._fixed:
                 bind(self.features, self._rows.points([fixed.place]), out=one)

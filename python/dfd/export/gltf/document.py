@@ -103,8 +103,7 @@ class GltfDocument:
 
     def _primitive(self, node: int, number: int) -> Header:
         mesh = int(self._source.header["nodes"][node]["mesh"])
-        content: Header = self._source.header["meshes"][mesh]["primitives"][number]
-        return content
+        return self._source.header["meshes"][mesh]["primitives"][number]
 
     def stored(self, index: int) -> NDArray[Any]:
         """Return the values of an accessor of the file."""
@@ -153,9 +152,8 @@ _LIMITS = {"min": np.min, "max": np.max}
 def _source_of(data: bytes) -> GltfSource:
     """The source for rewriting a GLB file that we encoded."""
     text, embedded = glb.split(data)
-    path = Path("mesh.glb")
-    header = gltf_header.read(path, text, glb=True)
-    return GltfSource(text, header, GltfData(header, embedded, AssetFolder(path)))
+    header = gltf_header.read(text, glb=True)
+    return GltfSource(text, header, GltfData(header, embedded, AssetFolder(Path("mesh.glb"))))
 
 
 def _rows_of(written: SceneFile, mesh: Mesh) -> NDArray[np.int64]:

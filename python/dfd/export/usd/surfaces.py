@@ -164,8 +164,7 @@ class _Reader:
 
     def _primitive(self, primitive: Primitive) -> Header:
         _, mesh, number = primitive.source
-        found: Header = self._header["meshes"][mesh]["primitives"][number]
-        return found
+        return self._header["meshes"][mesh]["primitives"][number]
 
 
 def _key(reference: Any) -> tuple[int, bytes]:

@@ -81,8 +81,7 @@ def _concave(
         size = np.linalg.norm(normals, axis=1)
         unit = normals / np.where(size > 0, size, 1)[:, None]
         back = np.einsum("nc,nc->n", turns, unit[polygon]) < -_REFLEX * size[polygon]
-    found: NDArray[np.int64] = large[np.unique(polygon[back])]
-    return found
+    return large[np.unique(polygon[back])]
 
 
 def _ears(points: NDArray[np.float64]) -> NDArray[np.int64] | None:

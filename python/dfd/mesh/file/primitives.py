@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import unit
 from dfd.mesh.appearance import Material
 from dfd.mesh.file.assets import shortened
@@ -18,7 +18,16 @@ from dfd.mesh.file.assets import shortened
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["IDENTITY", "Geometry", "MeshInstance", "MovedPrimitive", "Primitive", "UniqueNames", "place"]
+__all__ = [
+    "IDENTITY",
+    "Geometry",
+    "MeshInstance",
+    "MovedPrimitive",
+    "Primitive",
+    "UniqueNames",
+    "place",
+    "require_finite",
+]
 
 MOST_ROWS = 10**8  # vertices or faces in a scene: a file of a few kilobytes can instance any number of them
 MOST_PRIMITIVES = 20_000  # of a glTF file that are shown: more take seconds to read
@@ -121,11 +130,11 @@ class MovedPrimitive:
     moved: bool  # whether any row differs from the file's
 
 
-def place(path: Path, instances: Sequence[MeshInstance]) -> tuple[tuple[Primitive, ...], Float64]:
+def place(instances: Sequence[MeshInstance]) -> tuple[tuple[Primitive, ...], Float64]:
     """Return the primitives that have faces and the positions (R, 3) of their rows in the scene.
 
-    Raises ValueError if there are no faces or too many, or coordinates are not finite, or a face names a vertex that is
-    not there.
+    Raises ArgumentError if there are no faces or too many, coordinates are not finite, or a face names a vertex that
+    is not there.
     """
     primitives: list[Primitive] = []
     positions: list[Float64] = []
@@ -136,43 +145,43 @@ def place(path: Path, instances: Sequence[MeshInstance]) -> tuple[tuple[Primitiv
         if size == 0:
             continue
         if id(geometry) not in checked:
-            _check(path, each.name, geometry)
+            _check(each.name, geometry)
             checked.add(id(geometry))
         if each.transform is not IDENTITY and not np.isfinite(each.transform).all():
-            raise ValueError(
-                f"load: `path` {path} must place its parts by finite transforms, got {shortened(each.part)} without"
+            raise ArgumentError(
+                "path", f"must place its parts by finite transforms, got {shortened(each.part)} without"
             )
         rows = slice(row_count, row_count + len(geometry.vertices))
         faces = slice(face_count, face_count + size)
         row_count, face_count = rows.stop, faces.stop
         if max(row_count, face_count) > MOST_ROWS:
-            raise ValueError(f"load: `path` {path} places more than {MOST_ROWS} vertices or faces")
+            raise ArgumentError("path", f"places more than {MOST_ROWS} vertices or faces")
         primitives.append(Primitive(**vars(each), rows=rows, faces=faces))
         positions.append(primitives[-1].to_scene(geometry.vertices))
     if not primitives:
-        raise ValueError(f"load: `path` {path} holds no faces")
+        raise ArgumentError("path", "holds no faces")
     stacked = np.concatenate(positions)
     if not np.isfinite(stacked).all():
-        raise ValueError(f"load: `path` {path} places vertices so far away that their coordinates are not finite")
+        raise ArgumentError("path", "places vertices so far away that their coordinates are not finite")
     return tuple(primitives), stacked
 
 
-def _check(path: Path, name: str, geometry: Geometry) -> None:
-    """Refuse coordinates that are not finite and faces of vertices that are not there."""
-    vertices, faces = geometry.vertices, geometry.faces
+def require_finite(vertices: Float64, owner: str = "") -> None:
+    """Refuse coordinates (N, 3) that are not finite."""
     finite = np.isfinite(vertices)
     if not finite.all():
         row, axis = np.argwhere(~finite)[0]
-        raise ValueError(
-            f"load: `path` {path} must hold finite coordinates, got {vertices[row, axis]} at vertex {row} "
-            f"of {shortened(name)}"
-        )
+        raise ArgumentError("path", f"must hold finite coordinates, got {vertices[row, axis]} at vertex {row}{owner}")
+
+
+def _check(name: str, geometry: Geometry) -> None:
+    """Refuse coordinates that are not finite and faces of vertices that are not there."""
+    count, faces = len(geometry.vertices), geometry.faces
+    require_finite(geometry.vertices, f" of {shortened(name)}")
     low, high = int(faces.min()), int(faces.max())
-    if low < 0 or high >= len(vertices):
-        raise ValueError(
-            f"load: `path` {path} must have faces between vertices 0 … {len(vertices) - 1} of {shortened(name)}, "
-            f"got {low if low < 0 else high}"
-        )
+    if low < 0 or high >= count:
+        between = f"must have faces between vertices 0 … {count - 1} of {shortened(name)}"
+        raise ArgumentError("path", f"{between}, got {low if low < 0 else high}")
 
 
 def _applied(linear: Float64, vectors: Float64) -> Float64:

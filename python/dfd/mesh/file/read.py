@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dfd.common.errors import ArgumentError
 from dfd.mesh.appearance import Material
 from dfd.mesh.file.assets import AssetFolder, read_regular
 from dfd.mesh.file.gltf import glb
@@ -37,7 +38,7 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
     path = Path(path)
     ending = path.suffix.lower()
     if ending not in ENDINGS:
-        raise ValueError(f"load: `path` must end in {', '.join(ENDINGS)}, got {path}")
+        raise ArgumentError("path", f"must end in {', '.join(ENDINGS)}, got {path}", "load")
     data = _read_bytes(path)
     assets = AssetFolder(path)
     posed = partial(_read_gltf, at_rest=at_rest)
@@ -53,15 +54,15 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
         scene = readers[ending](path, data, assets)
     except MemoryError as error:
         raise OSError(errno.ENOMEM, f"load: `path` {path} needs more memory than there is") from error
-    except ValueError as error:
-        if str(error).startswith("load: "):
-            raise
-        raise _malformed(path, str(error)) from error
+    except ArgumentError as error:  # it is well-formed, and what it says makes no mesh
+        raise ArgumentError("path", f"{path} {error.reason}", "load") from error
     except UserWarning:
         raise
     except Exception as error:  # whatever libraries raise on malformed files
-        reason = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-        raise _malformed(path, reason) from error
+        kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
+        reason = " ".join(f"{kind}{error}".split()).removesuffix(":")[:300]
+        form = path.suffix[1:].upper()
+        raise ArgumentError("path", f"{path} is not a well-formed {form} file: {reason}", "load") from error
     if assets.unreadable:
         names = ", ".join(each[:100] for each in sorted(assets.unreadable)[:_MOST_NAMED])
         names += ", …" if len(assets.unreadable) > _MOST_NAMED else ""
@@ -104,13 +105,8 @@ def _read_bytes(path: Path) -> bytes:
     except OSError as error:
         raise OSError(error.errno, f"load: `path` {path} could not be read: {error.strerror}") from error
     if not data:
-        raise ValueError(f"load: `path` {path} is empty")
+        raise ArgumentError("path", f"{path} is empty", "load")
     return data
-
-
-def _malformed(path: Path, reason: str) -> ValueError:
-    first = " ".join(reason.split())
-    return ValueError(f"load: `path` {path} is not a well-formed {path.suffix[1:].upper()} file: {first[:300]}")
 
 
 def _read_obj(path: Path, data: bytes, assets: AssetFolder) -> SceneFile:
@@ -126,7 +122,7 @@ def _read_gltf(path: Path, data: bytes, assets: AssetFolder, *, at_rest: bool) -
     from dfd.mesh.file.gltf.patch import GltfSource
 
     text, embedded = glb.split(data) if glb.is_glb(data) else (data.removeprefix(codecs.BOM_UTF8), None)
-    header = gltf_header.read(path, text, glb=glb.is_glb(data))
+    header = gltf_header.read(text, glb=glb.is_glb(data))
     content = GltfData(header, embedded, assets)
     instances = gltf_read.read(header, content, assets, at_rest=at_rest)
     return SceneFile.of(path, instances, gltf=GltfSource(text, header, content), at_rest=at_rest)

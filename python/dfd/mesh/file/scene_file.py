@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.errors import ArgumentError
 from dfd.mesh.appearance import Appearance
 from dfd.mesh.file.materials import read_appearance
 from dfd.mesh.file.obj.read import ObjSource
-from dfd.mesh.file.primitives import MeshInstance, Primitive, place
+from dfd.mesh.file.primitives import MeshInstance, Primitive, place, require_finite
 from dfd.mesh.weld import weld
 
 if TYPE_CHECKING:
@@ -64,24 +65,13 @@ class SceneFile:
     ) -> SceneFile:
         """Number the vertices of a file's instances.
 
-        Parameters
-        ----------
-        path
-            The file, for errors.
-        instances
-            Its mesh instances.
-        own_vertices, own_numbers
-            The file's own list of vertices (V, 3) and the one (R,) that each row is, where it has one list; distinct
-            positions that faces use are numbered in the order of the rows where it has none.
-        gltf, obj
-            The source, for rewriting.
+        `own_vertices` (V, 3) and `own_numbers` (R,) are the file's own list of vertices and the one that each row is,
+        where it has one list; distinct positions that faces use are numbered in the order of the rows where it has
+        none.
 
-        Raises
-        ------
-        ValueError
-            If there are no faces or fewer than three distinct vertices, or something is not finite.
+        Raises ArgumentError if there are no faces or fewer than three distinct vertices, or something is not finite.
         """
-        primitives, positions = place(path or Path("mesh"), instances)
+        primitives, positions = place(instances)
         local: dict[tuple[int, bool], NDArray[np.int32]] = {}
         numbered = []
         mirrored: dict[int, bool] = {}  # by the ids of transforms, of which many primitives share the identity
@@ -96,7 +86,7 @@ class SceneFile:
             numbered.append(local[key] + np.int32(each.rows.start))
         corner_faces = np.concatenate(numbered)
         if own_vertices is not None and own_numbers is not None:
-            _require_finite(path, own_vertices)
+            require_finite(own_vertices)
             first, distinct = weld(own_vertices)
             representative = first.astype(np.int32)[distinct]
             vertices, vertex = own_vertices, representative[own_numbers]
@@ -106,16 +96,9 @@ class SceneFile:
         used = np.zeros(len(vertices), bool)
         used[vertex[corner_faces]] = True
         if used.sum() < 3:
-            raise ValueError(f"load: `path` {path} must hold at least 3 distinct vertices, got {used.sum()}")
+            raise ArgumentError("path", f"must hold at least 3 distinct vertices, got {used.sum()}")
         appearance = read_appearance(primitives, vertex, corner_faces)
         return cls(path, primitives, corner_faces, vertices, representative, vertex, appearance, at_rest, gltf, obj)
-
-
-def _require_finite(path: Path | None, vertices: NDArray[np.float64]) -> None:
-    finite = np.isfinite(vertices)
-    if not finite.all():
-        row, axis = np.argwhere(~finite)[0]
-        raise ValueError(f"load: `path` {path} must hold finite coordinates, got {vertices[row, axis]} at vertex {row}")
 
 
 def _weld_used(

@@ -8,7 +8,6 @@ from __future__ import annotations
 import importlib.util
 import json
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any, cast
 
 from dfd.mesh.file.assets import shortened
@@ -43,30 +42,26 @@ _MOST_OVERLAP = 8  # times the length of its buffers that a file's views may add
 _SMALL = 2**24  # bytes, below which the overlap does not matter
 
 
-def read(path: Path, text: bytes, *, glb: bool) -> Header:
+def read(text: bytes, *, glb: bool) -> Header:
     """Return the header of a glTF file, or GLB file, from its JSON text.
 
     Raises ValueError if it cannot be read, uses a compression that cannot be read, or its views, accessors or nodes
     are inconsistent.
     """
-    try:
-        header = json.loads(text.decode())
-        if not isinstance(header, dict):
-            raise ValueError(f"its JSON is a {type(header).__name__}, not an object")
-        _check_depth(header)
-        for name in _COLLECTIONS:
-            objects(header, name)
-        _check_version(header)
-        _check_extensions(header)
-        _check_buffers(header, glb)
-        _check_views(header)
-        _check_accessors(header)
-        _check_primitives(header)
-        _check_nodes(header)
-    except (ValueError, RecursionError) as error:
-        kind = path.suffix[1:].upper()
-        raise ValueError(f"load: `path` {path} is not a well-formed {kind} file: {error}") from error
-    return cast(Header, header)
+    header: object = json.loads(text.decode())
+    if not isinstance(header, dict):
+        raise ValueError(f"its JSON is a {type(header).__name__}, not an object")
+    _check_depth(header)
+    for name in _COLLECTIONS:
+        objects(header, name)
+    _check_version(header)
+    _check_extensions(header)
+    _check_buffers(header, glb)
+    _check_views(header)
+    _check_accessors(header)
+    _check_primitives(header)
+    _check_nodes(header)
+    return header
 
 
 def objects(owner: Header, name: str) -> list[Header]:

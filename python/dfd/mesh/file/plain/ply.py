@@ -62,15 +62,8 @@ _NOTHING = np.zeros(0), np.zeros(0, np.int64)  # the values of no rows, and how 
 def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, NDArray[np.float64], NDArray[np.int64]]:
     """Return the geometry of a file, its own vertices (V, 3), and the vertex (N,) of each row of the geometry.
 
-    Raises
-    ------
-    ValueError
-        If it holds fewer numbers than it says, or a face names vertices by numbers that are not whole.
-
-    Warns
-    -----
-    UserWarning
-        If faces of fewer than three corners are left out.
+    Raises ValueError if it holds fewer numbers than it says, or a face names vertices by numbers that are not whole.
+    Warns if faces of fewer than three corners are left out.
     """
     head, mark, body = data.partition(b"end_header")
     lines = [line.strip() for line in decoded(head).splitlines() if line.strip()]
@@ -158,8 +151,7 @@ def _strip_triangles(strips: _List) -> NDArray[np.int64]:
     odd = (first - begin[first]) % 2 == 1
     triangles[odd] = triangles[odd][:, [1, 0, 2]]
     distinct = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)  # repeated corners only turn the strip
-    result: NDArray[np.int64] = triangles[distinct]
-    return result
+    return triangles[distinct]
 
 
 def _material(picture: str, assets: AssetFolder) -> Material | None:

@@ -1,0 +1,129 @@
+"""What the verbs of a session make of an edit: another edit, with what a person gave in terms of the mesh.
+
+`weights` are those of the session: they know the mesh, its parts, and which way its surface runs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, get_args
+
+from dfd.common.errors import ArgumentError
+from dfd.editing.controls import GivenControls, controls_of, controls_on
+from dfd.editing.edit import Edit, GivenSettings, Handle, box_center, symmetry_on, with_preset
+from dfd.editing.influence.regions import VertexSet
+from dfd.editing.points import Place, place_on
+from dfd.editing.presets import WHOLE_SHAPE
+from dfd.posing.transforms import Along, GivenTransform, Transform
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from dfd.common.preset import Preset
+    from dfd.editing.influence.handle_weights import HandleWeights
+    from dfd.segmentation.parts import Level
+    from dfd.symmetry.plane import SymmetryPlane
+
+__all__ = ["add", "change", "move", "part_at", "place_of", "set_default", "set_symmetry", "set_whole"]
+
+
+class GivenHandle(GivenTransform, GivenControls, total=False):
+    """What a new handle is given besides its place and its name."""
+
+
+def add(
+    edit: Edit, weights: HandleWeights, handle: int, at: Any, *, name: str | None, **given: Unpack[GivenHandle]
+) -> Edit:
+    """`edit` with a new handle of that id, behind the others."""
+    place = place_of(weights, at)
+    parts: Any = {part: value for part, value in given.items() if part in GivenTransform.__annotations__}
+    others: Any = {control: value for control, value in given.items() if control not in parts}
+    transform = _transform(Transform(), weights, place, parts)
+    controls = controls_of(edit.preset).changed(**_controls(weights, place, others))
+    return replace(edit, handles=(*edit.handles, Handle(handle, place, transform, controls, name)))
+
+
+def move(edit: Edit, weights: HandleWeights, handle: int, given: GivenTransform) -> Edit:
+    """`edit` with parts of a handle's transform exchanged."""
+    held = edit.handle(handle)
+    return edit.replaced(replace(held, transform=_transform(held.transform, weights, held.place, given)))
+
+
+def change(edit: Edit, weights: HandleWeights, handle: int, at: Any, name: str | None, controls: GivenControls) -> Edit:
+    """`edit` with a handle's place, controls or name exchanged; axes that run along the surface go with the place."""
+    held = edit.handle(handle)
+    place = held.place if at is None else place_of(weights, at)
+    transform, along = held.transform, held.transform.along
+    if place != held.place and along is not None:
+        axes = weights.axes(place, along)
+        transform = transform if axes is None else transform.changed(axes=axes, along=along)
+    shaped = held.controls.changed(**_controls(weights, place, controls))
+    named = held.name if name is None else name
+    return edit.replaced(replace(held, place=place, transform=transform, controls=shaped, name=named))
+
+
+def set_whole(edit: Edit, weights: HandleWeights, preset: Preset | None, given: GivenSettings) -> Edit:
+    """`edit` with everything that a preset says, then with what is given beside it."""
+    if unknown := given.keys() - WHOLE_SHAPE.keys():
+        raise TypeError(f"{unknown.pop()!r} is no setting of a whole shape; these are {', '.join(WHOLE_SHAPE)}")
+    settings: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    return replace(edit if preset is None else with_preset(edit, preset, weights.mesh), **settings)
+
+
+def set_symmetry(
+    edit: Edit, weights: HandleWeights, plane: SymmetryPlane | str | None, band: float | None, **how: Any
+) -> Edit:
+    """`edit` with that plane, as `symmetry_on` finds it."""
+    if plane is not None:
+        plane = symmetry_on(weights.mesh, plane, band, preset=edit.preset, field=weights.field, **how)
+    return replace(edit, symmetry=plane)
+
+
+def set_default(edit: Edit, weights: HandleWeights, given: GivenTransform) -> Edit:
+    """`edit` with D₀ from what is given; None where that is nothing."""
+    transform = Transform().changed(**given)
+    transform.matrix(box_center(weights.mesh))
+    return replace(edit, default=None if transform == Transform() else transform)
+
+
+def part_at(weights: HandleWeights, at: Any, level: Level = "part", *, alike: bool = True) -> VertexSet:
+    """The part of the shape that holds a place, as `dfd.Parts.part` finds it."""
+    vertex = weights.anchor(Handle(1, place_on(weights.mesh, at)))
+    return VertexSet.of(weights.mesh, weights.parts.part(vertex, level, alike=alike).mask)
+
+
+def place_of(weights: HandleWeights, at: Any) -> Place:
+    """The place that a person means, the part that a text names among them."""
+    return place_on(weights.mesh, _part_named(weights, at))
+
+
+def _controls(weights: HandleWeights, place: Place, given: GivenControls) -> dict[str, Any]:
+    """The controls of a handle at `place`, as `Controls.changed` takes them."""
+    within = _part_named(weights, given.get("within"), place)
+    return controls_on(weights.mesh, {**given, "within": within})
+
+
+def _part_named(weights: HandleWeights, at: Any, own: Place | None = None) -> Any:
+    """`at`, or the part that it names: "part@1,2,3", "piece@812" without look-alikes, "part" for that of `own`."""
+    if not isinstance(at, str):
+        return at
+    if at == "part" and own is not None:
+        return part_at(weights, own)
+    kind, _, where = at.partition("@")
+    return part_at(weights, where, alike=kind == "part") if where and kind in ("part", "piece") else at
+
+
+def _transform(transform: Transform, weights: HandleWeights, place: Place, given: GivenTransform) -> Transform:
+    """`transform` with what is given exchanged, `axes` in numbers."""
+    axes: Any = given.get("axes")
+    if not isinstance(axes, str) or axes == "auto":
+        return transform.changed(**given)
+    if axes not in get_args(Along):
+        raise ArgumentError("axes", f"must be normal, limb, auto or 3 unit vectors at right angles, got {axes!r}")
+    along: Along = axes  # type: ignore[assignment]  # it is one of them
+    found = weights.axes(place, along)
+    if found is None:
+        why = "the surface has no normal" if along == "normal" else "the shape is as wide as it is long"
+        raise ArgumentError("axes", f"cannot be {along!r}: {why} at the handle")
+    in_numbers: GivenTransform = {**given, "axes": found}
+    return transform.changed(**in_numbers, along=along)
