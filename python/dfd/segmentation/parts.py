@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 
 from dfd.common import check
 from dfd.field.field import Field
+from dfd.geometry.topology import face_areas
 from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 from dfd.segmentation.border import CRUMB, pieces_of, snapped
 from dfd.segmentation.hierarchy import Hierarchy
@@ -111,6 +112,8 @@ class Parts:
         Over its seam the value falls smoothly along the surface. None where no part ends, such as on a ball.
         """
         vertex = self._vertex(at)
+        if not self._has_surface:
+            return None
         tree, patches = self._hierarchy, self._patches
         chosen = self._chosen(int(patches.of_vertex[vertex]), "part")
         inside = tree.branches[chosen].inside
@@ -160,7 +163,8 @@ class Parts:
 
     def prepare(self) -> None:
         """Do now what the first question would have to wait for: half a second, and seconds for a million faces."""
-        _ = self._hierarchy
+        if self._has_surface:
+            _ = self._hierarchy
 
     def _snapped(self, inside: NDArray[np.bool_], vertex: int) -> NDArray[np.bool_]:
         """(N,) which nodes belong to the part of patches `inside` (P,) that holds a vertex."""
@@ -212,6 +216,10 @@ class Parts:
             return int(check.vertex_indices("Parts.part", "at", [at], len(self._mesh.vertices))[0])
         point = check.array("Parts.part", "at", at, (3,), dtype=np.float64)
         return int(self._tree.query(point)[1])
+
+    @cached_property
+    def _has_surface(self) -> bool:
+        return bool(face_areas(self._mesh.vertices, self._mesh.faces).any())
 
     @cached_property
     def _tree(self) -> cKDTree:

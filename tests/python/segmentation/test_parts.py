@@ -165,6 +165,9 @@ def test_there_is_no_grip_where_nothing_ends():
     ball = dfd.Mesh(made.vertices, made.faces)
     rows = np.random.default_rng(0).normal(size=(len(ball.vertices), 8)) * 0.1 + 1
     assert Parts(ball, lambda some: rows[some].astype(np.float32)).grip(0) is None
+    flat = Parts(dfd.Mesh(np.zeros((3, 3)), [[0, 1, 2]]), lambda some: rows[some])
+    flat.prepare()
+    assert flat.grip(0) is None
 
 
 def ball_of(rings):

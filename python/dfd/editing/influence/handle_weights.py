@@ -17,7 +17,7 @@ from dfd.editing.influence.handle_features import HandleFeatures
 from dfd.editing.influence.instance_weights import Column, InstanceColumns, followed_by, interpolating_columns
 from dfd.editing.influence.instances import Instance, SurfaceAxes
 from dfd.editing.points import Place
-from dfd.editing.presets import PARTLESS_REACH
+from dfd.editing.presets import PARTLESS_REACH, WITHIN_PART
 from dfd.posing.pose import Overlap
 from dfd.posing.transforms import Along, Frame
 from dfd.weights.bind import bind
@@ -38,12 +38,12 @@ LEAST_LEFT = 0.01
 LEAST_COUNTED = 0.35  # of the most that the handle itself moves: what follows less is no like of it to people
 # Of the largest singular value of the weights among handles: below, they no longer say which handle moves what.
 SINGULAR = 1e-4
-# Of `reach="part"`: where the weights would end by features alone; and as a number, times how far most of it differs.
-WITHIN_PART, MOST_OF_PART, AROUND_PART = 6.0, 0.9, 2.0
-LEAST_REACH = 0.1
+# The number that stands for the reach "part" is at least this, and so many times how far most of the part differs.
+LEAST_REACH, MOST_OF_PART, AROUND_PART = 0.1, 0.9, 2.0
 
 Float32 = NDArray[np.float32]
 LEAST_CAPACITY = 32  # columns
+MOST_PARTS = 32  # that are kept
 
 
 class Columns:
@@ -220,14 +220,16 @@ class HandleWeights:
 
     def reach(self, handle: Handle) -> float:
         """The number that the handle's `reach` is; of "part" the one that comes nearest to it, to go on from."""
-        place = handle.place
-        if handle.controls.reach != "part" or (part := self._part(place)) is None:
-            return self._reach(place, handle.controls)
-        if (place, "part") not in self._reaches:
+        place, reach = handle.place, handle.controls.reach
+        if reach == "part" and (place, reach) not in self._reaches and (part := self.part(place)) is not None:
             within = self._apart(place)[part > 0.5]
             widest = float(np.quantile(within, MOST_OF_PART)) if len(within) else 0.0
-            self._reaches[place, "part"] = min(max(AROUND_PART * widest, LEAST_REACH), 2.0)
-        return self._reaches[place, "part"]
+            self._reaches[place, reach] = min(max(AROUND_PART * widest, LEAST_REACH), 2.0)
+        return (
+            self._reaches.get((place, "part"), PARTLESS_REACH)
+            if reach == "part"
+            else self._reach(place, handle.controls)
+        )
 
     def locality(self, edit: Edit, handle: Handle) -> tuple[tuple[int, ...], Float32 | None, float]:
         """Where the distances over the surface of a handle start, (V,) those in [0, 1] or None, and λ of Eq. 7."""
@@ -357,7 +359,7 @@ class HandleWeights:
 
         A region weighs by members that stand for it; here all of them count as the nearest.
         """
-        if key.controls.reach == "part" and (part := self._part(key.place)) is not None:
+        if key.controls.reach == "part" and (part := self.part(key.place)) is not None:
             column *= part
         if key.place.region is not None:
             own = self._rows.members(key.place)
@@ -376,9 +378,11 @@ class HandleWeights:
         if key.controls.within is not None:
             column *= self._rows.inside(key.controls.within, key.controls.within_width)
 
-    def _part(self, place: Place) -> Float32 | None:
+    def part(self, place: Place) -> Float32 | None:
         """(V,) 1 on the part that a place is on, with its look-alikes, falling smoothly to 0; None where none ends."""
         if place not in self._held_parts:
+            while len(self._held_parts) >= MOST_PARTS:  # a pointer asks for one wherever it hovers
+                del self._held_parts[next(iter(self._held_parts))]
             self._held_parts[place] = self.parts.grip(self._rows.anchor(place))
         return self._held_parts[place]
 
@@ -407,7 +411,7 @@ class HandleWeights:
         if not isinstance(controls.reach, str):
             return controls.reach
         if controls.reach == "part":
-            return WITHIN_PART if self._part(place) is not None else PARTLESS_REACH
+            return WITHIN_PART if self.part(place) is not None else PARTLESS_REACH
         if (place, "auto") not in self._reaches:
             self._reaches[place, "auto"] = auto_reach(self._apart(place))
         return self._reaches[place, "auto"]
