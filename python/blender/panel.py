@@ -37,6 +37,7 @@ class DFD_PT_weights(bpy.types.Panel):  # noqa: N801
             row = box.row()
             row.label(text=handle.name, icon="GROUP_VERTEX")
             row.operator("dfd.remove", text="", icon="X").index = index
+            box.prop(handle, "whole_part")
             box.prop(handle, "reach", slider=True)
             box.prop(handle, "falloff")
             box.prop(handle, "locality", slider=True)

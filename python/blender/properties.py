@@ -6,7 +6,7 @@ from typing import get_args
 
 import bpy
 
-from dfd.editing.presets import PRESETS
+from dfd.editing.presets import PARTLESS_REACH, PRESETS
 from dfd.weights.bind import Falloff
 
 from .vertex_groups import refresh
@@ -50,10 +50,16 @@ class HandleSettings(bpy.types.PropertyGroup):
     """One handle; its `name` is that of its vertex group."""
 
     vertex: bpy.props.IntProperty(name="Vertex", min=0)
+    whole_part: bpy.props.BoolProperty(
+        name="Whole part",
+        description="Hold the part at the vertex with its look-alikes; where no part ends there, the reach counts",
+        default=DEFAULTS.reach == "part",
+        update=_again,
+    )
     reach: bpy.props.FloatProperty(
         name="Reach",
         description="Distance between features at which the weight is 0: less takes fewer look-alikes along",
-        default=DEFAULTS.reach,
+        default=PARTLESS_REACH,
         min=0.01,
         soft_max=1.5,
         update=_again,
@@ -84,7 +90,10 @@ class ObjectSettings(bpy.types.PropertyGroup):
 
     def start(self, handle: HandleSettings) -> None:
         """Give a handle the preset's reach and falloff."""
-        handle.reach, handle.falloff = PRESETS[self.preset].reach, PRESETS[self.preset].falloff
+        reach = PRESETS[self.preset].reach
+        handle.whole_part = reach == "part"
+        handle.reach = PARTLESS_REACH if isinstance(reach, str) else reach
+        handle.falloff = PRESETS[self.preset].falloff
 
 
 class Preferences(bpy.types.AddonPreferences):

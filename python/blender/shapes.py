@@ -12,6 +12,7 @@ import numpy as np
 
 import dfd
 from dfd.editing.compatibility import check_compatible
+from dfd.editing.presets import WITHIN_PART
 
 __all__ = ["Axes", "Shape"]
 
@@ -53,15 +54,18 @@ class Shape:
         few = len(vertices) <= FULL_FEATURES
         self.features = self.field.features(self.mesh) if few else dfd.compact(self.field, self.mesh.vertices)
         self.geodesics = dfd.Geodesics(self.mesh)
+        self.parts = dfd.parts(self.field, self.mesh)
 
-    def weights(self, vertex: int, *, reach: float, falloff: str, locality: float) -> np.ndarray:
-        """Weights (V,) float32 in [0, 1] of all vertices for a handle at `vertex`, as `dfd.bind` gives them.
+    def weights(self, vertex: int, *, whole_part: bool, reach: float, falloff: str, locality: float) -> np.ndarray:
+        """Weights (V,) float32 in [0, 1] of all vertices for a handle at `vertex`, as a session of dfd has them.
 
         Raises ValueError if `vertex` is none of the mesh, or a number is out of its range.
         """
+        part = self.parts.grip(vertex) if whole_part else None
+        reach = reach if part is None else WITHIN_PART
         geodesic = self.geodesics.distances([vertex]) if locality > 0 else None
         column = dfd.bind(self.features, [vertex], reach=reach, falloff=falloff, geodesic=geodesic, locality=locality)
-        return np.ascontiguousarray(column[:, 0])
+        return np.ascontiguousarray(column[:, 0] if part is None else column[:, 0] * part)
 
 
 def _turned(vertices: np.ndarray) -> np.ndarray:

@@ -60,7 +60,8 @@ def weigh(of: bpy.types.Object, handle: bpy.types.PropertyGroup) -> None:
     Raises ValueError if there is no field, or it is not of this shape. Raises OSError if it cannot be read.
     """
     shape = _shape_of(of)
-    weights = shape.weights(handle.vertex, reach=handle.reach, falloff=handle.falloff, locality=handle.locality)
+    how = {name: getattr(handle, name) for name in ("whole_part", "reach", "falloff", "locality")}
+    weights = shape.weights(handle.vertex, **how)
     group = of.vertex_groups.get(handle.name) or of.vertex_groups.new(name=handle.name)
     group.remove(np.flatnonzero(weights == 0).tolist())
     held = np.flatnonzero(weights)

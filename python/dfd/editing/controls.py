@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypedDict
+from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 
 from dfd.common import check
 from dfd.common.described import Tagged, check_fields
@@ -13,7 +13,7 @@ from dfd.common.errors import ArgumentError
 from dfd.common.preset import Preset
 from dfd.editing.influence.regions import Region
 from dfd.editing.points import Place, place_on
-from dfd.editing.presets import CONTROLS, PRESETS, Instances
+from dfd.editing.presets import CONTROLS, PRESETS, Instances, Reach
 from dfd.weights.bind import Falloff
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ class Controls:
     Raises ValueError if a number is out of its bounds, a name is unknown, or a place or a region is none.
     """
 
-    reach: Annotated[float | Literal["auto", "part"], CONTROLS["reach"]] = DEFAULTS.reach
+    reach: Annotated[Reach, CONTROLS["reach"]] = DEFAULTS.reach
     falloff: Annotated[Falloff, CONTROLS["falloff"]] = DEFAULTS.falloff
     locality: Annotated[float, CONTROLS["locality"]] = 0.0
     radius: Annotated[float | None, CONTROLS["radius"]] = None

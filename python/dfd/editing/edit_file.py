@@ -2,7 +2,7 @@
 
     {
       "format": "dfd-edit",
-      "version": 3,
+      "version": 4,
       "preset": "default",
       "units": {"length": "mesh", "angle": "degree"},
       "mesh": {"vertices": 2930, "hash": null, "bounds": null},
@@ -54,10 +54,11 @@ A vertex counts where it lies at `position` (or where there is none and `mesh` f
 does not, the position does, and it is a point of space there. A handle has the keys of its place, its transform and its
 controls side by side; otherwise a document is what pydantic makes of the fields of `Edit`.
 
-A version 2 document has none of `preset`, `mirrored_locality` and `bridges`, and what it leaves out is what `VERSION_2`
-says. A version 1 document has none of `hash`, `bounds`, `region`, `axes`, `along`, `reach`, `falloff`, `radius`,
-`strength`, `instances`, `level`, `without_instances`, `within`, `within_width`, `overlap`, `blend` and `arrive` either.
-It is read as one of version 2, but for `arrive`, which is false there: fixed points shortened the move.
+What a version 3 document leaves out of a handle of the preset "default" is as `VERSION_3` says. A version 2 document
+has none of `preset`, `mirrored_locality` and `bridges`, and what it leaves out is what `VERSION_2` says. A version 1
+document has none of `hash`, `bounds`, `region`, `axes`, `along`, `reach`, `falloff`, `radius`, `strength`, `instances`,
+`level`, `without_instances`, `within`, `within_width`, `overlap`, `blend` and `arrive` either. It is read as one of
+version 2, but for `arrive`, which is false there: fixed points shortened the move.
 """
 
 from __future__ import annotations
@@ -96,7 +97,8 @@ if TYPE_CHECKING:
 __all__ = ["edit_schema", "from_document", "read_edit", "read_made_on", "to_document", "write_edit"]
 
 FORMAT = "dfd-edit"
-VERSION = 3
+VERSION = 4
+VERSION_3 = {"reach": 0.7}  # what a handle of the preset "default" meant there by saying nothing
 # What versions 1 and 2 meant by a handle, a plane and a shape of which they said nothing more.
 VERSION_2: dict[str, dict[str, Any]] = {
     "handle": {"reach": 1.0, "falloff": "linear", "instances": "together"},
@@ -142,7 +144,7 @@ class EditFile(Edit):
     """An edit of a shape, with what a file says besides."""
 
     format: Literal["dfd-edit"] = "dfd-edit"
-    version: Literal[3] = 3
+    version: Literal[4] = 4
     units: Units = field(default_factory=Units)
     mesh: MadeFor | None = None
     made_on: MadeOn | None = None
@@ -309,8 +311,8 @@ def _checked(document: Any, name: str) -> dict[str, Any]:
     if document.get("format") != FORMAT:
         raise ArgumentError("format", f'must be "{FORMAT}", got {_shown(document.get("format"))}', name)
     version = document.get("version")
-    if isinstance(version, bool) or version not in (1, 2, VERSION):
-        raise ArgumentError("version", f"must be 1, 2 or {VERSION}, got {_shown(version)}", name)
+    if isinstance(version, bool) or version not in (1, 2, 3, VERSION):
+        raise ArgumentError("version", f"must be 1, 2, 3 or {VERSION}, got {_shown(version)}", name)
     return document
 
 
@@ -319,8 +321,9 @@ def _completed(document: dict[str, Any], mesh: Mesh | None = None) -> dict[str, 
     version = document["version"]
     known: Preset = document["preset"] if document.get("preset") in tuple(PRESETS) else "default"
     meant = VERSION_2
-    if version == VERSION:
-        meant = {"handle": PRESETS[known].handle, "shape": PRESETS[known].whole_shape}
+    if version >= 3:
+        handle = PRESETS[known].handle | (VERSION_3 if version == 3 and known == "default" else {})
+        meant = {"handle": handle, "shape": PRESETS[known].whole_shape}
     whole = {**meant["shape"], **({"arrive": False} if version == 1 else {}), **document, "version": VERSION}
     handles, fixed, plane = (whole.get(key) for key in ("handles", "fixed", "symmetry"))
     if isinstance(handles, list):
@@ -333,7 +336,7 @@ def _completed(document: dict[str, Any], mesh: Mesh | None = None) -> dict[str, 
         found = symmetry_on(mesh, plane, preset=known)
         whole["symmetry"] = {"normal": found.normal, "offset": found.offset, "band": found.band}
     elif isinstance(plane, dict) and plane.get("band") is None:
-        band = band_on(mesh, known) if mesh is not None and version == VERSION else 0.0
+        band = band_on(mesh, known) if mesh is not None and version >= 3 else 0.0
         whole["symmetry"] = {**plane, "band": band}
     return whole
 

@@ -16,11 +16,27 @@ if TYPE_CHECKING:
     from dfd.posing.pose import Overlap
     from dfd.weights.bind import Falloff
 
-__all__ = ["CONTROLS", "LARGEST", "PRESETS", "WHOLE_SHAPE", "BlendRule", "Defaults", "Instances", "SymmetryCandidates"]
+__all__ = [
+    "CONTROLS",
+    "LARGEST",
+    "PARTLESS_REACH",
+    "PRESETS",
+    "WHOLE_SHAPE",
+    "WITHIN_PART",
+    "BlendRule",
+    "Defaults",
+    "Instances",
+    "Reach",
+    "SymmetryCandidates",
+]
 
 LARGEST = 1e38  # what the kernels compute with are 32-bit floats
+# Of the reach "part": where weights would end by features alone, so that the far end of a part follows nearly in full,
+# and the number that it is on a shape of which no part ends anywhere, such as a ball.
+WITHIN_PART, PARTLESS_REACH = 6.0, 0.7
 
 Instances = Literal["own", "together", "only"]
+Reach = float | Literal["auto", "part"]
 SymmetryCandidates = Literal["any", "axes"]
 BlendRule = Literal["auto", "linear", "dual_quaternion", "polar"]  # `dfd.posing.pose.Blend`, or what fits the edit
 
@@ -104,9 +120,9 @@ class Defaults:
         Which planes symmetry "auto" takes, as `dfd.symmetry_planes` has them.
     """
 
-    # By what pictures say: with the paper's reach of 1 an ear widens the whole head, and with a linear falloff what is
-    # pulled has a point. Wheels turn about their own axles, and legs grow where they stand.
-    reach: float = 0.7
+    # By what pictures and people's labels say: any one number is too wide for an ear and too narrow for a leg, and with
+    # a linear falloff what is pulled has a point. Wheels turn about their own axles, and legs grow where they stand.
+    reach: Reach = "part"
     falloff: Falloff = "smooth"
     instances: Instances = "own"
     pivot: Literal["auto", "point"] = "auto"

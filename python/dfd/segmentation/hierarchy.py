@@ -11,9 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.cluster.hierarchy import linkage
-from scipy.sparse import diags_array
+from scipy.sparse import csr_array, diags_array
+from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
+from dfd.segmentation.border import CRUMB
 from dfd.segmentation.patches import BRIDGE, Patches
 
 __all__ = ["Branch", "Hierarchy"]
@@ -27,6 +29,7 @@ LEAST_AREA, MOST_AREA = 0.002, 0.95  # of the whole surface: of other sizes noth
 LEAST_SHOWN = 0.005  # likewise, for a part of the whole cut
 SHORT = 0.2  # diagonals: a border that is not much longer has to crease more, since chance creases short ones
 LEAST_CONCAVITY = 0.02  # counts for every border: some parts end without a crease
+EVEN = 0.05  # of height: what differs by less is alike, and steps from there to the next larger branch tell nothing
 
 Float64 = NDArray[np.float64]
 
@@ -41,13 +44,24 @@ class Branch:
         (P,) which patches belong to it.
     area
         As a part of the whole surface.
-    clarity
-        How clearly it ends where it does; compared with that of other branches alone.
+    border
+        Length of its borders, in diagonals of the box.
+    concavity
+        How much the surface creases along them.
+    step
+        How much more the next larger branch differs within itself, in [0, 1].
     """
 
     inside: NDArray[np.bool_]
     area: float
-    clarity: float
+    border: float
+    concavity: float
+    step: float
+
+    @property
+    def clarity(self) -> float:
+        """How clearly it ends where it does; compared with that of other branches alone."""
+        return float((self.concavity + LEAST_CONCAVITY) * np.sqrt(self.step))
 
 
 class Hierarchy:
@@ -98,6 +112,28 @@ class Hierarchy:
             path.append(int(self._parent[path[-1]]))
         return [node for node in path if LEAST_AREA < self.branches[node].area < MOST_AREA] or path[-1:]
 
+    def holdable(self, node: int) -> float:
+        """How likely a person who takes hold of the shape in a node means that node, compared with the others there.
+
+        People name what creases off, differs from what is around it, and has short borders: limbs, heads, handles. The
+        length that counts is that of one border, so that four legs with four borders do as well as one leg with one.
+        """
+        branch = self.branches[node]
+        return (branch.concavity + LEAST_CONCAVITY) * branch.step / (self.around(node) + SHORT)
+
+    def around(self, node: int) -> float:
+        """Mean length of the borders of a node, in diagonals of the box: the way around a limb where it begins."""
+        branch, patches = self.branches[node], self._patches
+        one, other = patches.borders.pairs.T
+        same = branch.inside[one] == branch.inside[other]
+        joined = csr_array((np.ones(same.sum()), (one[same], other[same])), shape=2 * (patches.borders.count,))
+        piece = connected_components(joined, directed=False)[1]
+        areas = np.bincount(piece, patches.area)
+        # Pieces and what is around them are a tree, with a border for each of its edges.
+        borders = max(int((areas > CRUMB * areas[piece[branch.inside]].max()).sum()) - 1, 1)
+        # Of what ends at a gap, as if it were square.
+        return float(branch.border or np.sqrt(branch.area * patches.node_area.sum())) / borders
+
     def _clearest_cut(self) -> tuple[list[int], NDArray[np.bool_]]:
         """What `cut` and `clear` are: the best cut of a node is the node itself, or those of what it joins."""
         count = self._patches.borders.count
@@ -136,9 +172,8 @@ class Hierarchy:
         if length.sum() == 0:  # nothing but small gaps, or the whole component
             concavity = BRIDGE
         above = self._height[self._parent[node]] if self._parent[node] >= 0 else self._height[node]
-        step = (above - self._height[node]) / above if above > 0 else 0.0
-        clarity = (concavity + LEAST_CONCAVITY) * np.sqrt(step)
-        return Branch(inside, float(patches.area[inside].sum()), float(clarity))
+        step = (above - self._height[node]) / (above + EVEN)
+        return Branch(inside, float(patches.area[inside].sum()), float(length.sum()), float(concavity), float(step))
 
 
 def smoothed(patches: Patches, features: Float64) -> Float64:

@@ -189,7 +189,7 @@ def _nearest(graph: csr_array, seeds: Indices, center: Float64) -> Indices:
     _, _, source = dijkstra(graph, indices=seeds, min_only=True, return_predecessors=True)
     number = np.full(len(center) + 1, -1)
     number[seeds] = np.arange(len(seeds))
-    found: Indices = np.where(source >= 0, number[source], -1)
+    found: Indices = number[np.maximum(source, -1)]
     lost = found < 0
     if lost.any():
         found[lost] = cKDTree(center[seeds]).query(center[lost])[1]

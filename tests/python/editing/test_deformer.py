@@ -124,7 +124,7 @@ def test_a_symmetric_edit_of_a_symmetric_shape_is_symmetric(mesh, field):
     # Features that do not tell left from right.
     folded = field(np.abs(mesh.vertices) * [1, 0, 0] + mesh.vertices * [0, 1, 1])
     deformer = dfd.Deformer(mesh, field, features=folded)
-    deformer.add(int(mesh.vertices[:, 0].argmax()), translation=(0.1, 0.2, 0.0), rotation=(0, 20, 0))
+    deformer.add(int(mesh.vertices[:, 0].argmax()), translation=(0.1, 0.2, 0.0), rotation=(0, 20, 0), reach=0.7)
     deformer.set_symmetry("x")
     assert deformer.symmetry.band == pytest.approx(0.03 * max(mesh.extents))
     order = np.lexsort(np.round(mesh.vertices * [-1, 1, 1], 6).T)

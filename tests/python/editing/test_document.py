@@ -250,8 +250,8 @@ MISSING = object()
     [
         (("format",), "gltf", r'`format` must be "dfd-edit", got "gltf"'),
         (("format",), MISSING, r'`format` must be "dfd-edit", got null'),
-        (("version",), 4, r"`version` must be 1, 2 or 3, got 4"),
-        (("version",), True, r"`version` must be 1, 2 or 3, got true"),
+        (("version",), 5, r"`version` must be 1, 2, 3 or 4, got 5"),
+        (("version",), True, r"`version` must be 1, 2, 3 or 4, got true"),
         (("units",), {"length": "inch"}, r"`units.length` must be 'mesh', got .inch."),
         (("mesh",), 9, r"`mesh` must be an object, got 9"),
         (("mesh",), {}, r"`mesh.vertices` is missing"),

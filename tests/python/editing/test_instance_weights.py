@@ -83,14 +83,14 @@ def test_each_instance_turns_about_its_own_pivot_in_its_own_frame(session, sampl
 
 def test_a_pivot_that_is_given_lies_from_each_counterpart_as_from_the_handle(session, sample, mesh, asked, foot):
     offset = np.array([0.05, 0.1, 0.0])
-    session.add(foot, scale=2, pivot=mesh.vertices[foot] + offset, instances="own")
+    session.add(foot, scale=2, pivot=mesh.vertices[foot] + offset, instances="own", reach=0.7)
     members = leg(sample, 1)
     pivot = mesh.vertices[members[mesh.vertices[members, 1].argmin()]] + offset * (-1, 1, 1)
     np.testing.assert_allclose(session.vertices[members], pivot + 2 * (mesh.vertices[members] - pivot), atol=1e-6)
 
 
 def test_only_moves_the_handle_s_own(session, sample, mesh, asked, foot):
-    session.add(foot, translation=(0, -0.2, 0), instances="only")
+    session.add(foot, translation=(0, -0.2, 0), instances="only", reach=0.7)
     own, others = leg(sample, 0), np.concatenate([leg(sample, i) for i in (1, 2, 3)])
     np.testing.assert_allclose(session.vertices[own], mesh.vertices[own] - (0, 0.2, 0), atol=1e-6)
     np.testing.assert_allclose(session.vertices[others], mesh.vertices[others], atol=1e-12)
@@ -111,14 +111,14 @@ def test_level_brings_all_instances_to_full_weight(session, sample, mesh, asked,
 
 @pytest.mark.parametrize("instances", ["own", "together"])
 def test_level_keeps_the_strength_of_a_handle(session, sample, mesh, asked, foot, instances):
-    session.add(foot, translation=(0, -0.2, 0), instances=instances, strength=0.5, level=True)
+    session.add(foot, translation=(0, -0.2, 0), instances=instances, strength=0.5, level=True, reach=0.7)
     legs = sample.vertices_of("leg")
     np.testing.assert_allclose(session.vertices[legs], mesh.vertices[legs] - (0, 0.1, 0), atol=1e-6)
 
 
 def test_level_leaves_what_is_hardly_alike_where_it_is(session, sample, mesh, asked, foot, monkeypatch):
     monkeypatch.setattr(instance_weights, "LEAST_ALIKE", 0.8)  # the back legs follow by half
-    session.add(foot, translation=(0, -0.2, 0), level=True)
+    session.add(foot, translation=(0, -0.2, 0), level=True, reach=0.7)
     front, back = leg(sample, 1), leg(sample, 2)
     np.testing.assert_allclose(session.vertices[front], mesh.vertices[front] - (0, 0.2, 0), atol=1e-6)
     assert (session.vertices[back, 1] > mesh.vertices[back, 1] - 0.15).all()
@@ -227,7 +227,7 @@ def test_four_alike_handles_arrive_each_with_instances_of_its_own(session, sampl
 
 def test_a_new_handle_has_instances_of_its_own(session, mesh, foot):
     handle = session.add(foot, scale=1.5)
-    assert session.handle(handle).controls == Controls(reach=0.7, falloff="smooth", instances="own")
+    assert session.handle(handle).controls == Controls(reach="part", falloff="smooth", instances="own")
     by_default = session.vertices
     session.change(handle, instances="own")
     np.testing.assert_array_equal(session.vertices, by_default)

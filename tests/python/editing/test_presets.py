@@ -22,7 +22,7 @@ from dfd.editing.controls import Controls, GivenControls, controls_of
 from dfd.editing.edit import Edit, Handle, empty_edit
 from dfd.editing.edit_file import edit_schema, from_document, to_document
 from dfd.editing.points import place_on
-from dfd.editing.presets import CONTROLS, PRESETS, WHOLE_SHAPE
+from dfd.editing.presets import CONTROLS, PARTLESS_REACH, PRESETS, WHOLE_SHAPE
 from dfd.editing.transfer import transfer
 from dfd.symmetry.plane import SymmetryPlane
 
@@ -55,7 +55,7 @@ def test_a_session_starts_with_its_preset(mesh, field, features, preset):
 
 @each_preset
 def test_an_edit_file_means_its_preset_by_what_it_leaves_out(mesh, preset):
-    document = {"format": "dfd-edit", "version": 3, "preset": preset, "handles": [{"vertex": 5}], "symmetry": "x"}
+    document = {"format": "dfd-edit", "version": 4, "preset": preset, "handles": [{"vertex": 5}], "symmetry": "x"}
     edit = from_document(document, mesh)
     assert edit.handles == (Handle(1, place_on(mesh, 5), controls=controls_of(preset)),)
     assert (edit.preset, whole(edit)) == (preset, PRESETS[preset].whole_shape)
@@ -64,6 +64,15 @@ def test_an_edit_file_means_its_preset_by_what_it_leaves_out(mesh, preset):
     assert spelled.symmetry.band == edit.symmetry.band
     del document["preset"]
     assert (from_document(document, mesh) == edit) == (preset == "default")
+
+
+def test_a_file_of_version_3_means_the_reach_of_its_time(mesh):
+    document = {"format": "dfd-edit", "version": 3, "handles": [{"vertex": 5}]}
+    reaches = {"default": 0.7, "paper": 1.0}
+    for preset, reach in reaches.items():
+        assert from_document({**document, "preset": preset}, mesh).handles[0].controls.reach == reach
+    assert from_document(document, mesh).handles[0].controls.reach == 0.7
+    assert from_document({**document, "version": 4}, mesh).handles[0].controls.reach == "part"
 
 
 def test_values_made_of_nothing_are_those_of_the_default():
@@ -81,7 +90,8 @@ def test_the_page_is_told_what_a_new_handle_has(mesh, field, features, preset):
     state = state_message(ViewState(planes={preset: [found]}), session, Columns(session), after=0)
     defaults = PRESETS[preset]
     assert state.preset == preset
-    assert (state.new_handle.reach, state.new_handle.falloff) == (defaults.reach, defaults.falloff)
+    reach = PARTLESS_REACH if defaults.reach == "part" else defaults.reach
+    assert (state.new_handle.reach, state.new_handle.falloff) == (reach, defaults.falloff)
     assert (state.overlap, state.blend) == (defaults.overlap, defaults.blend)
     assert [plane.band for plane in state.planes] == pytest.approx([defaults.band * max(mesh.extents)])
     if preset == "default":
@@ -91,14 +101,14 @@ def test_the_page_is_told_what_a_new_handle_has(mesh, field, features, preset):
 
 def test_the_command_line_says_the_defaults_in_its_help():
     reach, falloff = (deform.__annotations__[name].__metadata__[0].help for name in ("reach", "falloff"))
-    assert f"By itself {PRESETS['default'].reach:g}, the paper's is {PRESETS['paper'].reach:g}" in reach
+    assert f"By itself {PRESETS['default'].reach}, the paper's is {PRESETS['paper'].reach:g}" in reach
     assert f"By itself {PRESETS['default'].falloff}, the paper's is {PRESETS['paper'].falloff}" in falloff
 
 
 def test_blender_s_handles_start_with_them(monkeypatch):
     made = lambda **options: SimpleNamespace(**options)  # noqa: E731
     bpy = ModuleType("bpy")
-    kinds = ("FloatProperty", "EnumProperty", "IntProperty", "StringProperty", "CollectionProperty")
+    kinds = ("BoolProperty", "FloatProperty", "EnumProperty", "IntProperty", "StringProperty", "CollectionProperty")
     bpy.props = SimpleNamespace(**dict.fromkeys(kinds, made))
     bpy.types = SimpleNamespace(PropertyGroup=object, AddonPreferences=object)
     monkeypatch.setitem(sys.modules, "bpy", bpy)
@@ -112,7 +122,8 @@ def test_blender_s_handles_start_with_them(monkeypatch):
     spec.loader.exec_module(properties)
     # Blender evaluates what is written after the colons.
     said = {name: eval(text, vars(properties)) for name, text in properties.HandleSettings.__annotations__.items()}
-    assert (said["reach"].default, said["falloff"].default) == (PRESETS["default"].reach, PRESETS["default"].falloff)
+    assert said["whole_part"].default == (PRESETS["default"].reach == "part")
+    assert (said["reach"].default, said["falloff"].default) == (PARTLESS_REACH, PRESETS["default"].falloff)
     assert said["falloff"].default in {name for name, *_ in said["falloff"].items}
 
 

@@ -75,7 +75,7 @@ def test_handles_go_to_what_looks_like_what_they_held(mesh, moved, fields):
 def test_the_carried_edit_deforms_the_other_shape_as_the_first_one(mesh, moved, fields):
     other, number = moved
     session = dfd.Deformer(mesh, fields[0], features=fields[0].features(mesh))
-    session.add(5, translation=(0, 0.2, 0), rotation=(0, 30, 0))
+    session.add(5, translation=(0, 0.2, 0), rotation=(0, 30, 0), reach=0.7)
     found = transfer(session.edit, mesh, fields[0], other, fields[1])
     there = dfd.Deformer(other, fields[1], features=fields[1].features(other))
     there.apply(found.edit)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 from made_field import field_of
 
 import dfd
@@ -133,6 +134,48 @@ def test_pieces_that_meet_in_a_narrow_web_are_told_apart(chair):
     pieces = pieces_of(patches, inside)
     assert len(np.unique(pieces[inside])) == 4
     assert (pieces[~inside] == -1).all()
+
+
+def test_a_grip_holds_the_part_whole_and_fades_over_a_narrow_seam(chair, chair_parts):
+    legs = chair.labels == chair.parts.index("leg")
+    held = chair_parts.grip(foot_of(chair))
+    assert held.dtype == np.float32
+    assert held[legs].mean() > 0.9
+    away = np.linalg.norm(chair.mesh.vertices[:, None] - chair.mesh.vertices[legs][None], axis=2).min(axis=1)
+    assert (held[away > 0.05 * chair.mesh.diagonal] == 0).all()
+    seam = (held > 0) & (held < 1)
+    assert 0 < seam.mean() < 0.2
+
+
+def test_a_grip_does_not_pass_from_one_component_to_another_beside_it():
+    """A peg that stands in a plate without touching it: nothing of the plate moves along, however near it is."""
+    chair = dfd.samples.chair(4_000)
+    above = dfd.Mesh(chair.mesh.vertices + [0, 1.001 * np.ptp(chair.mesh.vertices[:, 1]), 0], chair.mesh.faces)
+    vertices = np.concatenate([chair.mesh.vertices, above.vertices])
+    count = len(chair.mesh.vertices)
+    both = dfd.Mesh(vertices, np.concatenate([chair.mesh.faces, chair.mesh.faces + count]))
+    rows = np.eye(2, dtype=np.float32)[(np.arange(2 * count) >= count).astype(int)]
+    held = Parts(both, lambda some: rows[some]).grip(0)
+    assert (held[:count] == 1).all()
+    assert (held[count:] == 0).all()
+
+
+def test_there_is_no_grip_where_nothing_ends():
+    made = trimesh.creation.icosphere(4)
+    ball = dfd.Mesh(made.vertices, made.faces)
+    rows = np.random.default_rng(0).normal(size=(len(ball.vertices), 8)) * 0.1 + 1
+    assert Parts(ball, lambda some: rows[some].astype(np.float32)).grip(0) is None
+    flat = Parts(dfd.Mesh(np.zeros((3, 3)), [[0, 1, 2]]), lambda some: rows[some])
+    flat.prepare()
+    assert flat.grip(0) is None
+
+
+def ball_of(rings):
+    """Vertices and faces of a ball."""
+    import trimesh
+
+    made = trimesh.creation.uv_sphere(count=[rings, 2 * rings])
+    return made.vertices, made.faces
 
 
 def test_loose_shapes_of_few_faces_have_parts():

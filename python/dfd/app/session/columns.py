@@ -17,6 +17,7 @@ from dfd.app.protocol.binary_messages import (
     InstancesMessage,
     pack,
 )
+from dfd.editing.presets import PARTLESS_REACH, PRESETS
 from dfd.weights.bind import bind
 
 if TYPE_CHECKING:
@@ -176,8 +177,18 @@ def _instanced(handle: Handle) -> bool:
 
 def heat_message(deformer: Deformer, place: Place, *, request: int) -> bytes:
     """The answer to `probe`."""
-    values = _packed(feature_distances(deformer, place), MAX_DISTANCE)
+    values = _packed(_probed(deformer, place), MAX_DISTANCE)
     return pack(HeatMessage, {"values": values}, id=request, vertex=place.vertex, scale=MAX_DISTANCE)
+
+
+def _probed(deformer: Deformer, place: Place) -> NDArray[np.float32]:
+    """(V,) distances of which the page makes, by the preset's falloff, what a new handle at a place would hold."""
+    part = deformer.bound.part(place) if PRESETS[deformer.preset].reach == "part" else None
+    if part is None:
+        return feature_distances(deformer, place)
+    # The curve x² (3 − 2x) turned round: where it has the part's weights.
+    within = 0.5 - np.sin(np.arcsin(1.0 - 2.0 * part) / 3.0)
+    return np.asarray(PARTLESS_REACH * (1.0 - within), np.float32)
 
 
 def feature_distances(deformer: Deformer, place: Place) -> NDArray[np.float32]:

@@ -246,7 +246,7 @@ def change(
     given = _controls(session, controls)
     if at is not None:
         given["at"] = _at(session, at)
-    if controls.within == "part":
+    if isinstance(given.get("within"), str) and given["within"] == "part":
         given["within"] = session.require_parts().of(session.require_deformer().edit.handle(handle))
     session.change(lambda deformer: deformer.change(handle, **given), ("change", handle), merge=merge)
 

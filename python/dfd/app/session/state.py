@@ -18,7 +18,7 @@ from dfd.app.session.surface import center_of, packed_normals
 from dfd.common.preset import Preset
 from dfd.editing.edit import band_on, box_center
 from dfd.editing.influence.regions import Region, members
-from dfd.editing.presets import CONTROLS, PRESETS
+from dfd.editing.presets import CONTROLS, PARTLESS_REACH, PRESETS
 from dfd.mesh.normals import smooth_normals
 from dfd.pictures.colors import feature_colors
 from dfd.symmetry.plane import axis_name
@@ -80,7 +80,8 @@ def state_message(
 
 
 def _new_handle(preset: Preset) -> NewHandle:
-    return NewHandle(reach=PRESETS[preset].reach, falloff=PRESETS[preset].falloff)
+    reach, falloff = PRESETS[preset].reach, PRESETS[preset].falloff
+    return NewHandle(reach=PARTLESS_REACH if isinstance(reach, str) else reach, falloff=falloff)
 
 
 def _handle(deformer: Deformer, columns: Columns, handle: Handle, parts: ShapeParts | None) -> HandleState:

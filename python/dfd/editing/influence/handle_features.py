@@ -92,7 +92,7 @@ class HandleFeatures:
         if place.region not in self._representatives:
             chosen = self.members(place)
             candidates = chosen[:: -(-len(chosen) // MOST_CANDIDATES)]
-            kept = _farthest_apart(self._vertex_rows(candidates), MOST_REPRESENTATIVES)
+            kept = _farthest_apart(self.of_vertices(candidates), MOST_REPRESENTATIVES)
             self._representatives[place.region] = candidates[kept]
         return self._representatives[place.region]
 
@@ -142,11 +142,11 @@ class HandleFeatures:
         if not known.all():
             positions = [place.position for place in places if place.vertex is None and place.region is None]
             rows[~known] = self._on_mesh.at(np.array(positions))
-        rows[known] = self._vertex_rows(vertices[known])
+        rows[known] = self.of_vertices(vertices[known])
         return rows
 
-    def _vertex_rows(self, vertices: Indices) -> Float32:
-        """(N, D) features of vertices; a few are asked of the field while those of all are not there."""
+    def of_vertices(self, vertices: Indices) -> Float32:
+        """(N, D) features of vertices (N,); a few are asked of the field while those of all are not there."""
         if self._features is None:
             return self._on_mesh.rows(vertices)
         if isinstance(self._features, CompactFeatures):

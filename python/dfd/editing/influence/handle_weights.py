@@ -23,8 +23,8 @@ from dfd.editing.influence.instance_weights import (
     wanted_of,
 )
 from dfd.editing.influence.instances import Instance, SurfaceAxes
-from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import Place
+from dfd.editing.presets import PARTLESS_REACH, WITHIN_PART
 from dfd.posing.pose import Overlap
 from dfd.posing.transforms import Along, Frame
 from dfd.weights.bind import bind
@@ -45,11 +45,12 @@ LEAST_LEFT = 0.01
 LEAST_COUNTED = 0.35  # of the most that the handle itself moves: what follows less is no like of it to people
 # Of the largest singular value of the weights among handles: below, they no longer say which handle moves what.
 SINGULAR = 1e-4
-# Of `reach="part"`: where the weights would end by features alone, and of the diagonal how wide the seam beyond is.
-WITHIN_PART, SEAM = 3.0, 0.01
+# The number that stands for the reach "part" is at least this, and so many times how far most of the part differs.
+LEAST_REACH, MOST_OF_PART, AROUND_PART = 0.1, 0.9, 2.0
 
 Float32 = NDArray[np.float32]
 LEAST_CAPACITY = 32  # columns
+MOST_PARTS = 32  # that are kept
 
 
 class Columns:
@@ -134,8 +135,8 @@ class HandleWeights:
         self._given: Float32 | None = None  # what `of` gave out last, as long as it holds
         self._held: Float32 | None = None  # (V,) what the fixed points take away, as long as they stay
         self._mixed: tuple[Float32, Float32] | None = None  # columns, and what makes their handles land exactly
-        self._reaches: dict[Place, float] = {}
-        self._held_parts: dict[Place, Float32] = {}
+        self._reaches: dict[tuple[Place, str], float] = {}
+        self._held_parts: dict[Place, Float32 | None] = {}
         self.field = field
 
     @property
@@ -154,9 +155,9 @@ class HandleWeights:
     @cached_property
     def parts(self) -> Parts:
         """What finds parts on the mesh."""
-        from dfd.segmentation.parts import parts  # for those who ask for parts, and for nobody else
+        from dfd.segmentation.parts import Parts  # for those who ask for parts, and for nobody else
 
-        return parts(self.field, self.mesh)
+        return Parts(self.mesh, self._rows.of_vertices)
 
     @property
     def finder(self) -> InstanceFinder:
@@ -169,6 +170,7 @@ class HandleWeights:
         `planes` are those that `symmetry_planes` finds. It may run on another thread than the rest.
         """
         self._instances.prepare(planes)
+        self.parts.prepare()
 
     def of(self, edit: Edit) -> Float32:
         """(V, H) weights of the handles of `edit`, in their order; read-only, and nothing that follows changes it."""
@@ -238,8 +240,17 @@ class HandleWeights:
         return self._rows.anchor(handle.place)
 
     def reach(self, handle: Handle) -> float:
-        """The number that the handle's `reach` is."""
-        return self._reach(handle.place, handle.controls)
+        """The number that the handle's `reach` is; of "part" the one that comes nearest to it, to go on from."""
+        place, reach = handle.place, handle.controls.reach
+        if reach == "part" and (place, reach) not in self._reaches and (part := self.part(place)) is not None:
+            within = self._apart(place)[part > 0.5]
+            widest = float(np.quantile(within, MOST_OF_PART)) if len(within) else 0.0
+            self._reaches[place, reach] = min(max(AROUND_PART * widest, LEAST_REACH), 2.0)
+        return (
+            self._reaches.get((place, "part"), PARTLESS_REACH)
+            if reach == "part"
+            else self._reach(place, handle.controls)
+        )
 
     def locality(self, edit: Edit, handle: Handle) -> tuple[tuple[int, ...], Float32 | None, float]:
         """Where the distances over the surface of a handle start, (V,) those in [0, 1] or None, and λ of Eq. 7."""
@@ -369,6 +380,8 @@ class HandleWeights:
 
         A region weighs by members that stand for it; here all of them count as the nearest.
         """
+        if key.controls.reach == "part" and (part := self.part(key.place)) is not None:
+            column *= part
         if key.place.region is not None:
             own = self._rows.members(key.place)
             free = 1.0 - self._held_weights()[own] if self._fixed else np.float32(1.0)
@@ -383,16 +396,15 @@ class HandleWeights:
                 np.minimum(column / np.float32(left), 1.0, out=column)
         if key.controls.strength < 1.0:
             column *= np.float32(key.controls.strength)
-        if key.controls.reach == "part":
-            column *= self._part(key.place)
         if key.controls.within is not None:
             column *= self._rows.inside(key.controls.within, key.controls.within_width)
 
-    def _part(self, place: Place) -> Float32:
-        """(V,) 1 on the part that a place is on, with its look-alikes, falling smoothly to 0 over its seam."""
+    def part(self, place: Place) -> Float32 | None:
+        """(V,) 1 on the part that a place is on, with its look-alikes, falling smoothly to 0; None where none ends."""
         if place not in self._held_parts:
-            part = VertexSet.of(self.mesh, self.parts.part(self._rows.anchor(place)).mask)
-            self._held_parts[place] = self._rows.inside(part, SEAM * self.mesh.diagonal)
+            while len(self._held_parts) >= MOST_PARTS:  # a pointer asks for one wherever it hovers
+                del self._held_parts[next(iter(self._held_parts))]
+            self._held_parts[place] = self.parts.grip(self._rows.anchor(place))
         return self._held_parts[place]
 
     def _left_of(self, key: Key, column: Float32) -> float:
@@ -420,12 +432,15 @@ class HandleWeights:
         if not isinstance(controls.reach, str):
             return controls.reach
         if controls.reach == "part":
-            return WITHIN_PART
-        if place not in self._reaches:
-            # With twice the paper's reach, no distance of unit features is cut off.
-            weights = bind(self.features, self._rows.points([place]), reach=2.0)
-            self._reaches[place] = auto_reach(2.0 * (1.0 - weights[:, 0]))
-        return self._reaches[place]
+            return WITHIN_PART if self.part(place) is not None else PARTLESS_REACH
+        if (place, "auto") not in self._reaches:
+            self._reaches[place, "auto"] = auto_reach(self._apart(place))
+        return self._reaches[place, "auto"]
+
+    def _apart(self, place: Place) -> Float32:
+        """(V,) feature distances from a place; with twice the paper's reach, none of unit features is cut off."""
+        apart: Float32 = 2.0 * (1.0 - bind(self.features, self._rows.points([place]), reach=2.0)[:, 0])
+        return apart
 
 
 def _alike(one: Key, other: Key) -> bool:
