@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 
 import dfd
-from dfd.editing.compatibility import check_compatible
 from dfd.editing.presets import WITHIN_PART
+from dfd.field.compatibility import check_compatible
 
 __all__ = ["Axes", "Shape"]
 

@@ -15,7 +15,6 @@ from dfd.common import check
 from dfd.common.errors import called, public
 from dfd.common.preset import Preset
 from dfd.editing import verbs
-from dfd.editing.compatibility import check_compatible
 from dfd.editing.edit import Edit, Fixed, Handle, edit_on, empty_edit
 from dfd.editing.edit_file import read_edit, write_edit
 from dfd.editing.history import History
@@ -23,6 +22,7 @@ from dfd.editing.influence.handle_weights import HandleWeights
 from dfd.editing.presets import BlendRule, SymmetryCandidates
 from dfd.editing.report import Report, report
 from dfd.editing.shape import PosedShape
+from dfd.field.compatibility import check_compatible
 from dfd.field.field import Field
 from dfd.mesh.mesh import MeshLike, as_mesh
 from dfd.posing.pose import Overlap
