@@ -65,15 +65,9 @@ class HandlesCommand(TyperCommand):
 def handles(params: Mapping[str, Any], meta: Mapping[str, Any]) -> list[tuple[str, dict[str, Any]]]:
     """What to take hold of, and what `Deformer.add` is told about it, for every handle of a command line.
 
-    Parameters
-    ----------
-    params, meta
-        Those of the command's context.
+    `params` and `meta` are those of the command's context.
 
-    Raises
-    ------
-    ValueError
-        If something is said of a handle and no handle is given, or a factor of `--scale` is none or 0.
+    Raises ValueError if something is said of a handle and no handle is given, or a factor of `--scale` is none or 0.
     """
     found = []
     for each in (params, *meta[FURTHER]):

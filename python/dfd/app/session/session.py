@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import logging
 import re
+import shutil
+import time
 from collections.abc import Callable, Hashable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from dfd.app.options import OpenedFile, SessionOptions, Source
+from dfd.app.options import UPLOADS, OpenedFile, SessionOptions, Source
 from dfd.app.protocol.answers import Answer, FailureMessage, FieldState, ProgressMessage, StartMessage
 from dfd.app.session.autosave import Autosave, Saved
 from dfd.app.session.columns import Columns
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
 __all__ = ["NO_MEMORY", "Session", "sentence", "without_paths"]
 
 Result = TypeVar("Result")
+
+UPLOAD_SECONDS = 600.0  # an upload waits for its turn no longer
 
 
 class Session:
@@ -122,6 +126,7 @@ class Session:
         self._number += 1
         self.source, self.mesh, self._warnings, self._pending_edit = source, mesh, warnings, edit
         self._autosave.save_opened(Saved(source=source, field=field))
+        self._delete_uploads(*(each.path for each in (source, field, edit) if each is not None))
         self._send(first)
         self._preparation = Preparation(mesh, source, self.options, self.folder, self._lock, self, self._post)
         self._tell_field("preparing")
@@ -141,10 +146,19 @@ class Session:
         self.source = self.mesh = self.deformer = self.columns = None
         self.view_state, self._unreported = ViewState(), False
 
+    def _delete_uploads(self, *opened: Path | None) -> None:
+        """Delete uploads that nothing open comes from, but for those that arrived since what is being opened."""
+        places = {path.parent: path.parent.stat().st_mtime for path in opened if path is not None and path.exists()}
+        before = max(places.values(), default=time.time() - UPLOAD_SECONDS)
+        for place in (self.folder / UPLOADS).glob("*"):
+            if place.stat().st_mtime < before and not any(place in (used, *used.parents) for used in places):
+                shutil.rmtree(place, ignore_errors=True)
+
     def show_start(self) -> None:
         """Close the shape and go back to the start page."""
         self.close_shape()
         self._autosave.save_opened(Saved())
+        self._delete_uploads()
         self.send(StartMessage())
 
     def open_files(self, mesh: Source | None, field: OpenedFile | None, edit: OpenedFile | None) -> None:

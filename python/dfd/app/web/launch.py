@@ -22,7 +22,7 @@ import uvicorn
 from dfd.app.options import SessionOptions
 from dfd.app.session.distill_process import try_lock
 from dfd.app.web.link import Link, ThreadLink
-from dfd.app.web.safety import Rules, loopback
+from dfd.app.web.safety import Rules, TimedHTTP, loopback
 from dfd.app.web.server import MESSAGE_BYTES, STATIC, UPLOAD_BYTES, create
 from dfd.app.web.tabs import Tabs
 
@@ -71,6 +71,7 @@ class RunningApp:
         self.tabs = Tabs(self._root, options, make_link)
         config = uvicorn.Config(
             create(self.tabs, self.rules, upload_bytes=upload_bytes, static=static),
+            http=TimedHTTP,
             ws="websockets-sansio",
             ws_max_size=MESSAGE_BYTES,
             ws_per_message_deflate=False,  # compressing a mesh would block the event loop for seconds
