@@ -67,6 +67,10 @@ class Shape:
         column = dfd.bind(self.features, [vertex], reach=reach, falloff=falloff, geodesic=geodesic, locality=locality)
         return np.ascontiguousarray(column[:, 0] if part is None else column[:, 0] * part)
 
+    def parts(self) -> list[np.ndarray]:
+        """(N,) vertices of each part that the shape is cut into, see `dfd.parts`."""
+        return [part.vertices for part in dfd.parts(self.field, self.mesh).cut()]
+
 
 def _turned(vertices: np.ndarray) -> np.ndarray:
     """What was (x, −z, y) in Blender is (x, y, z) in the file."""

@@ -256,19 +256,26 @@ def parts(
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="JSON", help="Write the parts, and the part of every vertex."),
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="A .json with the part of every vertex, an .obj with a group a part, a .glb with a material slot a"
+            " part.",
+        ),
     ] = None,
     picture: Annotated[Path | None, typer.Option(metavar="PNG", help="Draw them, numbered.")] = None,
     views: Annotated[int, typer.Option(min=1, max=36, help="From how many sides, all around.")] = 2,
     resolution: Annotated[int, typer.Option(min=16, max=8192, help="Pixels along the side of each picture.")] = 768,
 ) -> None:
     """Cut MESH into its parts: what looks alike, ends at creases, and would move as one."""
-    check_output("--output", output, (".json",))
+    check_output("--output", output, (".json", ".obj", ".glb", ".gltf"))
     check_output("--picture", picture, (".png",))
 
     from dfd import Field, distill, load
     from dfd.common.files import atomic_write
     from dfd.common.progress import Stages
+    from dfd.export.export_parts import export_parts
     from dfd.segmentation.parts import cut_document
     from dfd.segmentation.parts import parts as parts_of
 
@@ -279,7 +286,9 @@ def parts(
     with stages.stage("parts"):
         found = parts_of(opened, shape).cut()
     document = cut_document(found)
-    if output is not None:
+    if output is not None and output.suffix.lower() != ".json":
+        export_parts(shape, found, output)
+    elif output is not None:
         with atomic_write(output) as temporary:
             temporary.write_text(json.dumps(document), "utf-8")
     if picture is not None:

@@ -102,6 +102,8 @@ class Deformer:
         If a part of the mesh lies far outside the box of the field's shape.
     """
 
+    # Slots alone, so that a setting with a misspelled name raises AttributeError.
+    __slots__ = ("__weakref__", "_history", "_next_id", "_posed", "_weights", "field", "mesh")
     page: Callable[..., Any] | None = None  # what shows a session: `dfd` puts the app's there
 
     @public
