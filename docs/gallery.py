@@ -169,19 +169,13 @@ def _stories(shape: Callable[[str, str], Shape]) -> list[tuple[str, Shape, list[
         (
             "Axes: twice as wide, along the axes of the mesh and along the limb",
             figure,
-            [
-                ("axes of the mesh", add(hand, scale=(2, 2, 1))),
-                ("limb", add(hand, scale=(2, 2, 1), axes="limb")),
-            ],
+            [("axes of the mesh", add(hand, scale=(2, 2, 1))), ("limb", add(hand, scale=(2, 2, 1), axes="limb"))],
             10.0,
         ),
         (
             "Axes: a leg grows thicker and not longer",
             animal,
-            [
-                ("every way", add(hoof, scale=1.6)),
-                ("limb", add(hoof, scale=(1.6, 1.6, 1), axes="limb")),
-            ],
+            [("every way", add(hoof, scale=1.6)), ("limb", add(hoof, scale=(1.6, 1.6, 1), axes="limb"))],
             40.0,
         ),
         (

@@ -11,7 +11,8 @@ import json
 import statistics
 import tempfile
 import time
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -104,41 +105,37 @@ def _page(faces: int) -> None:
         Console().print(f"The page was not measured: {lacking} is missing.")
         return
     for count, drag in ((DRAGGED, True), (faces, False)):
-        with tempfile.TemporaryDirectory() as folder:
-            mesh = _mesh(count)
-            path, field = Path(folder) / "shape.ply", Path(folder) / "shape.field.safetensors"
-            mesh.save(path)
-            _field(mesh).save(field)
-            table = Table("figure of the page", "value", title=_title(mesh))
-            options = SessionOptions(
-                mesh=Source(name="shape.ply", path=path), field=OpenedFile(name="field", path=field)
-            )
+        with _stored(count) as (options, title):
+            table = Table("figure of the page", "value", title=title)
             page.measure(options, table, drag=drag)
             Console().print(table)
 
 
 def _server(faces: int, tabs: int) -> None:
-    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
-        mesh = _mesh(faces)
-        path, field = Path(folder) / "shape.ply", Path(folder) / "shape.field.safetensors"
-        mesh.save(path)
-        _field(mesh).save(field)
+    with _stored(faces) as (options, title), tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         (Path(folder) / "index.html").write_text("")
-        table = Table("figure", "value", title=_title(mesh))
+        table = Table("figure", "value", title=title)
         app = RunningApp(SessionOptions(), static=Path(folder))
         app.start()
         stack.callback(app.stop)
         time.sleep(10)  # until the first process waits for its tab
-        _one_tab(app, path, field, stack, table)
-        app.tabs.options = SessionOptions(
-            mesh=Source(name="shape", sample="chair"), field=OpenedFile(name="field", path=field)
-        )
+        app.tabs.options = options
+        _one_tab(app, stack, table)
+        app.tabs.options = SessionOptions(mesh=Source(name="shape", sample="chair"), field=options.field)
         _many_tabs(app, tabs, stack, table)
         Console().print(table)
 
 
-def _title(mesh: Mesh) -> str:
-    return f"{len(mesh.faces):,} faces, {len(mesh.vertices):,} vertices"
+@contextmanager
+def _stored(faces: int) -> Iterator[tuple[SessionOptions, str]]:
+    """A shape and its field in files, as the app opens them; and what to call it."""
+    with tempfile.TemporaryDirectory() as folder:
+        mesh = _mesh(faces)
+        path, field = Path(folder) / "shape.ply", Path(folder) / "shape.field.safetensors"
+        mesh.save(path)
+        _field(mesh).save(field)
+        options = SessionOptions(mesh=Source(name="shape.ply", path=path), field=OpenedFile(name="field", path=field))
+        yield options, f"{len(mesh.faces):,} faces, {len(mesh.vertices):,} vertices"
 
 
 def _mesh(faces: int) -> Mesh:
@@ -166,10 +163,7 @@ def _field(mesh: Mesh) -> Field:
     )
 
 
-def _one_tab(app: RunningApp, path: Path, field: Path, stack: ExitStack, table: Table) -> None:
-    app.tabs.options = SessionOptions(
-        mesh=Source(name="shape.ply", path=path), field=OpenedFile(name="field", path=field)
-    )
+def _one_tab(app: RunningApp, stack: ExitStack, table: Table) -> None:
     tab = Tab(app, stack)
     start = time.perf_counter()
     session = tab.say("hello", version=VERSION)
@@ -192,7 +186,6 @@ def _one_tab(app: RunningApp, path: Path, field: Path, stack: ExitStack, table: 
         tab.until(type="state")
 
     table.add_row("click to heat map, one right after another", _median(click))
-    sent, received = tab.bytes_out, tab.bytes_in
     tab.until(type="done", id=tab._count)
     tab.until(id=tab.say("move", handle=1, transform={"translation": [0.0, 0.1, 0.0]}))
     sent, received = tab.bytes_out, tab.bytes_in

@@ -12,8 +12,6 @@ import trimesh
 import dfd
 from tests.python.made_field import made_field
 
-__all__ = ["HANGS", "HOGS", "KILLED", "bad_names", "make"]
-
 ENDINGS = ("obj", "ply", "stl", "off", "glb")
 # A pipe that nobody writes to, a file too large for a task's memory, and one whose worker is killed at every attempt.
 HANGS, HOGS, KILLED = "bad-hangs", "bad-hogs", "bad-killed"

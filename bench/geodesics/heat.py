@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import time
+import timeit
 from collections.abc import Callable
 
 import numpy as np
 import potpourri3d
 from numpy.typing import NDArray
-
-__all__ = ["heat_seconds", "shortest_seconds"]
 
 
 def heat_seconds(vertices: NDArray[np.float64], faces: NDArray[np.int32], handle: int) -> tuple[float, float]:
@@ -22,9 +21,4 @@ def heat_seconds(vertices: NDArray[np.float64], faces: NDArray[np.int32], handle
 
 def shortest_seconds(call: Callable[[], object], repeats: int) -> float:
     """Return the shortest of `repeats` times."""
-    best = np.inf
-    for _ in range(repeats):
-        started = time.perf_counter()
-        call()
-        best = min(best, time.perf_counter() - started)
-    return float(best)
+    return min(timeit.repeat(call, number=1, repeat=repeats))

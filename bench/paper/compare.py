@@ -25,8 +25,6 @@ from dfd.common.preset import Preset
 from dfd.geometry.metrics import SurfaceMetrics, surface_metrics
 from dfd.pictures.picture import picture
 
-__all__ = ["LEGEND", "Row", "cameras_of", "compare", "constraints", "deform", "drawn", "marked", "methods_of", "table"]
-
 Float64 = NDArray[np.float64]
 Methods = Mapping[str, Callable[[], Float64]]
 
@@ -135,10 +133,7 @@ def solve(context: Context, case: Case, preset: Preset, **how: bool) -> Float64:
 def deform(name: str, case: Case, ball: float) -> Float64:
     """A case by the peer called `name`; biharmonic coordinates of the set's own are taken where it has them.
 
-    Raises
-    ------
-    PeerError
-        As `bench.paper.peers.peer.run`.
+    Raises PeerError as `bench.paper.peers.peer.run`.
     """
     if name == "biharmonic" and case.coordinates is not None:
         moved: Float64 = case.mesh.vertices + case.coordinates @ (case.held_to - case.mesh.vertices[case.held])

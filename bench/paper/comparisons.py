@@ -29,8 +29,6 @@ from bench.paper.handles import Case, find
 from bench.paper.report import Page, Section, Table
 from dfd.pictures.picture import picture
 
-__all__ = ["farthest"]
-
 # A handle, how far it goes, and what other methods hold.
 FEET = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 1.0))
 TOP = ((0.1, 1.0, 0.1), (0.9, 1.0, 0.1), (0.5, 1.0, 0.9))
@@ -299,5 +297,5 @@ def _study(context: Context, name: str, title: str, text: str, most: int, kinds:
     return Page(title, text, sections, files={f"{name}_key.json": json.dumps({"seed": SEED, **key}, indent=2) + "\n"})
 
 
-def _chosen(shares: Mapping[str, float]) -> str:
-    return ", ".join(f"{method} {share:g} %" for method, share in shares.items())
+def _chosen(percent: Mapping[str, float]) -> str:
+    return ", ".join(f"{method} {value:g} %" for method, value in percent.items())

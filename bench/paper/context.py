@@ -22,8 +22,6 @@ from dfd.encoders.encode import Encoder, load_encoder
 from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.geometry.refine import split_long_edges
 
-__all__ = ["BALL", "PRESETS", "BoxHandle", "Context", "Shape", "Subject", "named", "session"]
-
 PRESETS: tuple[Preset, ...] = ("paper", "default")
 NAMES: dict[Preset, str] = {"paper": "paper preset", "default": "dfd default"}
 
@@ -67,7 +65,7 @@ class Shape:
         return int(corners[distance.argmin()])
 
     def refined(self) -> Shape:
-        """The shape with long edges halved, without its looks, where faces are large; else as it is."""
+        """The shape with long edges halved, without its appearance, where faces are large; else as it is."""
         longest = LONGEST_EDGE * self.mesh.diagonal
         vertices, faces = split_long_edges(self.mesh.vertices, self.mesh.faces, longest, most=50_000)
         return self if len(faces) == len(self.mesh.faces) else Shape(self.name, dfd.Mesh(vertices, faces))
@@ -86,10 +84,7 @@ class BoxHandle:
 
     def on(self, shape: Shape) -> dict[str, Any]:
         """What `Deformer.add` takes by name."""
-        handle: dict[str, Any] = {
-            "at": shape.at(self.at),
-            "translation": np.array(self.offset) * shape.mesh.diagonal,
-        }
+        handle: dict[str, Any] = {"at": shape.at(self.at), "translation": np.array(self.offset) * shape.mesh.diagonal}
         if self.rotation is not None:
             handle["rotation"] = self.rotation
         if self.pivot is not None:

@@ -7,8 +7,8 @@ import numpy as np
 import dfd
 from bench.paper.context import BoxHandle, Context
 from bench.paper.drawing import aim, before_after, silhouettes
-from bench.paper.measures import vertex_shares
 from bench.paper.report import Page, Section, Table
+from bench.quality.measures import area_fractions
 from dfd.editing.presets import PRESETS as DEFAULTS
 from dfd.pictures.picture import picture
 
@@ -108,7 +108,7 @@ def fig7(context: Context) -> Page:
         pictures = {f"λ = {each}": before_after(session, where) for each, session in sessions.items()}
         drawn.append((subject.heading, [source, *((pair[0][0], name) for name, pair in pictures.items())]))
         drawn.append(("", [source, *((pair[1][0], name) for name, pair in pictures.items())]))
-        areas = vertex_shares(mesh)
+        areas = area_fractions(mesh)
         for value, session in sessions.items():
             rows.append([*subject.label, value, 100 * float(areas[session.following[:, 0] > FOLLOWS].sum())])
     text = f"In the table: how much of the surface has a weight above {FOLLOWS}."

@@ -12,8 +12,6 @@ import dfd
 from dfd.pictures.picture import picture
 from dfd.pictures.viewpoint import azimuth_towards
 
-__all__ = ["RESOLUTION", "aim", "before_after", "blank", "heat", "silhouettes"]
-
 RESOLUTION = 320
 BEFORE, AFTER = np.array([64, 112, 216]), np.array([52, 168, 83])  # as in the paper: blue before, green after
 

@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 import dfd
 from bench.paper.context import PRESETS, Context, Shape, named, session
 from bench.paper.drawing import aim, heat
-from bench.paper.measures import vertex_shares
 from bench.paper.report import Page, Section, Table
+from bench.quality.measures import area_fractions
 from dfd.common.preset import Preset
 from dfd.geometry.metrics import surface_metrics
 from dfd.pictures.picture import picture
-
-__all__ = ["correlation"]
 
 Choice = tuple[str, int | None]  # an encoder's name, and the block whose tokens are taken; None is its own choice
 # Besides the blocks of the encoder that is at hand anyway, those that the paper names and what is like them.
@@ -62,7 +60,7 @@ def fig12(context: Context) -> Page:
     drawn, rows = [], []
     found, absent = encoders(context)
     for shape, place in context.cases(CASES, (1, 3)):
-        at, areas = shape.at(place), vertex_shares(shape.mesh)
+        at, areas = shape.at(place), area_fractions(shape.mesh)
         for preset in PRESETS:
             weights = {
                 name: _session(context, shape, {"at": at}, preset, encoder).weights[:, 0]

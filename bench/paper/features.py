@@ -12,16 +12,15 @@ from scipy.spatial import KDTree
 import dfd
 from bench.paper.context import PRESETS, BoxHandle, Context, Shape, named, session
 from bench.paper.drawing import aim, before_after, blank, heat
-from bench.paper.measures import roughness, subdivided, vertex_shares
+from bench.paper.measures import roughness, subdivided
 from bench.paper.report import Page, Section, Table
+from bench.quality.measures import area_fractions
 from dfd.common.preset import Preset
 from dfd.geometry.simplify import simplify
 from dfd.pictures.colors import feature_colors
 from dfd.pictures.picture import picture
 from dfd.pictures.viewpoint import azimuth_towards
 from dfd.views.render import Supervision, Views, render
-
-__all__ = ["in_box_of"]
 
 DISTILLED = dict.fromkeys(("koala", "plane_holes", "scorpion", "spot", "quadruped", "*"))
 REDUCED = 0.99
@@ -146,7 +145,7 @@ def fig13(context: Context) -> Page:
         for column, (what, image) in enumerate(first.items()):
             found = [(pair[column][0], name) for name, pair in pairs.items()]
             drawn.append((f"{shape.name}: {what}", [image, *found]))
-        areas, fine = vertex_shares(mesh), next(iter(sessions.values())).weights[:, 0]
+        areas, fine = area_fractions(mesh), next(iter(sessions.values())).weights[:, 0]
         for name, each in sessions.items():
             weights = each.weights[:, 0]
             off = float(areas @ np.abs(weights - fine)) if KINDS[name][0] == "paper" else None
@@ -190,7 +189,7 @@ def fig19(context: Context) -> Page:
             moved_row.append((moved, name))
             weights = deformer.weights[:, 0]
             off = np.abs(weights[KDTree(mesh.vertices).query(shape.mesh.vertices)[1]] - own).mean()
-            follows = 100 * float(vertex_shares(mesh)[weights > FOLLOWS].sum())
+            follows = 100 * float(area_fractions(mesh)[weights > FOLLOWS].sum())
             rows.append([*subject.label, name, len(mesh.faces), follows, float(off) if name in copies else None])
         drawn.append((f"field of {subject.heading}: weights", weights_row))
         drawn.append(("moved", moved_row))
@@ -206,7 +205,7 @@ def fig19(context: Context) -> Page:
 
 
 def turned(shape: Shape, degrees: float) -> dfd.Mesh:
-    """The shape turned about y, its long edges halved, without its looks."""
+    """The shape turned about y, its long edges halved, without its appearance."""
     angle = np.radians(degrees)
     rotation = np.array([(np.cos(angle), 0, np.sin(angle)), (0, 1, 0), (-np.sin(angle), 0, np.cos(angle))])
     refined = shape.refined().mesh
@@ -227,7 +226,7 @@ def fig20(context: Context) -> Page:
     rows: dict[str, list[Any]] = {named(preset): [] for preset in PRESETS}
     for subject in context.subjects(CHAIRS, (3, 6), refined=True):
         shape, preset = subject.shape, named(subject.preset)
-        areas = vertex_shares(shape.mesh)
+        areas = area_fractions(shape.mesh)
         images, numbers = [(blank(), "")] * len(PARTS), [None] * len(PARTS)
         for part, place in subject.case.items():
             at, column = shape.at(place), PARTS.index(part)

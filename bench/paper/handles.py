@@ -35,11 +35,9 @@ from scipy.spatial import KDTree
 
 import dfd
 
-__all__ = ["Case", "Found", "find"]
-
 USER, FIXED = "user_single_keypoints.txt", "constraint_single_keypoints.txt"
 APAP_MESH, META_MESH, KEY_POINTS = "mesh.obj", "manifold.obj", "key_point_50.obj"
-SAME = 1e-4  # of the diagonal: places as near as that are one
+SAME = 1e-4  # of the diagonal: positions as near as that are one
 NEAR = 0.01  # of the diagonal: farther away a point of a file does not belong to the mesh
 
 
@@ -69,12 +67,7 @@ class Found:
 def find(folder: Path) -> list[Found]:
     """Return the cases of `folder`, which is that of one shape or holds those of several, in the order of their names.
 
-    Raises
-    ------
-    OSError
-        If there is no such folder.
-    ValueError
-        If no folder has a shape in one of the layouts.
+    Raises OSError if there is no such folder. Raises ValueError if no folder has a shape in one of the layouts.
     """
     found = _in_shape(folder.resolve())
     for shape in sorted(each for each in folder.iterdir() if each.is_dir()):
@@ -102,25 +95,20 @@ def _in_shape(shape: Path) -> list[Found]:
 def read_apap(path: Path, texts: Path) -> Case:
     """Read a case of APAP-Bench 3D: its mesh, and the folder of its two texts.
 
-    Raises
-    ------
-    ValueError
-        If a line is no vertex and its place, a vertex is none of a face or is to be at two places, or a fixed point
-        lies elsewhere than its vertex; the message names file and line.
-    OSError
-        If a file cannot be read.
+    Raises ValueError, which names file and line, if a line is not a vertex and its position, a vertex is not of a face
+    or is to be at two positions, or a fixed point lies elsewhere than its vertex; OSError if a file cannot be read.
     """
     mesh = dfd.load(path)
     handles, targets, _ = _read_text(texts / USER, mesh, {})
     if not len(handles):
         raise ValueError(f"{texts / USER} must name at least one handle, got none")
     taken = {int(mesh.representative[vertex]): f"a handle of {USER}" for vertex in handles}
-    fixed, places, lines = _read_text(texts / FIXED, mesh, taken)
-    for vertex, place, line in zip(fixed, places, lines, strict=True):
-        if np.linalg.norm(mesh.vertices[vertex] - place) > NEAR * mesh.diagonal:
+    fixed, positions, lines = _read_text(texts / FIXED, mesh, taken)
+    for vertex, position, line in zip(fixed, positions, lines, strict=True):
+        if np.linalg.norm(mesh.vertices[vertex] - position) > NEAR * mesh.diagonal:
             raise ValueError(
                 f"{texts / FIXED}, line {line}: vertex {vertex} must stay at {_point(mesh.vertices[vertex])}, where it "
-                f"is in {path.name}, got {_point(place)}: the file is of another mesh, or of another order of vertices"
+                f"is in {path.name}, got {_point(position)}: the file is of another mesh or order of vertices"
             )
     held = np.concatenate([handles, fixed])
     return Case(mesh, handles, targets, fixed, held, np.concatenate([targets, mesh.vertices[fixed]]))
@@ -129,12 +117,12 @@ def read_apap(path: Path, texts: Path) -> Case:
 def _read_text(
     path: Path, mesh: dfd.Mesh, taken: dict[int, str]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], list[int]]:
-    """Vertices (N,), their places (N, 3) and the lines; `taken` says what vertices are already, and is not changed."""
+    """Vertices (N,), their positions (N, 3) and the lines; `taken` says what vertices already are."""
     used = np.zeros(len(mesh.vertices), bool)
     used[mesh.faces] = True
     taken = dict(taken)
     vertices: list[int] = []
-    places: list[list[float]] = []
+    positions: list[list[float]] = []
     lines: list[int] = []
     for line, text in enumerate(path.read_text("utf-8", errors="replace").splitlines(), 1):
         if not text.strip():
@@ -142,10 +130,10 @@ def _read_text(
         where = f"{path}, line {line}"
         words = text.split()
         try:
-            vertex, place = int(words[0]), [float(word) for word in words[1:]]
+            vertex, position = int(words[0]), [float(word) for word in words[1:]]
         except ValueError:
-            place = []
-        if len(place) != 3 or not np.isfinite(place).all():
+            position = []
+        if len(position) != 3 or not np.isfinite(position).all():
             raise ValueError(f"{where}: must read 'vertex x y z', got {text.strip()[:80]!r}")
         if not 0 <= vertex < len(mesh.vertices):
             raise ValueError(f"{where}: vertex must be one of 0 … {len(mesh.vertices) - 1}, got {vertex}")
@@ -154,33 +142,29 @@ def _read_text(
             raise ValueError(f"{where}: vertex {vertex} must be a corner of a face, but no face of the mesh uses it")
         if (
             same in vertices
-            and np.linalg.norm(np.subtract(places[vertices.index(same)], place)) <= SAME * mesh.diagonal
+            and np.linalg.norm(np.subtract(positions[vertices.index(same)], position)) <= SAME * mesh.diagonal
         ):
             continue  # said twice, or once for each side of a seam
         if same in taken:
             raise ValueError(f"{where}: vertex {vertex} must go to one place, but it is {taken[same]}")
         taken[same] = f"that of line {line}, which goes elsewhere"
         vertices.append(same)
-        places.append(place)
+        positions.append(position)
         lines.append(line)
-    return np.array(vertices, np.int64), np.array(places, np.float64).reshape(-1, 3), lines
+    return np.array(vertices, np.int64), np.array(positions, np.float64).reshape(-1, 3), lines
 
 
 def read_meta_handles(folder: Path) -> Case:
     """Read a case of DeepMetaHandles, its handle being the control point with the largest offset of all.
 
-    Raises
-    ------
-    ValueError
-        If an array has another shape than the mesh and the control points ask for, or is not finite, or a control point
-        lies away from the surface's vertices; the message names the file, and the line where it has lines.
-    OSError
-        If a file cannot be read.
+    Raises ValueError if an array has another shape than the mesh and the control points ask for, or is not finite, or a
+    control point lies away from the surface's vertices; the message names the file, and the line where it has lines.
+    Raises OSError if a file cannot be read.
     """
     mesh = dfd.load(folder / META_MESH)
     corners = np.unique(mesh.faces)
     tree = KDTree(mesh.vertices[corners])
-    places = []
+    positions = []
     lines = (folder / KEY_POINTS).read_text("utf-8", errors="replace").splitlines()
     for line, text in enumerate(lines, 1):
         words = text.split()
@@ -188,34 +172,25 @@ def read_meta_handles(folder: Path) -> Case:
             continue
         where = f"{folder / KEY_POINTS}, line {line}"
         try:
-            place = np.array([float(word) for word in words[1:4]])
+            position = np.array([float(word) for word in words[1:4]])
         except ValueError:
-            place = np.empty(0)
-        if len(place) != 3 or not np.isfinite(place).all():
+            position = np.empty(0)
+        if len(position) != 3 or not np.isfinite(position).all():
             raise ValueError(f"{where}: must read 'v x y z', got {text.strip()[:80]!r}")
-        if tree.query(place)[0] > NEAR * mesh.diagonal:
+        if tree.query(position)[0] > NEAR * mesh.diagonal:
             raise ValueError(
-                f"{where}: must lie at a vertex of {META_MESH}, got {_point(place)}, which is away from all"
+                f"{where}: must lie at a vertex of {META_MESH}, got {_point(position)}, which is away from all"
             )
-        places.append(place)
-    if not places:
+        positions.append(position)
+    if not positions:
         raise ValueError(f"{folder / KEY_POINTS} must hold control points as 'v x y z', got none")
-    held = corners[tree.query(np.array(places))[1]].astype(np.int64)
-    offsets = _largest(folder, len(places))
+    held = corners[tree.query(np.array(positions))[1]].astype(np.int64)
+    offsets = _largest(folder, len(positions))
     weights = folder / "w_mesh.npy"
-    coordinates = _array(weights, (len(mesh.vertices), len(places))) if weights.is_file() else None
+    coordinates = _array(weights, (len(mesh.vertices), len(positions))) if weights.is_file() else None
     chosen = np.linalg.norm(offsets, axis=1).argmax()
     held_to = mesh.vertices[held] + offsets
-    return Case(
-        mesh,
-        held[[chosen]],
-        held_to[[chosen]],
-        np.empty(0, np.int64),
-        held,
-        held_to,
-        coordinates,
-        dense=True,
-    )
+    return Case(mesh, held[[chosen]], held_to[[chosen]], np.empty(0, np.int64), held, held_to, coordinates, dense=True)
 
 
 def _largest(folder: Path, count: int) -> NDArray[np.float64]:
@@ -245,5 +220,5 @@ def _array(path: Path, shape: tuple[int, ...] | None) -> NDArray[np.float64]:
     return values
 
 
-def _point(place: NDArray[np.float64]) -> str:
-    return "(" + ", ".join(f"{each:.4g}" for each in place) + ")"
+def _point(position: NDArray[np.float64]) -> str:
+    return "(" + ", ".join(f"{each:.4g}" for each in position) + ")"

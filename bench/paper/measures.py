@@ -7,25 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 import dfd
+from bench.quality.baselines import components_of
 from dfd.geometry.topology import face_areas, face_components, first_at_place
 
-__all__ = ["NEAR", "Defects", "defects", "gap", "roughness", "subdivided", "vertex_shares"]
-
 NEAR = 0.005  # of the diagonal: vertices of two components as near as that belong together
-
-
-def vertex_shares(mesh: dfd.Mesh) -> NDArray[np.float64]:
-    """The share of the surface's area (V,) that belongs to each vertex: a third of each of its faces."""
-    areas = np.bincount(
-        mesh.faces.ravel(), np.repeat(face_areas(mesh.vertices, mesh.faces) / 3, 3), minlength=len(mesh.vertices)
-    )
-    shares: NDArray[np.float64] = areas / areas.sum()
-    return shares
 
 
 def edges(faces: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -63,7 +51,7 @@ def holes(boundary: NDArray[np.integer]) -> int:
     if len(boundary) == 0:
         return 0
     used, number = np.unique(boundary, return_inverse=True)
-    return _components(len(used), number.reshape(-1, 2)).max() + 1
+    return int(components_of(number.reshape(-1, 2), len(used)).max()) + 1
 
 
 def _split_vertices(faces: NDArray[np.integer], ends: NDArray[np.int64], uses: NDArray[np.int64]) -> int:
@@ -84,16 +72,10 @@ def _split_vertices(faces: NDArray[np.integer], ends: NDArray[np.int64], uses: N
     second = np.where(forward, at_head.ravel()[order], at_tail.ravel()[order])
     same = key[order][1:] == key[order][:-1]
     links = np.concatenate([np.stack([side[:-1][same], side[1:][same]], axis=1) for side in (first, second)])
-    fan = _components(proper.size, links)
+    fan = components_of(links, proper.size)
     fans = np.unique(np.stack([proper.ravel(), fan], axis=1), axis=0)[:, 0]
     vertices, count = np.unique(fans, return_counts=True)
     return int((~np.isin(vertices[count > 1], ends[uses > 2])).sum())
-
-
-def _components(count: int, links: NDArray[np.integer]) -> NDArray[np.int32]:
-    graph = coo_array((np.ones(len(links), bool), (links[:, 0], links[:, 1])), shape=(count, count))
-    labels: NDArray[np.int32] = connected_components(graph, directed=False)[1]
-    return labels
 
 
 def roughness(mesh: dfd.Mesh, weights: NDArray[np.floating]) -> float:
@@ -129,7 +111,7 @@ def gap(mesh: dfd.Mesh, moved: NDArray[np.floating]) -> float | None:
 
 
 def subdivided(mesh: dfd.Mesh, times: int) -> dfd.Mesh:
-    """The mesh with every face cut into four, `times` times over; holes stay, looks go."""
+    """The mesh with every face cut into four, `times` times over; holes stay, appearance goes."""
     vertices, faces = mesh.vertices, mesh.faces
     for _ in range(times):
         vertices, faces = trimesh.remesh.subdivide(vertices, faces)

@@ -6,8 +6,6 @@ numbers of the page.
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,11 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from dfd.common.files import atomic_write
+from bench.tables import to_csv, to_markdown, write_text
 from dfd.pictures.contact_sheet import contact_sheet
 from dfd.pictures.picture import save_png
-
-__all__ = ["Page", "Row", "Section", "Table", "write"]
 
 Row = tuple[str, Sequence[tuple[NDArray[np.uint8], str]]]  # a heading, and pictures with their captions
 CELL = 320
@@ -79,50 +75,15 @@ def write(page: Page, name: str, folder: Path, notes: Sequence[str], settings: M
             save_png(folder / f"{stem}_plot.png", section.image)
             lines += ["", f"![{section.heading}]({stem}_plot.png)"]
         if section.table is not None:
-            _write_text(folder / f"{stem}.csv", _csv(section.table))
+            write_text(folder / f"{stem}.csv", to_csv(section.table.columns, section.table.rows))
             tables[section.heading] = [dict(zip(section.table.columns, row, strict=True)) for row in section.table.rows]
-            lines += ["", *_markdown(section.table)]
+            lines += ["", *to_markdown(section.table.columns, section.table.rows)]
     document = {"page": name, "title": page.title, **settings, "tables": tables, **page.facts}
-    _write_text(folder / f"{name}.json", json.dumps(document, indent=2, default=_plain) + "\n")
+    write_text(folder / f"{name}.json", json.dumps(document, indent=2, default=_plain) + "\n")
     for other, text in page.files.items():
-        _write_text(folder / other, text)
-    _write_text(folder / f"{name}.md", "\n".join(lines) + "\n")
+        write_text(folder / other, text)
+    write_text(folder / f"{name}.md", "\n".join(lines) + "\n")
     return folder / f"{name}.md"
-
-
-def _write_text(path: Path, text: str) -> None:
-    with atomic_write(path) as temporary:
-        temporary.write_text(text, "utf-8")
-
-
-def _csv(table: Table) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(table.columns)
-    for row in table.rows:
-        writer.writerow(["" if cell is None else f"{cell:.6g}" if isinstance(cell, float) else cell for cell in row])
-    return text.getvalue()
-
-
-def _markdown(table: Table) -> list[str]:
-    numeric = [
-        all(cell is None or isinstance(cell, int | float) for cell in column)
-        for column in zip(*table.rows, strict=True)
-    ]
-    lines = [_line(table.columns), "|" + "|".join("---:" if each else "---" for each in numeric) + "|"]
-    return lines + [_line([_shown(cell) for cell in row]) for row in table.rows]
-
-
-def _line(cells: Sequence[str]) -> str:
-    return "| " + " | ".join(cell.replace("|", "/") for cell in cells) + " |"
-
-
-def _shown(cell: Any) -> str:
-    if cell is None:
-        return ""
-    if isinstance(cell, bool) or not isinstance(cell, int | float | np.number):
-        return " ".join(str(cell).split())
-    return f"{cell:,}" if isinstance(cell, int) else f"{cell:.3g}"
 
 
 def _plain(value: Any) -> Any:

@@ -27,8 +27,6 @@ from dfd.geometry.simplify import simplify
 from dfd.geometry.topology import first_at_place, inspect
 from dfd.pictures.picture import picture
 
-__all__ = ["PHASES", "plot", "resampled"]
-
 PHASES = ("preprocess", "bind", "pose")
 TIMED = dict.fromkeys(("koala", "scorpion", "spot", "quadruped", "*"))
 FACES = (1_000, 10_000, 100_000, 400_000, 1_600_000)

@@ -6,7 +6,6 @@ import argparse
 import ast
 import os
 import sys
-import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -19,15 +18,16 @@ from bench.quality import labelled as labelled_bench
 from bench.quality import shapes, sheet, studies
 from bench.quality.evaluate import Draw
 from bench.quality.fields import SETTINGS, Lab
-from bench.quality.report import to_csv, to_markdown
+from bench.quality.report import as_csv, as_markdown, timed
 from bench.quality.shapes import Shape
 from bench.quality.studies import Bench, Row, Settings
-from dfd.common.files import atomic_write
+from bench.tables import write_text
 from dfd.pictures.contact_sheet import contact_sheet
 from dfd.pictures.picture import save_png
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "quality"
 QUICK: Settings = {"views": 12, "resolution": 280}
+QUICK_STUDIES = ("supervision", "textures", "background", "fit length")
 UNTOLD = {"features", "seed", "device", "progress", "cache", "checkpoint"}  # no settings of a table's numbers
 FEW_FACES, SOME_FACES, MANY_FACES = 4_000, 20_000, 100_000
 
@@ -40,12 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         return
     parser = _parser()
     options = parser.parse_args(given)
-    console = Console(stderr=True, highlight=False)
-    start = time.perf_counter()
-
-    def say(text: str) -> None:
-        console.print(f"[dim]{time.perf_counter() - start:5.0f} s[/dim]  {text}", soft_wrap=True)
-
+    say = timed()
     if not options.download:
         os.environ["HF_HUB_OFFLINE"] = "1"  # encoders are those at hand; nobody wants gigabytes for a table
     try:
@@ -97,10 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def settings_of(texts: Sequence[str]) -> dict[str, Any]:
     """Settings from words such as "steps=300": Python literals, and plain words for the rest.
 
-    Raises
-    ------
-    ValueError
-        If a word has another form, or names no setting of the lab's.
+    Raises ValueError if a word has another form, or names no setting of the lab's.
     """
     settings: dict[str, Any] = {}
     for word in " ".join(texts).split():
@@ -120,33 +112,23 @@ def _plan(
     bench: Bench, labelled: list[Shape], folder: Path | None, quick: bool, variants: dict[str, Settings]
 ) -> dict[str, Callable[[], list[Row]]]:
     """The studies by name, in order."""
-    lab = bench.lab
     spot = None if quick else shapes.unlabelled(folder, "spot.obj")
     last = labelled[-1].mesh  # the character without what it carries, or the robot: under all its names
     subjects = [shape for shape in labelled if shape.mesh is last]
     subjects = subjects if quick else [labelled[1], *subjects, *([spot] if spot else [])]
-
-    def comparison(study: str, on: list[Shape], settings: Callable[[], dict[str, Settings]]) -> None:
-        plan[study] = lambda: studies.compare(bench, study, on, settings())
-
     everything = [*labelled, *([spot] if spot else [])]
-    plan: dict[str, Callable[[], list[Row]]] = {
-        "methods": lambda: studies.methods(bench, everything, peers=not quick),
-    }
+    colored = [shape for shape in (subjects if quick else labelled) if shape.mesh.appearance is not None]
+    plan: dict[str, Callable[[], list[Row]]] = {"methods": lambda: studies.methods(bench, everything, peers=not quick)}
     if variants:
-        comparison("variants", everything, lambda: {"default": {}, **variants})
-    comparison("supervision", subjects, studies.supervision)
-    coloured = [shape for shape in (subjects if quick else labelled) if shape.mesh.appearance is not None]
-    if coloured:
-        comparison("textures", coloured, studies.textures)
-    comparison("background", subjects, studies.background)
-    comparison("fit length", subjects, lambda: studies.fit_length(lab))
-    if not quick:
-        comparison("views", subjects, lambda: studies.views(lab))
-        comparison("seeds", subjects, studies.seeds)
-        comparison("blocks", subjects, lambda: studies.blocks(lab))
-        comparison("encoders", subjects, lambda: studies.encoders(lab))
-        plan["casting"] = lambda: studies.compare(bench, "casting", [_detailed(folder)], studies.casting())
+        plan["variants"] = partial(studies.compare, bench, "variants", everything, {"default": {}, **variants})
+
+    def compare(study: str) -> list[Row]:
+        on = {"textures": colored, "casting": [_detailed(folder)] if study == "casting" else []}.get(study, subjects)
+        return studies.compare(bench, study, on, studies.COMPARED[study](bench.lab))
+
+    for study in QUICK_STUDIES if quick else studies.COMPARED:
+        if study != "textures" or colored:
+            plan[study] = partial(compare, study)
     return plan
 
 
@@ -169,9 +151,8 @@ def _write(output: Path, rows: Sequence[Row], bench: Bench, quick: bool) -> None
         heading += " The metric was learned from rigs and samples; `bench.training.learn_metric` leaves families out."
     output.mkdir(parents=True, exist_ok=True)
     told_by_family = studies.by_family(rows) if any(row.study == studies.FAMILIES_STUDY for row in rows) else ""
-    for name, text in (("quality.csv", to_csv(rows)), ("quality.md", to_markdown(rows, heading) + told_by_family)):
-        with atomic_write(output / name) as temporary:
-            temporary.write_text(text, "utf-8")
+    write_text(output / "quality.csv", as_csv(rows))
+    write_text(output / "quality.md", as_markdown(rows, heading) + told_by_family)
 
 
 def _parser() -> argparse.ArgumentParser:

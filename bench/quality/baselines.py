@@ -1,4 +1,4 @@
-"""Weights by methods that know nothing of looks: distances, and libigl's where it is installed."""
+"""Weights by methods that know nothing of features: distances, and libigl's where it is installed."""
 
 from __future__ import annotations
 
@@ -46,22 +46,18 @@ def rounds(labels: NDArray[np.integer], handles: NDArray[np.integer]) -> list[ND
 def biharmonic(
     mesh: dfd.Mesh, labels: NDArray[np.integer], handles: NDArray[np.integer], *, bounded: bool
 ) -> NDArray[np.float64]:
-    """Biharmonic weights (V, H) over the surface by libigl; `bounded` ones by its quadratic programme (BBW).
+    """Biharmonic weights (V, H) over the surface by libigl; `bounded` ones by its quadratic program (BBW).
 
     Such weights fall off towards the other handles: each round of one handle a part is solved by itself, 1 at the
     handle and 0 at the others. Unbounded weights are cut to [0, 1].
 
-    Raises
-    ------
-    PeerError
-        If libigl is not installed, fails, crashes or takes longer than `PATIENCE`, or a piece of the surface has no
-        handle: the equations leave its weights open.
+    Raises PeerError if libigl is not installed, fails, crashes or takes longer than `PATIENCE`, or a component of the
+    surface has no handle: the equations leave its weights open.
     """
     vertices, faces = np.ascontiguousarray(mesh.vertices), mesh.faces.astype(np.int64)
     columns = rounds(labels, handles)
-    pieces = _pieces(mesh)
-    if any(len(np.unique(pieces[np.asarray(handles)[each]])) <= pieces.max() for each in columns):
-        raise PeerError(f"needs a handle on every one of the {pieces.max() + 1} pieces of the surface")
+    for each in columns:
+        check_components(mesh.faces, len(vertices), np.asarray(handles)[each])
     solved = in_child(_solve, vertices, faces, [np.asarray(handles)[each] for each in columns], bounded)
     weights = np.empty((len(vertices), len(handles)))
     for each, values in zip(columns, solved, strict=True):
@@ -74,10 +70,7 @@ def biharmonic(
 def in_child(function: Callable[..., Any], *arguments: Any, seconds: float = PATIENCE) -> Any:
     """What `function` returns in a process of its own, so that a peer can neither hang nor crash the bench.
 
-    Raises
-    ------
-    PeerError
-        If it raises, dies, or takes longer than `seconds`.
+    Raises PeerError if it raises, dies, or takes longer than `seconds`.
     """
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
@@ -110,28 +103,43 @@ def _answer(connection: Connection) -> None:
     connection.send(answer)
 
 
-def _pieces(mesh: dfd.Mesh) -> NDArray[np.int32]:
-    """(V,) the connected piece of every vertex; vertices without faces are pieces of their own."""
-    edges = mesh.faces[:, [0, 1, 1, 2]].reshape(-1, 2)
-    count = len(mesh.vertices)
+def components_of(corners: NDArray[np.integer], count: int) -> NDArray[np.int32]:
+    """The number (count,) of the connected component of elements (E, K), such as faces, that each vertex is of."""
+    edges = corners[:, [[a, a + 1] for a in range(corners.shape[1] - 1)]].reshape(-1, 2)
     graph = coo_array((np.ones(len(edges), bool), (edges[:, 0], edges[:, 1])), shape=(count, count))
-    return connected_components(graph, directed=False)[1]
+    return np.asarray(connected_components(graph, directed=False)[1], np.int32)
+
+
+def check_components(corners: NDArray[np.integer], count: int, held: NDArray[np.integer]) -> None:
+    """Raise PeerError unless every component of elements (E, K), of `count` vertices, holds one of `held`."""
+    component = components_of(corners, count)
+    if len(np.unique(component[held])) <= component.max():
+        raise PeerError(f"needs a handle or a fixed point on every one of the {component.max() + 1} components")
+
+
+def libigl() -> Any:
+    """The module, or PeerError where it is not installed."""
+    try:
+        import igl
+    except ImportError:
+        raise PeerError("libigl is not installed") from None
+    return igl
+
+
+def bounded_weights(
+    vertices: NDArray[np.float64], cells: NDArray[np.int64], known: NDArray[np.int64], values: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Bounded biharmonic weights (V, K), over faces or in tetrahedra, that have `values` (P, K) at `known` (P,)."""
+    solved = np.asarray(libigl().bbw(vertices, cells, known, np.ascontiguousarray(values)))
+    if solved.shape != (len(vertices), values.shape[1]) or not np.isfinite(solved).all():
+        raise PeerError("finds no solution")
+    return solved
 
 
 def _solve(
     vertices: NDArray[np.float64], faces: NDArray[np.int64], handle_sets: list[NDArray[np.int64]], bounded: bool
 ) -> list[NDArray[np.float64]]:
-    try:
-        import igl
-    except ImportError:
-        raise PeerError("libigl is not installed") from None
-    solved = []
-    for handles in handle_sets:
-        ones = np.eye(len(handles))
-        weights = (
-            igl.bbw(vertices, faces, handles, ones) if bounded else igl.harmonic(vertices, faces, handles, ones, 2)
-        )
-        if np.shape(weights) != (len(vertices), len(handles)):
-            raise PeerError("finds no solution")
-        solved.append(np.asarray(weights))
-    return solved
+    every = [(handles, np.eye(len(handles))) for handles in handle_sets]
+    if bounded:
+        return [bounded_weights(vertices, faces, *each) for each in every]
+    return [np.asarray(libigl().harmonic(vertices, faces, *each, 2)) for each in every]

@@ -37,10 +37,7 @@ class Lab:
 
         Besides those of `dfd.distill` there is "texture": False takes pictures in gray.
 
-        Raises
-        ------
-        ValueError, OSError
-            See `dfd.distill` and `dfd.encoders.encode.load_encoder`.
+        Raises ValueError or OSError, see `dfd.distill` and `dfd.encoders.encode.load_encoder`.
         """
         replaced = LENGTHS if any(name in changes for name in LENGTHS) else ()
         settings = self._all({**{name: self._given[name] for name in self._given if name not in replaced}, **changes})

@@ -7,10 +7,7 @@ Constants may be chosen on the first half of each category; the second half judg
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 import os
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -26,13 +23,12 @@ import dfd
 from bench.quality.baselines import euclidean, geodesic
 from bench.quality.labelled_shapes import LabelledShape, labelled_shapes
 from bench.quality.measures import draw_handles, handle_precision
+from bench.quality.report import timed
 from bench.quality.sheet import heat
-from dfd.common.files import atomic_write
+from bench.tables import to_csv, to_markdown, write_text
 from dfd.pictures.contact_sheet import contact_sheet
 from dfd.pictures.picture import save_png
 from dfd.segmentation.parts import Parts
-
-__all__ = ["main"]
 
 OUTPUT = Path(__file__).resolve().parents[1] / "results" / "quality"
 EACH = 4  # handles in every label
@@ -48,7 +44,7 @@ LEGEND = {
     "threshold": "IoU with the label of all vertices above the best threshold of a handle's weights",
     "part": "IoU with the label of the part at a click, with its look-alikes",
     "best of three": "of that part, the smaller one in it and the larger one around it, the best",
-    "instance": "IoU of the connected piece of the part with that of the label",
+    "instance": "IoU of the connected component of the part with that of the label",
     "grip": "Σ min(w, t) / Σ max(w, t) over the surface, for a session's weights w and the label t",
     "coverage": "weight that the label has, of all that it could have",
     "leak": "weight beyond the label, of all weight",
@@ -69,12 +65,7 @@ class Judged:
 def main(arguments: Sequence[str]) -> None:
     """Judge a folder of labelled meshes."""
     options = _parser().parse_args(arguments)
-    console = Console(stderr=True, highlight=False)
-    start = time.perf_counter()
-
-    def say(text: str) -> None:
-        console.print(f"[dim]{time.perf_counter() - start:5.0f} s[/dim]  {text}", soft_wrap=True)
-
+    say = timed()
     os.environ["HF_HUB_OFFLINE"] = "1"
     if options.cache is not None:
         os.environ["DFD_CACHE"] = str(options.cache.absolute())
@@ -175,10 +166,10 @@ def _counterparts(on: LabelledShape, field: dfd.Field, features: NDArray[np.floa
             held = session.add(vertex)
             handle = session.edit.handles[0]
             instances = [one for one, _ in session.bound.instances(session.edit, handle) if one.weight >= FOLLOWS]
-            places = [one.position for one in instances] or [handle.place.position]
+            positions = [one.position for one in instances] or [handle.place.position]
             others = mesh.vertices[[other for other in present if other != vertex]]
-            hits.append((cKDTree(places).query(others)[0] <= NEAR * mesh.diagonal).mean())
-            wrong.append((cKDTree(mesh.vertices[present]).query(places)[0] > NEAR * mesh.diagonal).sum())
+            hits.append((cKDTree(positions).query(others)[0] <= NEAR * mesh.diagonal).mean())
+            wrong.append((cKDTree(mesh.vertices[present]).query(positions)[0] > NEAR * mesh.diagonal).sum())
             session.remove(held)
     return {"counterparts": float(np.mean(hits)), "too many": float(np.mean(wrong))} if hits else {}
 
@@ -218,28 +209,32 @@ def by_category(found: Sequence[Judged], judged: bool | None = None) -> dict[str
 
 def _write(path: Path, found: Sequence[Judged]) -> None:
     """Whole files after every shape: a long run that is cut short has told what it knew."""
-    text = io.StringIO()
     names = list(dict.fromkeys(name for each in found for name in each.verdict))
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(["category", "shape", "half", *names])
-    for each in found:
-        values = (f"{each.verdict[name]:.6g}" if name in each.verdict else "" for name in names)
-        table.writerow([each.on.category, each.on.shape.name, "judged" if each.on.judged else "chosen on", *values])
+    halves = {True: "judged", False: "chosen on"}
+    cells = [
+        [each.on.category, each.on.shape.name, halves[each.on.judged], *_row(each.verdict, names)] for each in found
+    ]
     lines = ["# Weights, parts and handles against people's labels", ""]
     for heading, judged in (("All shapes", None), ("Constants were chosen on these", False), ("Judged on these", True)):
         half = [each for each in found if judged in (None, each.on.judged)]
         if half:
-            lines += [f"## {heading}", "", f"{len(half)} shapes.", ""]
-            lines += [f"| category | {' | '.join(names)} |", "|---|" + "---:|" * len(names)]
-            for category, row in by_category(half).items():
-                values = (f"{row[name]:.3f}" if name in row else "" for name in names)
-                lines.append(f"| {category} | {' | '.join(values)} |")
-            lines.append("")
+            table = [[category, *_row(row, names)] for category, row in by_category(half).items()]
+            lines += [
+                f"## {heading}",
+                "",
+                f"{len(half)} shapes.",
+                "",
+                *to_markdown(["category", *names], table, ".3f"),
+                "",
+            ]
     lines += ["## What the words mean", "", *(f"- **{word}**: {meaning}." for word, meaning in LEGEND.items())]
     path.parent.mkdir(parents=True, exist_ok=True)
-    for ending, content in ((".csv", text.getvalue()), (".md", "\n".join(lines) + "\n")):
-        with atomic_write(path.with_suffix(ending)) as temporary:
-            temporary.write_text(content, "utf-8")
+    write_text(path.with_suffix(".csv"), to_csv(["category", "shape", "half", *names], cells))
+    write_text(path.with_suffix(".md"), "\n".join(lines) + "\n")
+
+
+def _row(verdict: Verdict, names: Sequence[str]) -> list[float | None]:
+    return [verdict.get(name) for name in names]
 
 
 def _parser() -> argparse.ArgumentParser:

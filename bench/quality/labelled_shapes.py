@@ -14,14 +14,12 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 import dfd
+from bench.quality.baselines import components_of
+from bench.quality.measures import area_fractions
 from bench.quality.shapes import Shape
 from dfd.geometry.topology import face_areas
-
-__all__ = ["LabelledShape", "labelled_shapes"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,28 +54,20 @@ class LabelledShape:
 
     @cached_property
     def areas(self) -> NDArray[np.float64]:
-        """(V,) a third of the faces around each vertex."""
-        mesh = self.shape.mesh
-        thirds = np.repeat(face_areas(mesh.vertices, mesh.faces) / 3, 3)
-        return np.bincount(mesh.faces.ravel(), thirds, minlength=len(mesh.vertices))
+        """(V,) how much of the surface belongs to each vertex."""
+        return area_fractions(self.shape.mesh)
 
     @cached_property
     def instances(self) -> NDArray[np.int32]:
-        """(V,) the connected piece of its part that each vertex is on: one leg of all legs."""
-        one, other = self.shape.mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).T
-        same = self.labels[one] == self.labels[other]
-        count = len(self.labels)
-        graph = coo_array((np.ones(same.sum(), bool), (one[same], other[same])), shape=(count, count))
-        return np.asarray(connected_components(graph, directed=False)[1], np.int32)
+        """(V,) the connected component of its part that each vertex is on: one leg of all legs."""
+        sides = self.shape.mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+        return components_of(sides[self.labels[sides[:, 0]] == self.labels[sides[:, 1]]], len(self.labels))
 
 
 def labelled_shapes(folder: Path, *, quick: bool = False) -> Iterator[LabelledShape]:
     """Read every labelled mesh of `folder`; with `quick` the first of each category that is judged.
 
-    Raises
-    ------
-    ValueError
-        If there is none, or its files are not of that layout.
+    Raises ValueError if there is none, or its files are not of that layout.
     """
     categories = sorted(path for path in folder.iterdir() if any(path.glob("*_labels.txt")))
     if not categories:

@@ -6,11 +6,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+import dfd
+from dfd.geometry.topology import face_areas
+
 MOVES = 0.01  # a vertex of less weight stays where it is, as far as anyone can see
 
 Weights = NDArray[np.floating]  # (V, H), a column a handle
 Labels = NDArray[np.integer]  # (V,) the part of each vertex, −1 for none
 Handles = NDArray[np.integer]  # (H,) vertices
+
+
+def area_fractions(mesh: dfd.Mesh) -> NDArray[np.float64]:
+    """(V,) how much of the surface belongs to each vertex, a third of each of its faces; they sum to 1."""
+    thirds = np.repeat(face_areas(mesh.vertices, mesh.faces) / 3, 3)
+    areas = np.bincount(mesh.faces.ravel(), thirds, minlength=len(mesh.vertices))
+    fractions: NDArray[np.float64] = areas / areas.sum()
+    return fractions
 
 
 def draw_handles(labels: Labels, each: int, seed: int = 0) -> NDArray[np.int64]:

@@ -107,10 +107,7 @@ def without_few(
 def strongest_joints(mesh: dfd.Mesh) -> list[str | None]:
     """(V,) the name of the joint that moves each vertex of a glTF file the most; None where nothing is skinned.
 
-    Raises
-    ------
-    ValueError
-        If a skin's numbers cannot be read.
+    Raises ValueError if a skin's numbers cannot be read.
     """
     found: list[str | None] = [None] * len(mesh.vertices)
     if mesh.scene is None or mesh.scene.gltf is None:
@@ -160,28 +157,25 @@ def label_vertices(
 
 
 def only(mesh: dfd.Mesh, vertices: NDArray[np.bool_]) -> tuple[dfd.Mesh, NDArray[np.int64]]:
-    """The faces of `mesh` whose corners are all among `vertices` (V,), with their looks; and its vertices' old indices.
+    """The faces whose corners are all among `vertices` (V,), with their appearance; and the vertices' old indices.
 
-    Raises
-    ------
-    ValueError
-        If no face is left.
+    Raises ValueError if no face is left.
     """
     kept = vertices[mesh.faces].all(axis=1)
     old = np.unique(mesh.faces[kept])
     new = np.full(len(mesh.vertices), -1, np.int32)
     new[old] = np.arange(len(old))
-    looks = mesh.appearance
-    if looks is not None:
-        used = np.zeros(len(looks.corners), bool)
-        used[looks.corner_faces[kept]] = True
-        looks = replace(
-            looks,
-            corners=np.where(used, new[looks.corners], -1).astype(np.int32),
-            corner_faces=looks.corner_faces[kept],
-            face_material=looks.face_material[kept],
+    appearance = mesh.appearance
+    if appearance is not None:
+        used = np.zeros(len(appearance.corners), bool)
+        used[appearance.corner_faces[kept]] = True
+        appearance = replace(
+            appearance,
+            corners=np.where(used, new[appearance.corners], -1).astype(np.int32),
+            corner_faces=appearance.corner_faces[kept],
+            face_material=appearance.face_material[kept],
         )
-    return dfd.Mesh(mesh.vertices[old], new[mesh.faces[kept]], appearance=looks), old
+    return dfd.Mesh(mesh.vertices[old], new[mesh.faces[kept]], appearance=appearance), old
 
 
 def family_of(name: str) -> str:

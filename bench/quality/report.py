@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 
-from bench.quality.studies import BARYCENTRIC, GREY, PLAIN, TEXTURED, VERTEX, Row
+from rich.console import Console
+
+from bench.quality.studies import BARYCENTRIC, GRAY, PLAIN, TEXTURED, VERTEX, Row
+from bench.tables import to_csv, to_markdown
 
 MEASURES = ("precision", "precision ±", "ratio", "moving", "symmetry error", "Dirichlet energy", "off the first")
 LEGEND = {
@@ -18,7 +20,7 @@ LEGEND = {
     "Dirichlet energy": "∫ ‖∇w‖² over the full mesh, mean over handles; less is smoother",
     "off the first": "mean of |W − W'| over the mean of W', the weights of the group's first row",
     "plain": "with neither mirrored views nor smoothing: the paper's own loss",
-    "grey": "pictures taken without the file's colours and textures",
+    "gray": "pictures taken without the file's colors and textures",
 }
 
 # By study: a setting, the one it is held against, and by which measures.
@@ -28,38 +30,33 @@ COMPARISONS: Mapping[str, Sequence[tuple[str, str, Sequence[str]]]] = {
         (PLAIN, VERTEX, ("Dirichlet energy", "precision")),
         (BARYCENTRIC, PLAIN, ("symmetry error",)),
     ),
-    "textures": ((GREY, TEXTURED, ("precision", "Dirichlet energy")),),
+    "textures": ((GRAY, TEXTURED, ("precision", "Dirichlet energy")),),
 }
 # Of which less is better, and what a weight that has less or more of it is called.
 LESS_IS_BETTER = {"Dirichlet energy": ("smoother", "rougher"), "symmetry error": ("more symmetric", "less symmetric")}
 
 
-def to_csv(rows: Sequence[Row]) -> str:
+def timed() -> Callable[[str], None]:
+    """A function that prints what goes on to standard error, with the seconds since now."""
+    console, start = Console(stderr=True, highlight=False), time.perf_counter()
+    return lambda text: console.print(f"[dim]{time.perf_counter() - start:5.0f} s[/dim]  {text}", soft_wrap=True)
+
+
+def as_csv(rows: Sequence[Row]) -> str:
     """One line a row of results, one column a measure, empty where it does not apply."""
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(["study", "shape", "setting", *MEASURES, "note"])
-    for row in rows:
-        values = (f"{row.verdict[measure]:.6g}" if measure in row.verdict else "" for measure in MEASURES)
-        table.writerow([row.study, row.shape, row.setting, *values, row.note])
-    return text.getvalue()
+    cells = [[row.study, row.shape, row.setting, *map(row.verdict.get, MEASURES), row.note] for row in rows]
+    return to_csv(["study", "shape", "setting", *MEASURES, "note"], cells)
 
 
-def to_markdown(rows: Sequence[Row], heading: str) -> str:
+def as_markdown(rows: Sequence[Row], heading: str) -> str:
     """A section and a table a study, with what it shows in words; columns are the measures that some row has."""
     lines = ["# Quality of the weights", "", heading, ""]
     for study in dict.fromkeys(row.study for row in rows):
         own = [row for row in rows if row.study == study]
+        notes = ["note"] if any(row.note for row in own) else []
         measures = [measure for measure in MEASURES if any(measure in row.verdict for row in own)]
-        lines += [f"## {study.capitalize()}", ""]
-        lines += ["| " + " | ".join(["shape", "setting", *measures]) + " |"]
-        lines += ["|" + "---|" * 2 + "---:|" * len(measures)]
-        for row in own:
-            values = [f"{row.verdict[measure]:.3g}" if measure in row.verdict else "" for measure in measures]
-            if row.note:
-                values = [row.note.replace("|", "/"), *[""] * (len(measures) - 1)]
-            lines.append("| " + " | ".join([row.shape, row.setting, *values]) + " |")
-        lines.append("")
+        cells = [[row.shape, row.setting, *map(row.verdict.get, measures), *[row.note for _ in notes]] for row in own]
+        lines += [f"## {study.capitalize()}", "", *to_markdown(["shape", "setting", *measures, *notes], cells), ""]
         if said := in_words(own):
             lines += [*(f"- {sentence}" for sentence in said), ""]
     lines += ["## What the words mean", ""]

@@ -91,10 +91,7 @@ def rigs(folder: Path, say: Callable[[str], None], *, under: str = "rigs") -> It
 def rig(path: Path) -> Shape:
     """A skinned GLB with kinds of parts by the rule for animals and people.
 
-    Raises
-    ------
-    ValueError
-        If nothing in it is skinned, its joints have no names, or fewer than two kinds of parts are found.
+    Raises ValueError if nothing in it is skinned, its joints have no names, or fewer than two kinds of parts are found.
     """
     mesh = dfd.load(path, pose="bind")
     joints = strongest_joints(mesh)

@@ -18,11 +18,12 @@ from bench.quality.fields import Lab
 from bench.quality.measures import difference
 from bench.quality.parts import family_of
 from bench.quality.shapes import Shape
+from bench.tables import to_markdown
 from dfd.encoders.known import KNOWN_ENCODERS
 
 Settings = Mapping[str, Any]  # by their names in `dfd.distill`, and those of `bench.quality.fields`
 BARYCENTRIC, PLAIN, VERTEX = "barycentric", "plain barycentric", "plain vertex"
-TEXTURED, GREY = "textured", "grey"
+TEXTURED, GRAY = "textured", "gray"
 FAMILIES_STUDY = "families"
 EUCLIDEAN, GEODESIC, BIHARMONIC = "Euclidean distance", "geodesic distance", "biharmonic (libigl)"
 Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -73,7 +74,7 @@ class Bench:
 
 
 def methods(bench: Bench, shapes: Sequence[Shape], *, peers: bool) -> list[Row]:
-    """Weights by looks beside weights by distance; `peers`: bounded biharmonic ones too, which can take minutes."""
+    """Weights by features beside weights by distance; `peers`: bounded biharmonic ones too, which can take minutes."""
     rows = []
     for shape in shapes:
         row = partial(Row, "methods", shape.name)
@@ -86,7 +87,7 @@ def methods(bench: Bench, shapes: Sequence[Shape], *, peers: bool) -> list[Row]:
 
 
 def _by_distance(bench: Bench, study: str, shape: Shape, *, bounded: bool = False) -> list[Row]:
-    """A row for each method that knows nothing of looks."""
+    """A row for each method that knows no features."""
     row, judged = partial(Row, study, shape.name), partial(judge, shape, draw=bench.draw)
     rows = [
         row(EUCLIDEAN, judged(partial(euclidean, shape.mesh.vertices))),
@@ -127,51 +128,6 @@ def compare(bench: Bench, study: str, shapes: Sequence[Shape], settings: Mapping
     return rows
 
 
-def supervision() -> dict[str, Settings]:
-    """The paper's Fig. 13, as many steps over as many points: by default, and plain, with the paper's loss alone."""
-    plain = {"mirrored": False, "smoothing": 0.0}
-    return {BARYCENTRIC: {}, PLAIN: plain, VERTEX: {**plain, "supervision": "vertex"}}
-
-
-def textures() -> dict[str, Settings]:
-    """What colours say beside shape."""
-    return {TEXTURED: {}, GREY: {"texture": False}}
-
-
-def background() -> dict[str, Settings]:
-    """What the network sees of a picture: the patches of the shape, or all of them."""
-    return {"the shape's patches": {}, "whole pictures": {"background": True}}
-
-
-def casting() -> dict[str, Settings]:
-    """Rays at the mesh itself or at simplified copies; the field is always read on the full mesh."""
-    return {
-        "all faces": {"simplify_to": None},
-        "50,000 faces": {"simplify_to": 50_000},
-        "5,000 faces": {"simplify_to": 5_000},
-    }
-
-
-def fit_length(lab: Lab) -> dict[str, Settings]:
-    """Steps of the fit: the default, half of it, twice as many."""
-    steps = lab.settings["steps"]
-    return {f"{count} steps": {"steps": count} for count in (steps, steps // 2, steps * 2)}
-
-
-def seeds() -> dict[str, Settings]:
-    """The random numbers of the fit."""
-    return {f"seed {seed}": {"seed": seed} for seed in range(3)}
-
-
-def views(lab: Lab) -> dict[str, Settings]:
-    """How many pictures are taken, and from where."""
-    count = lab.settings["views"]
-    return {
-        **{f"{number} views": {"views": number} for number in (count, count // 2, count * 2)},
-        "the paper's cameras": {"framing": "paper"},
-    }
-
-
 def blocks(lab: Lab) -> dict[str, Settings]:
     """The encoder's own block, and some earlier and later ones."""
     encoder = lab.settings["encoder"]
@@ -188,17 +144,43 @@ def encoders(lab: Lab) -> dict[str, Settings]:
     return {name: {"encoder": name, **resolution} for name, resolution in resolutions.items()}
 
 
-# --- by family: as files come, and the same shapes turned, in grey, and by distance alone
+def lengths(lab: Lab, setting: str) -> dict[str, Settings]:
+    """The lab's number of steps or views, half of it, twice as many."""
+    count = lab.settings[setting]
+    return {f"{number} {setting}": {setting: number} for number in (count, count // 2, count * 2)}
+
+
+PLAIN_FIT: Settings = {"mirrored": False, "smoothing": 0.0}
+COMPARED: Mapping[str, Callable[[Lab], Mapping[str, Settings]]] = {
+    # The paper's Fig. 13, as many steps over as many points: by default, and plain, with the paper's loss alone.
+    "supervision": lambda lab: {BARYCENTRIC: {}, PLAIN: PLAIN_FIT, VERTEX: {**PLAIN_FIT, "supervision": "vertex"}},
+    "textures": lambda lab: {TEXTURED: {}, GRAY: {"texture": False}},
+    # What the network sees of a picture.
+    "background": lambda lab: {"the shape's patches": {}, "whole pictures": {"background": True}},
+    "fit length": lambda lab: lengths(lab, "steps"),
+    "views": lambda lab: {**lengths(lab, "views"), "the paper's cameras": {"framing": "paper"}},
+    "seeds": lambda lab: {f"seed {seed}": {"seed": seed} for seed in range(3)},
+    "blocks": blocks,
+    "encoders": encoders,
+    # Rays at the mesh itself or at simplified copies; the field is always read on the full mesh.
+    "casting": lambda lab: {
+        "all faces": {"simplify_to": None},
+        **{f"{count:,} faces": {"simplify_to": count} for count in (50_000, 5_000)},
+    },
+}
+
+
+# --- by family: as files come, and the same shapes turned, in gray, and by distance alone
 
 
 def turned(shape: Shape, rotation: NDArray[np.float64]) -> Shape:
-    """The same shape, its vertices turned by `rotation` (3, 3); its looks and parts stay."""
+    """The same shape, its vertices turned by `rotation` (3, 3); its appearance and parts stay."""
     mesh = dfd.Mesh(shape.mesh.vertices @ rotation.T, shape.mesh.faces, appearance=shape.mesh.appearance)
     return replace(shape, mesh=mesh)
 
 
 def families(bench: Bench, shapes: Sequence[Shape], *, turns: Mapping[str, NDArray[np.float64]] = TURNS) -> list[Row]:
-    """Every labelled shape as it comes, turned, turned with the file's up taken for granted, grey, and by distances."""
+    """Every labelled shape as it comes, turned, turned with the file's up taken for granted, gray, and by distances."""
     rows = []
     for shape in shapes:
         row = partial(Row, FAMILIES_STUDY, shape.name)
@@ -208,7 +190,7 @@ def families(bench: Bench, shapes: Sequence[Shape], *, turns: Mapping[str, NDArr
             rows.append(row(f"dfd, {name}", bench.verdict(other, {})))
             rows.append(row(f"dfd, {name}, up=file", bench.verdict(other, {"up": "file"})))
         if shape.mesh.appearance is not None:
-            rows.append(row("dfd, grey", bench.verdict(shape, {"texture": False})))
+            rows.append(row("dfd, gray", bench.verdict(shape, {"texture": False})))
         rows += _by_distance(bench, FAMILIES_STUDY, shape)
     return rows
 
@@ -218,20 +200,15 @@ def by_family(rows: Sequence[Row]) -> str:
     own = [row for row in rows if row.study == FAMILIES_STUDY]
     settings = list(dict.fromkeys(row.setting for row in own))
     names = dict.fromkeys(family_of(row.shape) for row in own)
-    lines = [
-        "## Precision by family",
-        "",
-        "| " + " | ".join(["family", "shapes", *settings]) + " |",
-        "|---|" + "---:|" * (len(settings) + 1),
-    ]
+    table: list[list[str]] = []
     for name in [*names, "all"]:
         some = [row for row in own if name in (family_of(row.shape), "all")]
-        values = []
+        table.append([name, str(len({row.shape for row in some}))])
         for setting in settings:
             found = [row.verdict["precision"] for row in some if row.setting == setting and "precision" in row.verdict]
-            values.append(f"{np.mean(found):.3f} ({len(found)})" if found else "")
-        lines.append("| " + " | ".join([name, str(len({row.shape for row in some})), *values]) + " |")
-    return "\n".join([*lines, "", _distance_in_words(own), ""])
+            table[-1].append(f"{np.mean(found):.3f} ({len(found)})" if found else "")
+    lines = to_markdown(["family", "shapes", *settings], table)
+    return "\n".join(["## Precision by family", "", *lines, "", _distance_in_words(own), ""])
 
 
 def _distance_in_words(rows: Sequence[Row]) -> str:

@@ -12,12 +12,9 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
 import dfd
-from bench.paper.peers.bounded import bounded_weights
 from bench.paper.peers.tetrahedra import boundary, fill
-from bench.quality.baselines import PeerError, in_child
+from bench.quality.baselines import PeerError, bounded_weights, in_child
 from dfd.export.bones import Bones
-
-__all__ = ["bounded_biharmonic", "geodesic_voxels"]
 
 CELLS = 96  # along the longest side of the voxels' grid
 SAMPLES = 32  # points on a bone
@@ -61,10 +58,7 @@ def bounded_biharmonic(mesh: dfd.Mesh, bones: Bones, joints: NDArray[np.integer]
     Rigs are seldom closed and cross themselves: fTetWild fills them with tetrahedra all the same. Bones are the nodes
     nearest to them; a vertex has the weights of the tetrahedra's surface where it is nearest.
 
-    Raises
-    ------
-    PeerError
-        If libigl or `wildmeshing` is not installed, one of them fails or crashes, or both take too long.
+    Raises PeerError if libigl or `wildmeshing` is not installed, one of them fails or crashes, or both take too long.
     """
     points, faces = _skin(mesh, bones)
     samples = [_on_bones(bones, joint) for joint in joints]
@@ -84,8 +78,8 @@ def _skin(mesh: dfd.Mesh, bones: Bones) -> tuple[Float64, NDArray[np.int64]]:
 def _on_bones(bones: Bones, joint: int) -> Float64:
     """(N, 3) points on the bones of a joint."""
     own = bones.joint == joint
-    share = np.linspace(0.0, 1.0, SAMPLES)[:, None, None]
-    points: Float64 = ((1.0 - share) * bones.starts[own] + share * bones.ends[own]).reshape(-1, 3)
+    along = np.linspace(0.0, 1.0, SAMPLES)[:, None, None]
+    points: Float64 = ((1.0 - along) * bones.starts[own] + along * bones.ends[own]).reshape(-1, 3)
     return points
 
 
@@ -121,6 +115,6 @@ def _bounded(points: Float64, faces: NDArray[np.int64], samples: list[Float64], 
     there = np.flatnonzero(ones.any(axis=0))  # a bone shorter than an edge may have no node of its own
     solved = bounded_weights(nodes, tetrahedra, known, ones[:, there])
     weights = np.zeros((len(vertices), len(samples)))
-    corners, shares, _ = boundary(nodes, tetrahedra, vertices)
-    weights[:, there] = np.einsum("vk,vkj->vj", shares, solved[corners]).clip(0.0, 1.0)
+    corners, barycentric, _ = boundary(nodes, tetrahedra, vertices)
+    weights[:, there] = np.einsum("vk,vkj->vj", barycentric, solved[corners]).clip(0.0, 1.0)
     return weights

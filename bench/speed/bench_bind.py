@@ -24,7 +24,7 @@ class Bind:
     param_names = ("handles",)
 
     def setup(self, made: MadeInput, handles: int) -> None:
-        """Make a place for the weights."""
+        """Allocate the weights."""
         self.handles = made.handles(handles)
         self.out = np.empty((VERTICES, handles), np.float32)
         self.read = reading(made.compact.blocks)
@@ -42,7 +42,7 @@ class Constrained:
     """Ten handles, three fixed points, and locality."""
 
     def setup(self, made: MadeInput) -> None:
-        """Make distances and a place for the weights."""
+        """Make distances, and allocate the weights."""
         self.handles = made.handles(10)
         self.geodesic = np.random.default_rng(0).random((10, VERTICES), dtype=np.float32)
         self.out = np.empty((VERTICES, 10), np.float32)

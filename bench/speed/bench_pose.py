@@ -24,13 +24,13 @@ class Pose:
     param_names = ("handles", "type")
 
     def setup(self, made: MadeInput, handles: int, dtype: str) -> None:
-        """Bind, and make a place for the vertices."""
+        """Bind, and allocate the vertices."""
         self.weights = dfd.bind(made.compact, made.handles(handles)) / handles
         self.transforms = made.transforms[:handles]
         self.vertices = made.vertices.astype(dtype)
         self.out = np.empty_like(self.vertices)
         self.plane = dfd.SymmetryPlane((1.0, 0.0, 0.0), 0.0, band=0.01)
-        self.places = self.vertices[made.handles(handles)]
+        self.positions = self.vertices[made.handles(handles)]
         self.drag = dfd.Drag(self.vertices, self.weights, self.transforms, [0])
         self.copy = copying(28 * VERTICES)
 
@@ -40,7 +40,9 @@ class Pose:
 
     def time_mirrored(self, made: MadeInput, handles: int, dtype: str) -> None:
         """All handles move, across a plane with a band."""
-        dfd.pose(self.vertices, self.weights, self.transforms, symmetry=self.plane, handles=self.places, out=self.out)
+        dfd.pose(
+            self.vertices, self.weights, self.transforms, symmetry=self.plane, handles=self.positions, out=self.out
+        )
 
     def time_drag(self, made: MadeInput, handles: int, dtype: str) -> None:
         """One handle moves, the others rest."""

@@ -16,9 +16,7 @@ from dfd.common.files import atomic_write
 from .made_input import MadeInput, make_input
 from .measure import measure
 
-__all__ = ["draw"]
-
-Row = tuple[str, float, float]  # series, place on the horizontal axis, milliseconds
+Row = tuple[str, float, float]  # series, position on the horizontal axis, milliseconds
 
 
 def draw(folder: Path) -> Iterator[Path]:
@@ -30,8 +28,8 @@ def draw(folder: Path) -> Iterator[Path]:
         figure = Figure(figsize=(7, 4.5), layout="constrained", dpi=160)
         axes = figure.subplots()
         for name in dict.fromkeys(series for series, _, _ in rows):
-            places, values = zip(*(row[1:] for row in rows if row[0] == name), strict=True)
-            axes.plot(places, values, "o-", markersize=3, label=name)
+            positions, values = zip(*(row[1:] for row in rows if row[0] == name), strict=True)
+            axes.plot(positions, values, "o-", markersize=3, label=name)
         title = f"{len(made.vertices):,} vertices"
         axes.set(xscale="log", yscale="log", xlabel=axis, ylabel="milliseconds", title=title)
         axes.grid(visible=True, color="0.9")

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 import dfd
 from dfd.field.architecture import Architecture
 
-__all__ = ["MadeInput", "make_input", "mirrored_field", "torus"]
-
 WIDTH = 384  # of the features of a small vision transformer
 
 
@@ -34,7 +32,7 @@ class MadeInput:
 
 
 def field(points: NDArray[np.floating]) -> NDArray[np.float32]:
-    """(N, 384) unit rows: smooth functions of the place whose amplitudes fall off, as distilled features' do."""
+    """(N, 384) unit rows: smooth functions of the position whose amplitudes fall off, as distilled features' do."""
     random = np.random.default_rng(0)
     rank = 64
     frequencies = random.standard_normal((3, rank)) * np.linspace(0.3, 2.5, rank)

@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 
 import dfd
 
-__all__ = ["Timing", "clock", "copying", "measure", "moving", "product", "reading", "together"]
-
 
 @dataclass(frozen=True)
 class Timing:

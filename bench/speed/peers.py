@@ -8,8 +8,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-__all__ = ["igl_blending", "torch_binding", "torch_blending"]
-
 
 def torch_binding(features: NDArray[np.float32], handles: NDArray[np.int64]) -> Callable[[], object]:
     """The arithmetic of the public reference: rows of the distance matrix, clamped."""
@@ -25,7 +23,7 @@ def torch_blending(
     vertices: NDArray[np.float32], weights: NDArray[np.float32], transforms: NDArray[np.float64]
 ) -> Callable[[], object]:
     """The arithmetic of the public reference: a 4 x 4 matrix a vertex, blended and applied by batched products."""
-    places = torch.from_numpy(np.concatenate([vertices, np.ones((len(vertices), 1), np.float32)], axis=1))[:, :, None]
+    points = torch.from_numpy(np.concatenate([vertices, np.ones((len(vertices), 1), np.float32)], axis=1))[:, :, None]
     factors = torch.from_numpy(weights)
     square = np.tile(np.eye(4, dtype=np.float32), (len(transforms), 1, 1))
     square[:, :3] = transforms
@@ -35,7 +33,7 @@ def torch_blending(
     def call() -> torch.Tensor:
         left = (1 - factors.sum(dim=1)).clamp(min=0)
         blended = left[:, None, None] * identity + (factors[:, :, None, None] * moves[None]).sum(dim=1)
-        return torch.bmm(blended, places)[:, :3, 0]
+        return torch.bmm(blended, points)[:, :3, 0]
 
     return call
 

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from dfd.distillation.metric import Kinds
 
-__all__ = ["KINDS", "Taught", "learn_kinds"]
-
 KINDS = ("ear", "horn", "trunk", "wing", "fin", "tail", "foot", "leg", "neck", "head", "torso", "hand", "arm")
 SAME = {"body": "torso", "hoof": "foot"}
 HIDDEN = 256
@@ -47,7 +45,7 @@ def learn_kinds(taught: Sequence[Taught], seed: int = 0) -> Kinds | None:
     Families count by the square root of how many shapes they have, shapes of a family alike, parts of a shape alike.
     """
     generator = np.random.default_rng(seed)
-    rows, kinds, shares = [], [], []
+    rows, kinds, chances = [], [], []
     size = Counter(each.family for each in taught)
     for each in taught:
         known = [(SAME.get(name, name), points) for name, points in each.kinds if len(points)]
@@ -56,31 +54,31 @@ def learn_kinds(taught: Sequence[Taught], seed: int = 0) -> Kinds | None:
             some = generator.choice(len(points), min(POINTS, len(points)), replace=False)
             rows.append((points[some] - each.mean) * np.float32(SCALE))
             kinds.append(np.full(len(some), KINDS.index(name)))
-            shares.append(np.full(len(some), 1 / (size[each.family] ** FAMILY_POWER * len(known) * len(some))))
+            chances.append(np.full(len(some), 1 / (size[each.family] ** FAMILY_POWER * len(known) * len(some))))
     if not rows:
         return None
-    return _fitted(np.concatenate(rows), np.concatenate(kinds), np.concatenate(shares), generator)
+    return _fitted(np.concatenate(rows), np.concatenate(kinds), np.concatenate(chances), generator)
 
 
 def _fitted(
     rows: NDArray[np.float32],  # (N, D)
     kinds: NDArray[np.int64],  # (N,)
-    shares: NDArray[np.float64],  # (N,)
+    chances: NDArray[np.float64],  # (N,)
     generator: np.random.Generator,
 ) -> Kinds:
-    """The network that tells `kinds`, points drawn by their `shares`; on one thread, whose sums are always the same."""
+    """The network that tells `kinds`, points drawn by their `chances`; on one thread, so that sums are reproducible."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        return _on_one_thread(rows, kinds, shares, generator)
+        return _on_one_thread(rows, kinds, chances, generator)
     finally:
         torch.set_num_threads(threads)
 
 
 def _on_one_thread(
-    rows: NDArray[np.float32], kinds: NDArray[np.int64], shares: NDArray[np.float64], generator: np.random.Generator
+    rows: NDArray[np.float32], kinds: NDArray[np.int64], chances: NDArray[np.float64], generator: np.random.Generator
 ) -> Kinds:
-    x, y, until = torch.from_numpy(rows), torch.from_numpy(kinds), np.cumsum(shares / shares.sum())
+    x, y, until = torch.from_numpy(rows), torch.from_numpy(kinds), np.cumsum(chances / chances.sum())
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(int(generator.integers(2**31)))
         first, second = torch.nn.Linear(rows.shape[1], HIDDEN), torch.nn.Linear(HIDDEN, len(KINDS))

@@ -2,8 +2,8 @@
 
 From the rigs in the folder that DFD_MESHES names (its "rigs" and "upright" folders, and skinned characters), +y up, the
 samples of dfd, and every skinned .glb in a folder given with `--also`, whose joints have the names of parts ("other" is
-none). What the encoder sees is kept between runs; a folder that is given with --looks is taken as it is. Equal looks
-give equal files.
+none). What the encoder sees is kept between runs; a folder that is given with --features is taken as it is. Equal
+features give equal files.
 
 The metric that comes with the package was learned with 52 more models, of Debian's 0ad-data 0.0.26 (CC BY-SA 3.0),
 converted to .glb: 36 animals and 16 people with what they wear and carry. They teach, and are not judged.
@@ -26,19 +26,19 @@ from numpy.typing import NDArray
 import dfd
 from bench.quality import shapes
 from bench.quality.evaluate import Draw, judge
+from bench.quality.measures import area_fractions
 from bench.quality.parts import family_of, label_vertices, strongest_joints, without_few
 from bench.quality.shapes import Shape
+from bench.tables import to_markdown, write_text
 from bench.training.learn_kinds import learn_kinds
-from bench.training.looks import Looks, kept_looks
-from dfd.common.files import atomic_write
+from bench.training.vertex_features import VertexFeatures, cached_vertex_features
 from dfd.distillation.metric import FOLDER, Metric
 from dfd.encoders.encode import Encoder, load_encoder
 from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.encoders.learned_file import encoder_identity
-from dfd.geometry.topology import face_areas
 
 REPORT = Path(__file__).resolve().parents[1] / "results" / "quality" / "metric.md"
-KEPT_LOOKS = REPORT.parent / "metric_looks"
+CACHE = REPORT.parent / "metric_features"
 DIRECTIONS = 51  # with the kinds of parts beside them, 64 numbers
 RIDGE = 1.0  # of the mean variance within parts
 THICKNESS = 0.25  # that a band of thickness counts, beside the numbers of a feature of unit length
@@ -53,16 +53,16 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Lesson:
-    """A labelled shape with the looks of its vertices; whether it only teaches, and is not judged."""
+    """A labelled shape with what is seen at its vertices; whether it only teaches, and is not judged."""
 
     shape: Shape
-    looks: Looks
+    seen: VertexFeatures
     only_teaches: bool = False
 
     @property
     def features(self) -> NDArray[np.float32]:
         """(V, D) of the vertices."""
-        return self.looks.features
+        return self.seen.features
 
     @property
     def family(self) -> str:
@@ -72,11 +72,8 @@ class Lesson:
     @cached_property
     def mean(self) -> NDArray[np.float32]:
         """(D,) the mean feature of the surface, whose faces stand for their corners."""
-        mesh = self.shape.mesh
-        corners = np.repeat(face_areas(mesh.vertices, mesh.faces), 3)
-        area = np.bincount(mesh.faces.ravel(), corners, minlength=len(mesh.vertices))
-        mean: NDArray[np.float32] = np.average(self.features, axis=0, weights=area).astype(np.float32)
-        return mean
+        mean = np.average(self.features, axis=0, weights=area_fractions(self.shape.mesh))
+        return np.asarray(mean, np.float32)
 
     @property
     def kinds(self) -> list[tuple[str, NDArray[np.float32]]]:
@@ -91,7 +88,7 @@ class Lesson:
         Parts count alike.
         """
         assert self.shape.labels is not None
-        every = np.concatenate([self.features, np.float32(THICKNESS) * self.looks.thickness], axis=1, dtype=np.float64)
+        every = np.concatenate([self.features, np.float32(THICKNESS) * self.seen.thickness], axis=1, dtype=np.float64)
         rows = [every[self.shape.labels == part] for part in range(len(self.shape.parts))]
         rows = [part for part in rows if len(part) >= FEWEST]
         within = np.mean([np.cov(part.T, bias=True) for part in rows], axis=0)
@@ -105,7 +102,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser("python -m bench.training.learn_metric", description=__doc__)
     parser.add_argument("--encoder", default=DEFAULT_ENCODER)
     parser.add_argument("--output", type=Path, help="the metric's file; by default where the package looks for it")
-    parser.add_argument("--looks", type=Path, default=KEPT_LOOKS, help="where what is seen is kept (%(default)s)")
+    parser.add_argument("--features", type=Path, default=CACHE, help="where what is seen is kept (%(default)s)")
     parser.add_argument("--also", type=Path, help="a folder of further skinned .glb to learn from, +y up")
     options = parser.parse_args(arguments)
     if not os.environ.get("DFD_MESHES"):
@@ -115,13 +112,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     judged_ones = [(shape, False) for shape in labelled_shapes(Path(os.environ["DFD_MESHES"]), print)]
     for shape, only_teaches in [*judged_ones, *((shape, True) for shape in further_rigs(options.also, print))]:
         print(shape.name, flush=True)
-        lessons.append(Lesson(shape, kept_looks(options.looks, shape.mesh, encoder), only_teaches))
+        lessons.append(Lesson(shape, cached_vertex_features(options.features, shape.mesh, encoder), only_teaches))
     output = options.output or FOLDER / f"{options.encoder}.safetensors"
     output.parent.mkdir(parents=True, exist_ok=True)
     learn(lessons, encoder).save(output)
     REPORT.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_write(REPORT) as temporary:
-        temporary.write_text(report(lessons), "utf-8")
+    write_text(REPORT, report(lessons))
     print(f"{output}\n{REPORT}")
 
 
@@ -154,7 +150,7 @@ def learn(lessons: Sequence[Lesson], encoder: Encoder) -> Metric:
 
 
 def discriminants(lessons: Sequence[Lesson]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The directions, (D, d) and (BANDS, d), in which looks change most between parts for what they change within them.
+    """The directions, (D, d) and (BANDS, d), that tell parts apart best: variance between them over that within.
 
     Every family counts alike. A direction is of unit variance within parts, times a power of the ratio of variances.
 
@@ -186,9 +182,8 @@ def report(lessons: Sequence[Lesson], draw: Draw = DRAW) -> str:
         "Each shape judged without its family; precision, and the share of vertices that a handle moves by more than "
         "0.01, by the plain distance and by the learned one; at the vertices, before a field is fitted.",
         "",
-        "| family | shape | precision, none | learned | moving, none | learned |",
-        "|---|---|---:|---:|---:|---:|",
     ]
+    columns, rows = ["family", "shape", "precision, none", "learned", "moving, none", "learned"], []
     gains: dict[str, list[float]] = {}
     for family in dict.fromkeys(each.family for each in lessons):
         others = [each for each in lessons if each.family != family]
@@ -197,14 +192,15 @@ def report(lessons: Sequence[Lesson], draw: Draw = DRAW) -> str:
         tested = [each for each in lessons if each.family == family and not each.only_teaches]
         metric = Metric(*discriminants(others), "", 0, learn_kinds(others)) if tested else None
         for lesson in tested:
-            thickness = lesson.looks.thickness
+            thickness = lesson.seen.thickness
             mapped = metric.mapped(lesson.features, thickness, np.random.default_rng(0), mean=lesson.mean)
             plain, learned = judged(lesson, lesson.features, draw), judged(lesson, mapped, draw)
             numbers = [verdict[name] for name in ("precision", "moving") for verdict in (plain, learned)]
-            lines.append(f"| {family} | {lesson.shape.name} | " + " | ".join(f"{each:.3f}" for each in numbers) + " |")
+            rows.append([family, lesson.shape.name, *numbers])
             gains.setdefault(family, []).append(learned["precision"] - plain["precision"])
     by_family = {family: float(np.mean(some)) for family, some in gains.items()}
     told = ", ".join(f"{family} {gain:+.3f}" for family, gain in by_family.items())
+    lines += to_markdown(columns, rows, ".3f")
     return "\n".join([*lines, "", f"Gain by family, mean {np.mean(list(by_family.values())):+.4f}: {told}.", ""])
 
 

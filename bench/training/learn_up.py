@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import dfd
+from bench.tables import to_markdown, write_text
 from bench.training.up_lessons import (
     ALSO,
     FRAMES,
@@ -79,8 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     output.parent.mkdir(parents=True, exist_ok=True)
     probe.save(output)
     REPORT.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_write(REPORT) as temporary:
-        temporary.write_text(report(lessons), "utf-8")
+    write_text(REPORT, report(lessons))
     print(f"{output}\n{REPORT}")
 
 
@@ -199,6 +199,9 @@ def least_priors(odds: Mapping[str, NDArray[np.float64]], own: Collection[str] =
     return next((each for each in pairs if enough(*each)), (float(PRIORS[-1]), float(PRIORS[-1] - LOSSES[-1])))
 
 
+COLUMNS = ("family", "shapes", "without a prior", "kept upright", "found z up", "found, 24 turns", "at once", "tilted")
+
+
 def report(lessons: Sequence[Lesson]) -> str:
     """How often the right direction is found, each shape judged by what others taught."""
     along = {name: odds.along for name, odds in left_out_odds(tuple(lessons), by_shape).items()}
@@ -216,17 +219,13 @@ def report(lessons: Sequence[Lesson]) -> str:
     ]
     for left_out, group in (("its family", by_family), ("itself", by_shape)):
         odds = left_out_odds(tuple(lessons), group)
-        lines += [
-            f"Each judged without {left_out}:",
-            "",
-            "| family | shapes | without a prior | kept upright | found z up | found, 24 turns | at once | tilted |",
-            "|---|---:|---:|---:|---:|---:|---:|---:|",
-        ]
+        rows = []
         for family in [*dict.fromkeys(each.family for each in own), "all"]:
             some = [odds[each.name] for each in own if family in (each.family, "all")]
-            lines.append(f"| {family} | {len(some)} | {' | '.join(_shares(some, priors))} |")
-        lines.append(f"| with --also | {len(odds)} | {' | '.join(_shares(list(odds.values()), priors))} |")
+            rows.append([family, len(some), *_shares(some, priors)])
+        rows.append(["with --also", len(odds), *_shares(list(odds.values()), priors)])
         wrong = [each.name for each in own if decided(odds[each.name], TRUE, (0.0, 0.0))[0] != TRUE // 2]
+        lines += [f"Each judged without {left_out}:", "", *to_markdown(COLUMNS, rows)]
         lines += ["", f"Wrong axis without a prior: {', '.join(wrong)}.", ""]
     return "\n".join(lines)
 

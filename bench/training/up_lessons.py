@@ -17,22 +17,6 @@ from dfd.upright.probe import FORM_TOKENS, FORMS, TERMS, VECTOR_TOKENS, VECTORS,
 from dfd.upright.probe_views import ViewTokens
 from dfd.upright.stability import StabilityCues
 
-__all__ = [
-    "ALSO",
-    "FRAMES",
-    "TRUE",
-    "Choice",
-    "Lesson",
-    "Odds",
-    "Tilted",
-    "by_family",
-    "by_shape",
-    "fit_odds",
-    "learned_odds",
-    "learned_votes",
-    "left_out_odds",
-]
-
 FRAMES = np.stack(axis_frames(np.eye(3)))
 UPS = FRAMES[:, 1]
 TRUE = 2  # +y among them
@@ -240,9 +224,7 @@ def left_out_choices(lessons: tuple[Lesson, ...], group: Group) -> dict[str, Cho
 
 
 def learned_odds(
-    lessons: tuple[Lesson, ...],
-    without: Collection[str] = (),
-    start: NDArray[np.float64] | None = None,
+    lessons: tuple[Lesson, ...], without: Collection[str] = (), start: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
     """(3, 9) see `UpProbe.odds`, of all lessons but those of some names; `start` only saves time.
 

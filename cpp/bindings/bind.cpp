@@ -97,15 +97,15 @@ void bind(const Array& features, std::size_t vertex_count, float scale, const Ar
           const StridedOutput<float>& out, int threads)
 {
     const dfd::Features source = features_of(features, vertex_count, scale);
-    OwnedPoints targets(handles, handle_offsets);
-    targets.points.members = span_of(members);
+    OwnedPoints owned(handles, handle_offsets);
+    owned.points.members = span_of(members);
     const OwnedPoints held(fixed, fixed_offsets);
     const std::vector<dfd::Extent> extents = extents_of(reaches, falloffs);
     dfd::Constraints constraints{held.points, {}, span_of(locality), span_of(strengths), extents};
     if (geodesic) constraints.geodesic = matrix(*geodesic);
     const auto weights = strided_matrix<float>(out, "bind: `out` must have contiguous rows or columns");
     unlocked([&](const dfd::Poll& poll) {
-        dfd::bind(source, targets.points, constraints, weights, threads, dfd::kernels(), poll);
+        dfd::bind(source, owned.points, constraints, weights, threads, dfd::kernels(), poll);
     });
 }
 

@@ -75,14 +75,14 @@ public:
         }
         for (std::size_t p = 0; p < strengths.size(); ++p)
             if (strengths[p] == 0) offsets_[p] = std::numeric_limits<float>::max();  // holds nothing: far from everything
-        targets = {rows_.data(),  squares_.data(),      quads_.data(),
-                   pairs_.data(), quad_squares_.data(), offsets_.data(), count};
+        rows = {rows_.data(),  squares_.data(),      quads_.data(),
+                pairs_.data(), quad_squares_.data(), offsets_.data(), count};
     }
 
     PackedPoints(const PackedPoints&) = delete;
     PackedPoints& operator=(const PackedPoints&) = delete;
 
-    Targets targets;
+    PackedRows rows;
 
 private:
     void pack_floats(std::span<const float> row, std::size_t j)
@@ -264,7 +264,7 @@ void bind(const Features& features, const Points& handles, const Constraints& co
     job.vertex_count = features.vertex_count;
     job.dimension = features.dimension;
     job.scale = features.scale;
-    job.targets = packed.targets;
+    job.points = packed.rows;
     job.fixed_count = fixed_count;
     job.handle_count = handle_count;
     job.shaped = shapes.shaped;
@@ -281,7 +281,7 @@ void bind(const Features& features, const Points& handles, const Constraints& co
     const Scratch scratch(threads, bind_scratch(features.dimension, handle_count));
     const BindRange bind_range = range_of(kernels, features.layout);
     std::atomic<unsigned> faults = no_fault;
-    const std::size_t compared = features.dimension * (packed.targets.count + 1) + 1;
+    const std::size_t compared = features.dimension * (packed.rows.count + 1) + 1;
     const std::size_t grain = (grain_entries / compared / block_size + 1) * block_size;
     parallel_ranges(features.vertex_count, grain, threads, [&](std::size_t worker, std::size_t begin, std::size_t end) {
         faults |= bind_range(job, begin, end, scratch.of(worker));

@@ -22,16 +22,13 @@ MANIFEST = "blender_manifest.toml"
 def main(folder: Path) -> Path:
     """Return the path of the zip.
 
-    Raises
-    ------
-    FileNotFoundError
-        If the folder holds no wheel of dfd.
+    Raises FileNotFoundError if the folder holds no wheel of dfd.
     """
     wheels = sorted(folder.glob("dfd-*.whl"), key=lambda path: path.stat().st_mtime)
     if not wheels:
         raise FileNotFoundError(f"{folder} holds no wheel of dfd: `make wheel` makes one")
-    with tempfile.TemporaryDirectory() as place:
-        inside = Path(place) / "wheels"
+    with tempfile.TemporaryDirectory() as temporary:
+        inside = Path(temporary) / "wheels"
         inside.mkdir()
         shutil.copy2(wheels[-1], inside)
         subprocess.run(

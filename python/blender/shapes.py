@@ -59,10 +59,7 @@ class Shape:
     def weights(self, vertex: int, *, whole_part: bool, reach: float, falloff: str, locality: float) -> np.ndarray:
         """Weights (V,) float32 in [0, 1] of all vertices for a handle at `vertex`, as a session of dfd has them.
 
-        Raises
-        ------
-        ValueError
-            If `vertex` is none of the mesh, or a number is out of its range.
+        Raises ValueError if `vertex` is none of the mesh, or a number is out of its range.
         """
         part = self.parts.grip(vertex) if whole_part else None
         reach = reach if part is None else WITHIN_PART

@@ -57,12 +57,7 @@ def object_mode(of: bpy.types.Object) -> Iterator[None]:
 def weigh(of: bpy.types.Object, handle: bpy.types.PropertyGroup) -> None:
     """Write the vertex group of a handle, in object mode.
 
-    Raises
-    ------
-    ValueError
-        If there is no field, or it is not of this shape.
-    OSError
-        If it cannot be read.
+    Raises ValueError if there is no field, or it is not of this shape. Raises OSError if it cannot be read.
     """
     shape = _shape_of(of)
     how = {name: getattr(handle, name) for name in ("whole_part", "reach", "falloff", "locality")}

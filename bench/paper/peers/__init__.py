@@ -1,4 +1,4 @@
-"""Methods that DFD is compared with, each one small file: what belongs to the shape, to its handles, and to a pose.
+"""Methods that DFD is compared with, each in three steps: what belongs to the shape, to its handles, and to a pose.
 
 ARAP and bounded biharmonic weights are libigl's; biharmonic coordinates, OptCtrlPoints and NeuralMLS are written here
 from their papers. All but ARAP and NeuralMLS work within tetrahedra, made by fTetWild. The networks of APAP and
@@ -9,14 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from bench.paper.peers.arap import Arap
-from bench.paper.peers.bounded import Bounded
-from bench.paper.peers.coordinates import Coordinates
+from bench.paper.peers.biharmonic import Coordinates, OptCtrlPoints
+from bench.paper.peers.libigl_peers import Arap, Bounded
 from bench.paper.peers.neural_mls import NeuralMLS
-from bench.paper.peers.opt_ctrl_points import OptCtrlPoints
 from bench.paper.peers.peer import Peer
-
-__all__ = ["PEERS"]
 
 PEERS: dict[str, Callable[[], Peer]] = {
     "ARAP": Arap,

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from bench.paper.peers.peer import Body
 
-__all__ = ["NeuralMLS"]
-
 WIDTH, HIDDEN = 256, 3
 STEPS, RATE = 1_000, 1e-3
 ENOUGH = 0.02  # mean cross-entropy at which training ends
@@ -46,11 +44,11 @@ class NeuralMLS:
         between = [each for layer in layers for each in (layer, torch.nn.ReLU())][:-1]
         network = torch.nn.Sequential(*between)
         optimizer = torch.optim.Adam(network.parameters(), lr=RATE)
-        places, own = self.control.float(), torch.arange(len(held))
+        positions, own = self.control.float(), torch.arange(len(held))
         begin = time.perf_counter()
         for _ in range(STEPS):
             optimizer.zero_grad()
-            loss = torch.nn.functional.cross_entropy(network(places), own)
+            loss = torch.nn.functional.cross_entropy(network(positions), own)
             loss.backward()
             optimizer.step()
             if float(loss.detach()) < ENOUGH or time.perf_counter() - begin > MOST_SECONDS:
@@ -75,5 +73,5 @@ class NeuralMLS:
             moved.append(torch.einsum("vd,vde->ve", points - before, left @ right) + after)
         return torch.cat(moved).numpy() / self.scale + self.center
 
-    def _scaled(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        return (places - self.center) * self.scale
+    def _scaled(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        return (positions - self.center) * self.scale

@@ -9,14 +9,10 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 import dfd
 from bench.paper.peers.tetrahedra import MOST_FACES, Tetrahedra, tetrahedra
 from bench.quality.baselines import PeerError, in_child
-
-__all__ = ["Body", "Done", "Job", "Peer", "run"]
 
 PATIENCE = 300.0  # seconds for all that one peer does with one shape
 
@@ -80,10 +76,7 @@ def run(
 
     Tetrahedra are those of the shape simplified to `most_faces`; None fills it as it is, within `patience` too.
 
-    Raises
-    ------
-    PeerError
-        If the peer is not installed, cannot do the shape or the handles, fails, crashes or takes too long.
+    Raises PeerError if the peer is not installed, cannot do the shape or the handles, fails, crashes or takes too long.
     """
     used, faces = np.unique(mesh.faces, return_inverse=True)  # a vertex of no face makes equations singular
     faces = faces.reshape(-1, 3).astype(np.int64)
@@ -115,18 +108,3 @@ def _run(make: Callable[[], Peer], body: Body, jobs: Sequence[Job]) -> list[tupl
         moved = peer.deform(job.targets)
         done.append((moved, {"prepare": prepared, "bind": bound - start, "pose": time.perf_counter() - bound}))
     return done
-
-
-def pieces_of(corners: Int64, count: int) -> Int64:
-    """The number (count,) of the connected piece of elements (E, K) that each vertex is of."""
-    edges = corners[:, [[a, a + 1] for a in range(corners.shape[1] - 1)]].reshape(-1, 2)
-    graph = coo_array((np.ones(len(edges), bool), (edges[:, 0], edges[:, 1])), shape=(count, count))
-    piece: Int64 = connected_components(graph, directed=False)[1]
-    return piece
-
-
-def check_pieces(corners: Int64, count: int, held: Int64) -> None:
-    """Raise PeerError unless every connected piece of elements (E, K), of `count` vertices, holds one of `held`."""
-    piece = pieces_of(corners, count)
-    if len(np.unique(piece[held])) <= piece.max():
-        raise PeerError(f"needs a handle or a fixed point on every one of the {piece.max() + 1} pieces")

@@ -16,8 +16,6 @@ from scipy.spatial import KDTree
 
 from bench.quality.baselines import PeerError, in_child
 
-__all__ = ["Tetrahedra", "tetrahedra"]
-
 EDGE = 0.05  # of the diagonal: the length of tetrahedra's edges
 MOST_FACES = 6_000  # of the surface that is filled: fTetWild takes minutes beyond on two cores
 AWAY = 0.08  # of the diagonal: a surface that is farther from the tetrahedra was not filled
@@ -34,7 +32,7 @@ class Tetrahedra:
     nodes: Float64  # (N, 3)
     cells: Int64  # (T, 4)
     corners: Int64  # (V, 3) nodes of the boundary's triangle nearest to each vertex of the surface
-    shares: Float64  # (V, 3) and the barycentric coordinates there
+    barycentric: Float64  # (V, 3) coordinates there
     seconds: float  # that it took
 
     def nearest(self, points: Float64) -> Int64:
@@ -44,7 +42,7 @@ class Tetrahedra:
 
     def on_surface(self, values: Float64) -> Float64:
         """Values (V, D) at the surface's vertices of those at nodes (N, D)."""
-        carried: Float64 = np.einsum("vk,vkd->vd", self.shares, values[self.corners])
+        carried: Float64 = np.einsum("vk,vkd->vd", self.barycentric, values[self.corners])
         return carried
 
 
@@ -56,10 +54,8 @@ def tetrahedra(
 ) -> Tetrahedra:
     """Fill a surface with tetrahedra, once in a process; one of more than `most_faces` faces is simplified before.
 
-    Raises
-    ------
-    PeerError
-        If `wildmeshing` or libigl is not installed, or the surface cannot be filled, or not within `patience` seconds.
+    Raises PeerError if `wildmeshing` or libigl is not installed, or the surface cannot be filled, or not within
+    `patience` seconds.
     """
     key = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest() + f" {most_faces}"
     if key not in known:
@@ -78,10 +74,7 @@ def fill(points: Float64, faces: Int64, edge: float) -> tuple[Float64, Int64]:
 
     fTetWild writes every step to stdout, and a file where it works.
 
-    Raises
-    ------
-    PeerError
-        If `wildmeshing` is not installed, or nothing is closed off.
+    Raises PeerError if `wildmeshing` is not installed, or nothing is closed off.
     """
     try:
         import igl  # noqa: F401
@@ -111,8 +104,8 @@ def boundary(nodes: Float64, cells: Int64, vertices: Float64) -> tuple[Int64, Fl
     surface = np.ascontiguousarray(igl.boundary_facets(cells)[0])
     squared, face, closest = igl.point_mesh_squared_distance(np.ascontiguousarray(vertices), nodes, surface)
     corners = surface[face].astype(np.int64)
-    shares = igl.barycentric_coordinates(closest, *(np.ascontiguousarray(nodes[corner]) for corner in corners.T))
-    return corners, np.asarray(shares), np.sqrt(squared)
+    barycentric = igl.barycentric_coordinates(closest, *(np.ascontiguousarray(nodes[corner]) for corner in corners.T))
+    return corners, np.asarray(barycentric), np.sqrt(squared)
 
 
 def _fill(vertices: Float64, faces: Int64, edge: float, most: int | None) -> Tetrahedra:
@@ -121,8 +114,8 @@ def _fill(vertices: Float64, faces: Int64, edge: float, most: int | None) -> Tet
     if most is not None and len(faces) > most:
         points, sides = fast_simplification.simplify(vertices.astype(np.float32), faces, target_count=most)
     nodes, cells = fill(np.asarray(points, np.float64), np.asarray(sides, np.int64), edge)
-    corners, shares, distance = boundary(nodes, cells, vertices)
+    corners, barycentric, distance = boundary(nodes, cells, vertices)
     farthest = distance.max() / np.linalg.norm(np.ptp(vertices, axis=0))
     if farthest > AWAY:
         raise PeerError(f"cannot be filled with tetrahedra: parts stay {100 * farthest:.0f} % of the diagonal away")
-    return Tetrahedra(nodes, cells, corners, shares, time.perf_counter() - begin)
+    return Tetrahedra(nodes, cells, corners, barycentric, time.perf_counter() - begin)

@@ -12,7 +12,7 @@ constexpr std::size_t blocks_ahead = 4;       // of features to prefetch
 constexpr std::size_t geodesic_ahead = 1024;  // bytes of each handle's distances to prefetch
 constexpr std::size_t column_ahead = 512;     // bytes of each column to prefetch
 
-// Targets whose sums stay in registers together.
+// Points whose sums stay in registers together.
 #if defined(__AVX512F__)
 constexpr std::size_t tile = 16;
 #elif defined(__AVX2__) || defined(__ARM_NEON)
@@ -22,14 +22,15 @@ constexpr std::size_t tile = 2;
 #endif
 static_assert(group_size % tile == 0);
 
-// Squared distances to `wanted` targets from `first` on, or to one more: a group of targets ends with zeroes.
+// Squared distances to `wanted` points from `first` on, or to one more: a group of them ends with zeroes.
 template <std::size_t Count, class Panel>
-DFD_INLINE void measure(const Panel& panel, const Targets& targets, std::size_t first, std::size_t wanted, Block* squares)
+DFD_INLINE void measure(const Panel& panel, const PackedRows& points, std::size_t first, std::size_t wanted,
+                        Block* squares)
 {
     if constexpr (Count < tile) {
-        if (wanted > Count) return measure<Count == 1 ? 2 : Count + 2>(panel, targets, first, wanted, squares);
+        if (wanted > Count) return measure<Count == 1 ? 2 : Count + 2>(panel, points, first, wanted, squares);
     }
-    panel.template squared_distances<Count>(targets, first, squares);
+    panel.template squared_distances<Count>(points, first, squares);
 }
 
 // The vertices of a block.
@@ -174,10 +175,10 @@ template <bool Columns, bool Local, class Panel>
 DFD_INLINE void bind_block(const BindJob& job, const Panel& panel, const Place& place, float* scratch, Faults& faults)
 {
     Block room = ones();  // what the fixed points leave: 1 less their largest weight
-    for (std::size_t first = 0; first < job.targets.count; first += tile) {
-        const std::size_t count = job.targets.count - first < tile ? job.targets.count - first : tile;
+    for (std::size_t first = 0; first < job.points.count; first += tile) {
+        const std::size_t count = job.points.count - first < tile ? job.points.count - first : tile;
         Block squares[tile];
-        measure<1>(panel, job.targets, first, count, squares);
+        measure<1>(panel, job.points, first, count, squares);
         std::size_t j = 0;
         if (first < job.fixed_count) {  // the nearest one weighs most, so one square root serves all
             for (; j < count && first + j < job.fixed_count; ++j)
@@ -210,10 +211,10 @@ DFD_INLINE void bind_shaped_block(const BindJob& job, const Panel& panel, const 
     Block room = ones();
     Block nearest;  // squared distance to the members of a handle so far
     std::size_t handle = 0, member = 0;
-    for (std::size_t first = 0; first < job.targets.count; first += tile) {
-        const std::size_t count = job.targets.count - first < tile ? job.targets.count - first : tile;
+    for (std::size_t first = 0; first < job.points.count; first += tile) {
+        const std::size_t count = job.points.count - first < tile ? job.points.count - first : tile;
         Block squares[tile];
-        measure<1>(panel, job.targets, first, count, squares);
+        measure<1>(panel, job.points, first, count, squares);
         for (std::size_t j = 0; j < count; ++j) {
             if (first + j < job.fixed_count) {
                 const Float strength = splat(job.strengths[first + j]), free = splat(1.0f) - strength;

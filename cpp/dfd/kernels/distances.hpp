@@ -56,9 +56,9 @@ public:
     }
 
     template <std::size_t Count>
-    DFD_INLINE void squared_distances(const Targets& targets, std::size_t first, Block* out) const
+    DFD_INLINE void squared_distances(const PackedRows& points, std::size_t first, Block* out) const
     {
-        const float* rows = targets.rows + first / group_size * group_size * dimension_ + first % group_size;
+        const float* rows = points.rows + first / group_size * group_size * dimension_ + first % group_size;
         Float total[Count][parts] = {};
         for (std::size_t start = 0; start < dimension_; start += chunk) {
             const std::size_t end = start + chunk < dimension_ ? start + chunk : dimension_;
@@ -80,14 +80,14 @@ public:
         }
         for (std::size_t j = 0; j < Count; ++j) {
             for (std::size_t part = 0; part < parts; ++part) {
-                const Float squares = square_.part[part] + splat(targets.squares[first + j]);
+                const Float squares = square_.part[part] + splat(points.squares[first + j]);
                 Float square = multiply_add(splat(-2.0f), total[j][part], squares);
                 // An error of 2e-7 (|a|² + |b|²) in the square stays below 2e-6 in the distance above this bound;
                 // beyond a distance of 1 it is never seen.
                 const Float bound = minimum(0.005f * squares * squares, 1.0f + 1e-6f * squares);
                 const auto far = at_least(square, bound);
                 if (!all(far)) square = select(far, square, squared_difference(rows + j, part));
-                out[j].part[part] = square + splat(targets.offsets[first + j]);
+                out[j].part[part] = square + splat(points.offsets[first + j]);
             }
         }
     }
@@ -117,11 +117,11 @@ public:
     bool suspect() const { return false; }
 
     template <std::size_t Count>
-    DFD_INLINE void squared_distances(const Targets& targets, std::size_t first, Block* out) const
+    DFD_INLINE void squared_distances(const PackedRows& points, std::size_t first, Block* out) const
     {
         const std::size_t group = first / group_size * group_size * quads_;
-        const std::int32_t* bytes = targets.quads + group + first % group_size;
-        const std::int32_t* pairs = targets.pairs + 2 * group + first % group_size;
+        const std::int32_t* bytes = points.quads + group + first % group_size;
+        const std::int32_t* pairs = points.pairs + 2 * group + first % group_size;
         Int sum[Count][parts] = {};
 #pragma GCC unroll 4
         for (std::size_t k = 0; k < quads_; ++k) {
@@ -140,9 +140,9 @@ public:
             for (std::size_t part = 0; part < parts; ++part) {
                 const Int own = load<Int>(panel_ + (quads_ * block_size + part * width) * 4);
                 // Unsigned, so that squared lengths that are none wrap around.
-                const Bits square = (Bits)own + (Bits)splat(targets.quad_squares[first + j]) - 2u * (Bits)sum[j][part];
+                const Bits square = (Bits)own + (Bits)splat(points.quad_squares[first + j]) - 2u * (Bits)sum[j][part];
                 out[j].part[part] = multiply_add(__builtin_convertvector((Int)square, Float), splat(scale_ * scale_),
-                                          splat(targets.offsets[first + j]));
+                                          splat(points.offsets[first + j]));
             }
         }
     }

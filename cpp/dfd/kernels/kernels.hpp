@@ -39,7 +39,7 @@ enum class Blend : std::int32_t {
 };
 
 /// Feature rows to measure distances to, rearranged for the kernels.
-struct Targets {
+struct PackedRows {
     const float* rows = nullptr;                 // (G, D, 16): entry k of each handle of a group, side by side
     const float* squares = nullptr;              // (16 G) squared length
     const std::int32_t* quads = nullptr;         // (G, D / 4, 16): four int8 entries of each handle of a group
@@ -69,12 +69,12 @@ struct BindJob {
     std::size_t vertex_count = 0;
     std::size_t dimension = 0;
     float scale = 1;                          // of an int8 entry
-    Targets targets;                          // the fixed points, then the members of each handle
+    PackedRows points;                        // the fixed points, then the members of each handle
     std::size_t fixed_count = 0, handle_count = 0;
     bool shaped = false;                      // whether the three below hold anything but ones
     const float* strengths = nullptr;         // (fixed_count) in (0, 1]
     const Reach* reaches = nullptr;           // (H)
-    const std::uint32_t* members = nullptr;   // (H) how many targets a handle has
+    const std::uint32_t* members = nullptr;   // (H) how many points a handle has
     const float* geodesic = nullptr;          // (H, V) or null
     const Power* powers = nullptr;            // (H)
     float* weights = nullptr;                 // entry (i, j) at i * row_stride + j * column_stride; one stride is 1

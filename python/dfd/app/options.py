@@ -10,7 +10,10 @@ from pydantic import BaseModel, ConfigDict, JsonValue
 from dfd.common.preset import Preset
 from dfd.encoders.known import DEFAULT_ENCODER
 
-__all__ = ["OpenedFile", "SessionOptions", "Source"]
+__all__ = ["UPLOADS", "OpenedFile", "SessionOptions", "Source"]
+
+
+UPLOADS = "uploads"  # the folder of uploaded files, inside that of the session
 
 
 class Source(BaseModel):

@@ -98,25 +98,25 @@ class BatchFolder:
 
     def begin_attempt(self, name: str, token: str) -> Path:
         """Make the folder of one attempt."""
-        place = self.attempt(name, token)
-        place.mkdir(parents=True)
-        (place / OWNER).write_text(f"{os.getpid()} {socket.gethostname()}", "utf-8")
-        return place
+        attempt = self.attempt(name, token)
+        attempt.mkdir(parents=True)
+        (attempt / OWNER).write_text(f"{os.getpid()} {socket.gethostname()}", "utf-8")
+        return attempt
 
-    def publish(self, place: Path, record: Record) -> Record:
+    def publish(self, attempt: Path, record: Record) -> Record:
         """Write the record, rename the attempt to the final folder, and return the record that is there now."""
         for private in (OWNER, EXIT_NOTE):
-            (place / private).unlink(missing_ok=True)
-        with atomic_write(place / RECORD) as temporary:
+            (attempt / private).unlink(missing_ok=True)
+        with atomic_write(attempt / RECORD) as temporary:
             temporary.write_text(record.model_dump_json(indent=2) + "\n", "utf-8")
         final = self.shape(record.name)
         final.parent.mkdir(parents=True, exist_ok=True)
         try:
-            place.rename(final)
+            attempt.rename(final)
         except OSError as error:
             if error.errno not in TAKEN:
                 raise
-            shutil.rmtree(place, ignore_errors=True)
+            shutil.rmtree(attempt, ignore_errors=True)
             return self.record(record.name) or record
         return record
 
@@ -147,14 +147,14 @@ class BatchFolder:
 
     def sweep(self) -> None:
         """Remove the unfinished attempts of dead processes of this machine."""
-        for place in self.work.glob("*~*"):
+        for attempt in self.work.glob("*~*"):
             try:
-                process, host = (place / OWNER).read_text("utf-8").split(" ", 1)
+                process, host = (attempt / OWNER).read_text("utf-8").split(" ", 1)
                 alive = host != socket.gethostname() or _alive(int(process))
             except (OSError, ValueError):
                 alive = False
             if not alive:
-                shutil.rmtree(place, ignore_errors=True)
+                shutil.rmtree(attempt, ignore_errors=True)
 
     @contextmanager
     def lock(self, rank: int, world_size: int) -> Iterator[None]:

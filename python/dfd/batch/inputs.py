@@ -125,7 +125,7 @@ def _of_manifest(manifest: str) -> list[Shape]:
     rows = _rows(manifest)
     base = manifest.rpartition("/")[0]
 
-    def placed(path: str) -> str:
+    def beside_manifest(path: str) -> str:
         return path if is_remote(path) or Path(path).is_absolute() or not base else f"{base}/{path}"
 
     shapes = []
@@ -133,8 +133,8 @@ def _of_manifest(manifest: str) -> list[Shape]:
         values = {column: str(row[column]).strip() for column in COLUMNS if row.get(column) not in (None, "")}
         if "path" not in values:
             raise ValueError(f"batch: `inputs`: row {number} of {manifest} has no path")
-        path = placed(values["path"])
-        field = placed(values["field"]) if "field" in values else None
+        path = beside_manifest(values["path"])
+        field = beside_manifest(values["field"]) if "field" in values else None
         shapes.append(Shape(values.get("name") or _name([PurePosixPath(_posix(path)).name]), path, field))
     if not shapes:
         raise ValueError(f"batch: `inputs`: {manifest} has no rows")

@@ -77,11 +77,11 @@ def _links(count: int, here: int) -> Iterator[str]:
 
 
 def _article(folder: BatchFolder, row: dict[str, Any]) -> str:
-    place = quote(folder.shape(row["name"]).relative_to(folder.root).as_posix())
+    link = quote(folder.shape(row["name"]).relative_to(folder.root).as_posix())
     shown = [name for name in json.loads(row["files"]) if name.endswith(".png")]
     shown.sort(key=lambda name: (name != "thumbnail.png", name))
     images = "".join(
-        f"<a href='{place}/{quote(name)}'><img loading='lazy' src='{place}/{quote(name)}' alt='{escape(name)}'></a>"
+        f"<a href='{link}/{quote(name)}'><img loading='lazy' src='{link}/{quote(name)}' alt='{escape(name)}'></a>"
         for name in shown
     )
     faces = row.get("faces")
@@ -89,7 +89,7 @@ def _article(folder: BatchFolder, row: dict[str, Any]) -> str:
     refused = [str(text) for name, text in row.items() if name.endswith("_refused") and text]
     lines += [f"{row['cause']}: {row['message']}"] if row["cause"] else refused
     text = "".join(f"<small>{escape(line)}</small>" for line in lines)
-    return f"<article class='{row['status']}'>{images}<a href='{place}/'>{escape(row['name'])}</a>{text}</article>\n"
+    return f"<article class='{row['status']}'>{images}<a href='{link}/'>{escape(row['name'])}</a>{text}</article>\n"
 
 
 TABLE = "shapes.parquet"

@@ -1,8 +1,8 @@
 """Workers on this machine: a process a slot, each with a pipe of its own.
 
-The pools of the standard library break when a worker is killed, and those that share a queue among workers may lose its
-lock with the one that held it. Here nothing is shared: a worker that dies loses one job, and the next job of
-its slot starts a new worker. A worker whose driver is gone finishes its shape and exits.
+The pools of the standard library break when a worker is killed: the lock of their common queue can die with it. Here
+nothing is shared: a worker that dies loses one job, and the next job of its slot starts a new worker. A worker whose
+driver is gone finishes its shape and exits.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ class ProcessSlots:
 
 
 class _Slot:
-    """A place for one process at a time."""
+    """Room for one process at a time."""
 
     job: Job
 

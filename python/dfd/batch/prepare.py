@@ -82,7 +82,7 @@ def place_edits(folder: BatchFolder, edits: Sequence[EditFiles], sources: Sequen
         folder.edits.mkdir(exist_ok=True)
     for (edit, mesh, field), source in zip(edits, sources, strict=True):
         there = source_of(folder.edits, source.name, source.mesh)
-        for path, place in zip((mesh, edit, field), there, strict=True):
-            if not (place.is_file() and filecmp.cmp(path, place, shallow=False)):  # another rank may be reading it
-                with atomic_write(place, "output") as temporary:
+        for path, copy in zip((mesh, edit, field), there, strict=True):
+            if not (copy.is_file() and filecmp.cmp(path, copy, shallow=False)):  # another rank may be reading it
+                with atomic_write(copy, "output") as temporary:
                     shutil.copyfile(path, temporary)

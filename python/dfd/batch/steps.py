@@ -47,8 +47,8 @@ class Work:
     sha256: str | None = None  # of the shape's file, once `read` is done
     size: int | None = None  # its bytes
 
-    def __init__(self, job: Job, settings: BatchSettings, place: Path) -> None:
-        self.job, self.settings, self.place = job, settings, place
+    def __init__(self, job: Job, settings: BatchSettings, folder: Path) -> None:
+        self.job, self.settings, self.folder = job, settings, folder
         self.figures: dict[str, Figure] = {}  # what was found, for the table
 
     def run(self, clock: Stages) -> None:
@@ -64,7 +64,7 @@ class Work:
         path = self.job.path
         here = Path(path)
         if is_remote(path):
-            here = self.place / f"source{Path(path).suffix.lower()}"
+            here = self.folder / f"source{Path(path).suffix.lower()}"
             with fsspec.open(path, "rb") as far, here.open("wb") as near:
                 shutil.copyfileobj(far, near, CHUNK)
         digest, self.size = hashlib.sha256(), 0
@@ -84,13 +84,13 @@ class Work:
 
         Raises ValueError if there is none.
         """
-        if (self.place / FIELD).exists():
-            return Field.load(self.place / FIELD)
+        if (self.folder / FIELD).exists():
+            return Field.load(self.folder / FIELD)
         if self.job.field is None:
             raise ValueError("no field: the step distill makes one, or a column field of a manifest names it")
         if not is_remote(self.job.field):
             return Field.load(self.job.field, mesh=self.mesh)
-        near = self.place / "given-field.safetensors"
+        near = self.folder / "given-field.safetensors"
         with fsspec.open(self.job.field, "rb") as far:
             near.write_bytes(far.read())
         try:
@@ -123,14 +123,14 @@ class Work:
         of_encoder = DistillSettings(**self.settings.distill).of_encoder()
         encoder = loaded_encoder(self.settings.encoder, self.settings.device, **of_encoder)
         made = dfd.distill(self.mesh, encoder, progress=False, cache=False, **self.settings.distill)
-        made.save(self.place / FIELD)
+        made.save(self.folder / FIELD)
         self.figures["loss"] = float(made.settings["losses"][-1])
 
     def features(self) -> None:
         """Features of the vertices, projected so that weights keep to 0.01: `rows` @ `basis`.T + `mean` are they."""
         small = compact(self.field.on(self.mesh))
         stored = small.stored(np.arange(len(small))) * np.float32(small.step)
-        with atomic_write(self.place / "features.npz") as temporary, temporary.open("wb") as stream:
+        with atomic_write(self.folder / "features.npz") as temporary, temporary.open("wb") as stream:
             np.savez(stream, rows=stored.astype(np.float16), basis=small.basis, mean=small.mean)
         self.figures |= {"feature_dimensions": small.dimensions, "feature_error": float(small.error)}
 
@@ -142,11 +142,11 @@ class Work:
 
     def pictures(self) -> None:
         """A thumbnail, and one in the colors of the features where there is a field."""
-        save_png(self.place / THUMBNAIL, picture(self.mesh, resolution=PIXELS))
-        if self.settings.needs_field or (self.place / FIELD).exists():
+        save_png(self.folder / THUMBNAIL, picture(self.mesh, resolution=PIXELS))
+        if self.settings.needs_field or (self.folder / FIELD).exists():
             features = self.session.features
             shown = features if isinstance(features, np.ndarray) else features.principal(3)
-            save_png(self.place / "features.png", picture(self.mesh, colors=feature_colors(shown), resolution=PIXELS))
+            save_png(self.folder / "features.png", picture(self.mesh, colors=feature_colors(shown), resolution=PIXELS))
 
     def edits(self) -> None:
         """Every edit that fits, with a picture of what it did; where one does not fit, the figures say so."""
@@ -166,19 +166,19 @@ class Work:
                 continue
             self.figures |= {f"{name}_confidence": min(found.confidence.values()), f"{name}_refused": None}
             self.carried[name] = found.deformer
-            found.deformer.save(self.place / f"{name}.edit.json")
+            found.deformer.save(self.folder / f"{name}.edit.json")
             if "pictures" in self.settings.steps:
-                save_png(self.place / f"{name}.png", before_and_after(found.deformer, resolution=PIXELS)[1])
+                save_png(self.folder / f"{name}.png", before_and_after(found.deformer, resolution=PIXELS)[1])
 
     def exports(self) -> None:
         """The shape under every edit that fits, in every format that is asked for."""
         for name, deformer in self.carried.items():
             for ending in self.settings.exports:
-                WRITERS[ending](self.place / f"{name}.{ending}", deformer)
+                WRITERS[ending](self.folder / f"{name}.{ending}", deformer)
 
     def write_json(self, name: str, value: Any) -> None:
         """Write a file of the shape's folder."""
-        with atomic_write(self.place / name) as temporary:
+        with atomic_write(self.folder / name) as temporary:
             temporary.write_text(json.dumps(value, indent=2, default=_plain) + "\n", "utf-8")
 
 

@@ -44,23 +44,23 @@ def work(job: Job) -> Record | Stopped:
     try:
         settings = _settings(job.root)
         folder = BatchFolder(job.root, sharded=settings.sharded)
-        place = folder.begin_attempt(job.name, job.token)
-        with guarded(place / EXIT_NOTE, job.limits) as watched:
-            record = _done(job, settings, place, watched)
+        attempt = folder.begin_attempt(job.name, job.token)
+        with guarded(attempt / EXIT_NOTE, job.limits) as watched:
+            record = _done(job, settings, attempt, watched)
         if record.status == "failed":
-            _clear(place)
-        return folder.publish(place, record)
+            _clear(attempt)
+        return folder.publish(attempt, record)
     except OSError as error:
         return Stopped(why=f"{job.root} cannot be used: {error.strerror or error}")
 
 
-def _done(job: Job, settings: BatchSettings, place: Path, watched: Watched) -> Record:
+def _done(job: Job, settings: BatchSettings, attempt: Path, watched: Watched) -> Record:
     """Do the steps; an exception becomes a failed record.
 
     Raises OSError if the folder is full or can only be read.
     """
     start, clock, when = time.perf_counter(), Stages(show=False), modified(job.path)
-    task = Work(job, settings, place)
+    task = Work(job, settings, attempt)
     cause: Cause | None = None
     message = None
     with warnings.catch_warnings(record=True) as shown:
@@ -79,7 +79,7 @@ def _done(job: Job, settings: BatchSettings, place: Path, watched: Watched) -> R
             frame = traceback.extract_tb(error.__traceback__)[-1]
             cause = "error"
             message = f"{type(error).__name__}: {_one_line(error)} ({Path(frame.filename).name}, line {frame.lineno})"
-    files = sorted(path.name for path in place.iterdir() if path.name not in (OWNER, EXIT_NOTE))
+    files = sorted(path.name for path in attempt.iterdir() if path.name not in (OWNER, EXIT_NOTE))
     return job.record(
         settings.hash(),
         seconds=time.perf_counter() - start,
@@ -120,8 +120,8 @@ def _use_threads(count: int) -> None:
     threadpool_limits(count)  # BLAS
 
 
-def _clear(place: Path) -> None:
-    for path in place.iterdir():
+def _clear(attempt: Path) -> None:
+    for path in attempt.iterdir():
         if path.name not in (OWNER, EXIT_NOTE):
             shutil.rmtree(path) if path.is_dir() else path.unlink()
 

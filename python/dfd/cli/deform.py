@@ -63,8 +63,11 @@ def deform(
         str | None, typer.Option(metavar="S | X Y Z", help="Scale it: one factor, or three along the axes.")
     ] = None,
     pivot: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option(metavar="X Y Z", help="The point it turns and scales about; by default the handle itself."),
+        str | None,
+        typer.Option(
+            metavar="X Y Z|base|middle|point|plane|hinge",
+            help="What it turns and scales about; by default the base of a limb, and the middle of anything else.",
+        ),
     ] = None,
     axes: Annotated[
         str | None,
@@ -72,6 +75,32 @@ def deform(
             metavar="normal|limb",
             help="The third factor is along the surface's normal there, or along the limb, not z.",
         ),
+    ] = None,
+    bend: Annotated[
+        float | None,
+        typer.Option(metavar="DEGREES", help="Bend what it holds along its own axis: by so much the tip turns."),
+    ] = None,
+    towards: Annotated[
+        str | None,
+        typer.Option(
+            metavar="up|down|left|right|front|back|X Y Z",
+            help="Where --bend takes the tip; by default up, and to the front where the part runs upright.",
+        ),
+    ] = None,
+    twist: Annotated[
+        float | None, typer.Option(metavar="DEGREES", help="Twist what it holds about its own axis.")
+    ] = None,
+    joint: Annotated[
+        str | None,
+        typer.Option(
+            metavar="spread|auto|here|0…1",
+            help="Where along the axis: over its length, where it bends or narrows already, at the handle, or from base"
+            " (0) to tip (1).",
+        ),
+    ] = None,
+    open_: Annotated[
+        float | None,
+        typer.Option("--open", metavar="DEGREES", help="Turn it about its hinge, away from the rest, as a jaw opens."),
     ] = None,
     preset: PresetOption = None,
     name: Annotated[str | None, typer.Option(metavar="TEXT", help="What the edit calls the handle.")] = None,

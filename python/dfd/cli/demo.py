@@ -47,21 +47,10 @@ def run(
 ) -> None:
     """Make a chair and a quadruped, distill them, deform them, and write meshes and pictures into `output`.
 
-    `story.png` tells everything from the views to the moved shapes; `opening.png` is its shortest form.
+    `story.png` tells everything from the views to the moved shapes; `opening.png` is its shortest form. Each shape has
+    about `faces` faces.
 
-    Parameters
-    ----------
-    output
-        Folder to write to; made if it is not there.
-    preset, encoder
-        As in `dfd.distill`, and the preset as in `dfd.Deformer`.
-    faces
-        About how many faces each shape has.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written, or the encoder's weights cannot be found.
+    Raises OSError if the folder cannot be written, or the encoder's weights cannot be found.
     """
     console = console or Console()
     output.mkdir(parents=True, exist_ok=True)

@@ -13,7 +13,9 @@ from dfd.editing.presets import CONTROLS
 __all__ = ["HandlesCommand", "handles"]
 
 TRANSFORM = {"translate": "translation", "rotate": "rotation", "scale": "scale", "pivot": "pivot", "axes": "axes"}
+TRANSFORM |= {name: name for name in ("bend", "towards", "twist", "joint")} | {"open_": "open"}
 OF_A_HANDLE = ("handle", *TRANSFORM, *CONTROLS, "name")
+COUNTS = {"--scale": (1, 3), "--pivot": (3,), "--towards": (3,)}  # of the numbers of options that may also be a word
 FURTHER = "dfd.further_handles"
 # Stand for what a further handle does not have for itself.
 REST = ["MESH", "--field", "FIELD"]
@@ -56,28 +58,28 @@ class HandlesCommand(TyperCommand):
                 rest.insert(0, value)
             values = [] if option.is_flag else _values(name, option.nargs, rest)
             del rest[: len(values)]
-            groups[-1] += [name, ",".join(values)] if name == "--scale" and values else [name, *values]
+            groups[-1] += [name, ",".join(values)] if name in COUNTS and values else [name, *values]
         return common, groups
 
 
 def handles(params: Mapping[str, Any], meta: Mapping[str, Any]) -> list[tuple[str, dict[str, Any]]]:
     """What to take hold of, and what `Deformer.add` is told about it, for every handle of a command line.
 
-    Parameters
-    ----------
-    params, meta
-        Those of the command's context.
+    `params` and `meta` are those of the command's context.
 
-    Raises
-    ------
-    ValueError
-        If something is said of a handle and no handle is given, or a factor of `--scale` is none or 0.
+    Raises ValueError if something is said of a handle and no handle is given, or a factor of `--scale` is none or 0.
     """
     found = []
     for each in (params, *meta[FURTHER]):
         given = {name: each[option] for option, name in TRANSFORM.items() if each[option] is not None}
         if "scale" in given:
             given["scale"] = _factors(given["scale"])
+        for name in given.keys() & {"pivot", "towards"}:
+            parts = given[name].split(",")
+            if all(map(is_number, parts)):
+                given[name] = [float(part) for part in parts]
+        if is_number(given.get("joint", "")):
+            given["joint"] = float(given["joint"])
         given |= controls(each)
         if each["name"] is not None:
             given["name"] = each["name"]
@@ -94,10 +96,12 @@ def _values(name: str, count: int, rest: list[str]) -> list[str]:
     Raises ValueError if it needs three numbers, or one or three, and has another number of them.
     """
     numbers = next((i for i, token in enumerate(rest) if not is_number(token)), len(rest))
-    if name == "--scale":
+    if name in COUNTS:
         text = numbers == 0 and bool(rest) and not rest[0].startswith("-")  # such as 1,2,3
-        if numbers not in (1, 3) and not text:
-            raise ValueError(f"`--scale` needs 1 or 3 numbers, got {_listed(rest[:numbers])}")
+        if numbers not in COUNTS[name] and not text:
+            raise ValueError(
+                f"`{name}` needs {' or '.join(map(str, COUNTS[name]))} numbers, got {_listed(rest[:numbers])}"
+            )
         return rest[: max(numbers, 1)]
     if count == 3 and numbers < 3 and (numbers == len(rest) or rest[numbers].startswith("-")):
         raise ValueError(f"`{name}` needs 3 numbers, got {_listed(rest[:numbers])}")

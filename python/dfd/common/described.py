@@ -32,6 +32,8 @@ class About:
         What the command line shows in the place of its value; None for a switch.
     repeated
         Whether the command line takes one of them after the other.
+    label, slider
+        What panels call it, and the ends and the step of a slider: of a length, as parts of the shape's size.
     """
 
     text: str
@@ -40,6 +42,8 @@ class About:
     exclusive: bool = False
     metavar: str | None = None
     repeated: bool = False
+    label: str | None = None
+    slider: tuple[float, float, float] | None = None
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
         """The JSON schema of the field, with its description and bounds."""

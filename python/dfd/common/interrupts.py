@@ -20,10 +20,8 @@ def heed_interrupts(*, wait: bool = False) -> Iterator[None]:
     be dropped; so the signal itself is noted here. Where a program ignores SIGINT or handles it in its own way, and in
     threads other than the main one, which get no signals, nothing changes.
 
-    Parameters
-    ----------
-    wait
-        Let the block come to its end first, so that no library is left half imported; a second SIGINT stops it at once.
+    With `wait` the block comes to its end first, so that no library is left half imported; a second SIGINT stops it at
+    once.
     """
     in_main = threading.current_thread() is threading.main_thread()
     before = signal.getsignal(signal.SIGINT) if in_main else None

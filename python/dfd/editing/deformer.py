@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dfd.common import check
 from dfd.common.errors import called, public
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from dfd.editing.influence.instances import Instance
     from dfd.editing.influence.regions import VertexSet
     from dfd.editing.verbs import GivenHandle
-    from dfd.posing.transforms import GivenTransform
+    from dfd.posing.transforms import GivenMotion, GivenTransform
     from dfd.segmentation.parts import Level
 
 __all__ = ["Deformer"]
@@ -211,11 +211,28 @@ class Deformer:
         scale
             One factor, or (3,) along `axes`, before the rotation.
         pivot
-            (3,) in mesh units, about which it turns and scales; its own position if left out, the center of a region.
+            About which it turns and scales: (3,) in mesh units; "base", where the part that it holds leaves the rest of
+            the shape; the "middle" of that part; "point", the handle itself, of a region its center; "plane", the point
+            of the plane of symmetry that is nearest to it; "hinge", the middle between the outermost points of the
+            part's border. If left out, the base of a limb, which is longer than wide and borders on the rest once, and
+            the middle of anything else, on the plane of symmetry if the part lies across it; with the preset "paper"
+            the handle itself.
         axes
             (3, 3) orthonormal vectors, one a row, along which it scales; "normal" for a frame whose third vector is the
             surface's normal at the handle, "limb" for one whose third vector runs along the limb there, so that
             (1.5, 1.5, 1) makes it thicker and not longer, each instance along its own; the mesh's own if left out.
+        bend, towards
+            Degrees by which the tip of the part that it holds is bent along the part's own axis, every cross-section
+            moving rigidly, `towards` "up", "down", "left", "right", "front", "back" or a direction (3,), by default up,
+            and where the part runs upright to the front; or a rotation vector (3,). Each look-alike bends along its own
+            axis. What is bent is then moved by the rest of the transform.
+        twist
+            Degrees by which the tip turns about the part's own axis.
+        joint
+            Where along the axis bend and twist happen: "spread" over its length, as if left out, at the most bent or
+            the narrowest place ("auto"), at the handle ("here"), or a number from 0 at the base to 1 at the tip.
+        open
+            Degrees by which it turns about its hinge, away from the rest, as a jaw opens; sets `rotation` and `pivot`.
         name
             For people.
         **given
@@ -236,17 +253,17 @@ class Deformer:
         return new
 
     @public
-    def move(self, handle: int, *, merge: bool = False, **given: Unpack[GivenTransform]) -> None:
+    def move(self, handle: int, *, merge: bool = False, **given: Unpack[GivenMotion]) -> None:
         """Set parts of a handle's transform, always from the resting shape; what is left out stays. Nothing is rebound.
 
         Parameters
         ----------
         handle
             The handle's id.
-        translation, rotation, scale
+        translation, rotation, scale, bend, towards, twist, joint, open
             As in `add`.
         pivot, axes
-            As in `add`; "auto" returns them to the handle's position and the mesh's axes.
+            As in `add`; "auto" returns them to what they are where nothing is said.
         merge
             Join the step before if that one was about the same handle.
 
@@ -257,6 +274,20 @@ class Deformer:
         """
         edit = verbs.move(self.edit, self._weights, handle, given)
         self._commit(edit, ("handle", handle), merge, rebinds=False)
+
+    def bend(
+        self, handle: int, angle: ArrayLike, *, towards: Any = None, joint: Any = None, merge: bool = False
+    ) -> None:
+        """Bend what a handle holds along its own axis, as `bend` of `add` says."""
+        self.move(handle, bend=angle, towards=towards, joint=joint, merge=merge)
+
+    def twist(self, handle: int, angle: float, *, joint: Any = None, merge: bool = False) -> None:
+        """Twist what a handle holds about its own axis, as `twist` of `add` says."""
+        self.move(handle, twist=angle, joint=joint, merge=merge)
+
+    def open(self, handle: int, angle: float, *, merge: bool = False) -> None:
+        """Turn what a handle holds about its hinge, as a jaw opens: `open` of `add`."""
+        self.move(handle, open=angle, merge=merge)
 
     @public
     def change(

@@ -151,7 +151,7 @@ class Edit:
     arrive: Annotated[bool, WHOLE_SHAPE["arrive"]] = DEFAULTS.arrive
     mirrored_locality: Annotated[bool, WHOLE_SHAPE["mirrored_locality"]] = DEFAULTS.mirrored_locality
     bridges: Annotated[bool, WHOLE_SHAPE["bridges"]] = DEFAULTS.bridges
-    preset: Annotated[Preset, About("What is left out is as it has it.")] = "default"
+    preset: Annotated[Preset, About("The paper's equations to the letter, or dfd's own way.")] = "default"
 
     def __post_init__(self) -> None:
         check_fields(self)

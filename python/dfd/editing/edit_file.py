@@ -20,6 +20,10 @@
           "pivot": null,
           "axes": null,
           "along": null,
+          "pivot_at": null,
+          "bend": [0.0, 0.0, 0.0],
+          "twist": 0.0,
+          "joint": null,
           "reach": 1.0,
           "falloff": "linear",
           "locality": 2.0,
@@ -159,6 +163,7 @@ def _keys(*owners: type) -> tuple[str, ...]:
 
 # What of a handle or a fixed place lies beside its other keys in a file.
 SPREAD: dict[str, type] = {"place": Place, "transform": Transform, "controls": Controls}
+OF_HELD_PARTS = ("along", "pivot_at", "bend", "twist", "joint")  # of a transform, and not of the default one
 FIRST = ("format", "version", "preset", "units", "mesh", "made_on")  # keys of a file, for people
 
 
@@ -173,7 +178,8 @@ def edit_schema() -> dict[str, Any]:
             properties |= definitions[part.capitalize()]["properties"]
         own["properties"] = properties
         del own["required"]
-    del definitions["Transform"]["properties"]["along"]
+    for key in OF_HELD_PARTS:
+        del definitions["Transform"]["properties"][key]
     schema["required"] = ["format", "version"]
     return schema
 
@@ -263,7 +269,8 @@ def to_document(edit: Edit, mesh: Mesh) -> dict[str, Any]:
     if edit.symmetry is not None:
         document["symmetry"] = {key: document["symmetry"][key] for key in ("normal", "offset", "band")}
     if edit.default is not None:
-        del document["default"]["along"]
+        for key in OF_HELD_PARTS:
+            del document["default"][key]
     return document
 
 
@@ -433,7 +440,7 @@ KNOWN_KEYS: dict[str, tuple[str, ...]] = {
     "without_instances": _keys(Place),
     "fixed": (*_keys(Place), "strength"),
     "symmetry": ("normal", "offset", "band"),
-    "default": _keys(Transform)[:-1],
+    "default": tuple(key for key in _keys(Transform) if key not in OF_HELD_PARTS),
 }
 
 

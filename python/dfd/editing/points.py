@@ -93,17 +93,12 @@ class Found(NamedTuple):
 def place_on(mesh: Mesh, at: Any) -> Place:
     """The place that a person means by `at`.
 
-    Parameters
-    ----------
-    at
-        A vertex index; three coordinates in mesh units, which stay where they are, on the surface or off it; an array
-        of vertex indices or a mask of (V,) truth values; a region; a text, see `find`; or a `Place`, whose vertex and
-        region are taken on this mesh.
+    That is a vertex index; three coordinates in mesh units, which stay where they are, on the surface or off it; an
+    array of vertex indices or a mask of (V,) truth values; a region; a text, see `find`; or a `Place`, whose vertex and
+    region are taken on this mesh.
 
-    Raises
-    ------
-    ValueError
-        If it is none of these, a point lies farther from the shape than the diagonal of its box, or a region is empty.
+    Raises ValueError if it is none of these, a point lies farther from the shape than the diagonal of its box, or a
+    region is empty.
     """
     if isinstance(at, Place):
         said = at.vertex if at.region is None else at.region

@@ -35,36 +35,50 @@ CONTROLS = {
         LARGEST,
         exclusive=True,
         metavar="R|auto|part",
+        slider=(0.05, 1.5, 0.01),
     ),
     "falloff": About(
         "Curve from 1 at the handle to 0 at its reach: linear (Eq. 5), smooth, sharp, root, sphere or constant.",
         metavar="CURVE",
     ),
-    "locality": About("λ of Eq. 7: 0 reaches all that looks alike, more stays nearer.", 0.0, LARGEST, metavar="λ"),
+    "locality": About(
+        "λ of Eq. 7: 0 reaches all that looks alike, more stays nearer.",
+        0.0,
+        LARGEST,
+        metavar="λ",
+        slider=(0.0, 20.0, 0.5),
+    ),
     "radius": About(
         "In place of locality: distance along the surface where the weight is smoothly 0, mesh units or % of the box.",
         0.0,
         exclusive=True,
         metavar="R|P%",
+        slider=(0.0, 1.0, 0.01),
     ),
-    "strength": About("From 0 to 1: a factor for what follows.", 0.0, 1.0, metavar="S"),
+    "strength": About("From 0 to 1: a factor for what follows.", 0.0, 1.0, metavar="S", slider=(0.0, 1.0, 0.05)),
     "instances": About(
         "Look-alikes move about their own pivots (own), the handle's (together, the paper), or not at all (only).",
         metavar="own|together|only",
+        label="Look-alikes",
     ),
-    "level": About("Let all instances follow fully, however alike."),
+    "level": About("Let all instances follow fully, however alike.", label="Look-alikes follow in full"),
     "without_instances": About("A place on an instance that does not move along.", metavar="PLACE", repeated=True),
     "within": About(
         "Nothing follows beyond: part:NAME, group:NAME, 'x>0', ball:x,y,z,r or box:x,y,z,x,y,z.", metavar="REGION"
     ),
     "within_width": About(
-        "How far beyond that region the weight fades to 0, mesh units or % of the box.", 0.0, LARGEST, metavar="W|P%"
+        "How far beyond that region the weight fades to 0, mesh units or % of the box.",
+        0.0,
+        LARGEST,
+        metavar="W|P%",
+        label="Limit's edge",
+        slider=(0.0, 0.3, 0.005),
     ),
 }
 # What holds for all handles of a shape: fields of `dfd.editing.edit.Edit`, properties of `Deformer`.
 WHOLE_SHAPE = {
     "overlap": About("Where weights meet: add, interpolate, normalize or paper (Eq. 1).", metavar="RULE"),
-    "blend": About("How transforms blend: linear (Eq. 1), dual_quaternion or polar.", metavar="RULE"),
+    "blend": About("How transforms blend: linear (Eq. 1), dual_quaternion or polar.", metavar="RULE", label="Blending"),
     "arrive": About("Whether handles reach their target although fixed points hold back."),
     "mirrored_locality": About("Whether locality and radius start at the handle's mirror image as well."),
     "bridges": About("Whether locality and radius reach across small gaps."),
@@ -79,6 +93,8 @@ class Defaults:
     ----------
     reach, falloff, instances
         Of a new handle, as in `Deformer.add`; its other controls change nothing unless they are given.
+    pivot
+        About what a handle turns and scales that says nothing of it: as `Deformer.add` has it, or the point held.
     overlap, blend, arrive, mirrored_locality, bridges
         Of a new session, as the properties of `Deformer`.
     band
@@ -92,6 +108,7 @@ class Defaults:
     reach: Reach = "part"
     falloff: Falloff = "smooth"
     instances: Instances = "own"
+    pivot: Literal["auto", "point"] = "auto"
     overlap: Overlap = "add"
     blend: Blend = "linear"
     arrive: bool = True
@@ -119,6 +136,7 @@ PRESETS: dict[Preset, Defaults] = {
         reach=1.0,
         falloff="linear",
         instances="together",
+        pivot="point",
         overlap="paper",
         arrive=False,
         mirrored_locality=False,

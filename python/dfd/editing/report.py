@@ -118,8 +118,9 @@ def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: NDArray[np.flo
     own = {
         column.handle: column for column in reversed(weights.columns(edit)[1])
     }  # a handle's own instance is its first
+    bent = weights.bent(edit)
     handles = tuple(
-        _handle_report(mesh, edit, handle, own[i].matrix(handle), weights.anchor(handle), counts[i], posed)
+        _handle_report(mesh, edit, handle, own[i].matrix(handle), weights.anchor(handle), counts[i], bent, posed)
         for i, handle in enumerate(edit.handles)
     )
     warning = _warning(edit) if moved == 0 else None
@@ -133,9 +134,10 @@ def _handle_report(
     matrix: NDArray[np.float64],
     vertex: int,
     instances: int,
+    bent: NDArray[np.float64],
     posed: NDArray[np.float64],
 ) -> HandleReport:
-    target = matrix[:, :3] @ mesh.vertices[vertex] + matrix[:, 3]
+    target = matrix[:, :3] @ bent[vertex] + matrix[:, 3]
     missing = float(np.linalg.norm(posed[vertex] - target))
     mirrored = None
     if edit.symmetry is not None:

@@ -53,7 +53,7 @@ class PosedShape:
             weights, columns, overlap = self._weights.posing(edit)
             moving = [i for i, column in enumerate(columns) if column.handle in moved]
             how = self._arguments(edit, weights, columns, overlap)
-            self._drag = Drag(self._mesh.vertices, weights, moving=moving, **how)
+            self._drag = Drag(self._weights.bent(edit), weights, moving=moving, **how)
             self._moving = {handle: [column for column in columns if column.handle == handle] for handle in moved}
         matrices = [self._matrix(edit, column) for columns in self._moving.values() for column in columns]
         posed: NDArray[np.float64] = self._drag.pose(matrices)
@@ -66,7 +66,7 @@ class PosedShape:
             return self._mesh.vertices  # no weight changes that
         weights, columns, overlap = self._weights.posing(edit)
         how = self._arguments(edit, weights, columns, overlap)
-        posed: NDArray[np.float64] = pose(self._mesh.vertices, weights, **how)
+        posed: NDArray[np.float64] = pose(self._weights.bent(edit), weights, **how)
         return posed
 
     def _arguments(
@@ -97,7 +97,7 @@ def _moved(before: Edit, after: Edit) -> list[int] | None:
     for i, (old, new) in enumerate(zip(before.handles, after.handles, strict=True)):
         if old is not new and (old.place, old.controls) != (new.place, new.controls):
             return None
-        if _instance_axes(old) != _instance_axes(new):
+        if _instance_axes(old) != _instance_axes(new) or _bend(old) != _bend(new):
             return None
         if old is not new and old.transform != new.transform:
             moved.append(i)
@@ -108,6 +108,12 @@ def _instance_axes(handle: Handle) -> tuple[Any, ...]:
     """What of a transform turns the frames of a handle's instances."""
     transform = handle.transform
     return (transform.along, transform.axes) if transform.along is not None else ()
+
+
+def _bend(handle: Handle) -> tuple[Any, ...] | None:
+    """What of a transform moves the vertices before all transforms do."""
+    transform = handle.transform
+    return (transform.bend, transform.twist, transform.joint) if transform.bends else None
 
 
 def _whole_shape(edit: Edit) -> tuple[Any, ...]:

@@ -62,19 +62,10 @@ def suggest_handles(
     before it: the tips that people take hold of, and in the end the body between them (Gonzalez, "Clustering to
     minimize the maximum intercluster distance", 1985).
 
-    Parameters
-    ----------
-    features
-        (V, D) of the vertices, in full or compact.
-    count
-        At most so many.
-    planes
-        Planes of symmetry of the shape, see `InstanceFinder`.
+    At most `count` are found, from the `features` (V, D) of the vertices, in full or compact; `planes` are those of
+    symmetry of the shape, see `InstanceFinder`.
 
-    Raises
-    ------
-    ValueError
-        If `count` is not at least 1, or no face has an area.
+    Raises ValueError if `count` is not at least 1, or no face has an area.
     """
     most = check.whole("suggest_handles", "count", count, minimum=1)
     random = np.random.default_rng(0)

@@ -8,13 +8,17 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, get_args
 
+import numpy as np
+
+from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.editing.controls import GivenControls, controls_of, controls_on
 from dfd.editing.edit import Edit, GivenSettings, Handle, box_center, symmetry_on, with_preset
+from dfd.editing.influence.held_parts import bend_vector, pivot_on
 from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import Place, place_on
-from dfd.editing.presets import WHOLE_SHAPE
-from dfd.posing.transforms import Along, GivenTransform, Transform
+from dfd.editing.presets import PRESETS, WHOLE_SHAPE
+from dfd.posing.transforms import Along, GivenMotion, GivenTransform, PivotAt, Transform
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -27,7 +31,7 @@ if TYPE_CHECKING:
 __all__ = ["add", "change", "move", "part_at", "place_of", "set_default", "set_symmetry", "set_whole"]
 
 
-class GivenHandle(GivenTransform, GivenControls, total=False):
+class GivenHandle(GivenMotion, GivenControls, total=False):
     """What a new handle is given besides its place and its name."""
 
 
@@ -36,17 +40,19 @@ def add(
 ) -> Edit:
     """`edit` with a new handle of that id, behind the others."""
     place = place_of(weights, at)
-    parts: Any = {part: value for part, value in given.items() if part in GivenTransform.__annotations__}
+    parts: Any = {part: value for part, value in given.items() if part in GivenMotion.__annotations__}
     others: Any = {control: value for control, value in given.items() if control not in parts}
     transform = _transform(Transform(), weights, place, parts)
     controls = controls_of(edit.preset).changed(**_controls(weights, place, others))
-    return replace(edit, handles=(*edit.handles, Handle(handle, place, transform, controls, name)))
+    added = replace(edit, handles=(*edit.handles, Handle(handle, place, transform, controls, name)))
+    return _on_part(added, weights, handle, parts, Transform())
 
 
-def move(edit: Edit, weights: HandleWeights, handle: int, given: GivenTransform) -> Edit:
+def move(edit: Edit, weights: HandleWeights, handle: int, given: GivenMotion) -> Edit:
     """`edit` with parts of a handle's transform exchanged."""
     held = edit.handle(handle)
-    return edit.replaced(replace(held, transform=_transform(held.transform, weights, held.place, given)))
+    moved = edit.replaced(replace(held, transform=_transform(held.transform, weights, held.place, given)))
+    return _on_part(moved, weights, handle, given, held.transform)
 
 
 def change(edit: Edit, weights: HandleWeights, handle: int, at: Any, name: str | None, controls: GivenControls) -> Edit:
@@ -59,7 +65,10 @@ def change(edit: Edit, weights: HandleWeights, handle: int, at: Any, name: str |
         transform = transform if axes is None else transform.changed(axes=axes, along=along)
     shaped = held.controls.changed(**_controls(weights, place, controls))
     named = held.name if name is None else name
-    return edit.replaced(replace(held, place=place, transform=transform, controls=shaped, name=named))
+    changed = edit.replaced(replace(held, place=place, transform=transform, controls=shaped, name=named))
+    if transform.pivot_at is None or (place, shaped) == (held.place, held.controls):
+        return changed
+    return _on_part(changed, weights, handle, {"pivot": transform.pivot_at}, transform)
 
 
 def set_whole(edit: Edit, weights: HandleWeights, preset: Preset | None, given: GivenSettings) -> Edit:
@@ -81,6 +90,8 @@ def set_symmetry(
 
 def set_default(edit: Edit, weights: HandleWeights, given: GivenTransform) -> Edit:
     """`edit` with D₀ from what is given; None where that is nothing."""
+    if unknown := given.keys() - GivenTransform.__annotations__.keys():
+        raise TypeError(f"{unknown.pop()!r} is for what a handle holds, and the default transform has no handle")
     transform = Transform().changed(**given)
     transform.matrix(box_center(weights.mesh))
     return replace(edit, default=None if transform == Transform() else transform)
@@ -113,8 +124,9 @@ def _part_named(weights: HandleWeights, at: Any, own: Place | None = None) -> An
     return part_at(weights, where, alike=kind == "part") if where and kind in ("part", "piece") else at
 
 
-def _transform(transform: Transform, weights: HandleWeights, place: Place, given: GivenTransform) -> Transform:
-    """`transform` with what is given exchanged, `axes` in numbers."""
+def _transform(transform: Transform, weights: HandleWeights, place: Place, given: GivenMotion) -> Transform:
+    """`transform` with what is given exchanged, `axes` in numbers; what `_on_part` finds stays as it is."""
+    given = {name: value for name, value in given.items() if not _of_part(name, value)}  # type: ignore[assignment]
     axes: Any = given.get("axes")
     if not isinstance(axes, str) or axes == "auto":
         return transform.changed(**given)
@@ -125,5 +137,56 @@ def _transform(transform: Transform, weights: HandleWeights, place: Place, given
     if found is None:
         why = "the surface has no normal" if along == "normal" else "the shape is as wide as it is long"
         raise ArgumentError("axes", f"cannot be {along!r}: {why} at the handle")
-    in_numbers: GivenTransform = {**given, "axes": found}
+    in_numbers: GivenMotion = {**given, "axes": found}
     return transform.changed(**in_numbers, along=along)
+
+
+def _of_part(name: str, value: Any) -> bool:
+    """Whether what is given of a transform is found on the part that the handle holds."""
+    word = isinstance(value, str) and value not in ("auto" if name == "pivot" else "", "spread")
+    return (
+        name in ("towards", "open") or (name in ("pivot", "joint") and word) or (name == "bend" and np.ndim(value) == 0)
+    )
+
+
+def _on_part(edit: Edit, weights: HandleWeights, handle: int, given: GivenMotion, before: Transform) -> Edit:
+    """`edit` with what is given of a handle's transform in terms of the part that it holds, and with its pivot.
+
+    A pivot of which nothing was said is found when the handle turns or scales and did not `before`.
+    """
+    found: dict[str, Any] = {
+        name: value for name, value in given.items() if value is not None and _of_part(name, value)
+    }
+    held = edit.handle(handle)
+    transform = held.transform
+    begins = not before.turns or given.get("pivot") is not None
+    auto = PRESETS[edit.preset].pivot == "auto" and transform.turns and transform.pivot is None and begins
+    if not found and not auto:
+        return edit
+    pivot = found.get("pivot")
+    if pivot is not None and pivot not in get_args(PivotAt):
+        raise ArgumentError("pivot", f"must be auto, {', '.join(get_args(PivotAt))} or 3 numbers, got {pivot!r}")
+    joint = found.get("joint")
+    if joint not in (None, "auto", "here"):
+        raise ArgumentError("joint", f"must be spread, auto, here or a number from 0 to 1, got {joint!r}")
+    if "towards" in found and "bend" not in found:
+        is_vector = given.get("bend") is not None
+        what = "must be one angle, and not a vector, beside" if is_vector else "must be given: it is what"
+        raise ArgumentError("bend", f"{what} `towards`" + ("" if is_vector else " is for"))
+    parts = weights.held_parts(edit, held)
+    if not parts:
+        if not found:
+            return edit
+        raise ArgumentError(next(iter(found)), "needs a part with an axis, and nothing that the handle holds has one")
+    own = parts[0]
+    part: dict[str, Any] = {}
+    if "open" in found:
+        middle, across = own.axis.hinge
+        part = {"rotation": check.number(None, "open", found["open"]) * across, "pivot": middle, "pivot_at": "hinge"}
+    elif pivot is not None or auto:
+        part["pivot"], part["pivot_at"] = pivot_on(own, pivot, held, edit.symmetry)
+    if "bend" in found:
+        part["bend"] = bend_vector(own, found["bend"], found.get("towards"))
+    if joint is not None:
+        part["joint"] = own.axis.joint if joint == "auto" else own.axis.nearest(np.asarray(held.place.position))
+    return edit.replaced(replace(held, transform=transform.changed(**part)))

@@ -45,22 +45,11 @@ def read_learned(
 ) -> tuple[dict[str, NDArray[Any]], tuple[str, int]]:
     """Read the arrays of a file, and the `encoder_identity` that it was learned from.
 
-    Parameters
-    ----------
-    kind
-        What `write_learned` was given.
-    shapes
-        The shape of each array by name; a size with a name is the same wherever it is named.
-    optional
-        Names of arrays of which a file has all or none.
+    `shapes` has the shape of each array by name; a size with a name is the same wherever it is named. Of the arrays
+    named in `optional` a file has all or none.
 
-    Raises
-    ------
-    ValueError
-        In the name of `function`, if it is no .safetensors file, cut short, of another kind, or an array has another
-        shape or is not finite.
-    OSError
-        If it cannot be read.
+    Raises ValueError in the name of `function`, if it is no .safetensors file, truncated, of another kind, or an array
+    has another shape or is not finite. Raises OSError if it cannot be read.
     """
     name = os.fspath(path)
     try:

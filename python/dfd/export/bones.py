@@ -84,12 +84,12 @@ def bones_of(mesh: Mesh) -> Bones:
     except ValueError as error:
         raise ValueError(f"weigh_skin: `mesh` has a skin that cannot be read: {error}") from error
     try:
-        places = (world[skinned[0].source[0]] @ np.linalg.inv(inverse))[:, :3, 3]
+        positions = (world[skinned[0].source[0]] @ np.linalg.inv(inverse))[:, :3, 3]
     except np.linalg.LinAlgError:
-        places = np.full((len(joints), 3), np.nan)
-    if not np.isfinite(places).all():
+        positions = np.full((len(joints), 3), np.nan)
+    if not np.isfinite(positions).all():
         raise ValueError("weigh_skin: `mesh` has a skin with an inverse bind that cannot be inverted")
-    starts, ends, joint = _lines(places, _parents(header, joints))
+    starts, ends, joint = _lines(positions, _parents(header, joints))
     names = tuple(str(nodes[each].get("name") or f"node {each}") for each in joints)
     return Bones(Mesh(vertices, mesh.faces), names, starts, ends, joint, weights, followed, skinned)
 
@@ -107,12 +107,12 @@ def _parents(header: Header, joints: list[int]) -> list[int]:
     return found
 
 
-def _lines(places: Float64, parents: list[int]) -> tuple[Float64, Float64, NDArray[np.int64]]:
+def _lines(positions: Float64, parents: list[int]) -> tuple[Float64, Float64, NDArray[np.int64]]:
     """The bones: from each joint to its children; one without children extends its parent bone."""
-    lines = [(parent, places[parent], places[child]) for child, parent in enumerate(parents) if parent >= 0]
-    ends = set(range(len(places))) - set(parents)
+    lines = [(parent, positions[parent], positions[child]) for child, parent in enumerate(parents) if parent >= 0]
+    ends = set(range(len(positions))) - set(parents)
     for joint in sorted(ends):
-        before = places[joint] - places[parents[joint]] if parents[joint] >= 0 else np.zeros(3)
-        lines.append((joint, places[joint], places[joint] + LEAF * before))
+        before = positions[joint] - positions[parents[joint]] if parents[joint] >= 0 else np.zeros(3)
+        lines.append((joint, positions[joint], positions[joint] + LEAF * before))
     numbers, starts, stops = zip(*lines, strict=True)
     return np.array(starts), np.array(stops), np.array(numbers, np.int64)

@@ -68,7 +68,7 @@ def _arrays(session: Deformer) -> dict[str, np.ndarray[Any, Any]]:
     held = [edit.handles[column.handle] for column in columns]
     default = np.eye(3, 4) if edit.default is None else edit.default.matrix(box_center(session.mesh))
     return {
-        "vertices": session.mesh.vertices.copy(),
+        "vertices": session.bound.bent(edit).copy(),
         "faces": session.mesh.faces.copy(),
         "weights": np.ascontiguousarray(weights, np.float32),
         "transforms": np.array([column.matrix(handle) for column, handle in zip(columns, held, strict=True)]),

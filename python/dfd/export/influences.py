@@ -55,10 +55,10 @@ def heaviest(weights: NDArray[np.float64], most: int) -> tuple[NDArray[np.int64]
     """
     order = np.argsort(-weights, axis=1, kind="stable")[:, :most]
     kept = np.take_along_axis(weights, order, axis=1)
-    share = kept.sum(axis=1) / weights.sum(axis=1)
+    remaining = kept.sum(axis=1) / weights.sum(axis=1)
     single = _summing_to_one(kept / kept.sum(axis=1, keepdims=True))
     order[single == 0] = 0
-    return order, single, float(share.min())
+    return order, single, float(remaining.min())
 
 
 def _summing_to_one(weights: NDArray[np.float64]) -> NDArray[np.float32]:

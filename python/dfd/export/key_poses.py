@@ -106,6 +106,9 @@ class _TransformDocument(_Document):
     scale: Three = (1.0, 1.0, 1.0)
     pivot: Three | None = None
     axes: tuple[Three, Three, Three] | None = None
+    bend: Three = (0.0, 0.0, 0.0)
+    twist: float = 0.0
+    joint: Annotated[float, Field(ge=0, le=1)] | None = None
 
 
 class _PoseDocument(_Document):
@@ -121,8 +124,8 @@ def read_key_poses(path: str | os.PathLike[str]) -> tuple[KeyPose, ...]:
     """Read the key poses of a JSON file, such as the app saves of its timeline.
 
     It is a list of objects with `seconds`, a `name` and `transforms`: objects with the id of a `handle`, a
-    `translation` in mesh units, a `rotation` as a rotation vector in degrees, `scale`, `pivot` and `axes`, as in an
-    edit.
+    `translation` in mesh units, a `rotation` as a rotation vector in degrees, `scale`, `pivot`, `axes`, `bend`,
+    `twist` and `joint`, as in an edit.
 
     Raises OSError if it cannot be read. Raises ValueError if it is malformed; the message names the field and what was
     found there.

@@ -97,6 +97,8 @@ def rig_report(
     sentences = list(notes)
     if influences is not None and rig.edit.blend != "linear":
         sentences.append(f"the edit blends as {rig.edit.blend}, and a skin linearly")
+    if influences is not None and any(handle.transform.bends for _, edit in rig.moments() for handle in edit.handles):
+        sentences.append("what is bent or twisted is not in a skin: 'morph' and 'baked' have it")
     return RigReport(
         paths,
         form,

@@ -68,8 +68,8 @@ class Rig:
             result[:, self.default] = np.maximum(1.0 - total[:, 0], 0.0)
             result[:, first:] = blended[:, self._column]
             if plane is not None:
-                share = _side(plane, self.mesh.vertices[rows])[:, None]
-                result[:, first:] *= np.where(self._mirrored, 1.0 - share, share)
+                side = _side(plane, self.mesh.vertices[rows])[:, None]
+                result[:, first:] *= np.where(self._mirrored, 1.0 - side, side)
             yield rows, result
 
     def moments(self) -> Iterator[tuple[str, Edit]]:

@@ -144,10 +144,7 @@ def bleed(weights: Float64, along: Float64) -> Bleed:
     """
     total = weights.sum()
     far = along > along.min(axis=1, keepdims=True) + FAR
-    return Bleed(
-        float(weights[far].sum() / total) if total > 0 else 0.0,
-        int((weights.sum(axis=1) <= 0).sum()),
-    )
+    return Bleed(float(weights[far].sum() / total) if total > 0 else 0.0, int((weights.sum(axis=1) <= 0).sum()))
 
 
 def _whole(weights: Float64) -> Float64:

@@ -33,19 +33,12 @@ __all__ = ["read_reference"]
 def read_reference(path: str | os.PathLike[str], mesh: Mesh) -> Content:
     """Return the field in `path`, a `final_encoder.pth` with its `.json` beside it.
 
-    Parameters
-    ----------
-    mesh
-        The mesh it was distilled from: the file does not hold the normalization, which brings the middle of the
-        mesh's box to the origin and its longest side to [−1, 1].
+    It was distilled from `mesh`: the file does not hold the normalization, which brings the middle of the mesh's box to
+    the origin and its longest side to [−1, 1].
 
-    Raises
-    ------
-    OSError
-        If one of the two files does not exist or cannot be read.
-    ValueError
-        If they hold no such network, or one with positional encoding or without unit length, or hold anything but
-        tensors: nothing in the file is ever executed.
+    Raises OSError if one of the two files does not exist or cannot be read. Raises ValueError if they hold no such
+    network, or one with positional encoding or without unit length, or hold anything but tensors: nothing in the file
+    is ever executed.
     """
     config = _read_config(Path(path).with_suffix(".json"))
     if config.get("positional_encoding"):

@@ -15,12 +15,12 @@ from dfd.common import check, tensors
 from dfd.common.errors import ArgumentError
 from dfd.field.field import Field, FieldSource
 from dfd.field.given_features import of_vertices, read_features, rows_of_vertices
-from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 from dfd.mesh.normalization import normalization
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
+    from dfd.mesh.mesh import Mesh, MeshLike
 
 __all__ = ["VertexField", "read_vertex_field"]
 
@@ -51,6 +51,8 @@ class VertexField(Field):
     """
 
     def __init__(self, mesh: MeshLike, features: ArrayLike, *, settings: Mapping[str, Any] | None = None) -> None:
+        from dfd.mesh.mesh import as_mesh  # SciPy with it, which a command's help can do without
+
         mesh = as_mesh(mesh)
         rows = check.array("VertexField", "features", features, ("V", "D"))
         if len(rows) == len(mesh.faces) != len(mesh.vertices):

@@ -27,13 +27,7 @@ class Finding:
 
 
 def findings(mesh: Mesh, topology: Topology | None = None) -> list[Finding]:
-    """List the unusual properties of `mesh` and what they mean for each control.
-
-    Parameters
-    ----------
-    topology
-        The result of `inspect`, if it is known already.
-    """
+    """List the unusual properties of `mesh`, of known or counted `topology`, and what they mean for each control."""
     counts = topology or inspect(mesh)
     return [*_components(mesh, counts), *_surface(counts), *_shape(mesh)]
 

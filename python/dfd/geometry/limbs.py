@@ -39,14 +39,8 @@ def limb_at(mesh: Mesh, distances: NDArray[np.floating]) -> Limb | None:
     Of the regions within growing distances, the most elongated one gives the principal direction about the point: a
     region smaller than the limb's thickness is round, and so is one that reaches into the body.
 
-    Parameters
-    ----------
-    distances
-        (V,) of the vertices along the surface, mesh units.
-
-    Returns
-    -------
-    None where no region is one and a half times as long as it is wide: there is no limb.
+    `distances` (V,) are those of the vertices along the surface, mesh units. None where no region is one and a half
+    times as long as it is wide: there is no limb.
     """
     size = mesh.diagonal
     if size == 0.0 or len(mesh.faces) == 0:

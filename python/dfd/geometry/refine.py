@@ -15,22 +15,10 @@ _ROUNDS = 16  # of halving the longest edges
 def split_long_edges(
     vertices: NDArray[np.float64], faces: NDArray[np.int32], longest: float, *, most: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Halve edges until none is longer than `longest`; faces that share an edge share its middle.
+    """Halve edges until none is longer than `longest`, above 0; faces that share an edge share its middle.
 
-    Parameters
-    ----------
-    vertices
-        (V, 3) positions.
-    faces
-        (F, 3) corners.
-    longest
-        Units of `vertices`, above 0.
-    most
-        About how many vertices may be added; where more would be needed, longer edges stay.
-
-    Returns
-    -------
-    The vertices, new ones after the old, and the faces.
+    About `most` vertices are added, behind the given ones (V, 3); where more would be needed, longer edges stay. The
+    vertices and the faces (F, 3) are returned.
     """
     sizes = face_sizes(vertices, faces)[0]
     long = sizes[sizes > longest]

@@ -29,15 +29,10 @@ def surface_graph(mesh: Mesh) -> csr_matrix:
     edges between vertices on both sides all along the gap; components farther apart stay apart. Vertices of no face
     are joined to the nearest vertex of a face across such a gap.
 
-    Returns
-    -------
-    (V, V) symmetric, float64: lengths of edges in mesh units, all above 0 (for shared positions the smallest normal
-    number, since graph algorithms take 0 for no edge).
+    The matrix (V, V) is symmetric, float64: lengths of edges in mesh units, all above 0 (for shared positions the
+    smallest normal number, since graph algorithms take 0 for no edge).
 
-    Raises
-    ------
-    ValueError
-        If the mesh is so large that lengths overflow.
+    Raises ValueError if the mesh is so large that lengths overflow.
     """
     size = _size(mesh)
     scaled = mesh.vertices / size if size > 0 else mesh.vertices  # no square over- or underflows
@@ -90,14 +85,7 @@ def bridges(
 ) -> NDArray[np.int64]:
     """Return pairs (B, 2) of vertices on the two sides of each small gap between components.
 
-    Parameters
-    ----------
-    vertices
-        (V, 3) positions.
-    faces
-        (F, 3) corners.
-    component
-        (V,) the number of the component of each vertex.
+    `vertices` (V, 3) are positions, `faces` (F, 3) their corners, `component` (V,) the component of each vertex.
     """
     used = np.zeros(len(vertices), bool)
     used[faces] = True
@@ -173,12 +161,8 @@ def _thinned(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Choose one of `points` (N, 3) for each label in every cell of a grid, of few labels where it holds many.
 
-    Returns
-    -------
-    kept
-        (K,) which.
-    crowded
-        (C, 2) for each of the other labels of a cell, a point of that label and one that is kept there.
+    Returned are which (K,), and (C, 2) for each of the other labels of a cell, a point of that label and one that is
+    kept there.
     """
     place = np.floor((points - points.min(axis=0)) / cell).astype(np.int64)
     span = place.max(axis=0) + 1

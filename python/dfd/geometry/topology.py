@@ -136,12 +136,8 @@ def _repeats_earlier(faces: NDArray[np.int32]) -> NDArray[np.bool_]:
 def points_on_faces(counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
     """Spread points over faces, `counts` (F,) of them on each.
 
-    Returns
-    -------
-    face
-        (N,) the face of each point, ascending.
-    barycentric
-        (N, 3) its weights of the face's corners; the first point of a face is its center.
+    Returned are the face (N,) of each point, ascending, and its barycentric coordinates (N, 3); the first point of a
+    face is its center.
     """
     ends = np.cumsum(counts)
     face = np.repeat(np.arange(len(counts)), counts)

@@ -51,15 +51,7 @@ class Appearance:
     colors: NDArray[np.float32] | None = None  # (R, 4) display-referred RGBA in [0, 1]
 
     def albedo(self, faces: NDArray[np.integer], barycentric: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Return the display-referred RGBA (N, 4) in [0, 1] of points of the surface.
-
-        Parameters
-        ----------
-        faces
-            (N,) face of each point.
-        barycentric
-            (N, 3) its barycentric coordinates.
-        """
+        """Return the display-referred RGBA (N, 4) in [0, 1] of points on `faces` (N,) at `barycentric` (N, 3)."""
         rows = self.corner_faces[faces]
         weights = barycentric.astype(np.float32, copy=False)
         material = self.face_material[faces]

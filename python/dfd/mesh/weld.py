@@ -11,21 +11,10 @@ __all__ = ["weld"]
 
 
 def weld(positions: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Return which rows of `positions` are distinct, and which distinct row each row is.
+    """Return the first row (V,) of each distinct position of `positions` (N, 3), and which of them each row is, (N,).
 
-    Positions are the same when their bits are, with -0.0 equal to 0.0: nothing within a tolerance is merged.
-
-    Parameters
-    ----------
-    positions
-        (N, 3), finite.
-
-    Returns
-    -------
-    first
-        (V,) the first row of each distinct position, ascending: distinct rows keep the order in which they came.
-    vertex
-        (N,) for each row, the index in `first` of its position.
+    First rows are ascending: distinct rows keep the order in which they came. Positions, which are finite, are the same
+    when their bits are, with -0.0 equal to 0.0: nothing within a tolerance is merged.
     """
     rows = np.ascontiguousarray(positions + 0.0)  # turns -0.0 into 0.0
     order, starts = _groups(rows)

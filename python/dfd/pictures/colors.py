@@ -13,7 +13,7 @@ from dfd.mesh.appearance import linear, srgb
 __all__ = ["CLAY", "feature_colors", "part_colors", "ratio_colors", "weight_colors"]
 
 CLAY = (0.85, 0.84, 0.82)  # sRGB of a surface without data; also of weight 0
-# sRGB stops from weight 0 to 1. They darken all the way, so that the map also reads in grey and to the color-blind.
+# sRGB stops from weight 0 to 1. They darken all the way, so that the map also reads in gray and to the color-blind.
 HEAT_STOPS = (CLAY, (0.96, 0.78, 0.42), (0.93, 0.50, 0.18), (0.74, 0.20, 0.24), (0.38, 0.05, 0.31))
 SMALLER, LARGER = (0.13, 0.40, 0.74), (0.79, 0.17, 0.16)  # sRGB of a half and of twice
 # Rows from which the main directions are found; more rows change them little.
@@ -92,10 +92,7 @@ def feature_colors(features: ArrayLike) -> NDArray[np.float32]:
 def part_colors(labels: ArrayLike) -> NDArray[np.float32]:
     """Return sRGB colors (V, 3) in [0, 1] of part numbers (V,): hues by the golden ratio, so that none are alike.
 
-    Raises
-    ------
-    ValueError
-        If `labels` is not a row of numbers of at least 0.
+    Raises ValueError if `labels` is not a row of numbers of at least 0.
     """
     numbers = check.array("part_colors", "labels", labels, ("V",), dtype=np.int64)
     if (numbers < 0).any():
@@ -104,8 +101,8 @@ def part_colors(labels: ArrayLike) -> NDArray[np.float32]:
     hue = 2 * np.pi * (number * 0.618034 % 1)
     lightness = np.array([0.72, 0.6, 0.82])[number % 3]
     table = _from_oklab(np.stack([lightness, 0.13 * np.cos(hue), 0.13 * np.sin(hue)], axis=1))
-    colours: NDArray[np.float32] = table[numbers].astype(np.float32)
-    return colours
+    colors: NDArray[np.float32] = table[numbers].astype(np.float32)
+    return colors
 
 
 def oklab(colors: NDArray[np.floating[Any]]) -> NDArray[np.float64]:

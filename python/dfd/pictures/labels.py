@@ -145,12 +145,7 @@ INSIDE = 0.02
 
 
 def draw_marks(
-    image: NDArray[np.float32],
-    scene: Scene,
-    camera: Camera,
-    positions: NDArray[np.float64],
-    *,
-    square: bool,
+    image: NDArray[np.float32], scene: Scene, camera: Camera, positions: NDArray[np.float64], *, square: bool
 ) -> None:
     """Draw dots or squares with white rims into `image` (R, R, 3), in place.
 

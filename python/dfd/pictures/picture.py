@@ -41,7 +41,7 @@ CREASE = 30.0  # degrees; a smooth normal that leans further from its face leave
 # The light: sky from above, a lamp over the viewer's left shoulder, and shade where the surface hides the sky.
 SKY, GROUND, LAMP = 0.44, 0.28, 0.68
 LAMP_OFFSET = (-0.45, 0.60)  # to the right and up, against 1 towards the eye
-SHADE_RAYS = 2  # per sample; the samples of a tile look in different directions and share what they find
+SHADE_RAYS = 2  # per sample; the samples of a tile look in different directions and opacity what they find
 TILE = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]]) / 16  # of samples, an ordered dither
 SHADE_REACH = 0.7  # range of occlusion, of half the shape's size
 SHADE_DEPTH = 0.75  # darkening by full occlusion
@@ -121,26 +121,24 @@ def picture(
     ]
     if labels and len(labels) != (0 if handles is None else len(np.asarray(handles))):
         raise ValueError(f"picture: `labels` must be as many as `handles`, got {len(labels)}")
-    place, camera = aim(mesh, drawn, azimuth, elevation, zoom, target, frame)
-    placed = place.apply(drawn).astype(np.float32)
-    scene = Scene(placed, mesh.faces)
-    image = _Painter(mesh, placed, scene, camera, paint, moved=vertices is not None).draw(resolution)
-    for positions, square in marks:
-        draw_marks(image, scene, camera, place.apply(positions), square=square)
+    normal_form, camera = aim(mesh, drawn, azimuth, elevation, zoom, target, frame)
+    positions = normal_form.apply(drawn).astype(np.float32)
+    scene = Scene(positions, mesh.faces)
+    image = _Painter(mesh, positions, scene, camera, paint, moved=vertices is not None).draw(resolution)
+    for marked, square in marks:
+        draw_marks(image, scene, camera, normal_form.apply(marked), square=square)
     page = Image.fromarray((image.clip(0, 1) * 255 + 0.5).astype(np.uint8))
     if numbers:
-        draw_numbers(page, scene, camera, placed)
+        draw_numbers(page, scene, camera, positions)
     if labels:
-        draw_labels(page, camera, place.apply(marks[-1][0]), labels)
+        draw_labels(page, camera, normal_form.apply(marks[-1][0]), labels)
     if axes:
         draw_axes(page, camera)
     return np.array(page)
 
 
 def save_png(
-    path: str | os.PathLike[str],
-    image: Image.Image | NDArray[np.uint8],
-    document: PictureDocument | None = None,
+    path: str | os.PathLike[str], image: Image.Image | NDArray[np.uint8], document: PictureDocument | None = None
 ) -> None:
     """Write a picture, a PIL image or a uint8 array of shape (height, width, 3), whole or not at all.
 
@@ -204,11 +202,11 @@ class _Painter:
             place = starts[hits.ray] + directions[ray[hits.ray]] * hits.distance[:, None]
             ray = ray[hits.ray]
             rgba = self._albedo(hits)
-            share = light[ray] * rgba[:, 3]
+            opacity = light[ray] * rgba[:, 3]
             normals = self._facing_normals(hits, directions[ray])
             hidden = _smoothed(self._hidden(place, normals, ray, count), ray, (len(rows), count))
-            color[ray] += share[:, None] * rgba[:, :3] * self._light(normals, 1 - SHADE_DEPTH * hidden)[:, None]
-            light[ray] -= share
+            color[ray] += opacity[:, None] * rgba[:, :3] * self._light(normals, 1 - SHADE_DEPTH * hidden)[:, None]
+            light[ray] -= opacity
             onward = light[ray] > 0.01
             if not onward.any():
                 break

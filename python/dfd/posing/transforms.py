@@ -25,7 +25,9 @@ if TYPE_CHECKING:
 __all__ = [
     "Along",
     "Frame",
+    "GivenMotion",
     "GivenTransform",
+    "PivotAt",
     "Transform",
     "Vector",
     "affine",
@@ -40,6 +42,7 @@ __all__ = [
 Vector = tuple[float, float, float]
 Frame = tuple[Vector, Vector, Vector]  # three orthonormal vectors
 Along = Literal["normal", "limb"]
+PivotAt = Literal["base", "middle", "point", "plane", "hinge"]
 
 # Beyond it a float64 has no digits left for the part that matters, what exceeds the whole turns.
 LARGEST_ANGLE = 1e9
@@ -64,6 +67,13 @@ class Transform:
     along
         What of the surface the third of `axes` runs along, "normal" or "limb"; what looks alike then goes along its
         own. None where they are numbers and nothing else.
+    pivot_at
+        What of the held part `pivot` is, as in `Deformer.add`; None where it is numbers and nothing else.
+    bend, twist
+        What the tip of the held part turns by along its own axis before all else: (3,) a rotation vector in degrees,
+        and degrees about the axis itself.
+    joint
+        Where along the axis, in [0, 1] from base to tip, bend and twist happen; None spreads them over its length.
     linear
         (3, 3) read-only, R A S Aᵀ.
 
@@ -71,8 +81,8 @@ class Transform:
     ------
     ValueError
         If an attribute has another shape or is not finite, a rotation is the quaternion 0 or beyond ±1e9 degrees,
-        `axes` are not orthonormal, `along` is another word or without them, or the numbers are so large that the matrix
-        is not finite.
+        `axes` are not orthonormal, `along` is another word or without them, `pivot_at` likewise, `joint` lies outside
+        [0, 1], or the numbers are so large that the matrix is not finite.
     """
 
     translation: Vector = (0.0, 0.0, 0.0)
@@ -81,6 +91,10 @@ class Transform:
     pivot: Vector | None = None
     axes: Frame | None = None
     along: Along | None = None
+    pivot_at: PivotAt | None = None
+    bend: Vector = (0.0, 0.0, 0.0)
+    twist: float = 0.0
+    joint: float | None = None
     linear: NDArray[np.float64] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -97,12 +111,25 @@ class Transform:
             check.choice("Transform", "along", self.along, Along)
             if self.axes is None:
                 raise ArgumentError("axes", "must be given when `along` is", "Transform")
+        if self.pivot_at is not None:
+            check.choice("Transform", "pivot_at", self.pivot_at, PivotAt)
+            if self.pivot is None:
+                raise ArgumentError("pivot", "must be given when `pivot_at` is", "Transform")
+        keep(self, "bend", _angles("bend", self.bend))
+        keep(
+            self, "twist", check.number("Transform", "twist", self.twist, minimum=-LARGEST_ANGLE, maximum=LARGEST_ANGLE)
+        )
+        if self.joint is not None:
+            keep(self, "joint", check.number("Transform", "joint", self.joint, minimum=0.0, maximum=1.0))
         keep(self, "linear", _linear(self.rotation, self.scale, self.axes))
 
-    def changed(self, *, along: Along | None = None, **given: Unpack[GivenTransform]) -> Transform:
+    def changed(
+        self, *, along: Along | None = None, pivot_at: PivotAt | None = None, **given: Unpack[GivenMotion]
+    ) -> Transform:
         """The transform with some of its parts exchanged; None leaves a part, "auto" takes pivot or axes away.
 
-        `along` says what `axes` run along; other ones than before run along nothing without it.
+        `along` says what `axes` run along, `pivot_at` what `pivot` is; other ones than before are nothing without it.
+        A `joint` of "spread" takes it away.
 
         Raises
         ------
@@ -116,13 +143,28 @@ class Transform:
         others = "axes" in parts and (parts["axes"] is None or not np.array_equal(parts["axes"], self.axes or ()))
         if along is not None or others:
             parts["along"] = along
+        if "pivot" in parts and (
+            pivot_at is not None or parts["pivot"] is None or not np.array_equal(parts["pivot"], self.pivot or ())
+        ):
+            parts["pivot_at"] = pivot_at
+        if parts.get("joint") == "spread":
+            parts["joint"] = None
         return replace(self, **parts) if parts else self
 
     @property
     def rests(self) -> bool:
         """Whether it leaves every point in place, whatever the pivot and the axes."""
-        identity = (0.0, 0.0, 0.0)
-        return self.translation == identity and self.rotation == identity and self.scale == (1.0, 1.0, 1.0)
+        return self.translation == (0.0, 0.0, 0.0) and not self.turns and not self.bends
+
+    @property
+    def turns(self) -> bool:
+        """Whether it rotates or scales, so that its pivot matters."""
+        return self.rotation != (0.0, 0.0, 0.0) or self.scale != (1.0, 1.0, 1.0)
+
+    @property
+    def bends(self) -> bool:
+        """Whether it bends or twists what it holds."""
+        return self.bend != (0.0, 0.0, 0.0) or self.twist != 0.0
 
     def matrix(self, center: Vector = (0.0, 0.0, 0.0)) -> NDArray[np.float64]:
         """The (3, 4) affine matrix in mesh units; `center` is the pivot of a transform without one.
@@ -153,6 +195,16 @@ class GivenTransform(TypedDict, total=False):
     scale: ArrayLike | None
     pivot: ArrayLike | None
     axes: ArrayLike | None
+
+
+class GivenMotion(GivenTransform, total=False):
+    """What a handle is given of its transform: besides it, what the part that it holds does along its own axis."""
+
+    bend: ArrayLike | None
+    twist: float | None
+    towards: ArrayLike | None
+    joint: float | Literal["spread", "auto", "here"] | None
+    open: float | None
 
 
 def affine(
@@ -194,11 +246,7 @@ def rotation_vector(rotation: ArrayLike) -> Vector:
     """`rotation` as a rotation vector in degrees; a quaternion takes the shorter way round."""
     numbers = _numbers("rotation", rotation)
     if numbers.shape == (3,):
-        if np.abs(numbers).max() > LARGEST_ANGLE:
-            raise ArgumentError(
-                "rotation", f"must stay within ±{LARGEST_ANGLE:g} degrees, got {_triple(numbers)}", "Transform"
-            )
-        return _triple(numbers)
+        return _angles("rotation", numbers)
     if numbers.shape != (4,):
         raise ArgumentError(
             "rotation",
@@ -211,6 +259,14 @@ def rotation_vector(rotation: ArrayLike) -> Vector:
         raise ArgumentError("rotation", "must be a quaternion other than 0", "Transform")
     # First to a size whose square neither overflows nor vanishes.
     return _triple(Rotation.from_quat(numbers / largest).as_rotvec(degrees=True))
+
+
+def _angles(name: str, value: ArrayLike) -> Vector:
+    """`value` as a rotation vector in degrees."""
+    angles = vector(name, value)
+    if max(map(abs, angles)) > LARGEST_ANGLE:
+        raise ArgumentError(name, f"must stay within ±{LARGEST_ANGLE:g} degrees, got {angles}", "Transform")
+    return angles
 
 
 def scale_factors(scale: ArrayLike) -> Vector:

@@ -54,18 +54,11 @@ class SurfaceFeatures:
         return np.interp(distance, np.concatenate([[0], places]), [0, *self.change])
 
     def dissimilarity(self, images: NDArray[np.float64]) -> tuple[float, float]:
-        """Judge a symmetry by where it takes `points`.
+        """Judge a symmetry by the `images` (N, 3) of `points`, normalized.
 
-        Parameters
-        ----------
-        images
-            (N, 3), normalized.
-
-        Returns
-        -------
-        How much features change over how much they usually do between points so far apart, over the best four fifths
-        of the points that move: 0 is a perfect symmetry, 1 no better than chance, and where few points move at all, as
-        across a flat shape's own plane. Then the share of the points that move and land on the surface.
+        Returned is how much features change over how much they usually do between points so far apart, over the best
+        four fifths of the points that move: 0 is a perfect symmetry, 1 no better than chance, and where few points move
+        at all, as across a flat shape's own plane. Then the share of the points that move and land on the surface.
         """
         distance = np.linalg.norm(images - self.points, axis=1)
         moves = distance > STAYS

@@ -94,22 +94,12 @@ def axis_plane(mesh: Mesh, axis: str, *, band: float = 0.0) -> SymmetryPlane:
 
 
 def plane_from_text(text: str, mesh: Mesh) -> SymmetryPlane:
-    """Read a plane as people write it.
+    """Read a plane as people write it; its band is 3 % of the longest side of `mesh`.
 
-    Parameters
-    ----------
-    text
-        "x", "y" or "z": across this axis through the center of the bounding box of `mesh`; "x=0.1": across it at this
-        coordinate, mesh units; "0.6,0,0.8=0.1": across this direction, of any length, at this distance from the origin.
+    "x", "y" or "z" is across this axis through the center of the bounding box of `mesh`, "x=0.1" across it at this
+    coordinate, mesh units, "0.6,0,0.8=0.1" across this direction, of any length, at this distance from the origin.
 
-    Returns
-    -------
-    The plane, with a band of 3 % of the longest side of `mesh`.
-
-    Raises
-    ------
-    ValueError
-        If `text` says none of these, a number is not finite or the direction has no length.
+    Raises ValueError if `text` says none of these, a number is not finite or the direction has no length.
     """
     band = DEFAULT_BAND * float(np.max(mesh.extents))
     name, equals, value = (part.strip() for part in text.partition("="))

@@ -46,15 +46,9 @@ def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stage
     one upside down. The file's +y is kept unless another axis is clearly more likely; if none is clear, the two
     likeliest share the pictures.
 
-    Parameters
-    ----------
-    probe
-        The probe learned for the encoder's tokens; None takes the package's. Without one, the file's up is kept.
+    `probe` is the one learned for the encoder's tokens; None takes the package's. Without one, the file's up is kept.
 
-    Raises
-    ------
-    ValueError
-        If `probe` was learned from another encoder.
+    Raises ValueError if `probe` was learned from another encoder.
     """
     if probe is not None and not probe.fits(encoder):
         raise ValueError(f"find_up: `probe` was learned from another encoder than {encoder!r}")

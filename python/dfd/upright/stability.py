@@ -32,15 +32,7 @@ _SHRINKING = (0.15, 0.07, 0.03, 0.015, 0.007)  # radians, steps of the search fo
 
 
 class StabilityCues:
-    """Stability and symmetry of a shape's surface.
-
-    Parameters
-    ----------
-    vertices
-        (V, 3) in any units.
-    faces
-        (F, 3); at least one has an area.
-    """
+    """Stability and symmetry of a surface of `vertices` (V, 3), in any units, and `faces` (F, 3), one with an area."""
 
     def __init__(self, vertices: NDArray[np.floating], faces: NDArray[np.int32]) -> None:
         generator = np.random.default_rng(0)

@@ -147,23 +147,15 @@ def camera_towards(
 def place_cameras(
     count: int, points: NDArray[np.floating[Any]], *, framing: Framing = "shape", mirrored: bool = False
 ) -> list[Camera]:
-    """Place `count` cameras around a shape.
+    """Place `count` cameras around a shape of vertices `points` (N, 3), in normalized coordinates.
 
-    Parameters
-    ----------
-    points
-        (N, 3) vertices of the shape in normalized coordinates.
-    framing
-        "shape": the smallest distance at which the whole shape is in the picture with a small margin (and no point
-        nearer to the eye than a tenth of its size); "paper": a distance of 2.8 from the origin, looking at it.
-    mirrored
-        Cameras, and with them pictures, come in fours that are mirror images of each other at x = 0 and at z = 0: a
-        shape that is its own image across one of these planes is seen alike on both sides, whichever plane it is.
+    `framing` "shape" takes the smallest distance at which the whole shape is in the picture with a small margin (and no
+    point nearer to the eye than a tenth of its size), "paper" a distance of 2.8 from the origin, looking at it.
 
-    Raises
-    ------
-    ValueError
-        If `count` is not at least 1 or `framing` is unknown.
+    With `mirrored`, cameras, and with them pictures, come in fours that are mirror images of each other at x = 0 and at
+    z = 0: a shape that is its own image across one of these planes is seen alike on both sides, whichever plane it is.
+
+    Raises ValueError if `count` is not at least 1 or `framing` is unknown.
     """
     directions = fibonacci_directions(count, mirrored=mirrored)
     x, z = directions[:, 0], directions[:, 2]

@@ -46,14 +46,9 @@ class Hits:
 class Scene:
     """Triangles in normalized coordinates, ready to be hit; front and back faces alike.
 
-    Several threads may cast at once, and do so in parallel.
-
-    Parameters
-    ----------
-    vertices
-        (V, 3) in normalized coordinates: Embree computes in float32 and loses hits far from the origin.
-    faces
-        (F, 3) indices into `vertices`, checked by `dfd.Mesh`; triangles without area are never hit.
+    Several threads may cast at once, and do so in parallel. `vertices` (V, 3) are in normalized coordinates, since
+    Embree computes in float32 and loses hits far from the origin; `faces` (F, 3) are checked by `dfd.Mesh`, and those
+    without area are never hit.
     """
 
     def __init__(self, vertices: NDArray[np.floating[Any]], faces: NDArray[np.integer[Any]]) -> None:

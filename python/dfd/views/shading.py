@@ -34,12 +34,9 @@ class Shading:
         self._appearance = mesh.appearance
 
     def picture(self, camera: Camera, resolution: int) -> tuple[NDArray[np.uint8], Hits]:
-        """Take one picture.
+        """Return one picture, (resolution, resolution, 3), and the first hit that is not clear of each covered pixel.
 
-        Returns
-        -------
-        The picture, (resolution, resolution, 3), and for every pixel that shows the surface the first hit that is not
-        clear, with `ray` the pixel's index.
+        `ray` of the hits is the pixel's index.
         """
         origin = camera.position.astype(np.float32)
         pixels = camera.may_show(self._vertices, self._faces, resolution)

@@ -46,17 +46,9 @@ def unseen(mesh: Mesh, *, views: int = 24, frame: NDArray[np.float64] | None = N
     be it of glass; a face is seen from both its sides. On unseen parts `dfd.distill` has no features:
     its smoothing fills in those of the nearest seen surface.
 
-    Parameters
-    ----------
-    views
-        How many cameras.
-    frame
-        (3, 3) what counts as right, up and front; see `dfd.views.render.render`.
+    There are `views` cameras; `frame` (3, 3) tells what counts as right, up and front, see `dfd.views.render.render`.
 
-    Raises
-    ------
-    ValueError
-        If `views` is not at least 1.
+    Raises ValueError if `views` is not at least 1.
     """
     views = check.whole("unseen", "views", views, minimum=1, maximum=LARGEST_VIEWS)
     nothing = Unseen(views, area=1.0, components=0, component_count=0)

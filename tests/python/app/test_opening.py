@@ -27,6 +27,21 @@ def test_files_are_opened(new_page: Page, shape: Shape, deformer: Deformer, tmp_
     page.alive()
 
 
+def test_what_is_no_longer_open_is_deleted(app: RunningApp, new_page: Page, shape: Shape) -> None:
+    page = new_page
+    field = shape.field.read_bytes()
+    for name in ("first.glb", "second.glb"):
+        page.upload({name: shape.mesh.read_bytes(), "own.safetensors": field})
+        page.until(lambda message, name=name: message["type"] == "mesh" and message["name"] == name)
+        page.alive()
+    tab = app.tabs.find(page.session or "")
+    assert tab is not None
+    (kept,) = (tab.folder / "uploads").iterdir()
+    page.upload({"third.glb": b"no mesh"})
+    page.until(lambda message: message["type"] == "failure")
+    assert kept.is_dir(), "what is still open"
+
+
 @pytest.mark.parametrize(
     ("name", "content"),
     [

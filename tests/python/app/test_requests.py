@@ -55,6 +55,52 @@ def test_a_shape_is_shown_and_edited(page: Page, deformer: Deformer) -> None:
     assert page.last("state")["can_undo"]
 
 
+def test_a_part_is_shown_held_and_what_a_handle_is_limited_to(page: Page, deformer: Deformer) -> None:
+    if not page.last("state")["field"]["parts"]:
+        page.until(lambda message: message["type"] == "state" and message["field"]["parts"])
+    vertex, count = 5, len(deformer.mesh.vertices)
+    part = deformer.part(vertex).indices
+    answer = page.ask("part", vertex=vertex)
+    mask = np.unpackbits(answer["arrays"]["mask"], count=count, bitorder="little")
+    np.testing.assert_array_equal(np.flatnonzero(mask), part)
+    assert answer["count"] == len(part)
+
+    handle = page.ask("take_part", vertex=vertex)["handle"]
+    assert page.last("state")["handles"][0]["region"] == len(part)
+    assert page.ask("take_part", vertex=vertex)["handle"] == handle, "it is held already"
+    page.ask("take_part", vertex=vertex, handle=handle)
+    assert page.last("state")["handles"][0]["region"] != len(part), "the next level"
+    page.ask("undo")
+
+    other = int(np.setdiff1d(np.arange(count), part)[0])
+    added = np.union1d(part, deformer.part(other).indices)
+    page.ask("take_part", vertex=other, handle=handle, how="add")
+    assert page.last("state")["handles"][0]["region"] == len(added)
+    page.ask("take_part", vertex=vertex, handle=handle, how="remove")
+    assert page.last("state")["handles"][0]["region"] == len(np.setdiff1d(added, part))
+    page.ask("undo")
+    page.ask("undo")
+    assert "remove the handle" in page.ask("take_part", vertex=vertex, handle=handle, how="remove")["message"]
+
+    page.ask("change", handle=handle, controls={"within": "part"})
+    limited = page.last("state")["handles"][0]
+    assert (limited["within"], limited["within_part"]) == (len(part), True)
+    page.ask("take_part", vertex=vertex, handle=handle)
+    larger = page.last("state")["handles"][0]
+    assert (larger["within"], larger["within_part"]) == (larger["region"], True), "the limit goes along"
+    page.ask("change", handle=handle, controls={"within": "everywhere", "reach": "part"})
+    assert (page.last("state")["handles"][0]["within_part"], page.last("state")["handles"][0]["reach_by"]) == (
+        False,
+        "part",
+    )
+    page.ask("fix", at={"part": other})
+    assert page.last("state")["fixed"][0]["region"] == len(deformer.part(other).indices)
+
+    point = page.ask("add", at={"vertex": vertex}, controls={"within": "part"})["handle"]
+    assert page.last("state")["handles"][1]["within_part"]
+    page.ask("remove", handle=point)
+
+
 def test_a_preset_is_one_step_and_stays_when_all_is_cleared(new_page: Page) -> None:
     page = new_page
     page.ask("add", at={"vertex": 5}, controls={"reach": 0.4})

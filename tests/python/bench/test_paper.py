@@ -98,7 +98,7 @@ def test_both_sides_of_a_seam_are_the_vertex_that_faces_name(tmp_path):
         (USER, "-1 0 0 0\n", "line 1: vertex must be one of 0 … 641, got -1"),
         (USER, "5 0 0 0\n6 0 0 0\n5 1 1 1\n", "line 3: vertex 5 must go to one place, but it is that of line 1"),
         (FIXED, "TOP 0 1 0\n", f"line 1: vertex TOP must go to one place, but it is a handle of {USER}"),
-        (FIXED, "5 9 9 9\n", "the file is of another mesh, or of another order of vertices"),
+        (FIXED, "5 9 9 9\n", "the file is of another mesh or order of vertices"),
     ],
 )
 def test_what_does_not_fit_is_refused_by_file_and_line(tmp_path, ball, name, text, message):
@@ -217,7 +217,7 @@ def test_a_piece_without_a_point_is_told(ball):
         np.concatenate([ball.vertices, ball.vertices + 5]),
         np.concatenate([ball.faces, ball.faces + len(ball.vertices)]),
     )
-    with pytest.raises(PeerError, match="on every one of the 2 pieces"):
+    with pytest.raises(PeerError, match="on every one of the 2 components"):
         methods.deform("ARAP", case_of(both, [top(ball), bottom(ball)], MOVE), 0.01)
 
 

@@ -19,9 +19,10 @@ from bench.paper.context import Context, Shape
 from bench.paper.drawing import silhouettes
 from bench.paper.encoders import correlation
 from bench.paper.features import in_box_of
-from bench.paper.measures import defects, gap, roughness, subdivided, vertex_shares
+from bench.paper.measures import defects, gap, roughness, subdivided
 from bench.paper.peers.peer import Done
 from bench.paper.report import Page, Section, Table, write
+from bench.quality.measures import area_fractions
 from dfd.distillation.settings import DistillSettings
 
 TINY = {"views": 4, "resolution": 32, "steps": 5, "batch": 64, "up": "file"}
@@ -143,7 +144,7 @@ def test_roughness_is_the_mean_slope():
     # x has slope 1 on four of six sides and 0 on the two across it.
     assert roughness(mesh, 3 * mesh.vertices[:, 0]) == pytest.approx(3 * 4 / 6 * mesh.diagonal)
     assert roughness(mesh, np.ones(len(mesh.vertices))) == 0
-    assert vertex_shares(mesh).sum() == pytest.approx(1)
+    assert area_fractions(mesh).sum() == pytest.approx(1)
 
 
 def test_correlation_counts_areas():

@@ -12,7 +12,7 @@ import trimesh
 import dfd
 from bench.paper.comparisons import farthest
 from bench.paper.peers import PEERS
-from bench.paper.peers.coordinates import bilaplacian
+from bench.paper.peers.biharmonic import bilaplacian
 from bench.paper.peers.peer import Body, Job, run
 from bench.paper.peers.tetrahedra import Tetrahedra
 from bench.quality.baselines import PeerError
@@ -123,7 +123,7 @@ def test_what_a_method_cannot_do_is_told(body, held, monkeypatch):
         np.concatenate([body.vertices, body.vertices + 9]),
         np.concatenate([body.faces, body.faces + len(body.vertices)]),
     )
-    with pytest.raises(PeerError, match="on every one of the 2 pieces"):
+    with pytest.raises(PeerError, match="on every one of the 2 components"):
         made("ARAP", apart, held)
     monkeypatch.setitem(sys.modules, "igl", None)
     for name in ("ARAP", "BBW"):

@@ -168,7 +168,7 @@ def test_biharmonic_weights_are_one_at_their_handle_and_zero_at_those_of_other_p
 
 def test_biharmonic_weights_need_a_handle_on_every_piece():
     two = Mesh(np.vstack([SQUARE, SQUARE + 5]), np.vstack([HALVES, HALVES + 4]))
-    with pytest.raises(PeerError, match="every one of the 2 pieces"):
+    with pytest.raises(PeerError, match="every one of the 2 components"):
         biharmonic(two, np.zeros(8, int), np.array([0, 5]), bounded=False)
 
 

@@ -17,7 +17,7 @@ from bench.quality.shapes import Shape
 from bench.training import learn_metric
 from bench.training.learn_kinds import KINDS, learn_kinds
 from bench.training.learn_metric import Lesson, discriminants, further_rigs, judged, report
-from bench.training.looks import Looks, kept_looks, looks
+from bench.training.vertex_features import VertexFeatures, cached_vertex_features, vertex_features
 from dfd.distillation.metric import Metric, find_metric
 from dfd.distillation.targets import PointTargets, unit
 from dfd.distillation.thickness import BANDS, thickness_bands
@@ -26,9 +26,9 @@ from dfd.encoders.learned_file import encoder_identity
 from dfd.views.render import Views
 
 
-def looking(features: np.ndarray) -> Looks:
+def looking(features: np.ndarray) -> VertexFeatures:
     """Features (V, D) of a shape that is as thick everywhere."""
-    return Looks(features, np.zeros((len(features), BANDS), np.float32))
+    return VertexFeatures(features, np.zeros((len(features), BANDS), np.float32))
 
 
 def lesson(name: str, seed: int) -> Lesson:
@@ -68,7 +68,7 @@ def test_parts_that_only_differ_in_thickness_are_told_apart() -> None:
         each = lesson(name, seed)
         noise = np.random.default_rng(seed).normal(size=each.features.shape).astype(np.float32)
         thick = np.eye(BANDS, dtype=np.float32)[4 * each.shape.labels]
-        lessons.append(replace(each, looks=Looks(unit(noise), thick)))
+        lessons.append(replace(each, seen=VertexFeatures(unit(noise), thick)))
     of_features, of_bands = discriminants(lessons)
     told = [0, 4, 8]
     assert np.abs(of_bands[told, 0]).max() > 3 * np.abs(of_features[:, 0]).max()
@@ -145,20 +145,20 @@ def test_further_rigs_have_the_names_of_their_joints_for_parts(tmp_path: Path, m
     assert list(further_rigs(None, told.append)) == []
 
 
-def test_looks_are_unit_and_taken_once(
+def test_features_are_unit_and_taken_once(
     tmp_path: Path, tiny_encoder: Path, chair_mesh: dfd.Mesh, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     encoder, mesh = load_encoder(tiny_encoder, device="cpu", precision="float32"), chair_mesh
-    seen = looks(mesh, encoder, views=4, resolution=64)
+    seen = vertex_features(mesh, encoder, views=4, resolution=64)
     assert seen.features.shape == (len(mesh.vertices), encoder.dimension)
     assert seen.thickness.shape == (len(mesh.vertices), BANDS)
     np.testing.assert_allclose(np.linalg.norm(seen.features, axis=1), 1, atol=1e-5)
-    monkeypatch.setattr("bench.training.looks.looks", lambda *_: seen)
-    kept = kept_looks(tmp_path / "looks", mesh, encoder)
+    monkeypatch.setattr("bench.training.vertex_features.vertex_features", lambda *_: seen)
+    kept = cached_vertex_features(tmp_path / "features", mesh, encoder)
     np.testing.assert_allclose(kept.features, seen.features, atol=2e-3)
     np.testing.assert_array_equal(kept.thickness, seen.thickness)
-    monkeypatch.setattr("bench.training.looks.looks", lambda *_: pytest.fail("looked again"))
-    again = kept_looks(tmp_path / "looks", mesh, encoder)
+    monkeypatch.setattr("bench.training.vertex_features.vertex_features", lambda *_: pytest.fail("looked again"))
+    again = cached_vertex_features(tmp_path / "features", mesh, encoder)
     np.testing.assert_array_equal(again.features, kept.features)
     np.testing.assert_array_equal(again.thickness, kept.thickness)
 
@@ -179,9 +179,9 @@ def test_what_is_learned_from_is_what_distillation_maps(
         return bands
 
     monkeypatch.setattr("dfd.distillation.algorithm.thickness_bands", recorded)
-    monkeypatch.setattr("bench.training.looks.thickness_bands", recorded)
+    monkeypatch.setattr("bench.training.vertex_features.thickness_bands", recorded)
     mesh = dfd.samples.chair(4000).mesh
-    looks(mesh, encoder, views=4, resolution=64)
+    vertex_features(mesh, encoder, views=4, resolution=64)
     dfd.distill(mesh, encoder, views=4, resolution=64, steps=2, up="file", cache=False, progress=False)
     learned_from, distilled = measured
     for one, other in zip(learned_from, distilled, strict=True):
@@ -195,7 +195,7 @@ def test_the_packages_metric_tells_the_parts_of_a_sample_better() -> None:
     assert metric is not None
     assert metric.kinds is not None
     sample = dfd.samples.quadruped(4000)
-    each = Lesson(Shape("quadruped", sample.mesh, sample.labels, sample.parts), looks(sample.mesh, encoder))
-    mapped = metric.mapped(each.features, each.looks.thickness, np.random.default_rng(0), mean=each.mean)
+    each = Lesson(Shape("quadruped", sample.mesh, sample.labels, sample.parts), vertex_features(sample.mesh, encoder))
+    mapped = metric.mapped(each.features, each.seen.thickness, np.random.default_rng(0), mean=each.mean)
     plain, learned = (judged(each, rows, Draw(each=4, seeds=(0,))) for rows in (each.features, mapped))
     assert learned["precision"] > plain["precision"] + 0.01

@@ -8,7 +8,7 @@ from skinned_figure import skinned_figure
 
 from bench.quality.__main__ import settings_of
 from bench.quality.parts import label_vertices, merged, only, sides_as_one
-from bench.quality.report import to_csv, to_markdown
+from bench.quality.report import as_csv, as_markdown
 from bench.quality.shapes import characters
 from bench.quality.studies import Row
 from dfd import Mesh
@@ -134,13 +134,13 @@ def test_tables_hold_every_row_and_leave_empty_what_does_not_apply():
         Row("methods", "chair", "peer", note="takes | long"),
         Row("seeds", "spot", "seed 1", {"symmetry error": 0.125}),
     ]
-    assert to_csv(rows).splitlines() == [
+    assert as_csv(rows).splitlines() == [
         "study,shape,setting,precision,precision ±,ratio,moving,symmetry error,Dirichlet energy,off the first,note",
         "methods,chair,dfd,0.75,,,0.5,,,,",
         "methods,chair,peer,,,,,,,,takes | long",
         "seeds,spot,seed 1,,,,,0.125,,,",
     ]
-    page = to_markdown(rows, "Settings.")
-    assert "| shape | setting | precision | moving |" in page
-    assert "| chair | peer | takes / long |  |" in page
+    page = as_markdown(rows, "Settings.")
+    assert "| shape | setting | precision | moving | note |" in page
+    assert "| chair | peer |  |  | takes / long |" in page
     assert "| spot | seed 1 | 0.125 |" in page

@@ -8,9 +8,9 @@ import pytest
 from bench.quality import studies
 from bench.quality.evaluate import Draw
 from bench.quality.fields import Lab
-from bench.quality.report import compared, in_words, to_markdown
+from bench.quality.report import as_markdown, compared, in_words
 from bench.quality.shapes import Shape
-from bench.quality.studies import BARYCENTRIC, GREY, PLAIN, TEXTURED, VERTEX, Bench, Row, compare
+from bench.quality.studies import BARYCENTRIC, GRAY, PLAIN, TEXTURED, VERTEX, Bench, Row, compare
 from dfd import Mesh, samples
 from dfd.mesh.appearance import Appearance, Material
 
@@ -100,7 +100,7 @@ def test_the_spread_is_that_among_seeds(chair):
     assert "precision ±" not in bench_of(Fields(), seeds=(0, 1)).verdict(chair, {"seed": 3})
 
 
-def test_in_grey_a_mesh_has_no_colours(monkeypatch):
+def test_in_gray_a_mesh_has_no_colors(monkeypatch):
     corners = np.arange(3, dtype=np.int32)
     looks = Appearance(corners, corners[None], np.zeros(1, np.int32), (Material((1.0, 0.0, 0.0, 1.0)),))
     mesh = Mesh(np.eye(3), corners[None], appearance=looks)
@@ -111,11 +111,11 @@ def test_in_grey_a_mesh_has_no_colours(monkeypatch):
     first = lab.field("one", mesh)
     assert lab.field("one", mesh, texture=False) != first
     assert lab.field("one", mesh) == first
-    (coloured, settings), (grey, others) = seen
+    (coloured, settings), (gray, others) = seen
     assert coloured is mesh
-    assert grey.appearance is None
-    assert np.array_equal(grey.vertices, mesh.vertices)
-    assert np.array_equal(grey.faces, mesh.faces)
+    assert gray.appearance is None
+    assert np.array_equal(gray.vertices, mesh.vertices)
+    assert np.array_equal(gray.faces, mesh.faces)
     assert settings == others
     assert "texture" not in settings
 
@@ -135,15 +135,15 @@ def test_supervision_is_told_in_words():
         "knight, barycentric against plain vertex: 1.50 times rougher (Dirichlet energy 3 against 2), "
         "0.050 more precise (precision 0.800 against 0.750).",
     ]
-    page = to_markdown(rows, "Settings.")
+    page = as_markdown(rows, "Settings.")
     assert "\n\n- spot, barycentric against plain vertex: 2.50 times smoother" in page
     assert page.index("| knight |") < page.index("- spot,")
 
 
 def test_textures_are_told_in_words_and_other_studies_not():
-    verdicts = {TEXTURED: {"precision": 0.8}, GREY: {"precision": 0.7}}
+    verdicts = {TEXTURED: {"precision": 0.8}, GRAY: {"precision": 0.7}}
     rows = [Row("textures", "knight", setting, verdict) for setting, verdict in verdicts.items()]
-    assert in_words(rows) == ["knight, grey against textured: 0.100 less precise (precision 0.700 against 0.800)."]
+    assert in_words(rows) == ["knight, gray against textured: 0.100 less precise (precision 0.700 against 0.800)."]
     assert in_words([Row("views", "knight", setting, verdict) for setting, verdict in verdicts.items()]) == []
 
 

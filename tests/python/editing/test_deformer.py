@@ -58,8 +58,8 @@ def test_handles_at_look_alikes_add_up(deformer, mesh):
 
 @pytest.mark.usefixtures("about_one_pivot")
 def test_the_session_is_bind_and_pose(deformer, mesh, features):
-    deformer.add(5, translation=(0, 0.2, 0), rotation=(0, 30, 0))
-    deformer.add(900, scale=(1, 2, 1))
+    deformer.add(5, translation=(0, 0.2, 0), rotation=(0, 30, 0), pivot="point")
+    deformer.add(900, scale=(1, 2, 1), pivot="point")
     deformer.fix(6)
     deformer.arrive = False
     transforms = [
@@ -73,13 +73,13 @@ def test_the_session_is_bind_and_pose(deformer, mesh, features):
     np.testing.assert_array_equal(deformer.vertices, dfd.pose(mesh.vertices, weights, transforms))
 
 
-def test_a_handle_turns_about_itself_unless_told_otherwise(deformer, mesh):
-    handle = deformer.add(5, rotation=(0, 0, 90), scale=2)
+def test_a_handle_turns_about_the_pivot_that_it_is_told(deformer, mesh):
+    handle = deformer.add(5, rotation=(0, 0, 90), scale=2, pivot="point")
     np.testing.assert_allclose(deformer.vertices[5], mesh.vertices[5], atol=1e-6)
     deformer.move(handle, pivot=(0, 0, 0))
     x, y, z = mesh.vertices[5]
     np.testing.assert_allclose(deformer.vertices[5], (-2 * y, 2 * x, 2 * z), atol=1e-5)
-    deformer.move(handle, pivot="auto")
+    deformer.move(handle, pivot="point")
     assert deformer.handle(handle).pivot == tuple(mesh.vertices[5])
 
 
@@ -212,7 +212,7 @@ def test_what_is_left_out_of_a_move_stays(deformer):
 
 
 def test_a_handle_can_sit_elsewhere_and_its_pivot_comes_along(deformer, mesh):
-    handle = deformer.add(5, rotation=(0, 0, 90))
+    handle = deformer.add(5, rotation=(0, 0, 90), pivot="point")
     deformer.change(handle, at=900, name="seat")
     np.testing.assert_allclose(deformer.vertices[900], mesh.vertices[900], atol=1e-6)
     assert deformer.handle(handle).place.vertex == 900
@@ -240,7 +240,16 @@ def test_a_handle_can_sit_elsewhere_and_its_pivot_comes_along(deformer, mesh):
         (lambda d: d.move(99, scale=2), r"Deformer.move: `handle` must be the id of a handle \(1\), got 99"),
         (lambda d: d.move(1, translation=(0, math.inf, 0)), r"Deformer.move: `translation` must be finite"),
         (lambda d: d.move(1, rotation=(0, 0)), r"Deformer.move: `rotation` must be a rotation vector"),
-        (lambda d: d.move(1, pivot="centre"), r"Deformer.move: `pivot` must be a numeric array"),
+        (lambda d: d.move(1, pivot="centre"), r"Deformer.move: `pivot` must be auto, base, middle, point"),
+        (lambda d: d.move(1, towards="up"), r"Deformer.move: `bend` must be given: it is what `towards` is for"),
+        (lambda d: d.move(1, bend=(1, 2)), r"Deformer.move: `bend` must be 3 numbers"),
+        (
+            lambda d: d.move(1, bend=(1, 0, 0), towards="up"),
+            r"Deformer.move: `bend` must be one angle, and not a vector, beside `towards`",
+        ),
+        (lambda d: d.move(1, joint=1.5), r"Deformer.move: `joint` must be at most 1"),
+        (lambda d: d.move(1, joint="knee"), r"Deformer.move: `joint` must be spread, auto, here"),
+        (lambda d: d.twist(1, math.inf), r"Deformer.move: `twist` must be finite"),
         (lambda d: d.change(99), r"Deformer.change: `handle` must be the id of a handle"),
         (lambda d: d.change(1, at=6), r"`fixed` must be free places, but 6 is handle 1 already"),
         (lambda d: d.change(1, locality=-2), r"Deformer.change: `locality` must be at least 0"),

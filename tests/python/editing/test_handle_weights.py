@@ -83,7 +83,7 @@ def test_looking_twice_costs_nothing(deformer):
 def test_features_are_asked_for_once_and_only_when_needed(mesh, field):
     with mock.patch.object(Field, "features", return_value=field.features(mesh)) as asked:
         deformer = dfd.Deformer(mesh, field)
-        deformer.add(5, scale=2)
+        deformer.add(5, translation=(0, 1, 0))
         asked.assert_not_called()
         _ = deformer.vertices
         deformer.add(6)

@@ -65,7 +65,7 @@ def leg(sample, number):
 @pytest.mark.usefixtures("paper_handles")
 def test_each_instance_turns_about_its_own_pivot_in_its_own_frame(session, sample, mesh, asked, foot):
     rotation = (0, 40, 0)
-    session.add(foot, rotation=rotation, translation=(0.1, 0, 0), instances="own")
+    session.add(foot, rotation=rotation, translation=(0.1, 0, 0), instances="own", pivot="point")
     for number in (0, 1):
         members = leg(sample, number)
         turn, sign = rotation_matrix(rotation), 1.0 if number == 0 else -1.0
@@ -236,7 +236,7 @@ def test_a_new_handle_has_instances_of_its_own(session, mesh, foot):
 
 
 def test_together_is_the_paper_and_asks_nobody(session, mesh, asked, foot):
-    session.add(foot, rotation=(0, 40, 0), instances="together")
+    session.add(foot, rotation=(0, 40, 0), instances="together", pivot="point")
     wanted = dfd.pose(mesh.vertices, session.weights, [affine(rotation=(0, 40, 0), pivot=mesh.vertices[foot])])
     np.testing.assert_allclose(session.vertices, wanted, atol=1e-12)
     assert asked == []
@@ -281,7 +281,7 @@ def test_the_four_legs_of_a_chair_are_found(mesh, field, sample, foot):
     features /= np.linalg.norm(features, axis=1, keepdims=True)
     session = dfd.Deformer(mesh, field, features=features)
     session.symmetry = "x"
-    session.add(foot, scale=1.5, instances="own")
+    session.add(foot, scale=1.5, instances="own", pivot="point")
     assert session.report().handles[0].instances == 4
     for number in range(4):
         members = leg(sample, number)

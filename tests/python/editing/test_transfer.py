@@ -47,7 +47,7 @@ def test_handles_go_to_what_looks_like_what_they_held(mesh, moved, fields):
     other, number = moved
     session = dfd.Deformer(mesh, fields[0], features=fields[0].features(mesh))
     session.add(5, translation=(0, 0.2, 0), rotation=(0, 30, 0), pivot=(0.1, 0, 0), radius=0.3, name="foot")
-    session.add(mesh.vertices[900], scale=2, locality=3)
+    session.add(mesh.vertices[900], scale=2, locality=3, pivot="point")
     session.fix(600, strength=0.5)
     session.symmetry = "x"
     session.set_default(translation=(0.1, 0, 0))
@@ -62,7 +62,8 @@ def test_handles_go_to_what_looks_like_what_they_held(mesh, moved, fields):
     assert first.transform.rotation == (0, 30, 0)
     np.testing.assert_allclose(first.transform.pivot, (5.3, 0, 0), atol=1e-6)
     assert first.controls.radius == pytest.approx(0.9)
-    assert second.transform.pivot is None
+    assert second.transform.pivot_at == "point"
+    np.testing.assert_allclose(second.transform.pivot, second.place.position, atol=1e-6)
     assert second.controls.locality == 3
     np.testing.assert_allclose(found.edit.symmetry.offset, 5, atol=1e-6)
     np.testing.assert_allclose(found.edit.default.translation, (0.3, 0, 0))

@@ -2,11 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-from dfd.app.protocol.parts import Frame, Identifier, KeyPose, Model, Plane, PoseTransform, Vector
+from pydantic import create_model
+
+from dfd.app.protocol.parts import (
+    SHOWN,
+    ControlEntry,
+    Frame,
+    Identifier,
+    KeyPose,
+    Model,
+    Plane,
+    PoseTransform,
+    Vector,
+    control_entries,
+    control_types,
+)
 from dfd.common.preset import Preset
-from dfd.editing.controls import Falloff, Instances
+from dfd.editing.controls import Falloff
 from dfd.posing.pose import Blend, Overlap
 
 __all__ = ["Answer"]
@@ -39,6 +53,7 @@ class SessionMessage(Answer):
     samples: tuple[SampleEntry, ...]
     upload_bytes: int  # the largest upload, all files together
     formats: tuple[str, ...]  # endings that `POST /upload` takes
+    controls: tuple[ControlEntry, ...] = control_entries()
 
 
 class StartMessage(Answer):
@@ -47,7 +62,7 @@ class StartMessage(Answer):
     type: Literal["start"] = "start"
 
 
-class HandleState(Model):
+class HandleBase(Model):
     """A live handle: the numbers of the edit, and how the page turns its column into weights."""
 
     handle: int
@@ -60,21 +75,24 @@ class HandleState(Model):
     pivot: Vector  # what it turns and scales about
     own_pivot: bool  # whether that was set; otherwise it is `position`
     axes: Frame | None  # along which it scales, one a row; null is the mesh's own
-    reach: float  # what "auto" found, where that is asked for
-    falloff: Falloff
-    locality: float
-    radius: float | None  # mesh units, in place of the locality
+    reach_by: Literal["number", "auto", "part"]  # what was asked for; `reach` is what that found
     exponent: float  # λ of the formula: the locality, or what makes the radius's falloff
-    strength: float
-    instances: Instances
-    level: bool  # whether all instances follow with full weight
-    without_instances: tuple[int, ...]  # vertices on those that are switched off
-    within: int  # how many vertices the region has beyond which nothing follows; 0 is everywhere
-    within_width: float  # mesh units beyond that region, over which it fades
+    within_part: bool  # whether that region is its part
     region: int  # how many vertices it holds as one; 0 where it is no region
     gain: float  # what Eq. 6 left at the handle, undone
     column: int  # the number of its column; the same number is the same data
     moved: bool  # whether its transform does anything
+
+
+if TYPE_CHECKING:
+    HandleState = HandleBase
+else:
+    HandleState = create_model(
+        "HandleState",
+        __base__=HandleBase,
+        __doc__=HandleBase.__doc__,
+        **{name: (kind, ...) for name, kind in control_types(SHOWN).items()},
+    )
 
 
 class NewHandle(Model):
@@ -98,6 +116,7 @@ class FieldState(Model):
 
     status: Literal["none", "distilling", "preparing", "ready"]
     origin: str | None  # "file", "cache", "distilled"
+    parts: bool = False  # whether parts are found without delay
 
 
 class StateMessage(Answer):

@@ -2,32 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
 import dfd.editing.controls as editing
-
-__all__ = [
-    "Controls",
-    "Frame",
-    "Identifier",
-    "Index",
-    "KeyPose",
-    "KeyPoses",
-    "Model",
-    "Place",
-    "Plane",
-    "PointPlace",
-    "PoseTransform",
-    "PoseTransforms",
-    "RegionPlace",
-    "Text",
-    "Transform",
-    "Vector",
-    "VertexPlace",
-]
+from dfd.common.described import about
+from dfd.editing.edit import Edit
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]  # x, y, z, w
@@ -61,7 +42,13 @@ class RegionPlace(Model):
     mask: Annotated[str, Field(min_length=4, pattern=r"^[A-Za-z0-9+/]+={0,2}$")]
 
 
-Place = VertexPlace | PointPlace | RegionPlace
+class PartPlace(Model):
+    """The part that a vertex is on, with its look-alikes."""
+
+    part: Index
+
+
+Place = VertexPlace | PointPlace | RegionPlace | PartPlace
 
 
 class Transform(Model):
@@ -79,28 +66,67 @@ class Transform(Model):
     axes: Frame | Literal["normal", "auto"] | None = None
 
 
-class ControlsBase(Model):
+class NamedControls(Model):
     """What a handle holds and how; null leaves a control as it is, or at its default where the handle is new."""
 
     name: Text | None = None
 
 
-# Controls that are another type in messages than in an edit.
-CONTROL_TYPES: dict[str, Any] = {
+class ControlEntry(Model):
+    """How a panel shows a control of a handle, or of all of them: as a slider, a choice or a switch."""
+
+    name: str
+    label: str
+    hint: str
+    kind: Literal["number", "length", "choice", "switch"]
+    choices: tuple[str, ...]  # the words that stand for a value; of a number, besides numbers
+    slider: Vector | None  # its ends and its step; of a length, parts of the shape's size
+
+
+# Controls that are another type in messages than in an edit: in requests, and in the state.
+GIVEN: dict[str, Any] = {
     "radius": float | str,
-    "within": RegionPlace | Literal["everywhere"],
+    "within": RegionPlace | Literal["everywhere", "part"],
     "without_instances": Annotated[tuple[Index, ...], Field(max_length=1000)],  # vertices
 }
+SHOWN: dict[str, Any] = {
+    "reach": float,  # what "auto" and "part" found, where that is asked for
+    "within": int,  # how many vertices the region has beyond which nothing follows; 0 is everywhere
+    "without_instances": tuple[int, ...],  # vertices on those that are switched off
+}
+
+
+def control_types(types: dict[str, Any]) -> dict[str, Any]:
+    """The type of each control: those of an edit, but for `types`."""
+    return {**{name: kind for name, (kind, _) in about(editing.Controls).items()}, **types}
+
+
+def control_entries() -> tuple[ControlEntry, ...]:
+    """How panels show the controls, in order; what takes places and regions has a panel of its own."""
+    entries = []
+    whole_shape = {name: about(Edit)[name] for name in ("preset", "overlap", "blend")}
+    for name, (kind, said) in {**about(editing.Controls), **whole_shape}.items():
+        if said is None or said.repeated or name == "within":
+            continue
+        kinds = (kind, *get_args(kind))
+        choices = next((get_args(each) for each in kinds if get_origin(each) is Literal), ())
+        is_length = said.metavar is not None and "%" in said.metavar
+        shown: Any = "length" if is_length else "number" if float in kinds else "switch" if bool in kinds else "choice"
+        label = said.label or name.replace("_", " ").capitalize()
+        entries.append(
+            ControlEntry(name=name, label=label, hint=said.text, kind=shown, choices=choices, slider=said.slider)
+        )
+    return tuple(entries)
+
 
 if TYPE_CHECKING:
-    Controls = ControlsBase
+    Controls = NamedControls
 else:
-    hints = {**get_type_hints(editing.Controls, {**vars(editing), "Mesh": Any}), **CONTROL_TYPES}
     Controls = create_model(
         "Controls",
-        __base__=ControlsBase,
-        __doc__=ControlsBase.__doc__,
-        **{each.name: (hints[each.name] | None, None) for each in fields(editing.Controls)},
+        __base__=NamedControls,
+        __doc__=NamedControls.__doc__,
+        **{name: (kind | None, None) for name, kind in control_types(GIVEN).items()},
     )
 
 

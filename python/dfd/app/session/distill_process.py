@@ -29,17 +29,7 @@ INTERVAL = 0.1  # seconds between two lines about one stage
 
 
 class DistillProcess:
-    """The parent's side of the process.
-
-    Parameters
-    ----------
-    source
-        The shape, which it reads for itself.
-    options
-        The encoder and the settings.
-    folder
-        The session's, for the checkpoint and the field.
-    """
+    """The parent's side of the process, which reads the shape itself; checkpoint and field are put into `folder`."""
 
     def __init__(self, source: Source, options: SessionOptions, folder: Path, lock: Path | None) -> None:
         self._cancelled = False

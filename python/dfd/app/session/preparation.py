@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 import warnings
@@ -19,22 +20,9 @@ __all__ = ["Preparation", "TimeLeft"]
 
 
 class Preparation:
-    """The background work for one shape.
+    """The background work for one shape, which another process reads from `source`; fields are saved in `folder`.
 
-    Parameters
-    ----------
-    mesh, source
-        The shape, and the source from which another process reads it.
-    options
-        The encoder and the settings of a distillation.
-    folder
-        The session's, where the field is saved.
-    lock
-        A lock file, so that only one distillation runs at a time.
-    session
-        The session, whose methods `field_…` are called with progress and results.
-    post
-        Runs a call on the session's thread.
+    Progress and results go to the methods `field_…` of `session`, on its thread, by `post`.
     """
 
     def __init__(
@@ -153,6 +141,9 @@ class Preparation:
         }
         deformer.bound.prepare_instances(planes["default"])
         self._tell("field_planes", planes)
+        with contextlib.suppress(ValueError):  # a shape without an area has none
+            deformer.bound.parts.prepare()
+            self._tell("field_parts")
 
 
 # Seconds of each stage of a distillation with the default settings on two cores, in order. Only the proportions

@@ -24,10 +24,10 @@ from dfd.app.protocol.parts import (
     Controls,
     Index,
     KeyPoses,
+    PartPlace,
     Place,
     Plane,
     PointPlace,
-    PoseTransform,
     PoseTransforms,
     RegionPlace,
     Text,
@@ -37,12 +37,14 @@ from dfd.app.protocol.parts import (
 from dfd.app.protocol.requests import Request, call, request
 from dfd.app.session import exports
 from dfd.app.session.columns import heat_message
+from dfd.app.session.parts import Combine
 from dfd.app.session.script import as_command, as_python
 from dfd.app.session.session import Session
 from dfd.app.session.shapes import sample_source
 from dfd.app.session.state import feature_colors_message, positions_message
 from dfd.common.preset import Preset
 from dfd.editing.edit import Fixed, empty_edit
+from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import place_on
 from dfd.editing.suggestions import suggest_handles
 from dfd.posing.pose import Blend, Overlap
@@ -50,7 +52,6 @@ from dfd.symmetry.plane import SymmetryPlane
 
 __all__ = ["answer"]
 
-TRANSFORM_PARTS = ("translation", "rotation", "scale", "pivot", "axes")
 NO_TRANSFORM, NO_CONTROLS = Transform(), Controls()
 
 
@@ -106,6 +107,12 @@ def probe(session: Session, at: VertexPlace | PointPlace) -> bytes:
 
 
 @request
+def part(session: Session, vertex: Index) -> bytes:
+    """The part that a vertex is on; a newer request replaces it unanswered. Answer: `part`."""
+    return session.require_parts().message(vertex, request=session.after)
+
+
+@request
 def compute(session: Session) -> bytes:
     """The posed shape from the kernel. Answer: `positions`; a newer request replaces it unanswered."""
     return positions_message(session.require_deformer(), request=session.after)
@@ -135,7 +142,7 @@ def instances(session: Session, handle: int) -> Answer:
     """The handle's similar points, and whether each follows the handle. Answer: `similar`."""
     places = []
     for instance, on in session.require_deformer().instances(handle):
-        x, y, z = (float(value) for value in instance.position)
+        x, y, z = map(float, instance.position)
         weight, vertex = float(instance.weight), int(instance.vertex)
         places.append(SimilarPoint(vertex=vertex, position=(x, y, z), weight=weight, on=on))
     return SimilarMessage(handle=handle, places=tuple(places))
@@ -149,6 +156,33 @@ def add(session: Session, at: Place, transform: Transform = NO_TRANSFORM, contro
     """Add a handle. Answer: `done` with the `handle`."""
     given = {"at": _at(session, at), **_transform_parts(transform), **_controls(session, controls)}
     return DoneMessage(handle=session.change(lambda deformer: deformer.add(**given)))
+
+
+@request
+def take_part(session: Session, vertex: Index, handle: int | None = None, how: Combine = "take") -> Answer:
+    """Hold the part that a vertex is on. Answer: `done` with the handle that holds it.
+
+    Where `handle` holds it already, it holds that of the next level instead. "add" adds the part to what `handle`
+    holds, and "remove" takes it away from there. A limit to the part goes along.
+    """
+    parts, handles = session.require_parts(), session.require_deformer().handles
+    held = next((each for each in handles if each.id == handle and isinstance(each.place.region, VertexSet)), None)
+    region: Any = None if held is None else held.place.region
+    if held is not None and how != "take":
+        chosen = parts.combined(vertex, region, how)
+    else:
+        steps = parts.steps(vertex)
+        # Another place is another part: a handle of its own.
+        held = held if region in steps else None
+        chosen = steps[0] if held is None else steps[(steps.index(region) + 1) % len(steps)]
+    same = next((each for each in handles if each.place.region == chosen), None)
+    if same is not None:
+        return DoneMessage(handle=same.id)
+    if held is None:
+        return DoneMessage(handle=session.change(lambda deformer: deformer.add(chosen)))
+    number, within = held.id, chosen if parts.limits(held) else None
+    session.change(lambda deformer: deformer.change(number, at=chosen, within=within))
+    return DoneMessage(handle=number)
 
 
 @request
@@ -182,29 +216,25 @@ def move(
 @request
 def pose(session: Session, transforms: PoseTransforms) -> None:
     """Set the transforms of several handles, as one step."""
-    session.change(lambda deformer: _pose(deformer, transforms))
+
+    def work(deformer: Any) -> None:
+        for each in transforms:
+            at_rest = {"pivot": "point", "axes": "auto"}
+            deformer.move(**{name: at_rest[name] if part is None else part for name, part in each.model_dump().items()})
+
+    session.change(work)
 
 
 @request
 def reset(session: Session, handle: int | None = None) -> None:
     """Return a handle to rest, or with null all of them, as one step."""
-    handles = session.require_deformer().handles
-    chosen = [each.id for each in handles] if handle is None else [handle]
     zero = (0.0, 0.0, 0.0)
 
     def work(deformer: Any) -> None:
-        with deformer.step():
-            for each in chosen:
-                deformer.move(each, translation=zero, rotation=zero, scale=1.0)
+        for each in [each.id for each in deformer.handles] if handle is None else [handle]:
+            deformer.move(each, translation=zero, rotation=zero, scale=1.0)
 
     session.change(work)
-
-
-def _pose(deformer: Any, transforms: tuple[PoseTransform, ...]) -> None:
-    with deformer.step():
-        for each in transforms:
-            parts = {name: getattr(each, name) for name in TRANSFORM_PARTS}
-            deformer.move(each.handle, **{name: "auto" if part is None else part for name, part in parts.items()})
 
 
 @request
@@ -215,6 +245,8 @@ def change(
     given = _controls(session, controls)
     if at is not None:
         given["at"] = _at(session, at)
+    if isinstance(given.get("within"), str) and given["within"] == "part":
+        given["within"] = session.require_parts().of(session.require_deformer().edit.handle(handle))
     session.change(lambda deformer: deformer.change(handle, **given), ("change", handle), merge=merge)
 
 
@@ -246,7 +278,7 @@ def change_fixed(
     session: Session, index: Index, strength: Annotated[float, Field(ge=0, le=1)], merge: bool = False
 ) -> None:
     """Set the strength of the fixed place at `index`; with `merge`, one step with the preceding such change."""
-    fixed = list(session.require_deformer().fixed)
+    fixed = session.require_deformer().fixed
     changed = replace(_fixed(session, index), strength=strength)
     after = (*fixed[:index], changed, *fixed[index + 1 :])
     session.change(lambda deformer: deformer.apply(replace(deformer.edit, fixed=after)), ("fixed", index), merge=merge)
@@ -278,10 +310,9 @@ def set_mode(
     """Set how handles act together, as one step; a preset replaces all settings that it defines."""
 
     def work(deformer: Any) -> None:
-        with deformer.step():
-            for name, value in (("preset", preset), ("overlap", overlap), ("blend", blend)):
-                if value is not None:
-                    setattr(deformer, name, value)
+        for name, value in (("preset", preset), ("overlap", overlap), ("blend", blend)):
+            if value is not None:
+                setattr(deformer, name, value)
 
     session.change(work)
 
@@ -329,9 +360,8 @@ def export(
     format: Literal["glb", "obj", "ply", "stl", "animation", "edit", "field"],  # noqa: A002
 ) -> Answer:
     """Export the posed mesh, the edit or the field; "animation" is a GLB of the key poses. Answer: `download`."""
-    url, name = exports.export(
-        session.require_deformer(), format, session.name, session.folder, session.view_state.poses
-    )
+    deformer, poses = session.require_deformer(), session.view_state.poses
+    url, name = exports.export(deformer, format, session.name, session.folder, poses)
     return DownloadMessage(url=url, name=name)
 
 
@@ -348,6 +378,8 @@ def script(session: Session) -> Answer:
 def _at(session: Session, place: Place) -> Any:
     if isinstance(place, VertexPlace):
         return place.vertex
+    if isinstance(place, PartPlace):
+        return session.require_parts().at(place.part)
     return place.point if isinstance(place, PointPlace) else _members(session, place)
 
 
@@ -367,11 +399,14 @@ def _members(session: Session, place: RegionPlace) -> Any:
 
 
 def _transform_parts(transform: Transform) -> dict[str, Any]:
-    return {name: value for name, value in transform if value is not None}
+    """What is given of a transform; the page shows a handle without a pivot as one that turns about itself."""
+    given = transform.model_dump(exclude_none=True)
+    return {**given, "pivot": "point"} if given.get("pivot") == "auto" else given
 
 
 def _controls(session: Session, controls: Controls) -> dict[str, Any]:
-    given = {name: value for name, value in controls if value is not None}
     return {
-        name: _members(session, value) if isinstance(value, RegionPlace) else value for name, value in given.items()
+        name: _members(session, value) if isinstance(value, RegionPlace) else value
+        for name, value in controls
+        if value is not None
     }

@@ -16,8 +16,9 @@ if TYPE_CHECKING:
 __all__ = ["as_command", "as_python"]
 
 # Keys of the edit document that `Deformer.add` takes under other names or not at all.
-NOT_CONTROLS = ("id", "vertex", "position", "along")
-AT_REST = {"translation": [0.0] * 3, "rotation": [0.0] * 3, "scale": [1.0] * 3, "without_instances": []}
+NOT_CONTROLS = ("id", "vertex", "position", "along", "pivot_at")
+AT_REST: dict[str, Any] = {"translation": [0.0] * 3, "rotation": [0.0] * 3, "scale": [1.0] * 3}
+AT_REST |= {"bend": [0.0] * 3, "twist": 0.0, "without_instances": []}
 
 
 def as_python(deformer: Deformer, name: str) -> str:

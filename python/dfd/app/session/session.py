@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import logging
 import re
+import shutil
+import time
 from collections.abc import Callable, Hashable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from dfd.app.options import OpenedFile, SessionOptions, Source
+from dfd.app.options import UPLOADS, OpenedFile, SessionOptions, Source
 from dfd.app.protocol.answers import Answer, FailureMessage, FieldState, ProgressMessage, StartMessage
 from dfd.app.session.autosave import Autosave, Saved
 from dfd.app.session.columns import Columns
+from dfd.app.session.parts import ShapeParts
 from dfd.app.session.preparation import Preparation
 from dfd.app.session.shapes import read_shape
 from dfd.app.session.state import ViewState, check_drawable, report, state_message
@@ -30,24 +33,15 @@ __all__ = ["NO_MEMORY", "Session", "sentence", "without_paths"]
 
 Result = TypeVar("Result")
 
+UPLOAD_SECONDS = 600.0  # an upload waits for its turn no longer
+
 
 class Session:
-    """The work of one tab. All its methods are called on one thread.
+    """The work of one tab, which it saves in `folder`. All its methods are called on one thread.
 
-    Parameters
-    ----------
-    folder
-        Where the session saves its state and its exports.
-    options
-        What to open first, and how to distill fields.
-    send
-        Sends a message to the page, text or binary; without a connected page the message is dropped.
-    post
-        Runs a call on the session's thread; safe from any thread.
-    lock
-        A lock file, so that only one distillation runs at a time.
-    deformer
-        An existing editing session of this process, as in a notebook.
+    `send` takes a message for the page, text or binary, and drops it where none is connected; `post` runs a call on the
+    session's thread, from any thread. Of all sessions with one `lock` file only one distills at a time. `deformer` is
+    an editing session that exists already, as in a notebook.
     """
 
     def __init__(
@@ -132,6 +126,7 @@ class Session:
         self._number += 1
         self.source, self.mesh, self._warnings, self._pending_edit = source, mesh, warnings, edit
         self._autosave.save_opened(Saved(source=source, field=field))
+        self._delete_uploads(*(each.path for each in (source, field, edit) if each is not None))
         self._send(first)
         self._preparation = Preparation(mesh, source, self.options, self.folder, self._lock, self, self._post)
         self._tell_field("preparing")
@@ -151,10 +146,19 @@ class Session:
         self.source = self.mesh = self.deformer = self.columns = None
         self.view_state, self._unreported = ViewState(), False
 
+    def _delete_uploads(self, *opened: Path | None) -> None:
+        """Delete uploads that nothing open comes from, but for those that arrived since what is being opened."""
+        places = {path.parent: path.parent.stat().st_mtime for path in opened if path is not None and path.exists()}
+        before = max(places.values(), default=time.time() - UPLOAD_SECONDS)
+        for place in (self.folder / UPLOADS).glob("*"):
+            if place.stat().st_mtime < before and not any(place in (used, *used.parents) for used in places):
+                shutil.rmtree(place, ignore_errors=True)
+
     def show_start(self) -> None:
         """Close the shape and go back to the start page."""
         self.close_shape()
         self._autosave.save_opened(Saved())
+        self._delete_uploads()
         self.send(StartMessage())
 
     def open_files(self, mesh: Source | None, field: OpenedFile | None, edit: OpenedFile | None) -> None:
@@ -217,10 +221,11 @@ class Session:
     def field_ready(self, deformer: Deformer, path: Path | None, origin: str, warnings: list[str]) -> None:
         """The shape can be edited."""
         self.deformer, self.columns = deformer, Columns(deformer)
+        self.view_state.parts = ShapeParts(deformer)
         self._ready = path is None
         if path is not None:
             self._autosave.save_opened(Saved(source=self.source, field=OpenedFile(name="field", path=path)))
-        self.view_state.field = FieldState(status="ready", origin=origin)
+        self.view_state.field = FieldState(status="ready", origin=origin, parts=path is None)
         self._tell_progress("prepare", "done")
         for warning in warnings:
             self.fail(0, warning)
@@ -233,6 +238,13 @@ class Session:
         """Store the symmetry planes, by preset; from now on instances can be computed."""
         self.view_state.planes = planes
         self._ready = True
+        self.tell_state()
+
+    def field_parts(self) -> None:
+        """Parts can be shown under the pointer from now on."""
+        assert self.view_state.parts is not None
+        self.view_state.parts.ready = True
+        self.view_state.field = self.view_state.field.model_copy(update={"parts": True})
         self.tell_state()
 
     def field_failed(self, task: str, message: str) -> None:
@@ -280,6 +292,12 @@ class Session:
         if self.deformer is None:
             raise ValueError("Open a mesh first" if self.mesh is None else "The shape has no field yet: wait for it")
         return self.deformer
+
+    def require_parts(self) -> ShapeParts:
+        """The parts of the shape; raises ValueError if there is no field yet."""
+        self.require_deformer()
+        assert self.view_state.parts is not None
+        return self.view_state.parts
 
     def change(self, work: Callable[[Deformer], Result], topic: Hashable = None, *, merge: bool = False) -> Result:
         """Change the edit and send the result to the page; if anything fails, the edit is unchanged.

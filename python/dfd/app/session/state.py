@@ -8,17 +8,17 @@ from dataclasses import field as dataclass_field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dfd.app.protocol.answers import FieldState, FixedState, HandleState, NewHandle, ReportMessage, StateMessage
 from dfd.app.protocol.binary_messages import ColorsMessage, PositionsMessage, pack
 from dfd.app.protocol.parts import KeyPose, Plane, PoseTransform
 from dfd.app.session.columns import Columns
+from dfd.app.session.parts import ShapeParts
 from dfd.app.session.surface import center_of, packed_normals
 from dfd.common.preset import Preset
 from dfd.editing.edit import band_on, box_center
-from dfd.editing.influence.regions import members
-from dfd.editing.presets import PARTLESS_REACH, PRESETS
+from dfd.editing.influence.regions import Region, members
+from dfd.editing.presets import CONTROLS, PARTLESS_REACH, PRESETS
 from dfd.mesh.normals import smooth_normals
 from dfd.pictures.colors import feature_colors
 from dfd.symmetry.plane import axis_name
@@ -26,19 +26,12 @@ from dfd.weights.compact import CompactFeatures
 
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
-    from dfd.editing.edit import Handle
-    from dfd.editing.points import Place
+    from dfd.editing.edit import Fixed, Handle
+    from dfd.mesh.mesh import Mesh
     from dfd.posing.transforms import Transform
     from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = [
-    "ViewState",
-    "check_drawable",
-    "feature_colors_message",
-    "positions_message",
-    "report",
-    "state_message",
-]
+__all__ = ["ViewState", "check_drawable", "feature_colors_message", "positions_message", "report", "state_message"]
 
 NO_FIELD = FieldState(status="none", origin=None)
 
@@ -48,6 +41,7 @@ class ViewState:
     """The parts of a state message that are not the edit."""
 
     field: FieldState = NO_FIELD
+    parts: ShapeParts | None = None
     planes: Mapping[Preset, Sequence[SymmetryPlane]] = dataclass_field(default_factory=dict)  # by each preset's rules
     poses: tuple[KeyPose, ...] = ()
 
@@ -61,16 +55,14 @@ def state_message(
         overlap, blend = PRESETS["default"].overlap, PRESETS["default"].blend
         return StateMessage(preset="default", new_handle=_new_handle("default"), overlap=overlap, blend=blend, **common)
     mesh, preset = deformer.mesh, deformer.preset
+    bends = any(handle.transform.bends for handle in deformer.handles)
     return StateMessage(
-        handles=tuple(_handle(deformer, columns, handle) for handle in deformer.handles),
+        handles=tuple(_handle(deformer, columns, handle, view_state.parts) for handle in deformer.handles),
         fixed=tuple(
             FixedState(
-                vertex=fixed.vertex,
-                position=fixed.position,
-                strength=fixed.strength,
-                region=_region_size(deformer, fixed.place),
+                vertex=place.vertex, position=place.position, strength=strength, region=_size(mesh, place.region)
             )
-            for fixed in deformer.fixed
+            for place, strength in ((fixed.place, fixed.strength) for fixed in deformer.fixed)
         ),
         fixed_column=columns.of_fixed(),
         symmetry=None if deformer.symmetry is None else _plane(deformer.symmetry),
@@ -80,7 +72,7 @@ def state_message(
         new_handle=_new_handle(preset),
         overlap=deformer.overlap,
         blend=deformer.blend,
-        posing="shader" if (deformer.overlap, deformer.blend) == ("add", "linear") else "server",
+        posing="server" if (deformer.overlap, deformer.blend) != ("add", "linear") or bends else "shader",
         can_undo=deformer.can_undo,
         can_redo=deformer.can_redo,
         **common,
@@ -92,10 +84,15 @@ def _new_handle(preset: Preset) -> NewHandle:
     return NewHandle(reach=PARTLESS_REACH if isinstance(reach, str) else reach, falloff=falloff)
 
 
-def _handle(deformer: Deformer, columns: Columns, handle: Handle) -> HandleState:
+def _handle(deformer: Deformer, columns: Columns, handle: Handle, parts: ShapeParts | None) -> HandleState:
     transform, controls = handle.transform, handle.controls
     bound, edit = deformer.bound, deformer.edit
-    same = ("falloff", "locality", "radius", "strength", "instances", "level", "within_width")
+    values = {
+        **{name: getattr(controls, name) for name in CONTROLS},
+        "reach": bound.reach(handle),
+        "without_instances": tuple(place.vertex for place in controls.without_instances if place.vertex is not None),
+        "within": _size(deformer.mesh, controls.within),
+    }
     return HandleState(
         handle=handle.id,
         name=handle.name,
@@ -105,32 +102,31 @@ def _handle(deformer: Deformer, columns: Columns, handle: Handle) -> HandleState
         rotation=transform.rotation,
         scale=transform.scale,
         pivot=handle.pivot,
-        own_pivot=transform.pivot is not None,
+        own_pivot=transform.pivot is not None and transform.pivot_at != "point",
         axes=transform.axes,
-        reach=bound.reach(handle),
+        reach_by=controls.reach if isinstance(controls.reach, str) else "number",
+        within_part=parts is not None and parts.limits(handle),
         exponent=bound.locality(edit, handle)[2],
-        without_instances=tuple(place.vertex for place in controls.without_instances if place.vertex is not None),
-        within=0 if controls.within is None else len(members(deformer.mesh, controls.within)),
-        region=_region_size(deformer, handle.place),
+        region=_size(deformer.mesh, handle.place.region),
         gain=bound.gain(edit, handle),
         column=columns.of_handle(handle),
         moved=not transform.rests,
-        **{name: getattr(controls, name) for name in same},
+        **values,
     )
 
 
-def _region_size(deformer: Deformer, place: Place) -> int:
-    return 0 if place.region is None else len(members(deformer.mesh, place.region))
+def _fixed(mesh: Mesh, fixed: Fixed) -> FixedState:
+    region = _size(mesh, fixed.place.region)
+    return FixedState(vertex=fixed.vertex, position=fixed.position, strength=fixed.strength, region=region)
+
+
+def _size(mesh: Mesh, region: Region | None) -> int:
+    return 0 if region is None else len(members(mesh, region))
 
 
 def _plane(plane: SymmetryPlane) -> Plane:
-    return Plane(
-        normal=plane.normal,
-        offset=plane.offset,
-        band=plane.band,
-        score=plane.score or None,
-        name=axis_name(plane.normal) or None,
-    )
+    name = axis_name(plane.normal) or None
+    return Plane(normal=plane.normal, offset=plane.offset, band=plane.band, score=plane.score or None, name=name)
 
 
 def _default(transform: Transform, center: tuple[float, float, float]) -> PoseTransform:
@@ -147,11 +143,8 @@ def positions_message(deformer: Deformer, *, request: int) -> bytes:
     """The answer to `compute`."""
     posed = deformer.vertices
     normals = smooth_normals(posed, deformer.mesh.faces)
-    arrays: dict[str, NDArray[Any]] = {
-        "positions": (posed - center_of(deformer.mesh)).astype(np.float32),
-        "normals": packed_normals(normals),
-    }
-    return pack(PositionsMessage, arrays, id=request)
+    positions = (posed - center_of(deformer.mesh)).astype(np.float32)
+    return pack(PositionsMessage, {"positions": positions, "normals": packed_normals(normals)}, id=request)
 
 
 def feature_colors_message(deformer: Deformer, *, request: int) -> bytes:
@@ -183,7 +176,4 @@ def report(deformer: Deformer) -> ReportMessage:
         return ReportMessage(moved=0.0, text="Nothing has moved")
     found = deformer.report()
     text = str(found)
-    return ReportMessage(
-        moved=found.moved,
-        text=text[:1].upper() + text[1:],
-    )
+    return ReportMessage(moved=found.moved, text=text[:1].upper() + text[1:])

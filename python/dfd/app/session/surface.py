@@ -69,10 +69,15 @@ def mesh_messages(mesh: Mesh, *, number: int, name: str, warnings: Sequence[str]
     new_index = np.empty(len(rows), np.int32)
     new_index[order] = np.arange(len(rows), dtype=np.int32)
     first = order[: np.count_nonzero(chosen)]
-    yield message(_select_rows(arrays, first), new_index[corners], material_of[level.source_faces])
+    yield message(
+        {name: values[first] for name, values in arrays.items()}, new_index[corners], material_of[level.source_faces]
+    )
     yield pack(
         DetailMessage,
-        {**_select_rows(arrays, order), "triangles": new_index[corner_faces].astype(np.uint32)},
+        {
+            **{name: values[order] for name, values in arrays.items()},
+            "triangles": new_index[corner_faces].astype(np.uint32),
+        },
         mesh=number,
         groups=_material_runs(material_of),
     )
@@ -87,16 +92,12 @@ def _row_arrays(mesh: Mesh, rows: NDArray[np.int32]) -> Arrays:
     }
     appearance = mesh.appearance
     if appearance is not None:
-        used = _used_rows(mesh)
+        used = _corners(mesh)[0] >= 0
         if appearance.uv is not None:
             arrays["uv"] = appearance.uv[used]
         if appearance.colors is not None:
             arrays["colors"] = np.rint(appearance.colors[used] * 255).astype(np.uint8)
     return arrays
-
-
-def _select_rows(arrays: Arrays, rows: NDArray[np.int64]) -> Arrays:
-    return {name: values[rows] for name, values in arrays.items()}
 
 
 def _corner_rows(
@@ -124,8 +125,7 @@ def _corner_rows(
 
 
 def _row_distances(values: NDArray[Any], some: NDArray[np.int64], others: NDArray[np.int32]) -> NDArray[Any]:
-    offsets: NDArray[Any] = values[some] - values[others]
-    distances: NDArray[Any] = np.linalg.norm(offsets, axis=1)
+    distances: NDArray[Any] = np.linalg.norm(values[some] - values[others], axis=1)
     return distances
 
 
@@ -169,16 +169,10 @@ def _corners(mesh: Mesh) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     return np.arange(len(mesh.vertices), dtype=np.int32), mesh.faces
 
 
-def _used_rows(mesh: Mesh) -> NDArray[np.bool_]:
-    vertex, _ = _corners(mesh)
-    used: NDArray[np.bool_] = vertex >= 0
-    return used
-
-
 def _rows(mesh: Mesh) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """As `_corners`, without the rows that have no face."""
     vertex, corner_faces = _corners(mesh)
-    used = _used_rows(mesh)
+    used = vertex >= 0
     if used.all():
         return vertex, corner_faces
     number = np.cumsum(used, dtype=np.int32) - np.int32(1)
@@ -196,7 +190,7 @@ def _row_normals(mesh: Mesh, rows: NDArray[np.int32]) -> NDArray[np.float64]:
     for primitive in scene.primitives:
         if primitive.normals is not None:
             all_normals[primitive.rows] = primitive.normals_to_scene(primitive.normals)
-    file_normals = all_normals[_used_rows(mesh)]
+    file_normals = all_normals[vertex >= 0]
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         file_normals = file_normals / np.linalg.norm(file_normals, axis=1, keepdims=True)
     return np.where(np.isfinite(file_normals).all(axis=1, keepdims=True), file_normals, normals)

@@ -22,7 +22,7 @@ import uvicorn
 from dfd.app.options import SessionOptions
 from dfd.app.session.distill_process import try_lock
 from dfd.app.web.link import Link, ThreadLink
-from dfd.app.web.safety import Rules, loopback
+from dfd.app.web.safety import Rules, TimedHTTP, loopback
 from dfd.app.web.server import MESSAGE_BYTES, STATIC, UPLOAD_BYTES, create
 from dfd.app.web.tabs import Tabs
 
@@ -39,22 +39,10 @@ NOTEBOOK_ORIGINS = ("http://localhost:*", "http://127.0.0.1:*")  # of notebooks
 
 
 class RunningApp:
-    """A server on a thread of this process, until `stop`.
+    """A server on a thread of this process, until `stop`; port 0 is any free one.
 
-    Parameters
-    ----------
-    options
-        What a new tab opens.
-    host, port
-        The address to listen at; port 0 is any free one.
-    make_link
-        Makes the link to a session that is not a process of its own.
-    frames
-        Origins whose pages may show this one in a frame.
-    upload_bytes
-        The limit of an upload: all its files together, unpacked.
-    static
-        The built page.
+    `make_link` makes the link to a session that is not a process of its own, and pages of `frame_ancestors` may show
+    this one in a frame.
 
     Raises
     ------
@@ -83,6 +71,7 @@ class RunningApp:
         self.tabs = Tabs(self._root, options, make_link)
         config = uvicorn.Config(
             create(self.tabs, self.rules, upload_bytes=upload_bytes, static=static),
+            http=TimedHTTP,
             ws="websockets-sansio",
             ws_max_size=MESSAGE_BYTES,
             ws_per_message_deflate=False,  # compressing a mesh would block the event loop for seconds
@@ -212,15 +201,7 @@ def _remove_abandoned() -> None:
 
 
 class Frame:
-    """The page in a cell of a notebook.
-
-    Parameters
-    ----------
-    app
-        The server, which runs as long as this process.
-    height
-        Of the frame, pixels.
-    """
+    """The page in a cell of a notebook, of `height` pixels."""
 
     def __init__(self, app: RunningApp, height: int) -> None:
         self.app = app

@@ -7,6 +7,7 @@ only at the address with the token.
 
 from __future__ import annotations
 
+import asyncio
 import hmac
 import ipaddress
 import secrets
@@ -16,14 +17,17 @@ from dataclasses import dataclass, field
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qs, urlencode
 
+import h11
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
-__all__ = ["Guard", "Rules", "loopback"]
+__all__ = ["Guard", "Rules", "TimedHTTP", "loopback"]
 
 LOOPBACK_NAMES = ("127.0.0.1", "localhost", "::1")
 NOT_ALLOWED = 4403  # close code of a WebSocket
+HEADER_SECONDS = 20.0
 
 CONTENT = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; font-src 'self'; "
@@ -64,6 +68,40 @@ class Rules:
         if loopback(self.host):
             return False
         return _is_address(name) or name in (socket.gethostname().lower(), socket.getfqdn().lower())
+
+
+class TimedHTTP(H11Protocol):
+    """HTTP on a connection that is closed if a request's headers take longer than `HEADER_SECONDS` to arrive."""
+
+    _deadline: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
+        self._watch()
+
+    def data_received(self, data: bytes) -> None:
+        super().data_received(data)
+        self._watch()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._stop_watching()
+        super().connection_lost(exc)
+
+    def _watch(self) -> None:
+        """Start the deadline while headers are awaited, and end it once they are there."""
+        if self.conn.their_state is not h11.IDLE:
+            self._stop_watching()
+        elif self._deadline is None:
+            self._deadline = self.loop.call_later(HEADER_SECONDS, self._give_up)
+
+    def _stop_watching(self) -> None:
+        if self._deadline is not None:
+            self._deadline.cancel()
+        self._deadline = None
+
+    def _give_up(self) -> None:
+        if self.conn.their_state is h11.IDLE:
+            self.transport.close()
 
 
 def loopback(host: str) -> bool:

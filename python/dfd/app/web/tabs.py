@@ -22,7 +22,7 @@ __all__ = ["NAME", "OPENED_ELSEWHERE", "SESSION_ENDED", "Tab", "Tabs"]
 
 OPENED_ELSEWHERE, SESSION_ENDED = 4001, 4002  # close codes of a WebSocket
 NAME = re.compile(r"[0-9a-f]{32}")
-IDLE_SECONDS = 30 * 60.0  # after which a session that no page looks at ends; what it saved stays
+IDLE_SECONDS = 5 * 60.0  # after which a session that no page looks at ends; it resumes from what it saved
 KEEP_SECONDS = 7 * 24 * 3600.0  # after which that goes as well
 MOST_TABS = 64
 CRASH_SECONDS = 60.0  # after two crashes within it the session restarts empty
@@ -136,16 +136,9 @@ class Tab:
 
 
 class Tabs:
-    """All tabs of one server.
+    """All tabs of one server, whose sessions have their folders in `root`.
 
-    Parameters
-    ----------
-    root
-        The folder in which sessions have theirs.
-    options
-        What a new tab opens.
-    make_link
-        How sessions are reached where they are no processes of their own; such a server has one for all tabs.
+    With `make_link` sessions are not processes of their own, and one serves all tabs.
     """
 
     def __init__(self, root: Path, options: SessionOptions, make_link: Callable[[], Link] | None = None) -> None:

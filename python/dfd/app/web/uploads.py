@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import IO
 
-from dfd.app.options import OpenedFile, Source
+from dfd.app.options import UPLOADS, OpenedFile, Source
 from dfd.mesh.file.read import ENDINGS
 
 __all__ = ["FORMATS", "MOST_FILES", "Upload", "UploadedFile", "receive"]
@@ -54,7 +54,7 @@ def receive(files: Sequence[UploadedFile], folder: Path, most_bytes: int) -> Upl
     Raises ValueError if there is nothing to open among them, or more than one mesh, or they are too large or too many,
     or a zip is damaged or names a place outside itself.
     """
-    place = folder / "uploads" / secrets.token_hex(8)
+    place = folder / UPLOADS / secrets.token_hex(8)
     place.mkdir(parents=True)
     try:
         return _receive(files, place, most_bytes)

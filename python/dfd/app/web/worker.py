@@ -30,7 +30,11 @@ __all__ = ["BINARY", "HEADER_BYTES", "ORDER", "TEXT", "Loop", "packet", "payload
 TEXT, BINARY, ORDER = b"T", b"B", b"O"
 HEADER_BYTES = 5
 OOM_SCORE_ADJ = "900"  # of 1000: when memory runs out, the kernel ends sessions first
-NEWEST_ONLY = ("probe", "compute")  # older requests of these are dropped: the pointer or the shape has changed since
+NEWEST_ONLY = (
+    "probe",
+    "part",
+    "compute",
+)  # older requests of these are dropped: the pointer or the shape has changed since
 SAVE_PAUSE = 0.5  # seconds without a request, after which the session is saved
 INSTANCES_PAUSE = 0.05  # seconds without a request, after which instances are computed
 

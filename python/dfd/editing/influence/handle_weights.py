@@ -14,7 +14,14 @@ from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Fixed, Handle
 from dfd.editing.influence.distances import Distances
 from dfd.editing.influence.handle_features import HandleFeatures
-from dfd.editing.influence.instance_weights import Column, InstanceColumns, followed_by, interpolating_columns
+from dfd.editing.influence.held_parts import HeldPart, HeldParts
+from dfd.editing.influence.instance_weights import (
+    Column,
+    InstanceColumns,
+    followed_by,
+    interpolating_columns,
+    wanted_of,
+)
 from dfd.editing.influence.instances import Instance, SurfaceAxes
 from dfd.editing.points import Place
 from dfd.editing.presets import PARTLESS_REACH, WITHIN_PART
@@ -120,6 +127,7 @@ class HandleWeights:
         self._distances = Distances(mesh)
         self._axes = SurfaceAxes(mesh, self._distances)
         self._instances = InstanceColumns(mesh, field, self._axes)
+        self._limbs = HeldParts(mesh)
         self._columns = Columns(len(mesh.vertices))
         self._keys: list[Key] = []
         self._fixed: tuple[Fixed, ...] = ()
@@ -175,6 +183,19 @@ class HandleWeights:
         """(V, C) how much vertices follow, and which handle and instance each column is of: one or more per handle."""
         self._follow(edit)
         return self._instances.of(edit, self._columns.between(0, len(self._keys)), self._keys, self._rows)
+
+    def held_parts(self, edit: Edit, handle: Handle) -> list[HeldPart]:
+        """The connected parts that follow a handle of `edit`, the one that it stands on first."""
+        weights, columns = self.columns(edit)
+        number = next(i for i, each in enumerate(edit.handles) if each.id == handle.id)
+        key = (self._keys[number], wanted_of(handle), edit.fixed, edit.arrive, edit.symmetry)
+        own = [(weights[:, i], column) for i, column in enumerate(columns) if column.handle == number]
+        return self._limbs.of(key, handle, self.anchor(handle), own, edit.symmetry)
+
+    def bent(self, edit: Edit) -> NDArray[np.float64]:
+        """(V, 3) the vertices that the handles of `edit` transform: the resting ones, bent and twisted where any do."""
+        bending = {i: self.held_parts(edit, handle) for i, handle in enumerate(edit.handles) if handle.transform.bends}
+        return self._limbs.bent(edit, bending) if bending else self.mesh.vertices
 
     def posing(self, edit: Edit) -> tuple[Float32, tuple[Column, ...], Overlap]:
         """(V, C) weights to pose with, what each column is of, and the overlap that `dfd.pose` is to take them with.

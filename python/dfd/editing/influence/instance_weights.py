@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["Column", "InstanceColumns", "followed_by", "interpolating_columns"]
+__all__ = ["Column", "InstanceColumns", "followed_by", "interpolating_columns", "wanted_of"]
 
 LEAST_LEVELED = 0.01  # of the handle's own weight: an instance that follows less is not brought to it
 
@@ -87,7 +87,7 @@ class InstanceColumns:
         if not any(_told_apart(handle) for handle in edit.handles):
             return weights, tuple(Column(i, None) for i in range(len(edit.handles)))
         about = (edit.fixed, edit.arrive, edit.symmetry)
-        wanted = [_wanted(handle) for handle in edit.handles]
+        wanted = [wanted_of(handle) for handle in edit.handles]
         key = (about, tuple(zip(keys, wanted, strict=True)))
         if self._made is None or key != self._key:
             self._made = None  # to make room
@@ -182,7 +182,7 @@ def followed_by(weights: Float32, columns: tuple[Column, ...], count: int) -> Fl
     return followed
 
 
-def _wanted(handle: Handle) -> Hashable:
+def wanted_of(handle: Handle) -> Hashable:
     """What of a handle its columns depend on, besides its weights."""
     controls, transform = handle.controls, handle.transform
     axes = transform.axes if transform.along is not None else None

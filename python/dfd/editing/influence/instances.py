@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["LEAST_ALIKE", "Instance", "InstanceFinder", "SurfaceAxes"]
+__all__ = ["LEAST_ALIKE", "Instance", "InstanceFinder", "SurfaceAxes", "shortest_turn"]
 
 LEAST_PERSISTENCE = 0.05  # of weight: below, the field's own ripples have peaks
 LEAST_WEIGHT = 0.075  # of a peak; lower ones go with the instance that is nearest, on whose lever they would swing
@@ -394,7 +394,7 @@ class SurfaceAxes:
             target = sign * theirs
             if not (told and own_told) and carried @ target < 0:
                 target = -target
-            found.append(replace(one, frame=_shortest_turn(carried, target) @ one.frame))
+            found.append(replace(one, frame=shortest_turn(carried, target) @ one.frame))
         return tuple(found)
 
     def _direction(self, vertex: int, along: Along) -> tuple[Float64 | None, bool]:
@@ -406,7 +406,7 @@ class SurfaceAxes:
         return (None, False) if limb is None else (limb.direction, limb.at_end)
 
 
-def _shortest_turn(one: Float64, other: Float64) -> Float64:
+def shortest_turn(one: Float64, other: Float64) -> Float64:
     """(3, 3) the rotation by the smallest angle of `one` (3,) onto `other` (3,), both of length 1."""
     across = np.cross(one, other)
     sine, cosine = float(np.linalg.norm(across)), float(one @ other)

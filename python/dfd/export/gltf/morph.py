@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from dfd.export.rig import Rig
     from dfd.mesh.file.primitives import Primitive
 
-__all__ = ["Targets", "add_targets", "targets_of"]
+__all__ = ["MorphTargets", "add_targets", "targets_of"]
 
 Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Targets:
+class MorphTargets:
     """Morph targets of a mesh, and their weights over time."""
 
     names: Sequence[str]
@@ -51,14 +51,16 @@ class Targets:
         return differences(rig, [partial(self.shown, each, rig.mesh.vertices) for each in moments])
 
 
-def targets_of(rig: Rig) -> Targets:
+def targets_of(rig: Rig) -> MorphTargets:
     """The targets of a rig: without key poses one for each handle that moves, and D₀; with them one for each of them.
 
     Raises ValueError if nothing is moved.
     """
     if rig.poses:
         moments = list(rig.moments())
-        return Targets([name for name, _ in moments], [rig.posed(edit) for _, edit in moments], np.eye(len(moments)))
+        return MorphTargets(
+            [name for name, _ in moments], [rig.posed(edit) for _, edit in moments], np.eye(len(moments))
+        )
     names: list[str] = []
     edits: list[tuple[int | None, Edit]] = []
     for joint in rig.joints:
@@ -73,10 +75,10 @@ def targets_of(rig: Rig) -> Targets:
         raise ValueError(
             "export_rig: `session` must move a handle for a morph target to show, got only handles at rest"
         )
-    return Targets(names, [rig.posed(edit) for _, edit in edits], np.ones((1, len(edits))))
+    return MorphTargets(names, [rig.posed(edit) for _, edit in edits], np.ones((1, len(edits))))
 
 
-def add_targets(document: GltfDocument, rig: Rig, targets: Targets) -> list[int]:
+def add_targets(document: GltfDocument, rig: Rig, targets: MorphTargets) -> list[int]:
     """Add the targets to all displayed nodes, at the weights of the edit; return the nodes.
 
     Raises ValueError if a part has morph targets already.
@@ -84,7 +86,7 @@ def add_targets(document: GltfDocument, rig: Rig, targets: Targets) -> list[int]
     rest = _at_rows(document, rig.mesh.vertices)
     normals = [_normals(document, rest, _at_rows(document, shape)) for shape in targets.shapes]
     before = [each.normals for each in document.scene.primitives]
-    place = {id(each): number for number, each in enumerate(document.scene.primitives)}
+    number_of = {id(each): number for number, each in enumerate(document.scene.primitives)}
     nodes = []
     for node, primitives in document.parts():
         mesh = document.own_mesh(node)
@@ -103,9 +105,9 @@ def add_targets(document: GltfDocument, rig: Rig, targets: Targets) -> list[int]
                 continue
             if position not in done:
                 each = known[number]
-                old = before[place[id(each)]]
+                old = before[number_of[id(each)]]
                 done[position] = [
-                    _target(document, each, shape - rig.mesh.vertices, old, new[place[id(each)]], content)
+                    _target(document, each, shape - rig.mesh.vertices, old, new[number_of[id(each)]], content)
                     for shape, new in zip(targets.shapes, normals, strict=True)
                 ]
             content["targets"] = [dict(target) for target in done[position]]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.export.gltf.document import GltfDocument
-from dfd.export.gltf.place import animated_nodes, bring_to_scene, stand_alone
+from dfd.export.gltf.scene_space import animated_nodes, bring_to_scene, stand_alone
 from dfd.export.influences import Influences
 from dfd.export.joints import Local
 from dfd.mesh.file.gltf.header import Header, objects, parents
@@ -77,12 +77,12 @@ def add_skin(
         "skins",
         {"name": "dfd", "joints": joints, "inverseBindMatrices": document.accessor(binds), "skeleton": joints[0]},
     )
-    placed = []
+    skinned = []
     for node, primitives in document.parts():
         bring_to_scene(document, node, primitives[0].transform)
         weigh(document, node, primitives, influences, len(rig.joints), rig.default)
-        placed.append(node)
-    for node in placed:
+        skinned.append(node)
+    for node in skinned:
         document.header["nodes"][stand_alone(document, node)]["skin"] = skin
     scene = document.header["scenes"][document.header["scene"]]
     scene["nodes"].append(joints[0])

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dfd.common.files import atomic_write
-from dfd.export.gltf.morph import Targets, targets_of
+from dfd.export.gltf.morph import MorphTargets, targets_of
 from dfd.export.report import RigReport, rig_report
 from dfd.export.skinning import skin_of
 
@@ -125,7 +125,7 @@ def _morph(stage: Any, rig: Rig, target: Path, meshes: list[tuple[Any, MeshPart]
 
 
 def _add_targets(
-    stage: Any, mesh: Any, part: MeshPart, rig: Rig, targets: Targets, names: Sequence[str], bones: Any
+    stage: Any, mesh: Any, part: MeshPart, rig: Rig, targets: MorphTargets, names: Sequence[str], bones: Any
 ) -> None:
     binding = UsdSkel.BindingAPI.Apply(mesh.GetPrim())
     binding.CreateSkeletonRel().SetTargets([bones.GetPath()])

@@ -89,10 +89,10 @@ def bind_materials(
     binding.SetMaterialBindSubsetsFamilyType(UsdGeom.Tokens.partition)
 
 
-def _add_coordinates(mesh: UsdGeom.Mesh, name: str, places: NDArray[np.float32]) -> None:
+def _add_coordinates(mesh: UsdGeom.Mesh, name: str, coordinates: NDArray[np.float32]) -> None:
     primvars = UsdGeom.PrimvarsAPI(mesh)
     st = primvars.CreatePrimvar(name, Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying)
-    st.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(places, np.float32)))
+    st.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(coordinates, np.float32)))
 
 
 def _add_colors(
@@ -188,8 +188,8 @@ class _Preview:
         texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(file)
         if coordinates not in self._readers:
             self._readers[coordinates] = self._primvar(coordinates, "UsdPrimvarReader_float2", coordinates)
-        places = self._readers[coordinates].GetOutput("result")
-        texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(places)
+        uv = self._readers[coordinates].GetOutput("result")
+        texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(uv)
         texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set(space)
         texture.CreateInput("scale", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*scale))
         if any(bias):

@@ -142,19 +142,19 @@ class _Reader:
             return None
         texels, wrap = self._materials.texture(reference, named)
         key = _key(reference)
-        places = [self._places(each, reference) for each in primitives]
-        if texels is None or all(each is None for each in places):
+        found = [self._coordinates(each, reference) for each in primitives]
+        if texels is None or all(each is None for each in found):
             return None
         if key == known:
             return Picture(texels, wrap, BASE)
         name = self._names.setdefault(key, f"{BASE}{len(self._names) + 1}")
         rows = self.coordinates.setdefault(name, np.zeros((self._rows, 2), np.float32))
-        for each, place in zip(primitives, places, strict=True):
-            if place is not None:
-                rows[each.rows] = np.where(np.isfinite(place), place, 0.0).clip(-1e6, 1e6)
+        for each, uv in zip(primitives, found, strict=True):
+            if uv is not None:
+                rows[each.rows] = np.where(np.isfinite(uv), uv, 0.0).clip(-1e6, 1e6)
         return Picture(texels, wrap, name)
 
-    def _places(self, primitive: Primitive, reference: Any) -> NDArray[np.float64] | None:
+    def _coordinates(self, primitive: Primitive, reference: Any) -> NDArray[np.float64] | None:
         """(rows, 2) texture coordinates of the rows of a primitive; None where the file has none."""
         number, transform = coordinates(reference)
         found = self._data.attribute(self._primitive(primitive), f"TEXCOORD_{number}")

@@ -23,20 +23,10 @@ def check_corners(corners: NDArray[np.int64], count: int) -> None:
 def triangulate(
     positions: NDArray[np.float64], corners: NDArray[np.int64], sizes: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Return the triangles (F, 3) of polygons, each of as many consecutive corners as its size says, at least 3.
+    """Return the triangles (F, 3) of polygons as numbers of corners, in the polygons' order: size - 2 for each.
 
-    Parameters
-    ----------
-    positions
-        (N, 3) the vertices.
-    corners
-        (C,) vertex of each corner, one polygon after the other.
-    sizes
-        (P,) corners of each.
-
-    Returns
-    -------
-    Numbers of corners, in the polygons' order: size - 2 triangles for each.
+    `positions` (N, 3) are the vertices, `corners` (C,) the vertex of each corner, one polygon after the other, and
+    `sizes` (P,) how many corners each polygon has, at least 3.
     """
     if not (sizes > 3).any():
         return np.arange(len(corners)).reshape(-1, 3)

@@ -30,17 +30,14 @@ function start(): void {
     else document.documentElement.dataset.theme = theme;
     localStorage.setItem(THEME_KEY, theme);
   };
-  store.watch((state) => state.theme, themed);
+  store.on("theme", themed);
   const saved = localStorage.getItem(THEME_KEY);
   store.set({
     theme: saved === "light" || saved === "dark" ? saved : "system",
     quality: localStorage.getItem(QUALITY_KEY) === "full" ? "full" : "auto",
     inspector: innerWidth >= 720,
   });
-  store.watch(
-    (state) => state.quality,
-    (quality) => localStorage.setItem(QUALITY_KEY, quality),
-  );
+  store.on("quality", (quality) => localStorage.setItem(QUALITY_KEY, quality));
 
   let viewer: Viewer;
   try {

@@ -54,20 +54,8 @@ class Companions:
 def copied_materials(text: ObjText, source: Path, companions: Companions) -> tuple[str | None, set[str]]:
     """Copy the materials that an OBJ file uses, and their textures, next to the written file.
 
-    Only used materials are copied, and only textures that are valid images.
-
-    Parameters
-    ----------
-    text
-        The file.
-    source
-        The folder where its materials are.
-    companions
-        The files written next to the target.
-
-    Returns
-    -------
-    The name of the new file of materials, None where none is used, and the libraries that could be read.
+    Only used materials are copied, from the folder `source`, and only textures that are valid images. Returned are the
+    name of the new file of materials, None where none is used, and the libraries that could be read.
     """
     assets, images = AssetFolder(source / "materials"), ImageCache()
     used = {name for _, keyword, name in text.statements if keyword == "usemtl"}

@@ -28,16 +28,8 @@ def encode(
 ) -> dict[str, bytes]:
     """Return the contents of the moved OBJ file `target` and of the material files that it needs next to it.
 
-    Parameters
-    ----------
-    target
-        The path to write. In the folder of the original, materials are not copied.
-    source
-        The original.
-    vertices
-        (N, 3) new positions; unmoved vertices keep their text.
-    normals
-        For each primitive its normals (rows, 3), None where it has none.
+    Unmoved `vertices` (N, 3) keep their text. `normals` has those of each primitive (rows, 3), None where it has none.
+    Materials are not copied where `target` is in the folder of the original.
     """
     text = parse(source.data)
     changed = (vertices != text.positions).any(axis=1)

@@ -36,16 +36,8 @@ def encode_scene(
 ) -> dict[str, bytes]:
     """Return the files of a scene: the OBJ file `target`, and its materials and textures, all named after it.
 
-    Parameters
-    ----------
-    target
-        Where the OBJ file goes.
-    vertices
-        (V, 3) positions of the mesh's vertices.
-    scene
-        The parts, their texture coordinates and materials.
-    normals
-        For each primitive None or (rows, 3), in its own coordinates.
+    The mesh's vertices are at `vertices` (V, 3); `normals` has None or (rows, 3) for each primitive, in its own
+    coordinates.
     """
     companions = Companions(target)
     materials = [each.geometry.material for each in scene.primitives]

@@ -3,7 +3,7 @@
 import type { Transform } from "../posing/affine";
 import type { Controls } from "../protocol/messages";
 import { present, ready, store, type Ahead } from "../store/state";
-import { congested, send } from "./connection";
+import { ask, congested, send } from "./connection";
 import { note } from "./toasts";
 
 export function hold(vertex: number): void {
@@ -20,6 +20,21 @@ export function toggleFixed(vertex: number): void {
   const index = store.get().edit?.fixed.findIndex((fixed) => fixed.vertex === vertex) ?? -1;
   if (index >= 0) send({ type: "release", index });
   else send({ type: "fix", at: { vertex } });
+}
+
+/**
+ * Hold the part that a vertex is on, and where the selected handle holds that already, the part of the next level. With
+ * Shift it is added to what the handle holds, with Ctrl taken away.
+ */
+export async function takePart(vertex: number, { shiftKey, ctrlKey, metaKey }: PointerEvent): Promise<void> {
+  const { edit, tool, selected } = store.get();
+  if (!edit?.field.parts) note("Parts are being found: try again in a moment.");
+  else if (tool === "fix") send({ type: "fix", at: { part: vertex } });
+  else if (tool === "hold") {
+    const how = shiftKey ? "add" : ctrlKey || metaKey ? "remove" : "take";
+    const received = await ask({ type: "take_part", vertex, handle: selected, how });
+    if (received?.message.type === "done") select(received.message.handle);
+  }
 }
 
 /** What was painted, a bit per vertex, lowest first, as requests have it. */
@@ -141,11 +156,8 @@ export function wheelReach(handle: number, factor: number): void {
   else slide(handle, { reach });
 }
 
-/** A slider of a handle. */
-export function slide(
-  handle: number,
-  controls: Partial<Record<"reach" | "locality" | "radius" | "strength", number>>,
-): void {
+/** Have a slider of a handle say another value. */
+export function slide(handle: number, controls: Partial<Record<string, number>>): void {
   showAhead(handle, controls, Infinity);
   throttle(`${handle} ${Object.keys(controls).join()}`, (merge) =>
     showAhead(handle, {}, send({ type: "change", handle, controls, merge })),

@@ -9,7 +9,7 @@ import { play, storePose } from "./timeline";
 type Group = "Handle" | "View" | "Edit" | "Tools" | "Timeline";
 
 /** Keys as they are shown, what they do, and whether they do it on the start page, too. */
-export type Shortcut = readonly [keys: string, group: Group, label: string, run: () => void, everywhere?: true];
+export type Shortcut = readonly [keys: string, group: Group, label: string, run: () => unknown, everywhere?: true];
 
 export const LOOKS = ["texture", "clay", "features", "heat"] as const;
 const set = (change: Partial<State>) => () => store.set(change);
@@ -19,11 +19,11 @@ export function toggle(name: "snap" | "wireframe" | "inspector" | "help" | "time
   store.set({ [name]: !store.get()[name] });
 }
 
-export function toggleSpace(): void {
+function toggleSpace(): void {
   store.set({ space: store.get().space === "world" ? "local" : "world" });
 }
 
-export function toggleQuality(): void {
+function toggleQuality(): void {
   store.set({ quality: store.get().quality === "auto" ? "full" : "auto" });
 }
 
@@ -46,14 +46,6 @@ function holdNext(): void {
   const free = suggestions.find(({ vertex }) => !known?.handles.some((handle) => handle.vertex === vertex));
   if (free) edit.hold(free.vertex);
   else if (suggestions.length === 0) edit.suggest();
-}
-
-export function undo(): void {
-  if (store.get().edit?.can_undo) send({ type: "undo" });
-}
-
-export function redo(): void {
-  if (store.get().edit?.can_redo) send({ type: "redo" });
 }
 
 export const SHORTCUTS: readonly Shortcut[] = [
@@ -79,14 +71,18 @@ export const SHORTCUTS: readonly Shortcut[] = [
   ["Q", "View", "Full quality while moving", toggleQuality],
   ["F", "View", "Frame the shape", () => store.set({ framed: store.get().framed + 1 })],
   ["I", "View", "Inspector", () => toggle("inspector")],
-  ["?", "View", "These keys", () => toggle("help"), true],
-  ["Ctrl Z", "Edit", "Undo", undo],
-  ["Ctrl Shift Z", "Edit", "Redo", redo],
+  ["?", "View", "Keys", () => toggle("help"), true],
+  ["Ctrl Z", "Edit", "Undo", () => store.get().edit?.can_undo && send({ type: "undo" })],
+  ["Ctrl Shift Z", "Edit", "Redo", () => store.get().edit?.can_redo && send({ type: "redo" })],
   ["Ctrl O", "Edit", "Open a file", chooseFiles, true],
   ["T", "Timeline", "Timeline", () => toggle("timeline")],
   ["K", "Timeline", "Store a key pose", storePose],
   ["Space", "Timeline", "Play", play],
 ];
+
+export function shortcut(keys: string): Shortcut | undefined {
+  return SHORTCUTS.find((each) => each[0] === keys);
+}
 
 const NAMES: Record<string, string> = { " ": "Space", escape: "Esc", backspace: "Delete", delete: "Delete" };
 
@@ -113,7 +109,7 @@ export function listen(): void {
       return;
     }
     const look = LOOKS.at(Number(keys) - 1);
-    const found = SHORTCUTS.find((shortcut) => shortcut[0] === keys);
+    const found = shortcut(keys);
     if (page !== "shape" && !found?.[4]) return;
     if (found) found[3]();
     else if (look && Number(keys) >= 1) store.set({ look });

@@ -1,6 +1,7 @@
 /** What the server's messages do to the store. */
 
 import type { Payload, Received } from "../protocol/binary_messages";
+import { weightLayer } from "../posing/columns";
 import type { ColumnsMessage, InstancesMessage, StateMessage } from "../protocol/messages";
 import { CLOSED, store, type ColumnData, type State } from "../store/state";
 import { PROTOCOL } from "./connection";
@@ -34,7 +35,19 @@ export function receive({ message, payload }: Received): void {
     case "heat": {
       if (message.vertex === null || store.get().hover?.vertex !== message.vertex) break;
       const layer = { values: payload.get("values", "uint16"), scale: message.scale, kind: "distance" } as const;
-      store.set({ probe: { vertex: message.vertex, layer: { ...layer, geodesic: null } } });
+      store.set({ probe: { vertex: message.vertex, layer: { ...layer, geodesic: null }, part: 0 } });
+      break;
+    }
+    case "part": {
+      const { hover, mesh } = store.get();
+      const mask = payload.get("mask", "uint8");
+      const values = Uint16Array.from(
+        { length: mesh?.vertices ?? 0 },
+        (_, i) => ((mask[i >> 3] >> (i & 7)) & 1) * 65535,
+      );
+      // The pointer may have moved on, to another part.
+      if (!hover || values[hover.vertex] === 0) break;
+      store.set({ probe: { vertex: message.vertex, layer: weightLayer(values), part: message.count } });
       break;
     }
     case "progress": {
@@ -111,7 +124,7 @@ function withInstances(message: InstancesMessage, payload: Payload): Map<number,
     const data = columns.get(entry.column);
     const instances = entry.instances.map(({ share, ...rest }) => ({
       ...rest,
-      share: { values: payload.get(share, "uint16"), scale: 1, kind: "weight", geodesic: null } as const,
+      share: weightLayer(payload.get(share, "uint16")),
     }));
     if (data) columns.set(entry.column, { ...data, instances });
   }

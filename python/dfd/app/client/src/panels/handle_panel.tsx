@@ -1,35 +1,13 @@
 import { send } from "../actions/connection";
-import { change, moveTo, slide, throttle } from "../actions/edit";
+import { change, moveTo } from "../actions/edit";
 import { otherPlaces, toggleInstance } from "../actions/similar";
 import { niceStep, type Transform } from "../posing/affine";
-import { heldPart } from "../posing/columns";
 import type { HandleState } from "../protocol/messages";
 import { present, selectedHandle, store } from "../store/state";
 import { useStore } from "../store/use";
 import { drawsInSoftware } from "../viewer/stage";
-import {
-  Button,
-  count,
-  IconButton,
-  Panel,
-  percent,
-  readable,
-  Scale,
-  Select,
-  Slider,
-  Toggle,
-  Triple,
-} from "../widgets/controls";
-
-const FALLOFFS: Record<HandleState["falloff"], string> = {
-  linear: "Linear",
-  smooth: "Smooth",
-  sharp: "Sharp",
-  root: "Root",
-  sphere: "Sphere",
-  constant: "Constant",
-};
-const INSTANCES: Record<HandleState["instances"], string> = { own: "Own", together: "Together", only: "Only" };
+import { Button, count, IconButton, Panel, percent, Scale, Toggle, Triple } from "../widgets/controls";
+import { ControlField } from "./control_field";
 
 /** Milliseconds between numbers that change with every frame of a drag: painting them costs more than the frame. */
 const readably = () => (store.get().dragging ? (drawsInSoftware() ? 1000 : 100) : 0);
@@ -37,17 +15,15 @@ const readably = () => (store.get().dragging ? (drawsInSoftware() ? 1000 : 100) 
 export function HandlePanel({ known }: { readonly known: HandleState }) {
   const state = useStore((all) => all, readably);
   const handle = present(state, known);
-  const { transform, radius } = handle;
+  const { transform } = handle;
   const id = handle.handle;
-  const size = state.mesh?.diagonal ?? 1;
-  const step = niceStep(size / 100);
+  const step = niceStep((state.mesh?.diagonal ?? 1) / 100);
   const set = (part: Partial<Transform>) => {
     // What is shown may be older than what was set last.
     const now = selectedHandle(store.get()) ?? known;
     moveTo(now.handle, { ...present(store.get(), now).transform, ...part });
   };
-  const column = state.columns.get(handle.column);
-  const held = column ? heldPart(column.layer, handle.reach, handle.falloff) : 0;
+  const field = (name: string) => <ControlField key={name} name={name} handle={handle} />;
   const reset = (
     <IconButton
       icon="reset"
@@ -82,42 +58,11 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
         onChange={(pivot) => set({ pivot })}
         action={resetPivot}
       />
-      <Slider
-        label="Reach"
-        hint="How unlike the handle something may look and still follow; also the wheel while dragging, or [ and ]"
-        value={handle.reach}
-        range={[0.05, 1.5, 0.01]}
-        text={`${handle.reach.toFixed(2)} · holds ${percent(held)}`}
-        onInput={(reach) => slide(id, { reach })}
-      />
-      <Select
-        label="Falloff"
-        value={handle.falloff}
-        options={FALLOFFS}
-        onChange={(falloff) => change(id, { falloff })}
-      />
-      <Slider
-        label="Locality"
-        hint="0 reaches all that looks alike; more stays near the handle along the surface"
-        value={handle.locality}
-        range={[0, 20, 0.5]}
-        text={radius !== null ? "by radius" : handle.locality === 0 ? "everywhere" : handle.locality.toFixed(1)}
-        onInput={(locality) => slide(id, { locality })}
-      />
-      <Slider
-        label="Radius"
-        hint="How far along the surface the handle acts, in parts of the shape's size; the other way to say locality"
-        value={(radius ?? 0) / size}
-        range={[0, 1, 0.01]}
-        text={radius === null ? "no limit" : `${readable(radius)} · ${percent(radius / size)}`}
-        onInput={(part) => slide(id, part > 0 ? { radius: part * size } : { locality: 0 })}
-      />
-      <Slider
-        label="Strength"
-        value={handle.strength}
-        range={[0, 1, 0.05]}
-        text={percent(handle.strength)}
-        onInput={(strength) => slide(id, { strength })}
+      {["reach", "falloff", "locality", "radius", "strength"].map(field)}
+      <Toggle
+        label="Limit to part"
+        checked={handle.within_part}
+        onChange={(on) => change(id, { within: on ? "part" : "everywhere" })}
       />
       <div class="limit">
         <span>Limit</span>
@@ -133,30 +78,9 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
           />
         )}
       </div>
-      {handle.within > 0 && (
-        <Slider
-          label="Limit's edge"
-          hint="How far beyond the limit the handle fades, in parts of the shape's size; 0 cuts it off"
-          value={handle.within_width / size}
-          range={[0, 0.3, 0.005]}
-          text={handle.within_width === 0 ? "sharp" : `${readable(handle.within_width)} wide`}
-          onInput={(part) =>
-            throttle(`${id} within_width`, (merge) =>
-              send({ type: "change", handle: id, controls: { within_width: part * size }, merge }),
-            )
-          }
-        />
-      )}
-      <Select
-        label="Look-alikes"
-        hint="How the handle's look-alikes move: each about its own pivot, together, or not at all"
-        value={handle.instances}
-        options={INSTANCES}
-        onChange={(instances) => change(id, { instances })}
-      />
-      {handle.instances !== "only" && (
-        <Toggle label="Look-alikes follow in full" checked={handle.level} onChange={(level) => change(id, { level })} />
-      )}
+      {handle.within > 0 && field("within_width")}
+      {field("instances")}
+      {handle.instances !== "only" && field("level")}
       <SimilarPlaces handle={id} />
     </Panel>
   );

@@ -150,21 +150,12 @@ function DefaultPanel({ known }: { readonly known: StateMessage }) {
   );
 }
 
-const PRESETS: Record<StateMessage["preset"], string> = { default: "Default", paper: "Paper" };
-const OVERLAPS: Record<StateMessage["overlap"], string> = {
-  add: "Add",
-  interpolate: "Interpolate",
-  normalize: "Normalize",
-  paper: "Paper",
-};
-const BLENDS: Record<StateMessage["blend"], string> = {
-  linear: "Linear",
-  dual_quaternion: "Dual quaternion",
-  polar: "Polar",
-};
+/** What holds for all handles. */
+const MODES = ["preset", "overlap", "blend"];
 
 function ShapePanel({ known }: { readonly known: StateMessage }) {
-  const [mesh, report] = useStore((state) => [state.mesh, state.report] as const);
+  const [mesh, report, session] = useStore((state) => [state.mesh, state.report, state.session] as const);
+  const controls = session?.controls.filter(({ name }) => MODES.includes(name)) ?? [];
   const { status, origin } = known.field;
   const features = status === "ready" ? (origin ?? "ready") : status === "none" ? "not learned yet" : `${status}…`;
   const counts: [string, number][] = mesh
@@ -176,30 +167,17 @@ function ShapePanel({ known }: { readonly known: StateMessage }) {
     : [];
   return (
     <Panel title="Shape">
-      {status === "ready" && (
-        <>
+      {status === "ready" &&
+        controls.map(({ name, label, hint, choices }) => (
           <Select
-            label="Preset"
-            hint="How handles act and are put together: dfd's own way, or the paper's equations to the letter"
-            value={known.preset}
-            options={PRESETS}
-            onChange={(preset) => send({ type: "set_mode", preset })}
+            key={name}
+            label={label}
+            hint={hint}
+            value={known[name as "preset"]}
+            options={choices as StateMessage["preset"][]}
+            onChange={(choice) => send({ type: "set_mode", [name]: choice })}
           />
-          <Select
-            label="Overlap"
-            hint="What happens where handles hold the same"
-            value={known.overlap}
-            options={OVERLAPS}
-            onChange={(overlap) => send({ type: "set_mode", overlap })}
-          />
-          <Select
-            label="Blending"
-            value={known.blend}
-            options={BLENDS}
-            onChange={(blend) => send({ type: "set_mode", blend })}
-          />
-        </>
-      )}
+        ))}
       <Facts entries={[...counts, ["Features", features]]} />
       {report && <p class="report">{report.text}</p>}
     </Panel>

@@ -3,7 +3,7 @@ import { toggle } from "../actions/keyboard";
 import { dismiss } from "../actions/toasts";
 import { ready } from "../store/state";
 import { useStore } from "../store/use";
-import { Button, IconButton, titled } from "../widgets/controls";
+import { Button, count, IconButton, titled } from "../widgets/controls";
 
 const HINTS = {
   hold: "Click to take hold · drag to orbit",
@@ -13,7 +13,7 @@ const HINTS = {
 } as const;
 
 export function StatusLine() {
-  const [link, tool, hover, dragging, report, alive, timeline, pending, comparing, seen] = useStore(
+  const [link, tool, hover, dragging, report, alive, timeline, pending, comparing, seen, probe] = useStore(
     (s) =>
       [
         s.link,
@@ -26,10 +26,13 @@ export function StatusLine() {
         s.ahead.size > 0,
         s.comparing,
         s.seen,
+        s.probe,
       ] as const,
   );
   const said = report && !dragging ? report.text : "";
-  const hint = dragging ? "Wheel changes reach" : comparing ? "The original" : alive ? HINTS[tool] : "Drag to orbit";
+  const part = probe?.part ? `Part of ${count.format(probe.part)} vertices · Alt-click to hold it` : "";
+  const hint =
+    part || (dragging ? "Wheel changes reach" : comparing ? "The original" : alive ? HINTS[tool] : "Drag to orbit");
   return (
     <footer class="status">
       <span class={`link ${link}`} role="status">

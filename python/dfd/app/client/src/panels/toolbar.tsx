@@ -1,21 +1,10 @@
 import { send } from "../actions/connection";
-import { suggest } from "../actions/edit";
-import { toggle, toggleSpace } from "../actions/keyboard";
-import { ready, store, type GizmoMode, type Tool } from "../store/state";
+import { ready, store } from "../store/state";
 import { useStore } from "../store/use";
-import { IconButton } from "../widgets/controls";
+import { IconButton, KeyButton } from "../widgets/controls";
 
-const TOOLS: readonly (readonly [Tool, string, string])[] = [
-  ["hold", "Hold points", "H"],
-  ["fix", "Fix points", "X"],
-  ["paint", "Brush a region", "B"],
-  ["pivot", "Move the pivot", "P"],
-];
-const MODES: readonly (readonly [GizmoMode, string, string])[] = [
-  ["translate", "Move", "W"],
-  ["rotate", "Rotate", "E"],
-  ["scale", "Scale", "R"],
-];
+const TOOLS = { hold: "H", fix: "X", paint: "B", pivot: "P" } as const;
+const MODES = { translate: "W", rotate: "E", scale: "R" } as const;
 
 export function Toolbar() {
   const [tool, gizmo, space, snap, comparing, suggested, off, still] = useStore(
@@ -32,51 +21,21 @@ export function Toolbar() {
       ] as const,
   );
   const compare = (on: boolean) => () => store.set({ comparing: on });
+  const keyed = (icon: keyof typeof TOOLS | keyof typeof MODES, keys: string, pressed: boolean) => (
+    <KeyButton key={keys} icon={icon} keys={keys} pressed={pressed} disabled={off} />
+  );
   return (
     <nav class="toolbar" aria-label="Tools">
       <div role="group" aria-label="What a click does">
-        {TOOLS.map(([name, label, keys]) => (
-          <IconButton
-            key={name}
-            icon={name}
-            label={label}
-            keys={keys}
-            pressed={tool === name}
-            disabled={off}
-            onPress={() => store.set({ tool: name })}
-          />
-        ))}
+        {(Object.keys(TOOLS) as (keyof typeof TOOLS)[]).map((name) => keyed(name, TOOLS[name], tool === name))}
       </div>
       <div role="group" aria-label="Gizmo">
-        {MODES.map(([name, label, keys]) => (
-          <IconButton
-            key={name}
-            icon={name}
-            label={label}
-            keys={keys}
-            pressed={gizmo === name}
-            disabled={off}
-            onPress={() => store.set({ gizmo: name, tool: "hold" })}
-          />
-        ))}
-        <IconButton
-          icon={space}
-          label={space === "world" ? "World axes" : "Local axes"}
-          keys="L"
-          disabled={off}
-          onPress={toggleSpace}
-        />
-        <IconButton icon="snap" label="Snap" keys="S" pressed={snap} disabled={off} onPress={() => toggle("snap")} />
+        {(Object.keys(MODES) as (keyof typeof MODES)[]).map((name) => keyed(name, MODES[name], gizmo === name))}
+        <KeyButton icon={space} keys="L" disabled={off} />
+        <KeyButton icon="snap" keys="S" pressed={snap} disabled={off} />
       </div>
       <div role="group" aria-label="Shape">
-        <IconButton
-          icon="suggest"
-          label="Suggest handles"
-          keys="G"
-          pressed={suggested}
-          disabled={off}
-          onPress={suggest}
-        />
+        <KeyButton icon="suggest" keys="G" pressed={suggested} disabled={off} />
         <IconButton
           icon="compare"
           label="Hold to see the original"
@@ -94,12 +53,7 @@ export function Toolbar() {
           disabled={still}
           onPress={() => send({ type: "reset" })}
         />
-        <IconButton
-          icon="frame"
-          label="Frame the shape"
-          keys="F"
-          onPress={() => store.set({ framed: store.get().framed + 1 })}
-        />
+        <KeyButton icon="frame" keys="F" />
       </div>
     </nav>
   );

@@ -1,5 +1,7 @@
 /** (3, 4) affine maps, row-major, as arrays of 12 numbers; lengths in mesh units, angles in degrees. */
 
+import { Quaternion as Turn } from "three";
+
 export type Vec3 = readonly [number, number, number];
 export type Quaternion = readonly [number, number, number, number];
 export type Affine = readonly number[];
@@ -49,18 +51,6 @@ export function rotationOf(q: Quaternion): Vec3 {
   if (sine === 0) return [0, 0, 0];
   const perSine = (sign * 2 * Math.atan2(sine, sign * q[3])) / DEGREE / sine;
   return [q[0] * perSine, q[1] * perSine, q[2] * perSine];
-}
-
-export function slerp(a: Quaternion, b: Quaternion, t: number): Quaternion {
-  const dot = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3];
-  const sign = dot < 0 ? -1 : 1;
-  const angle = Math.acos(Math.min(Math.abs(dot), 1));
-  const near = angle < 1e-4;
-  const own = near ? 1 - t : Math.sin((1 - t) * angle) / Math.sin(angle);
-  const other = sign * (near ? t : Math.sin(t * angle) / Math.sin(angle));
-  const mixed = [0, 1, 2, 3].map((i) => own * a[i] + other * b[i]);
-  const size = Math.hypot(...mixed);
-  return [mixed[0] / size, mixed[1] / size, mixed[2] / size, mixed[3] / size];
 }
 
 /** The map p ↦ pivot + translation + R S (p − pivot); `center` is the pivot of a transform without one. */
@@ -129,7 +119,9 @@ export function interpolate(a: Transform, b: Transform, t: number): Transform {
   ];
   return {
     translation: mix(a.translation, b.translation),
-    rotation: rotationOf(slerp(quaternionOf(a.rotation), quaternionOf(b.rotation), t)),
+    rotation: rotationOf(
+      new Turn(...quaternionOf(a.rotation)).slerp(new Turn(...quaternionOf(b.rotation)), t).toArray(),
+    ),
     scale: mix(a.scale, b.scale),
     pivot: a.pivot !== null && b.pivot !== null ? mix(a.pivot, b.pivot) : b.pivot,
     axes: b.axes,

@@ -22,6 +22,10 @@ export interface Layer {
   readonly geodesic: Uint16Array | null;
 }
 
+export function weightLayer(values: Uint16Array): Layer {
+  return { values, scale: 1, kind: "weight", geodesic: null };
+}
+
 export interface Column {
   /** The handle's number; 0 is the probe under the pointer, which moves nothing. */
   readonly handle: number;

@@ -40,9 +40,8 @@ export interface ColumnData {
 }
 
 /** What the page knows before the server does: a drag or a slider under way. It ends with a state that includes it. */
-export interface Ahead extends Partial<
-  Readonly<Pick<HandleState, "reach" | "falloff" | "locality" | "strength"> & { transform: Transform; radius: number }>
-> {
+export interface Ahead extends Partial<Omit<HandleState, "handle">> {
+  readonly transform?: Transform;
   /** The newest request that tells the server of it. */
   readonly request: number;
 }
@@ -56,6 +55,8 @@ export interface Hover {
 export interface Probe {
   readonly vertex: number;
   readonly layer: Layer;
+  /** How many vertices the part has that is shown; 0 where it is what a handle at the vertex would hold. */
+  readonly part: number;
 }
 
 export interface Toast {
@@ -70,118 +71,72 @@ export interface Posed {
   readonly normals: Int16Array;
 }
 
-export interface State {
-  readonly link: "connecting" | "open" | "lost" | "closed";
-  /** Why the connection is closed for good. */
-  readonly ended: string | null;
-  readonly session: SessionMessage | null;
-  readonly page: "waiting" | "start" | "shape";
-  readonly mesh: MeshMessage | null;
-  /** The arrays of `mesh`. */
-  readonly meshArrays: Payload | null;
-  /** The whole of a mesh that came as its coarse level. */
-  readonly detail: { readonly message: DetailMessage; readonly arrays: Payload } | null;
-  /** (V, 4) colors of the features' main directions. */
-  readonly featureColors: Uint8Array | null;
-  /** What the server posed, where the shader cannot. */
-  readonly posed: Posed | null;
-  readonly edit: StateMessage | null;
-  readonly columns: ReadonlyMap<number, ColumnData>;
-  readonly ahead: ReadonlyMap<number, Ahead>;
-  readonly selected: number | null;
-  readonly hidden: ReadonlySet<number>;
-  readonly hover: Hover | null;
-  readonly probe: Probe | null;
-  /** What the brush has touched, a bit per vertex and the same as weights. */
-  readonly painted: { readonly mask: Uint8Array; readonly layer: Layer; readonly count: number } | null;
-  readonly suggestions: readonly Suggestion[];
-  /** The places that look like the one that the selected handle holds. */
-  readonly similar: SimilarMessage | null;
-  readonly progress: ProgressMessage | null;
-  readonly uploading: string | null;
-  readonly report: ReportMessage | null;
-  readonly tool: Tool;
-  readonly gizmo: GizmoMode;
-  readonly space: "local" | "world";
-  readonly snap: boolean;
-  readonly uniformScale: boolean;
-  readonly dragging: boolean;
-  readonly look: Look;
-  readonly wireframe: boolean;
-  readonly quality: Quality;
-  /** What of the shape is seen: all of it, its coarse level, or that because the rest has not come yet. */
-  readonly seen: Level | "loading";
-  readonly showPlanes: boolean;
-  readonly showGhosts: boolean;
-  readonly theme: Theme;
-  readonly comparing: boolean;
-  /** Transforms by handle while the timeline shows a moment; null shows the edit. */
-  readonly moment: ReadonlyMap<number, Transform> | null;
-  readonly playhead: number;
-  readonly playing: boolean;
-  readonly timeline: boolean;
-  readonly inspector: boolean;
-  readonly help: boolean;
-  readonly brush: { readonly radius: number; readonly strength: number };
-  readonly toasts: readonly Toast[];
-  /** How often somebody asked to see the whole shape again. */
-  readonly framed: number;
-}
-
 /** What is known of a shape and done to it, while none is open. */
 export const CLOSED = {
-  mesh: null,
-  meshArrays: null,
-  detail: null,
-  featureColors: null,
-  posed: null,
-  edit: null,
-  columns: new Map(),
-  ahead: new Map(),
-  selected: null,
-  hidden: new Set(),
-  hover: null,
-  probe: null,
-  painted: null,
-  suggestions: [],
-  similar: null,
-  report: null,
-  tool: "hold",
+  mesh: null as MeshMessage | null,
+  /** The arrays of `mesh`. */
+  meshArrays: null as Payload | null,
+  /** The whole of a mesh that came as its coarse level. */
+  detail: null as { readonly message: DetailMessage; readonly arrays: Payload } | null,
+  /** (V, 4) colors of the features' main directions. */
+  featureColors: null as Uint8Array | null,
+  /** What the server posed, where the shader cannot. */
+  posed: null as Posed | null,
+  edit: null as StateMessage | null,
+  columns: new Map() as ReadonlyMap<number, ColumnData>,
+  ahead: new Map() as ReadonlyMap<number, Ahead>,
+  selected: null as number | null,
+  hidden: new Set() as ReadonlySet<number>,
+  hover: null as Hover | null,
+  probe: null as Probe | null,
+  /** What the brush has touched, a bit per vertex and the same as weights. */
+  painted: null as { readonly mask: Uint8Array; readonly layer: Layer; readonly count: number } | null,
+  suggestions: [] as readonly Suggestion[],
+  /** The places that look like the one that the selected handle holds. */
+  similar: null as SimilarMessage | null,
+  report: null as ReportMessage | null,
+  tool: "hold" as Tool,
   comparing: false,
-  moment: null,
+  /** Transforms by handle while the timeline shows a moment; null shows the edit. */
+  moment: null as ReadonlyMap<number, Transform> | null,
   playing: false,
-} as const satisfies Partial<State>;
+};
 
-const INITIAL: State = {
+const INITIAL = {
   ...CLOSED,
-  link: "connecting",
-  ended: null,
-  session: null,
-  page: "waiting",
-  progress: null,
-  uploading: null,
-  gizmo: "translate",
-  space: "world",
+  link: "connecting" as "connecting" | "open" | "lost" | "closed",
+  /** Why the connection is closed for good. */
+  ended: null as string | null,
+  session: null as SessionMessage | null,
+  page: "waiting" as "waiting" | "start" | "shape",
+  progress: null as ProgressMessage | null,
+  uploading: null as string | null,
+  gizmo: "translate" as GizmoMode,
+  space: "world" as "local" | "world",
   snap: false,
   uniformScale: false,
   dragging: false,
-  look: "texture",
+  look: "texture" as Look,
   wireframe: false,
-  quality: "auto",
-  seen: "full",
+  quality: "auto" as Quality,
+  /** What of the shape is seen: all of it, its coarse level, or that because the rest has not come yet. */
+  seen: "full" as Level | "loading",
   showPlanes: false,
   showGhosts: true,
-  theme: "system",
+  theme: "system" as Theme,
   playhead: 0,
   timeline: false,
   inspector: true,
   help: false,
   brush: { radius: 0.05, strength: 1 },
-  toasts: [],
+  toasts: [] as readonly Toast[],
+  /** How often somebody asked to see the whole shape again. */
   framed: 0,
 };
 
-export const store = createStore(INITIAL);
+export type State = Readonly<typeof INITIAL>;
+
+export const store = createStore<State>(INITIAL);
 
 /** A handle as it acts now: the server's numbers, what the page knows before it, and the timeline's moment. */
 export function present(state: State, handle: HandleState): HandleState & { readonly transform: Transform } {

@@ -2,6 +2,18 @@
 export function createStore<State extends object>(initial: State) {
   let state = initial;
   const watchers = new Set<() => void>();
+  function watch<Part>(select: (state: State) => Part, listener: (part: Part, before: Part) => void): () => void {
+    let part = select(state);
+    const watcher = () => {
+      const before = part;
+      const now = select(state);
+      if (same(now, before)) return;
+      part = now;
+      listener(now, before);
+    };
+    watchers.add(watcher);
+    return () => watchers.delete(watcher);
+  }
   return {
     get: () => state,
     /** Replace some of its parts; those who watch a part that is now another one hear of it at once. */
@@ -11,17 +23,10 @@ export function createStore<State extends object>(initial: State) {
       for (const watcher of [...watchers]) if (watchers.has(watcher)) watcher();
     },
     /** Call `listener` whenever `select` takes another value, or array of values, from the state; returns how to stop. */
-    watch<Part>(select: (state: State) => Part, listener: (part: Part, before: Part) => void): () => void {
-      let part = select(state);
-      const watcher = () => {
-        const before = part;
-        const now = select(state);
-        if (same(now, before)) return;
-        part = now;
-        listener(now, before);
-      };
-      watchers.add(watcher);
-      return () => watchers.delete(watcher);
+    watch,
+    /** The same of one part of the state. */
+    on<Key extends keyof State>(key: Key, listener: (part: State[Key], before: State[Key]) => void): () => void {
+      return watch((now) => now[key], listener);
     },
   };
 }

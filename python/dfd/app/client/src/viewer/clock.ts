@@ -13,31 +13,25 @@ export class Clock {
   ask(begun: number, tell: (milliseconds: number) => void): void {
     if (this.pending) return;
     this.pending = true;
-    this.answer(begun, (milliseconds) => {
-      this.pending = false;
-      if (milliseconds !== null) tell(milliseconds);
-    });
+    this.follow(begun, tell, () => (this.pending = false));
   }
 
-  /** The same for what goes on from there: always answered, whoever else asks, but where the graphics are lost. */
-  follow(begun: number, tell: (milliseconds: number) => void): void {
-    this.answer(begun, (milliseconds) => {
+  /** The same whoever else asks; `ended` is called in any case, `tell` not where the graphics are lost. */
+  follow(begun: number, tell: (milliseconds: number) => void, ended: () => void = () => undefined): void {
+    const answer = (milliseconds: number | null) => {
+      ended();
       if (milliseconds !== null) tell(milliseconds);
-    });
-  }
-
-  /** `tell` null where there will be no answer. */
-  private answer(begun: number, tell: (milliseconds: number | null) => void): void {
+    };
     const { gl } = this;
     const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     if (!fence) {
-      tell(null);
+      answer(null);
       return;
     }
     gl.flush();
     const look = () => {
       if (gl.isContextLost()) {
-        tell(null);
+        answer(null);
         return;
       }
       const gone = performance.now() - begun;
@@ -47,7 +41,7 @@ export class Clock {
         return;
       }
       gl.deleteSync(fence);
-      tell(done ? gone : null);
+      answer(done ? gone : null);
     };
     setTimeout(look, INTERVAL);
   }

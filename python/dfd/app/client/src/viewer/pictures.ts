@@ -10,12 +10,11 @@ const FRAMES_PER_SECOND = 30;
 
 /** Save what the view shows, without marks. */
 export async function screenshot({ stage, helpers }: Viewer): Promise<void> {
-  const shown = helpers.map((helper) => helper.visible);
-  helpers.forEach((helper) => (helper.visible = false));
+  const show = hidden(helpers);
   stage.draw();
   // Whatever is drawn is gone after this task: the copy is made now.
   const picture = copied(stage.canvas);
-  helpers.forEach((helper, i) => (helper.visible = shown[i]));
+  show();
   stage.invalidate();
   const blob = await new Promise<Blob | null>((resolve) => picture.toBlob(resolve, "image/png"));
   if (blob) saveBlob(blob, `${stem()}.png`);
@@ -41,8 +40,7 @@ export async function turntable({ stage, helpers }: Viewer): Promise<void> {
   const parts: Blob[] = [];
   recorder.ondataavailable = (event) => parts.push(event.data);
   const finished = new Promise<void>((resolve) => (recorder.onstop = () => resolve()));
-  const shown = helpers.map((helper) => helper.visible);
-  helpers.forEach((helper) => (helper.visible = false));
+  const show = hidden(helpers);
   note("Recording one turn…");
   const start = { position: stage.camera.position.clone(), target: stage.orbit.target.clone() };
   const offset = start.position.clone().sub(start.target);
@@ -63,11 +61,18 @@ export async function turntable({ stage, helpers }: Viewer): Promise<void> {
   });
   recorder.stop();
   await finished;
-  helpers.forEach((helper, i) => (helper.visible = shown[i]));
+  show();
   stage.camera.position.copy(start.position);
   stage.orbit.update();
   stage.invalidate();
   saveBlob(new Blob(parts, { type }), `${stem()}.${type.startsWith("video/mp4") ? "mp4" : "webm"}`);
+}
+
+/** Hide what pictures leave out; returns how to show it again. */
+function hidden(helpers: Viewer["helpers"]): () => void {
+  const shown = helpers.filter((helper) => helper.visible);
+  shown.forEach((helper) => (helper.visible = false));
+  return () => shown.forEach((helper) => (helper.visible = true));
 }
 
 function copied(canvas: HTMLCanvasElement): HTMLCanvasElement {

@@ -8,12 +8,12 @@ export interface PointerEvents {
   busy(): boolean;
   dragging(): boolean;
   pick(x: number, y: number): Pick | null;
-  click(picked: Pick | null): void;
+  click(picked: Pick | null, event: PointerEvent): void;
   /** Whether the wheel was used up. */
   wheel(delta: number): boolean;
   paint(picked: Pick, erase: boolean): void;
-  /** The pointer has rested on a point. */
-  rest(picked: Pick): void;
+  /** The pointer has rested on a point, or with Alt come to another part. */
+  rest(picked: Pick, part: boolean): void;
 }
 
 const CLICK_DISTANCE = 5;
@@ -43,6 +43,7 @@ export class Pointer {
     canvas.addEventListener("blur", () => delete canvas.dataset.pointed);
     // Before the orbit's own listener, which would zoom.
     canvas.addEventListener("wheel", (event) => this.turned(event), { capture: true, passive: false });
+    for (const type of ["keydown", "keyup"] as const) addEventListener(type, (event) => this.altered(event));
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
   }
 
@@ -81,7 +82,7 @@ export class Pointer {
     this.forget();
     if (painted || down.moved || this.events.dragging()) return;
     const [x, y] = this.at(event);
-    this.events.click(this.events.pick(x, y));
+    this.events.click(this.events.pick(x, y), event);
   }
 
   private stroke(event: PointerEvent): void {
@@ -96,7 +97,15 @@ export class Pointer {
     else this.timer = window.setTimeout(() => this.look(event), REST_MILLISECONDS);
   }
 
-  private look(event: PointerEvent): void {
+  /** Alt shows parts, also where the pointer rests. */
+  private altered(event: KeyboardEvent): void {
+    if (event.key !== "Alt" || event.repeat || !this.last) return;
+    event.preventDefault();
+    clearTimeout(this.timer);
+    if (!this.down && !this.events.busy()) this.look(this.last, event.type === "keydown");
+  }
+
+  private look(event: PointerEvent, part = event.altKey): void {
     const begun = performance.now();
     const [x, y] = this.at(event);
     const picked = this.events.pick(x, y);
@@ -106,12 +115,13 @@ export class Pointer {
       if (hover || probe) store.set({ hover: null, probe: null });
       return;
     }
-    const same = probe?.vertex === picked.vertex;
-    store.set({
-      hover: { vertex: picked.vertex, row: picked.row },
-      probe: same ? probe : null,
-    });
-    if (!same) this.timer = window.setTimeout(() => this.events.rest(picked), REST_MILLISECONDS);
+    const ofPart = part && probe !== null && probe.part > 0;
+    const same = ofPart
+      ? probe.layer.values[picked.vertex] > 0
+      : probe?.vertex === picked.vertex && !part && !probe.part;
+    // A part stays in sight until the next one comes.
+    store.set({ hover: { vertex: picked.vertex, row: picked.row }, probe: same || ofPart ? probe : null });
+    if (!same) this.timer = window.setTimeout(() => this.events.rest(picked, part), part ? 0 : REST_MILLISECONDS);
   }
 
   private turned(event: WheelEvent): void {

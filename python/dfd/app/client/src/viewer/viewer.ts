@@ -3,7 +3,7 @@
 import { Color, MOUSE } from "three";
 
 import { send } from "../actions/connection";
-import { hold, select, toggleFixed, wheelReach } from "../actions/edit";
+import { hold, select, takePart, toggleFixed, wheelReach } from "../actions/edit";
 import { niceStep } from "../posing/affine";
 import { present, ready, selectedHandle, store, type State } from "../store/state";
 import { Background } from "./overlays/background";
@@ -42,12 +42,12 @@ export class Viewer {
       busy: () => this.gizmo.dragging || this.gizmo.hovered,
       dragging: () => this.gizmo.dragging,
       pick: (x, y) => this.pick(x, y),
-      click: (picked) => this.click(picked),
+      click: (picked, event) => this.click(picked, event),
       wheel: (delta) => this.wheel(delta),
       paint: (picked, erase) => {
         if (this.shape) paint(this.shape, picked, erase);
       },
-      rest: (picked) => this.probe(picked),
+      rest: (picked, part) => this.probe(picked, part),
     });
     this.follow(overlay);
   }
@@ -66,83 +66,53 @@ export class Viewer {
 
   private follow(overlay: HTMLElement): void {
     const { stage } = this;
-    store.watch(
-      (state) => state.meshArrays,
-      () => this.load(),
-    );
-    store.watch(
-      (state) => state.detail,
-      (detail) => {
-        if (detail) this.shape?.detail(detail.message, detail.arrays);
-        stage.invalidate();
-      },
-    );
-    store.watch(
-      (state) => state.featureColors,
-      (colors) => {
-        if (colors) this.shape?.setFeatureColors(colors);
-        stage.invalidate();
-      },
-    );
-    store.watch(
-      (state) => state.posed,
-      (posed) => {
-        this.shape?.setPosed(posed);
-        stage.invalidate();
-      },
-    );
+    store.on("meshArrays", () => this.load());
+    store.on("detail", (detail) => {
+      if (detail) this.shape?.detail(detail.message, detail.arrays);
+      stage.invalidate();
+    });
+    store.on("featureColors", (colors) => {
+      if (colors) this.shape?.setFeatureColors(colors);
+      stage.invalidate();
+    });
+    store.on("posed", (posed) => {
+      this.shape?.setPosed(posed);
+      stage.invalidate();
+    });
     store.watch(posedBy, () => this.soon());
     // Marks lie over the picture, which stays as it is.
-    store.watch(
-      (state) => state.hover,
-      () => this.mark(),
-    );
+    store.on("hover", () => this.mark());
     store.watch(
       ({ look, wireframe, theme, comparing, showPlanes, edit }) => {
         return [look, wireframe, theme, comparing, showPlanes, edit?.symmetry, edit?.planes];
       },
       () => this.dress(),
     );
-    store.watch(
-      (state) => state.edit,
-      (edit) => {
-        if (edit?.posing === "server") send({ type: "compute" });
-      },
-    );
-    store.watch(
-      (state) => state.dragging,
-      (dragging) => {
-        stage.orbit.enabled = !dragging;
-        stage.hold(dragging);
-      },
-    );
+    store.on("edit", (edit) => {
+      if (edit?.posing === "server") send({ type: "compute" });
+    });
+    store.on("dragging", (dragging) => {
+      stage.orbit.enabled = !dragging;
+      stage.hold(dragging);
+    });
     stage.pace.quality = store.get().quality;
-    store.watch(
-      (state) => state.quality,
-      (quality) => {
-        stage.pace.quality = quality;
-        stage.invalidate();
-      },
-    );
+    store.on("quality", (quality) => {
+      stage.pace.quality = quality;
+      stage.invalidate();
+    });
     store.watch(
       (state) => state.look === "features" && ready(state) && state.mesh,
       (wanted) => {
         if (wanted) send({ type: "features" });
       },
     );
-    store.watch(
-      (state) => state.tool,
-      (tool) => {
-        stage.orbit.mouseButtons.LEFT = tool === "paint" ? null : MOUSE.ROTATE;
-        overlay.classList.toggle("through", tool === "paint");
-      },
-    );
-    store.watch(
-      (state) => state.framed,
-      () => {
-        if (this.shape) stage.frameShape(this.shape.radius);
-      },
-    );
+    store.on("tool", (tool) => {
+      stage.orbit.mouseButtons.LEFT = tool === "paint" ? null : MOUSE.ROTATE;
+      overlay.classList.toggle("through", tool === "paint");
+    });
+    store.on("framed", () => {
+      if (this.shape) stage.frameShape(this.shape.radius);
+    });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.dress());
   }
 
@@ -225,7 +195,7 @@ export class Viewer {
 
   // --- what a person does on the canvas
 
-  private click(picked: Pick | null): void {
+  private click(picked: Pick | null, event: PointerEvent): void {
     const state = store.get();
     if (!picked) {
       select(null);
@@ -233,7 +203,8 @@ export class Viewer {
     }
     if (!ready(state)) return;
     store.set({ hover: { vertex: picked.vertex, row: picked.row }, probe: null });
-    if (state.tool === "fix") toggleFixed(picked.vertex);
+    if (event.altKey) void takePart(picked.vertex, event);
+    else if (state.tool === "fix") toggleFixed(picked.vertex);
     else if (state.tool === "hold") hold(picked.vertex);
   }
 
@@ -244,9 +215,11 @@ export class Viewer {
     return true;
   }
 
-  private probe({ vertex }: Pick): void {
+  private probe({ vertex }: Pick, part: boolean): void {
     const state = store.get();
-    if (ready(state) && state.tool !== "paint" && state.tool !== "pivot") send({ type: "probe", at: { vertex } });
+    if (!ready(state) || state.tool === "paint" || state.tool === "pivot") return;
+    if (!part) send({ type: "probe", at: { vertex } });
+    else if (state.edit?.field.parts) send({ type: "part", vertex });
   }
 }
 

@@ -4,7 +4,7 @@ import type { ComponentChildren } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 
 import type { Vec3 } from "../posing/affine";
-import { toggle } from "../actions/keyboard";
+import { shortcut, toggle } from "../actions/keyboard";
 import { useStore } from "../store/use";
 import { Icon, type IconName } from "./icons";
 
@@ -26,17 +26,15 @@ export function readable(value: number): string {
   return String(Number(value.toFixed(size < 1 ? 3 : size < 100 ? 2 : 1)));
 }
 
-interface IconButtonProps {
+interface IconButtonProps extends Partial<
+  Record<"onPointerDown" | "onPointerUp" | "onPointerLeave" | "onPointerCancel", () => void>
+> {
   readonly icon: IconName;
   readonly label: string;
   readonly keys?: string;
   readonly pressed?: boolean;
   readonly disabled?: boolean;
   readonly onPress?: () => void;
-  readonly onPointerDown?: () => void;
-  readonly onPointerUp?: () => void;
-  readonly onPointerLeave?: () => void;
-  readonly onPointerCancel?: () => void;
 }
 
 export function IconButton({ icon, label, keys, pressed, disabled, onPress, ...rest }: IconButtonProps) {
@@ -56,6 +54,14 @@ export function IconButton({ icon, label, keys, pressed, disabled, onPress, ...r
   );
 }
 
+type KeyButtonProps = Pick<IconButtonProps, "icon" | "pressed" | "disabled"> & { readonly keys: string };
+
+/** What a shortcut of the keyboard does, by its words. */
+export function KeyButton({ keys, ...rest }: KeyButtonProps) {
+  const [, , label, run] = shortcut(keys) ?? [];
+  return <IconButton label={label ?? keys} keys={keys} {...(run && { onPress: run })} {...rest} />;
+}
+
 interface ButtonProps {
   readonly text: string;
   readonly style?: "primary" | "small" | "primary small";
@@ -72,39 +78,35 @@ export function Button({ text, style, title, disabled, onPress }: ButtonProps) {
   );
 }
 
-interface SegmentedProps<Value extends string> {
+interface ChoiceProps<Value extends string> {
   readonly label: string;
   readonly value: Value;
-  readonly options: Readonly<Record<Value, string>>;
+  readonly options: readonly Value[];
+  readonly hint?: string;
   readonly onChange: (value: Value) => void;
 }
 
-export function Segmented<Value extends string>({ label, value, options, onChange }: SegmentedProps<Value>) {
+/** One of a few words, all of them in sight. */
+export function Segmented<Value extends string>({ label, value, options, onChange }: ChoiceProps<Value>) {
   return (
     <div class="segmented" role="group" aria-label={label}>
-      {(Object.keys(options) as Value[]).map((option) => (
+      {options.map((option) => (
         <button key={option} type="button" aria-pressed={option === value} onClick={() => onChange(option)}>
-          {options[option]}
+          {titled(option)}
         </button>
       ))}
     </div>
   );
 }
 
-export function Select<Value extends string>({
-  label,
-  value,
-  options,
-  hint,
-  onChange,
-}: SegmentedProps<Value> & { readonly hint?: string }) {
+export function Select<Value extends string>({ label, value, options, hint, onChange }: ChoiceProps<Value>) {
   return (
     <label class="select" title={hint}>
       <span>{label}</span>
       <select value={value} onChange={(event) => onChange(event.currentTarget.value as Value)}>
-        {(Object.keys(options) as Value[]).map((option) => (
+        {options.map((option) => (
           <option key={option} value={option}>
-            {options[option]}
+            {titled(option)}
           </option>
         ))}
       </select>
@@ -224,15 +226,11 @@ export function Slider({ label, of = "", hint, value, range: [min, max, step], t
     const timer = setTimeout(() => setHeld(null), 1000);
     return () => clearTimeout(timer);
   }, [held, value]);
-  const part = Math.min(Math.max((shown - min) / (max - min), 0), 1);
-  const input = useRef<HTMLInputElement>(null);
-  useEffect(() => input.current?.style.setProperty("--part", String(part)), [part]);
   return (
     <div class="slider" title={hint}>
       <span aria-hidden="true">{label}</span>
       <output aria-hidden="true">{text}</output>
       <input
-        ref={input}
         type="range"
         min={min}
         max={max}

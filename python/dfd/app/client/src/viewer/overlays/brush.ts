@@ -1,5 +1,6 @@
 /** The brush: every stroke takes the vertices within its radius at rest, so that what was posed together stays apart. */
 
+import { weightLayer } from "../../posing/columns";
 import { store } from "../../store/state";
 import type { Pick } from "../picker";
 import type { Shape } from "../shape";
@@ -22,6 +23,5 @@ export function paint({ positions, vertexOf, message: mesh }: Shape, picked: Pic
     mask[vertex >> 3] ^= 1 << (vertex & 7);
     count += erase ? -1 : 1;
   }
-  const layer = { values, scale: 1, kind: "weight", geodesic: null } as const;
-  store.set({ painted: count > 0 ? { mask, layer, count } : null, probe: null });
+  store.set({ painted: count > 0 ? { mask, layer: weightLayer(values), count } : null, probe: null });
 }

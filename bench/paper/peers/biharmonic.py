@@ -1,4 +1,7 @@
-"""Biharmonic coordinates in tetrahedra; Wang et al., "Linear Subspace Design for Real-Time Shape Deformation", 2015."""
+"""Biharmonic coordinates in tetrahedra, and the same that are quick to bind anew.
+
+Wang et al., "Linear Subspace Design for Real-Time Shape Deformation", 2015; Kim et al., "OptCtrlPoints", 2023.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +10,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 
-from bench.paper.peers.peer import Body, pieces_of
-from bench.quality.baselines import PeerError
-
-__all__ = ["Coordinates", "bilaplacian", "on_nodes"]
+from bench.paper.peers.peer import Body
+from bench.quality.baselines import PeerError, components_of
 
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
@@ -40,11 +41,12 @@ class Coordinates:
         """Weights (N, K) of distinct nodes (K,)."""
         nodes = self.within.nodes
         size = np.ptp(nodes, axis=0).max()
-        pieces = pieces_of(self.within.cells, len(nodes))
-        for piece in range(pieces.max() + 1):  # affine functions cost nothing: fewer handles leave them open there
-            own = handles[pieces[handles] == piece]
+        components = components_of(self.within.cells, len(nodes))
+        for component in range(components.max() + 1):
+            # Affine functions cost nothing: fewer than four handles leave them open there.
+            own = handles[components[handles] == component]
             if np.linalg.matrix_rank(np.c_[np.ones(len(own)), nodes[own] / size], tol=1e-3) < 4:
-                on_each = f" on every one of the {pieces.max() + 1} pieces" if pieces.max() else ""
+                on_each = f" on every one of the {components.max() + 1} components" if components.max() else ""
                 raise PeerError(f"needs four handles that do not lie in a plane{on_each}")
         free = np.setdiff1d(np.arange(len(nodes)), handles)
         weights = np.zeros((len(nodes), len(handles)))
@@ -63,6 +65,49 @@ class Coordinates:
         return self.body.vertices + self.within.on_surface(self.weights @ offsets)
 
 
+class OptCtrlPoints(Coordinates):
+    """The same weights as those of `Coordinates`; of fewer than four handles, the smallest of all that there are.
+
+    The energy is factored once. The weights of any K handles then follow from a system of K + 4 equations, as in the
+    paper's reformulation whose matrix depends on the number of control points rather than of vertices:
+    W = G S Λ + P C, where S picks the handles, G is a generalized inverse of the energy and P spans the affine
+    functions, whose energy is 0.
+    """
+
+    def prepare(self, body: Body) -> None:
+        """Assemble the energy and factor it, four nodes held: that is the generalized inverse."""
+        super().prepare(body)
+        nodes = self.within.nodes
+        positions = (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()
+        self.affine = np.c_[np.ones(len(nodes)), positions]
+        pins = [int(positions[:, 0].argmin())]
+        for count in range(1, 4):  # each as far as can be from the point, line or plane of those before
+            spanned = np.linalg.qr((positions[pins[1:]] - positions[pins[0]]).T)[0] if count > 1 else np.zeros((3, 1))
+            offsets = positions - positions[pins[0]]
+            pins.append(int(np.linalg.norm(offsets - offsets @ spanned @ spanned.T, axis=1).argmax()))
+        self.free = np.setdiff1d(np.arange(len(nodes)), pins)
+        try:
+            self.factors = splu(self.energy[self.free][:, self.free].tocsc())
+        except RuntimeError:
+            raise PeerError("meets a singular system: the tetrahedra are not of one component") from None
+
+    def solve(self, handles: Int64) -> Float64:
+        """Weights (N, K) of distinct nodes (K,), by the small system."""
+        count = len(handles)
+        ones = np.zeros((len(self.affine), count))
+        ones[handles, np.arange(count)] = 1.0
+        inverse = np.zeros_like(ones)  # columns of the generalized inverse
+        inverse[self.free] = self.factors.solve(ones[self.free])
+        system = np.zeros((count + 4, count + 4))
+        scale = max(float(np.abs(inverse[handles]).max()), 1e-300)
+        system[:count, :count] = inverse[handles] / scale
+        system[:count, count:] = self.affine[handles]
+        system[count:, :count] = self.affine[handles].T
+        solved = np.linalg.lstsq(system, np.eye(count + 4)[:, :count], rcond=1e-12)[0]
+        weights: Float64 = inverse @ (solved[:count] / scale) + self.affine @ solved[count:]
+        return weights
+
+
 def on_nodes(body: Body, held: Int64) -> tuple[Int64, Int64]:
     """The distinct nodes (K,) nearest to vertices (N,), and which of those each node stands for."""
     assert body.within is not None
@@ -78,9 +123,9 @@ def bilaplacian(nodes: Float64, cells: Int64) -> csc_array:
     """
     import igl
 
-    places = (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()
-    cells = _outwards(places, cells)
-    at = places[cells]
+    positions = (nodes - nodes.mean(axis=0)) / np.ptp(nodes, axis=0).max()
+    cells = _outwards(positions, cells)
+    at = positions[cells]
     edges = at[:, 1:] - at[:, :1]
     volumes = np.abs(np.linalg.det(edges)) / 6
     if volumes.min() <= 0:

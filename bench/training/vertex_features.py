@@ -21,32 +21,30 @@ from dfd.encoders.encode import Encoder
 from dfd.upright.find_up import resolve_up
 from dfd.views.render import render
 
-__all__ = ["Looks", "kept_looks", "looks"]
-
 NEAREST = 3  # points that a vertex is interpolated from
 
 
 @dataclass(frozen=True, eq=False)
-class Looks:
+class VertexFeatures:
     """What distillation has at the vertices of a shape before a field is fitted, by the plain distance."""
 
     features: NDArray[np.float32]  # (V, D) unit rows
     thickness: NDArray[np.float32]  # (V, BANDS), see `dfd.distillation.thickness`
 
 
-def kept_looks(folder: Path, mesh: dfd.Mesh, encoder: Encoder) -> Looks:
-    """`looks`, from `folder` if they are there: taking them takes seconds for each shape."""
+def cached_vertex_features(folder: Path, mesh: dfd.Mesh, encoder: Encoder) -> VertexFeatures:
+    """`vertex_features`, from `folder` if they are there: taking them takes seconds for each shape."""
     path = folder / f"{mesh.content_hash}.npz"
     if not path.is_file():
         folder.mkdir(parents=True, exist_ok=True)
         with atomic_write(path) as temporary, temporary.open("wb") as stream:
-            seen = looks(mesh, encoder)
+            seen = vertex_features(mesh, encoder)
             np.savez(stream, features=seen.features.astype(np.float16), thickness=seen.thickness)
     with np.load(path) as kept:
-        return Looks(unit(kept["features"].astype(np.float32)), kept["thickness"])
+        return VertexFeatures(unit(kept["features"].astype(np.float32)), kept["thickness"])
 
 
-def looks(mesh: dfd.Mesh, encoder: Encoder, **changes: Any) -> Looks:
+def vertex_features(mesh: dfd.Mesh, encoder: Encoder, **changes: Any) -> VertexFeatures:
     """What `mesh`, +y up, looks like at its vertices, as distillation has it at the surface points around them.
 
     `changes` are settings of `dfd.distill` that are not its defaults.
@@ -58,10 +56,10 @@ def looks(mesh: dfd.Mesh, encoder: Encoder, **changes: Any) -> Looks:
     targets = smooth_along_surface(views, pixels, smoothing=settings.smoothing, seed=settings.seed, stages=stages)
     vertices = (mesh.vertices - views.center) * views.scale
     distance, near = cKDTree(targets.points).query(vertices, NEAREST)
-    shares = 1 / np.square(distance + 1e-6)
-    shares /= shares.sum(axis=1, keepdims=True)
+    nearness = 1 / np.square(distance + 1e-6)
+    nearness /= nearness.sum(axis=1, keepdims=True)
 
     def at_vertices(rows: NDArray[np.float32]) -> NDArray[np.float32]:
-        return np.asarray(np.einsum("vkd,vk->vd", rows[near], shares.astype(np.float32)), np.float32)
+        return np.asarray(np.einsum("vkd,vk->vd", rows[near], nearness.astype(np.float32)), np.float32)
 
-    return Looks(unit(at_vertices(targets.features)), at_vertices(thickness_bands(views, targets)))
+    return VertexFeatures(unit(at_vertices(targets.features)), at_vertices(thickness_bands(views, targets)))

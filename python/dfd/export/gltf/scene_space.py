@@ -44,7 +44,7 @@ def bring_to_scene(document: GltfDocument, node: int, transform: Float64) -> Non
             if values is not None:
                 key = (name, int(attributes[name]))
                 if key not in done:
-                    done[key] = _write(document, name, _placed(name, values, transform))
+                    done[key] = _write(document, name, _transformed(name, values, transform))
                 attributes[name] = done[key]
         for target in primitive.get("targets", []):
             for name in sorted(target.keys() & {"POSITION", "NORMAL", "TANGENT"}):
@@ -96,10 +96,10 @@ def _roots(header: Header) -> list[int]:
     return roots
 
 
-def _placed(name: str, values: NDArray[Any], transform: Float64) -> Float64:
+def _transformed(name: str, values: NDArray[Any], transform: Float64) -> Float64:
     if name == "POSITION":
-        placed: Float64 = values.astype(np.float64) @ transform[:3, :3].T + transform[:3, 3]
-        return placed
+        transformed: Float64 = values.astype(np.float64) @ transform[:3, :3].T + transform[:3, 3]
+        return transformed
     turned = _turned(name, values[:, :3].astype(np.float64), transform)
     length = np.linalg.norm(turned, axis=1, keepdims=True)
     unit: Float64 = np.divide(turned, length, out=values[:, :3].astype(np.float64), where=length > 0)

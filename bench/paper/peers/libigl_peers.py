@@ -1,0 +1,70 @@
+"""Methods of libigl: ARAP, and bounded biharmonic weights."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.paper.peers.biharmonic import on_nodes
+from bench.paper.peers.peer import Body
+from bench.quality.baselines import bounded_weights, check_components, libigl
+
+Float64 = NDArray[np.float64]
+Int64 = NDArray[np.int64]
+
+ITERATIONS = 100
+
+
+class Arap:
+    """As-rigid-as-possible surface modeling; Sorkine and Alexa, 2007. Every held vertex is a constraint."""
+
+    volume = False
+
+    def prepare(self, body: Body) -> None:
+        """Nothing belongs to the shape alone."""
+        self.body = body
+
+    def bind(self, held: NDArray[np.int64], group: NDArray[np.int64]) -> None:
+        """Factor the Laplacian without the held vertices."""
+        igl = libigl()
+        check_components(self.body.faces, len(self.body.vertices), held)
+        self.data = igl.ARAPData()
+        self.data.max_iter = ITERATIONS
+        igl.arap_precomputation(self.body.vertices, self.body.faces, 3, held.astype(np.int32), self.data)
+
+    def deform(self, targets: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Alternate between rotations and positions."""
+        return np.asarray(libigl().arap_solve(np.ascontiguousarray(targets), self.data, self.body.vertices))
+
+
+class Bounded:
+    """Bounded biharmonic weights in tetrahedra; Jacobson et al., 2011.
+
+    Handles that move alike have one column; all weights are between 0 and 1, and sum to 1 with those that stay.
+    """
+
+    volume = True
+
+    def prepare(self, body: Body) -> None:
+        """Nothing belongs to the shape but its tetrahedra."""
+        assert body.within is not None
+        self.body, self.within = body, body.within
+
+    def bind(self, held: Int64, group: Int64) -> None:
+        """Solve the quadratic program of every group."""
+        handles, first = on_nodes(self.body, held)
+        check_components(self.within.cells, len(self.within.nodes), handles)
+        self.held, self.groups = held, group
+        columns = np.unique(group)
+        ones = (group[first][:, None] == columns).astype(np.float64)
+        self.columns, self.weights = columns, np.ones((len(self.within.nodes), 1))
+        if len(columns) > 1:
+            weights = bounded_weights(self.within.nodes, self.within.cells, handles, ones)
+            self.weights = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-300)
+
+    def deform(self, targets: Float64) -> Float64:
+        """Blend the groups' mean offsets; those below 0 stay."""
+        offsets = targets - self.body.vertices[self.held]
+        means = np.array([offsets[self.groups == column].mean(axis=0) for column in self.columns])
+        means[self.columns < 0] = 0.0
+        return self.body.vertices + self.within.on_surface(self.weights @ means)

@@ -1,0 +1,50 @@
+"""Tables of numbers and words, as CSV for programs and as Markdown for people; None is an empty cell."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dfd.common.files import atomic_write
+
+Rows = Sequence[Sequence[Any]]
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a whole file, or leave the one that is there."""
+    with atomic_write(path) as temporary:
+        temporary.write_text(text, "utf-8")
+
+
+def to_csv(columns: Iterable[str], rows: Rows) -> str:
+    """One line a row, under the names of the columns."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    for row in rows:
+        writer.writerow(["" if cell is None else f"{cell:.6g}" if isinstance(cell, float) else cell for cell in row])
+    return text.getvalue()
+
+
+def to_markdown(columns: Iterable[str], rows: Rows, form: str = ".3g") -> list[str]:
+    """The lines of a table, columns of numbers to the right; `form` is that of numbers that are not whole."""
+    right = [all(cell is None or isinstance(cell, int | float) for cell in each) for each in zip(*rows, strict=True)]
+    rule = "|" + "|".join("---:" if each else "---" for each in right) + "|"
+    return [_line(columns), rule, *(_line(_shown(cell, form) for cell in row) for row in rows)]
+
+
+def _line(cells: Iterable[str]) -> str:
+    return "| " + " | ".join(cell.replace("|", "/") for cell in cells) + " |"
+
+
+def _shown(cell: Any, form: str) -> str:
+    if cell is None:
+        return ""
+    if isinstance(cell, bool) or not isinstance(cell, int | float | np.number):
+        return " ".join(str(cell).split())
+    return f"{cell:,}" if isinstance(cell, int) else f"{cell:{form}}"

@@ -1,0 +1,62 @@
+import { change, slide } from "../actions/edit";
+import { heldPart } from "../posing/columns";
+import type { HandleState } from "../protocol/messages";
+import { store } from "../store/state";
+import { useStore } from "../store/use";
+import { percent, readable, Segmented, Select, Slider, Toggle } from "../widgets/controls";
+
+/** What a slider says of the present value, where that is more than a number. */
+const TEXTS: Partial<Record<string, (handle: HandleState, size: number) => string>> = {
+  reach: ({ reach, falloff, column }) => {
+    const layer = store.get().columns.get(column)?.layer;
+    return `${reach.toFixed(2)} · holds ${percent(layer ? heldPart(layer, reach, falloff) : 0)}`;
+  },
+  locality: ({ locality, radius }) =>
+    radius !== null ? "by radius" : locality === 0 ? "everywhere" : locality.toFixed(1),
+  radius: ({ radius }, size) => (radius === null ? "no limit" : `${readable(radius)} · ${percent(radius / size)}`),
+  within_width: ({ within_width }) => (within_width === 0 ? "sharp" : `${readable(within_width)} wide`),
+};
+
+/** A control of a handle as the server describes it. */
+export function ControlField({ name, handle }: { readonly name: string; readonly handle: HandleState }) {
+  const entry = useStore((state) => state.session?.controls.find((each) => each.name === name));
+  const size = useStore((state) => state.mesh?.diagonal ?? 1);
+  if (!entry) return null;
+  const { label, hint, kind, choices, slider } = entry;
+  const value = handle[name as keyof HandleState];
+  const id = handle.handle;
+  if (kind === "switch")
+    return <Toggle label={label} checked={value === true} onChange={(on) => change(id, { [name]: on })} />;
+  if (slider === null) {
+    return (
+      <Select
+        label={label}
+        hint={hint}
+        value={String(value)}
+        options={choices}
+        onChange={(word) => change(id, { [name]: word })}
+      />
+    );
+  }
+  const unit = kind === "length" ? size : 1;
+  const number = Number(value);
+  const field = (
+    <Slider
+      label={label}
+      hint={hint}
+      value={number / unit}
+      range={slider}
+      text={TEXTS[name]?.(handle, size) ?? percent(number)}
+      // A radius of nothing is none: all along the surface follows.
+      onInput={(part) => slide(id, name === "radius" && part === 0 ? { locality: 0 } : { [name]: part * unit })}
+    />
+  );
+  if (name !== "reach") return field;
+  const setBy = (word: string) => change(id, { reach: word === "number" ? handle.reach : (word as "auto" | "part") });
+  return (
+    <>
+      {field}
+      <Segmented label="Reach by" value={handle.reach_by} options={[...choices, "number"]} onChange={setBy} />
+    </>
+  );
+}

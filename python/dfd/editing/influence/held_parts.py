@@ -1,0 +1,213 @@
+"""The parts that a handle holds, each with its own axis: what bend and twist run along, and pivots lie on."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.common import check
+from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import unit
+from dfd.editing.influence.instance_weights import Column
+from dfd.editing.influence.instances import shortest_turn
+from dfd.geometry.part_axis import PartAxes, PartAxis
+from dfd.posing.bend import Sections, bend_maps
+from dfd.posing.transforms import PivotAt, Vector, vector
+
+if TYPE_CHECKING:
+    from dfd.editing.edit import Edit, Handle
+    from dfd.mesh.mesh import Mesh
+    from dfd.posing.transforms import Transform
+    from dfd.symmetry.plane import SymmetryPlane
+
+__all__ = ["TOWARDS", "HeldPart", "HeldParts", "bend_vector", "pivot_on"]
+
+HELD = 0.5  # of the most that follows a handle there: the part ends where less does
+UP = np.array([0.0, 1.0, 0.0])
+# Where a tip may be bent to: y is up, the front looks along +z, and left is what a viewer before it has on the left.
+TOWARDS = {"up": (0, 1, 0), "down": (0, -1, 0), "right": (1, 0, 0), "left": (-1, 0, 0), "front": (0, 0, 1)}
+TOWARDS["back"] = (0, 0, -1)
+ACROSS = 0.1  # of a part's vertices: with so many on either side of a plane, it lies across it
+UPRIGHT = 0.9  # cosine: of a limb that is nearer to upright, up says nothing about the way that it bends
+
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class HeldPart:
+    """One connected part that follows a handle.
+
+    Attributes
+    ----------
+    axis
+        From where it leaves the rest of the shape to its tip.
+    amount
+        How much of the handle's bend and twist it makes, in [0, 1].
+    carry
+        (3, 3) takes the handle's rotation vectors to those of this part: turned from one axis to the other, and
+        mirrored where the part is a mirror image.
+    handedness
+        1, or −1 for a mirror image, which twists the other way.
+    sections
+        Its vertices by where along the axis they are.
+    across
+        Whether it lies across the plane of symmetry.
+    """
+
+    axis: PartAxis
+    amount: float
+    carry: Float64
+    handedness: float
+    sections: Sections
+    across: bool
+
+    def bend(self, points: Float64, transform: Transform) -> None:
+        """Bend and twist what of `points` (V, 3) belongs to the part, in place, as `transform` says."""
+        turn = self.amount * (self.carry @ np.asarray(transform.bend))
+        twist = self.amount * self.handedness * transform.twist
+        self.sections.move(points, bend_maps(self.axis.nodes, self.axis.radius, turn, twist, transform.joint))
+
+
+class HeldParts:
+    """The parts of the handles of one mesh, kept as long as what they depend on stays."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._mesh = mesh
+        self._axes = PartAxes(mesh)
+        self._found: dict[Hashable, list[HeldPart]] = {}
+
+    def of(
+        self,
+        key: Hashable,
+        handle: Handle,
+        anchor: int,
+        columns: Sequence[tuple[Float32, Column]],
+        plane: SymmetryPlane | None,
+    ) -> list[HeldPart]:
+        """The parts that a handle holds, the one that it stands on first.
+
+        Parameters
+        ----------
+        key
+            All that they depend on.
+        handle, anchor
+            The handle, and the vertex by which it is judged.
+        columns
+            (V,) what follows it, by instance, its own first, and what each is of.
+        plane
+            Of the edit's symmetry: across it handles act mirrored.
+        """
+        if key in self._found:
+            self._found[key] = self._found.pop(key)  # the last to be forgotten
+            return self._found[key]
+        # Instances may share one part, as the fingers of a hand do: parts are what all of them together hold.
+        whole = np.sum([weights for weights, _ in columns], axis=0)
+        pieces: list[tuple[PartAxis, Column, float]] = []
+        for axis in self._axes.of(whole >= HELD * whole.max()) if whole.any() else []:
+            inside = axis.vertices
+            most = int(np.argmax([weights[inside].sum() for weights, _ in columns]))
+            pieces.append((axis, columns[0 if anchor in inside else most][1], min(float(whole[inside].max()), 1.0)))
+        own = next((i for i, (axis, *_) in enumerate(pieces) if anchor in axis.vertices), 0)
+        pieces = [*pieces[own : own + 1], *pieces[:own], *pieces[own + 1 :]]
+        found = [self._part(piece, pieces[0][0], handle, plane) for piece in pieces]
+        while len(self._found) > 64:
+            del self._found[next(iter(self._found))]
+        self._found[key] = found
+        return found
+
+    def bent(self, edit: Edit, parts: dict[int, list[HeldPart]]) -> Float64:
+        """(V, 3) the resting vertices, bent and twisted by the handles of `edit` that do, whose `parts` are given.
+
+        What lies in several parts is bent by the smallest first: a shin goes along with its thigh.
+        """
+        bending = [(part, edit.handles[i].transform) for i, of_handle in parts.items() for part in of_handle]
+        points = np.array(self._mesh.vertices, np.float64)
+        for part, transform in sorted(bending, key=lambda each: len(each[0].axis.vertices)):
+            part.bend(points, transform)
+        return points
+
+    def _part(
+        self, piece: tuple[PartAxis, Column, float], own: PartAxis, handle: Handle, plane: SymmetryPlane | None
+    ) -> HeldPart:
+        axis, column, amount = piece
+        frame = np.eye(3) if column.instance is None else column.instance.frame
+        flat, across = np.eye(3), False
+        if plane is not None:
+            sides = plane.signed_distance(self._mesh.vertices[axis.vertices])
+            less = float((sides < 0).mean())
+            if (
+                ACROSS < less < 1 - ACROSS
+            ):  # lies across the plane: what both sides do alike is left, a turn about its normal
+                across, flat = True, np.outer(plane.normal, plane.normal)
+            elif (less > 0.5) != (float(plane.signed_distance([column.position(handle)])[0]) < 0):
+                frame = plane.reflection[:3, :3] @ frame
+        handedness = float(np.sign(np.linalg.det(frame)))
+        turn = np.eye(3) if axis is own else _turn(frame @ own.direction, axis.direction)
+        carry = flat @ turn @ (handedness * frame)  # a rotation vector is mirrored as a pseudovector
+        return HeldPart(axis, amount, carry, handedness, Sections(axis.vertices, axis.parameter), across)
+
+
+def _turn(one: Float64, other: Float64) -> Float64:
+    """(3, 3) the rotation of a direction onto another one that keeps up what is up, where both lie flat enough."""
+    if max(abs(one @ UP), abs(other @ UP)) > UPRIGHT:
+        return shortest_turn(one, other)
+    frames = []
+    for direction in (one, other):
+        across = unit(np.cross(direction, UP)[None])[0]
+        frames.append(np.stack([direction, across, np.cross(direction, across)], axis=1))
+    turn: Float64 = frames[1] @ frames[0].T
+    return turn
+
+
+def bend_vector(part: HeldPart, angle: float, towards: Any = None) -> Vector:
+    """The rotation vector, in degrees, that bends a handle's own part by an angle.
+
+    It takes the tip `towards` a direction (3,) or a word of `TOWARDS`: if left out up, and where the part itself runs
+    upright to the front.
+
+    Raises
+    ------
+    ValueError
+        If `towards` is neither, or the part itself runs in that direction.
+    """
+    along = part.axis.direction
+    if towards is None:
+        towards = "front" if abs(along @ UP) > UPRIGHT else "up"
+    if isinstance(towards, str) and towards not in TOWARDS:
+        raise ArgumentError("towards", f"must be {', '.join(TOWARDS)} or 3 numbers, got {towards!r}")
+    wanted = unit(
+        np.asarray(vector("towards", TOWARDS.get(towards, towards) if isinstance(towards, str) else towards))[None]
+    )[0]
+    about = np.cross(along, wanted)
+    if np.linalg.norm(about) < 1e-3:
+        raise ArgumentError("towards", "must lead away from the axis of what is held, which runs in that direction")
+    return vector("bend", check.number(None, "bend", angle) * unit(about[None])[0])
+
+
+def pivot_on(
+    part: HeldPart, which: PivotAt | None, handle: Handle, plane: SymmetryPlane | None
+) -> tuple[Vector, PivotAt]:
+    """A pivot on the part that a handle stands on, and what it is; None chooses the base of a limb, else the middle.
+
+    What is chosen for a part across the plane of symmetry lies on that plane.
+
+    Raises
+    ------
+    ValueError
+        If it is to be on the plane, and there is none.
+    """
+    point = np.asarray(handle.place.position)
+    axis = part.axis
+    chosen: PivotAt = which or ("base" if axis.is_limb else "middle")
+    if chosen == "plane" and plane is None:
+        raise ArgumentError("pivot", "cannot be 'plane': the edit has no plane of symmetry")
+    if chosen != "point":
+        point = {"base": axis.base, "middle": axis.middle, "hinge": axis.hinge[0], "plane": point}[chosen]
+    if plane is not None and (chosen == "plane" or (which is None and part.across)):
+        point = point - float(plane.signed_distance([point])[0]) * np.asarray(plane.normal)
+    return vector("pivot", point), chosen

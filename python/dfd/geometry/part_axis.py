@@ -1,0 +1,328 @@
+"""The axis of a part of a surface: the curve from where it leaves the rest of the shape, its base, to its tip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components, dijkstra
+
+from dfd.common.linear_algebra import unit
+from dfd.geometry.surface_graph import surface_graph
+from dfd.geometry.topology import face_areas, points_on_faces
+from dfd.mesh.mesh import Mesh
+
+__all__ = ["PartAxes", "PartAxis"]
+
+NODES = 33  # of the curve
+SAMPLES = 4_000  # points of the part's surface that the curve is fitted to
+WIDTH, WIDE = 0.08, 0.5  # of the curve's length, or in radii if that is more: over so much of it its points are means
+STOUT = 0.4  # radii in a length: of a stouter part, levels stay what the distances to the base are
+ENDS = (0.005, 0.995)  # quantiles of the levels, between which the curve runs: one vertex alone is no tip
+ROUNDS = 3  # of fitting the curve and finding anew which point of it is nearest
+FARTHEST = 0.2  # of the length: so far a vertex's nearest point may lie from what the distance to the base says
+SEAM = 0.6  # in radii at the base: over so much of the surface, motion along the axis begins
+SLENDER = 0.75  # times its width is the least length of a limb
+CARRIED = 0.5  # of the rest of the shape: what is smaller and lies beyond a part goes along with it
+CRUMB = 0.05  # of a region: a smaller connected piece of it has no axis of its own
+
+Float64 = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class PartAxis:
+    """The axis of one connected part.
+
+    Attributes
+    ----------
+    vertices
+        (N,) those of the part and of what hangs on it, ascending.
+    parameter
+        (N,) where along the axis each is, in [0, 1]: 0 at the base, where the rest of the shape begins, and 1 at the
+        tip. What hangs on a part has that of the place where it hangs.
+    nodes
+        (33, 3) the curve at equal steps of its length, from base to tip, mesh units.
+    radius
+        (33,) root mean squared distance of the surface from the curve, mesh units.
+    border
+        (B, 3) where the part meets the rest of the shape, mesh units; of a part that is all there is, its end.
+    borders
+        In how many places it does.
+    middle
+        (3,) the center of its surface, mesh units.
+    rest
+        (3,) the center of what is around the base and does not belong to the part.
+    """
+
+    vertices: Indices
+    parameter: Float64
+    nodes: Float64
+    radius: Float64
+    border: Float64
+    borders: int
+    middle: Float64
+    rest: Float64
+
+    @property
+    def length(self) -> float:
+        """Of the curve, mesh units."""
+        return float(np.linalg.norm(np.diff(self.nodes, axis=0), axis=1).sum())
+
+    @property
+    def base(self) -> Float64:
+        """(3,) the middle of the border."""
+        middle: Float64 = (self.border.min(axis=0) + self.border.max(axis=0)) / 2
+        return middle
+
+    @property
+    def direction(self) -> Float64:
+        """(3,) of length 1, from the base to the tip."""
+        return np.asarray(unit((self.nodes[-1] - self.nodes[0])[None])[0])
+
+    @property
+    def is_limb(self) -> bool:
+        """Whether it meets the rest in one place and is longer than wide."""
+        return self.borders == 1 and self.length > SLENDER * 2 * float(np.sqrt(np.square(self.radius).mean()))
+
+    @cached_property
+    def tangents(self) -> Float64:
+        """(33, 3) directions of length 1 along the curve."""
+        return unit(np.gradient(self.nodes, axis=0))
+
+    @property
+    def joint(self) -> float:
+        """Where in the middle of the axis the part bends already the most, or is the narrowest beside what is around.
+
+        In [0, 1]; a knee, an elbow, the neck of a bottle.
+        """
+        at = np.linspace(0.0, 1.0, NODES)
+        inner = (at > 0.2) & (at < 0.8)
+        step = NODES // 8
+        turn = np.zeros(NODES)
+        cosines = (self.tangents[2 * step :] * self.tangents[: -2 * step]).sum(axis=1)
+        turn[step:-step] = np.arccos(np.clip(cosines, -1.0, 1.0))
+        beside = np.convolve(np.pad(self.radius, step, "edge"), np.ones(2 * step + 1) / (2 * step + 1), "valid")
+        narrow = np.log(beside / np.maximum(self.radius, 1e-12))
+        return float(at[np.where(inner, turn + 2 * narrow, -np.inf).argmax()])
+
+    def nearest(self, point: NDArray[np.floating]) -> float:
+        """Where along the axis, in [0, 1], the point of the curve nearest to `point` (3,) is."""
+        return int(np.linalg.norm(self.nodes - point, axis=1).argmin()) / (NODES - 1)
+
+    @property
+    def hinge(self) -> tuple[Float64, Float64]:
+        """The middle (3,) and the direction (3,) of the line through the border's extremes on the side of the base.
+
+        A positive turn about it takes the tip away from the rest of the shape, as a jaw opens.
+        """
+        far = np.linalg.norm(self.border - self.nodes[-1], axis=1)
+        back = self.border[far >= far.max() - self.radius[: NODES // 4].mean()]
+        spread = back - back.mean(axis=0)
+        across = np.linalg.eigh(spread.T @ spread)[1][:, -1]
+        across = unit((across - (across @ self.direction) * self.direction)[None])[0]
+        along = back @ across
+        middle = (back[along.argmin()] + back[along.argmax()]) / 2
+        opens = np.cross(across, self.nodes[-1] - middle) @ (self.middle - self.rest)
+        return middle, across if opens >= 0 else -across
+
+
+class PartAxes:
+    """Finds axes on one mesh; the graph of its surface is made when the first is asked for."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._mesh = mesh
+
+    @cached_property
+    def _graph(self) -> csr_matrix:
+        return surface_graph(self._mesh)
+
+    @cached_property
+    def _areas(self) -> Float64:
+        return face_areas(self._mesh.vertices, self._mesh.faces)
+
+    @cached_property
+    def _vertex_areas(self) -> Float64:
+        areas = np.repeat(self._areas / 3, 3)
+        sums = np.bincount(self._mesh.faces.ravel(), areas, minlength=len(self._mesh.vertices))
+        return np.asarray(sums, np.float64)
+
+    def of(self, inside: NDArray[np.bool_]) -> list[PartAxis]:
+        """The axes of the connected pieces of a region `inside` (V,), the largest first; crumbs have none."""
+        own = np.flatnonzero(inside)
+        piece = connected_components(self._graph[own][:, own], directed=False)[1]
+        area = np.bincount(piece, self._vertex_areas[own])
+        order = np.argsort(-area, kind="stable")
+        found = [self._of_piece(own[piece == k]) for k in order if area[k] > CRUMB * area[order[0]]]
+        return [axis for axis in found if axis is not None]
+
+    def _of_piece(self, own: Indices) -> PartAxis | None:
+        mesh, graph = self._mesh, self._graph
+        inside = np.zeros(len(mesh.vertices), bool)
+        inside[own] = True
+        beside = np.zeros(len(inside), bool)
+        beside[graph[own].indices] = True
+        outside = np.flatnonzero(~inside)
+        group = np.full(len(inside), -1)
+        group[outside] = connected_components(graph[outside][:, outside], directed=False)[1]
+        area = np.bincount(group[outside], self._vertex_areas[outside])
+        around = np.unique(group[beside & ~inside])
+        rests = around[area[around] > CARRIED * area[around].max()] if len(around) else around
+        is_rest = np.isin(group, rests) & (group >= 0)
+        touched = np.zeros(len(inside), bool)
+        touched[graph[np.flatnonzero(is_rest & beside)].indices] = True
+        seeds = np.flatnonzero(touched & inside)
+        local = graph[own][:, own]
+        number = np.full(len(inside), -1)
+        number[own] = np.arange(len(own))
+        if len(seeds) == 0:
+            seeds = own[self._end(local, own)]
+            borders = 0
+        else:
+            ring = np.flatnonzero((is_rest & beside) | (touched & inside))
+            borders = connected_components(graph[ring][:, ring], directed=False)[0]
+        away = dijkstra(local, indices=number[seeds], min_only=True)
+        if not (np.isfinite(away).all() and away.max() > 0):
+            return None
+        curve = self._curve(own, number, away)
+        if curve is None:
+            return None
+        nodes, radius, parameter = curve
+        seam = SEAM * radius[: NODES // 4].mean()
+        mix = np.clip(away / max(seam, 1e-300), 0.0, 1.0)
+        parameter = np.clip(parameter, 0.0, 1.0) * mix * mix * (3 - 2 * mix)
+        weight = self._vertex_areas[own]
+        points = mesh.vertices[own]
+        middle = np.average(points, axis=0, weights=weight) if weight.sum() > 0 else points.mean(axis=0)
+        near = np.flatnonzero(is_rest)
+        near = near[np.linalg.norm(mesh.vertices[near] - nodes[0], axis=1) < np.linalg.norm(nodes[-1] - nodes[0])]
+        rest = mesh.vertices[near].mean(axis=0) if len(near) else nodes[0]
+        hanging = np.flatnonzero((group >= 0) & np.isin(group, around) & ~is_rest)
+        vertices, parameter = self._with_hanging(own, parameter, hanging, group)
+        return PartAxis(vertices, parameter, nodes, radius, mesh.vertices[seeds], borders, middle, rest)
+
+    def _end(self, local: csr_matrix, own: Indices) -> Indices:
+        """Which vertices of a part that nothing surrounds are its base: those at the end nearer to the whole shape."""
+        some = dijkstra(local, indices=0)
+        one = int(np.where(np.isfinite(some), some, -1).argmax())
+        away = dijkstra(local, indices=one)
+        other = int(np.where(np.isfinite(away), away, -1).argmax())
+        center = self._mesh.bounds.mean(axis=0)
+        ends = np.linalg.norm(self._mesh.vertices[own[[one, other]]] - center, axis=1)
+        start = one if ends[0] <= ends[1] else other
+        near = dijkstra(local, indices=start)
+        return np.flatnonzero(near <= 0.05 * near[np.isfinite(near)].max())
+
+    def _curve(self, own: Indices, number: Indices, away: Float64) -> tuple[Float64, Float64, Float64] | None:
+        """The curve (33, 3), its radius (33,), and where along it the vertices (N,) of a part are.
+
+        A principal curve (Hastie and Stuetzle 1989) that begins with the levels of the distances `away` from the base:
+        means of what lies at one level are a curve, and levels are made anew of what lies nearest to its points.
+        """
+        mesh = self._mesh
+        whole = np.flatnonzero((number[mesh.faces] >= 0).all(axis=1))
+        areas = self._areas[whole]
+        if not areas.sum() > 0:
+            return None
+        face, barycentric = points_on_faces(np.ceil(areas / areas.sum() * SAMPLES).astype(np.int64))
+        corners = number[mesh.faces[whole[face]]]
+        weight = areas[face] / np.bincount(face, minlength=len(whole))[face]
+        points = np.einsum("nk,nkd->nd", barycentric, mesh.vertices[own[corners]])
+        start = (barycentric * away[corners]).sum(axis=1) / away.max()
+        level, width = start, WIDTH
+        own_level = away / away.max()
+        for _ in range(ROUNDS):
+            at = np.linspace(np.quantile(level, ENDS[0]), np.quantile(level, ENDS[1]), NODES)
+            nodes = _even(_fitted(at, level, points, weight, width))
+            thick = np.average(np.square(points - _on(nodes, level)).sum(axis=1), weights=weight)
+            width = float(np.sqrt(thick)) / away.max()
+            if width > STOUT:
+                break
+            width = max(WIDTH, WIDE * width)
+            level = _projected(nodes, points, start)
+            own_level = _projected(nodes, mesh.vertices[own], away / away.max())
+        at = np.linspace(0.0, 1.0, NODES)
+        squares = np.square(points - _on(nodes, level)).sum(axis=1)
+        radius = np.sqrt(_fitted(at, level, squares[:, None], weight, WIDTH, straight=False)[:, 0])
+        return nodes, radius, own_level
+
+    def _with_hanging(
+        self, own: Indices, parameter: Float64, hanging: Indices, group: Indices
+    ) -> tuple[Indices, Float64]:
+        """The part's vertices and `parameter`, with what hangs on it: as one, but for what is near the part."""
+        if len(hanging) == 0:
+            return own, parameter
+        vertices = np.concatenate([own, hanging])
+        at = np.argsort(vertices, kind="stable")
+        vertices = vertices[at]
+        known = np.full(len(self._mesh.vertices), np.nan)
+        known[own] = parameter
+        local = self._graph[vertices][:, vertices]
+        distance, _, source = dijkstra(
+            local, indices=np.flatnonzero(~np.isnan(known[vertices])), min_only=True, return_predecessors=True
+        )
+        nearest = known[vertices[np.maximum(source, 0)]]
+        result = np.where(np.isnan(known[vertices]), nearest, known[vertices])
+        of = group[vertices]
+        for one in np.unique(of[of >= 0]):
+            here = of == one
+            width = float(np.ptp(result[here]))
+            size = distance[here].max()
+            far = np.clip(distance[here] / max(size / 3, 1e-300), 0.0, 1.0)
+            if width > 0:
+                result[here] += (np.median(result[here]) - result[here]) * far * far * (3 - 2 * far)
+        return vertices, result
+
+
+def _fitted(
+    at: Float64, level: Float64, values: Float64, weight: Float64, width: float, *, straight: bool = True
+) -> Float64:
+    """(K, D) what `values` (N, D) are at the levels `at` (K,): local means, or straight lines, which keep ends."""
+    apart = level[None] - at[:, None]
+    kernel = weight * np.exp(-0.5 * np.square(apart / width)) + 1e-12 * weight
+    total = kernel.sum(axis=1)
+    mean = kernel @ values / total[:, None]
+    if not straight:
+        return np.asarray(mean)
+    lean = (kernel * apart).sum(axis=1) / total
+    centered = apart - lean[:, None]
+    spread = (kernel * np.square(centered)).sum(axis=1)
+    slope = (kernel * centered) @ values / np.maximum(spread, 1e-6 * width**2 * total)[:, None]
+    return np.asarray(mean - slope * lean[:, None])
+
+
+def _even(nodes: Float64) -> Float64:
+    """(K, 3) the curve at equal steps of its length."""
+    step = np.linalg.norm(np.diff(nodes, axis=0), axis=1)
+    length = np.concatenate([[0.0], np.cumsum(step)])
+    if length[-1] == 0:
+        return nodes
+    wanted = np.linspace(0.0, length[-1], len(nodes))
+    return np.stack([np.interp(wanted, length, axis) for axis in nodes.T], axis=1)
+
+
+def _on(nodes: Float64, level: Float64) -> Float64:
+    """(N, 3) the points of a curve at `level` (N,)."""
+    at = np.linspace(0.0, 1.0, len(nodes))
+    return np.stack([np.interp(level, at, axis) for axis in nodes.T], axis=1)
+
+
+def _projected(nodes: Float64, points: Float64, start: Float64) -> Float64:
+    """(N,) where on a curve the point nearest to each of `points` (N, 3) is, near to what `start` (N,) says."""
+    at = np.linspace(0.0, 1.0, len(nodes))
+    best, nearest = start.copy(), np.full(len(points), np.inf)
+    along = np.diff(nodes, axis=0)
+    squares = np.maximum(np.square(along).sum(axis=1), 1e-300)
+    for k, (node, side) in enumerate(zip(nodes[:-1], along, strict=True)):
+        # Beyond its ends a curve goes on straight, so that levels there stay apart.
+        low = -np.inf if k == 0 else 0.0
+        high = np.inf if k == len(along) - 1 else 1.0
+        share = np.clip((points - node) @ side / squares[k], low, high)
+        level = at[k] + share / len(along)
+        far = np.square(points - node - share[:, None] * side).sum(axis=1)
+        better = (far < nearest) & (np.abs(level - start) <= FARTHEST)
+        best[better], nearest[better] = level[better], far[better]
+    return best

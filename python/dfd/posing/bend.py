@@ -1,0 +1,95 @@
+"""Bend and twist along a curve: every cross-section moves rigidly, so that girths stay."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+__all__ = ["Sections", "bend_maps"]
+
+FINE = 512  # steps of the curve: at a joint that turns by 90° one turns by a degree or two
+EASE = 0.25  # of the length over which a bend begins, so that the base shows no corner
+LEAST_JOINT = 0.06  # of the length: a joint is no sharper
+
+Float64 = NDArray[np.float64]
+
+
+def bend_maps(
+    nodes: Float64, radius: Float64, bend: ArrayLike, twist: float, joint: float | None = None
+) -> NDArray[np.float64]:
+    """The (513, 3, 4) rigid maps of the cross-sections at equal steps along a curve; the first is the identity.
+
+    The curve turns about the direction of `bend` more and more, and what is around it turns along: at s, by R(s),
+    c(s) goes to c(0) + ∫ R c′, and p to that + R(s) T(s) (p − c(s)), where T(s) turns about the curve's own direction.
+
+    Parameters
+    ----------
+    nodes
+        (K, 3) the resting curve at equal steps of its length, from base to tip.
+    radius
+        (K,) of what is around it.
+    bend
+        (3,) rotation vector in degrees: what the tip turns by.
+    twist
+        Degrees by which the tip turns about the curve.
+    joint
+        Where along the curve, in [0, 1], all of it happens; None spreads it.
+    """
+    at, fine = np.linspace(0.0, 1.0, len(nodes)), np.linspace(0.0, 1.0, FINE + 1)
+    curve = np.stack([np.interp(fine, at, axis) for axis in nodes.T], axis=1)
+    steps = np.diff(curve, axis=0)
+    length = float(np.linalg.norm(steps, axis=1).sum())
+    whole = np.radians(np.asarray(bend, np.float64))
+    if not (whole.any() or twist):
+        return np.tile(np.eye(3, 4), (FINE + 1, 1, 1))
+    if joint is None:
+        eased = np.where(fine < EASE, fine**2 / (2 * EASE), fine - EASE / 2)
+        turned = eased / eased[-1]
+    else:
+        # Wide enough that the inner side of the bend does not cross itself.
+        thick = float(np.interp(joint, at, radius)) / max(length, 1e-300)
+        half = max(LEAST_JOINT, thick * max(0.75, 0.9 * float(np.linalg.norm(whole))))
+        ramp = np.clip((fine - joint + half) / (2 * half), 0.0, 1.0)
+        turned = ramp * ramp * (3 - 2 * ramp)
+        turned = (turned - turned[0]) / max(turned[-1] - turned[0], 1e-12)
+    turn = Rotation.from_rotvec(turned[:, None] * whole).as_matrix()
+    middle = Rotation.from_rotvec((turned[1:] + turned[:-1])[:, None] / 2 * whole)
+    moved = curve[0] + np.concatenate([np.zeros((1, 3)), np.cumsum(middle.apply(steps), axis=0)])
+    if twist:
+        along = np.gradient(curve, axis=0)
+        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
+        turn = turn @ Rotation.from_rotvec(np.radians(twist) * turned[:, None] * along).as_matrix()
+    maps = np.concatenate([turn, (moved - np.einsum("kij,kj->ki", turn, curve))[:, :, None]], axis=2)
+    maps[turned == 0.0] = np.eye(3, 4)  # to the bit: what does not turn stays
+    return maps
+
+
+class Sections:
+    """Vertices by where along a curve they are, to be moved by the maps of its cross-sections.
+
+    Parameters
+    ----------
+    vertices
+        (N,) which.
+    parameter
+        (N,) where each is, in [0, 1].
+    """
+
+    def __init__(self, vertices: NDArray[np.integer], parameter: NDArray[np.floating]) -> None:
+        moving = parameter > 0
+        self.vertices = vertices[moving]
+        at = np.asarray(parameter[moving], np.float64) * FINE
+        self._below = np.minimum(at.astype(np.int64), FINE - 1)
+        self._above = (at - self._below)[:, None]
+
+    def move(self, points: Float64, maps: Float64) -> None:
+        """Move those of `points` (V, 3) in place, each by what lies between two of `maps` (513, 3, 4)."""
+        own = points[self.vertices]
+        flat = maps.reshape(-1, 12)
+        lower = flat[self._below]
+        both = lower + self._above * (flat[self._below + 1] - lower)
+        moved = np.einsum("nij,nj->ni", both.reshape(-1, 3, 4)[:, :, :3], own) + both[:, 3::4]
+        still = (both == flat[:1]).all(axis=1)
+        moved[still] = own[still]
+        points[self.vertices] = moved

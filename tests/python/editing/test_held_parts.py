@@ -1,0 +1,253 @@
+"""What a handle does to the part that it holds: pivots on it, bends and twists along it, and a hinge."""
+
+import json
+
+import numpy as np
+import pytest
+from made_field import field_of
+from made_tube import AROUND, tube
+
+import dfd
+from dfd.symmetry.plane import SymmetryPlane
+
+HEIGHT = 0.6  # from here up, a stalk is one
+
+
+def stalk(turn=0.0):
+    """A stout post with a thin stalk on it that leans by `turn` radians about z, and its ring of vertices."""
+    low = np.linspace(0.0, HEIGHT, 13)
+    high = np.linspace(0.0, 2.0, 41)[1:]
+    points = np.concatenate(
+        [
+            np.stack([0 * low, low, 0 * low], axis=1),
+            np.stack([-np.sin(turn) * high, HEIGHT + np.cos(turn) * high, 0 * high], axis=1),
+        ]
+    )
+    return points, np.where(np.arange(len(points)) < 13, 0.5, 0.15)
+
+
+def joined(*meshes):
+    offsets = np.cumsum([0, *(len(each.vertices) for each in meshes)])
+    return dfd.Mesh(
+        np.concatenate([each.vertices for each in meshes]),
+        np.concatenate([each.faces + offset for each, offset in zip(meshes, offsets, strict=False)]),
+    )
+
+
+def session_of(mesh, labels, **how):
+    """A session whose features tell vertices by their labels and by nothing else."""
+    features = np.eye(16, dtype=np.float32)[labels]
+    return dfd.Deformer(mesh, field_of(mesh), features=features, **how)
+
+
+@pytest.fixture
+def one():
+    """One stalk; its tip is the last vertex."""
+    mesh = tube(*stalk())
+    return session_of(mesh, (mesh.vertices[:, 1] > HEIGHT + 0.01).astype(int))
+
+
+@pytest.fixture
+def pair():
+    """A stalk that leans to the left and its mirror image, on posts that a bar joins."""
+    left = tube(*stalk(0.5))
+    left = dfd.Mesh(left.vertices - (1.5, 0, 0), left.faces)
+    right = dfd.Mesh(left.vertices * (-1, 1, 1), left.faces[:, ::-1])
+    bar = tube(np.stack([np.linspace(-1.5, 1.5, 21), np.full(21, 0.3), np.zeros(21)], axis=1), 0.3)
+    mesh = joined(left, right, bar)
+    labels = (mesh.vertices[:, 1] > HEIGHT + 0.01).astype(int)
+    labels[len(left.vertices) * 2 :] = 0
+    return session_of(mesh, labels), len(left.vertices)
+
+
+def rings(points):
+    return points[: 53 * AROUND].reshape(-1, AROUND, 3)
+
+
+def girths(points):
+    closed = np.concatenate([rings(points), rings(points)[:, :1]], axis=1)
+    return np.linalg.norm(np.diff(closed, axis=1), axis=2).sum(axis=1)
+
+
+# --- pivots
+
+
+def test_a_limb_scales_and_turns_about_its_base_however_far_from_it_it_is_held(one):
+    tip = len(one.mesh.vertices) - 1
+    for verb in ({"scale": 1.5}, {"rotation": (0, 0, 40)}):
+        handle = one.add(tip, **verb)
+        transform = one.handle(handle).transform
+        assert transform.pivot_at == "base"
+        np.testing.assert_allclose(transform.pivot, (0, HEIGHT, 0), atol=0.08)
+        one.remove(handle)
+
+
+def test_a_pivot_is_chosen_when_the_handle_first_turns_and_stays(one):
+    handle = one.add(len(one.mesh.vertices) - 1, translation=(0, 0.1, 0))
+    assert one.handle(handle).transform.pivot is None
+    one.move(handle, rotation=(0, 0, 10))
+    chosen = one.handle(handle).transform.pivot
+    one.move(handle, rotation=(0, 0, 50), merge=True)
+    assert one.handle(handle).transform.pivot == chosen
+    one.move(handle, pivot=(1, 2, 3))
+    one.move(handle, rotation=(0, 0, 20))
+    assert one.handle(handle).transform.pivot == (1, 2, 3)
+    assert one.handle(handle).transform.pivot_at is None
+    one.move(handle, pivot="auto")
+    assert one.handle(handle).transform.pivot == chosen
+
+
+def test_what_is_round_turns_about_its_middle():
+    import trimesh
+
+    ball = trimesh.creation.icosphere(4)
+    mesh = dfd.Mesh(ball.vertices, ball.faces)
+    session = session_of(mesh, (mesh.vertices[:, 1] > 0.3).astype(int))
+    handle = session.add(int(mesh.vertices[:, 1].argmax()), scale=1.2)
+    transform = session.handle(handle).transform
+    assert transform.pivot_at == "middle"
+    np.testing.assert_allclose(transform.pivot, (0, 0.65, 0), atol=0.03)
+
+
+def test_pivots_by_their_words(one):
+    handle = one.add(30 * AROUND, rotation=(0, 0, 20))
+    held = one.mesh.vertices[30 * AROUND]
+    one.move(handle, pivot="point")
+    np.testing.assert_array_equal(one.handle(handle).pivot, held)
+    one.move(handle, pivot="middle")
+    np.testing.assert_allclose(one.handle(handle).pivot, (0, HEIGHT + 1, 0), atol=0.1)
+    with pytest.raises(ValueError, match=r"Deformer.move: `pivot` cannot be 'plane': the edit has no plane"):
+        one.move(handle, pivot="plane")
+    one.set_symmetry(SymmetryPlane((0.0, 0.0, 1.0), 0.0))
+    one.move(handle, pivot="plane")
+    np.testing.assert_allclose(one.handle(handle).pivot, held * (1, 1, 0), atol=1e-9)
+    one.move(handle, pivot="auto")
+    assert one.handle(handle).pivot[2] == 0  # the stalk lies across the plane
+
+
+def test_a_chosen_pivot_goes_with_the_place(pair):
+    session, count = pair
+    handle = session.add(count - 1, scale=1.3, instances="only")
+    assert session.handle(handle).pivot[0] < -1
+    session.change(handle, at=2 * count - 1)
+    assert session.handle(handle).transform.pivot_at == "base"
+    assert session.handle(handle).pivot[0] > 1
+
+
+def test_the_paper_and_old_files_turn_about_the_point(one, tmp_path):
+    paper = dfd.Deformer(one.mesh, one.field, features=one.features, preset="paper")
+    handle = paper.add(40 * AROUND, rotation=(0, 0, 30))
+    assert paper.handle(handle).transform.pivot is None
+    old = {"format": "dfd-edit", "version": 3, "handles": [{"vertex": 40 * AROUND, "rotation": [0, 0, 30]}]}
+    (tmp_path / "old.json").write_text(json.dumps(old))
+    loaded = dfd.Deformer.load(tmp_path / "old.json", one.mesh, one.field, features=one.features)
+    before = loaded.vertices
+    loaded.move(1, translation=(0, 0, 0))
+    np.testing.assert_array_equal(loaded.vertices, before)
+    assert loaded.handle(1).transform.pivot is None
+
+
+# --- bend and twist
+
+
+@pytest.mark.parametrize("at", [20 * AROUND, 52 * AROUND])
+def test_a_bend_keeps_girths_and_moves_nothing_beyond_the_part(one, at):
+    handle = one.add(at)
+    one.bend(handle, 80, towards="right")
+    moved, rest = one.vertices, one.mesh.vertices
+    np.testing.assert_allclose(girths(moved)[14:], girths(rest)[14:], rtol=0.03)
+    beyond = rest[:, 1] <= HEIGHT + 1e-9
+    np.testing.assert_array_equal(moved[beyond], rest[beyond])
+    assert moved[:, 0].max() > 0.8
+    assert rings(moved)[-1].mean(axis=0)[1] < HEIGHT + 1.7
+
+
+def test_no_bend_is_the_resting_shape_and_returns_to_it(one):
+    handle = one.add(52 * AROUND, bend=0, towards="right", joint="auto")
+    np.testing.assert_array_equal(one.vertices, one.mesh.vertices)
+    one.twist(handle, 120)
+    assert np.abs(one.vertices - one.mesh.vertices).max() > 0.1
+    one.twist(handle, 0)
+    np.testing.assert_array_equal(one.vertices, one.mesh.vertices)
+    while one.undo():
+        pass
+    np.testing.assert_array_equal(one.vertices, one.mesh.vertices)
+
+
+def test_a_bend_is_then_moved_by_the_rest_of_the_transform(one):
+    handle = one.add(52 * AROUND, bend=45, towards="left")
+    bent = one.vertices
+    one.move(handle, translation=(0, 0, 0.5), rotation=(0, 90, 0), pivot=(0, 0, 0))
+    top = one.mesh.vertices[:, 1] > HEIGHT + 0.3
+    x, y, z = bent[top].T
+    np.testing.assert_allclose(one.vertices[top], np.stack([z, y, 0.5 - x], axis=1), atol=1e-6)
+    assert one.report().handles[0].arrived
+
+
+def test_a_joint_keeps_what_lies_before_it(one):
+    handle = one.add(45 * AROUND)
+    one.bend(handle, 90, towards="right", joint=0.5)
+    low = one.mesh.vertices[:, 1] < HEIGHT + 0.7
+    np.testing.assert_array_equal(one.vertices[low], one.mesh.vertices[low])
+    one.bend(handle, 90, towards="right", joint="here")
+    assert one.handle(handle).transform.joint == pytest.approx(33 / 40, abs=0.04)
+    one.bend(handle, 90, towards="right", joint="spread")
+    assert one.handle(handle).transform.joint is None
+
+
+def test_a_look_alike_bends_along_its_own_axis(pair):
+    session, count = pair
+    session.add(count - 1, bend=60, towards="up")
+    left, right = session.vertices[:count], session.vertices[count : 2 * count]
+    assert np.abs(left - session.mesh.vertices[:count]).max() > 0.3
+    np.testing.assert_allclose(right * (-1, 1, 1), left, atol=0.02)
+    post = session.mesh.vertices[2 * count :]
+    np.testing.assert_array_equal(session.vertices[2 * count :], post)
+
+
+@pytest.mark.parametrize("instances", ["own", "together"])
+def test_a_plane_of_symmetry_bends_mirrored(pair, instances):
+    session, count = pair
+    session.set_symmetry("x")
+    session.add(count - 1, bend=60, towards="up", twist=40, instances=instances)
+    left, right = session.vertices[:count], session.vertices[count : 2 * count]
+    np.testing.assert_allclose(right * (-1, 1, 1), left, atol=0.02)
+
+
+def test_only_the_own_one_bends_where_look_alikes_do_not_follow(pair):
+    session, count = pair
+    session.add(count - 1, bend=60, instances="only")
+    np.testing.assert_array_equal(session.vertices[count:], session.mesh.vertices[count:])
+    assert np.abs(session.vertices[:count] - session.mesh.vertices[:count]).max() > 0.3
+
+
+def test_towards_the_axis_is_refused(one):
+    handle = one.add(52 * AROUND)
+    with pytest.raises(ValueError, match="`towards` must lead away from the axis of what is held"):
+        one.bend(handle, 30, towards="up")
+    with pytest.raises(ValueError, match="`towards` must be up, down, right, left, front, back or 3 numbers"):
+        one.bend(handle, 30, towards="north")
+    one.bend(handle, 30)  # upright: to the front
+    assert one.vertices[-1, 2] > 0.2
+
+
+def test_a_bend_is_kept_in_files(one, tmp_path):
+    one.add(52 * AROUND, bend=50, towards="back", twist=15, joint=0.4, scale=1.2)
+    one.save(tmp_path / "edit.json")
+    again = dfd.Deformer.load(tmp_path / "edit.json", one.mesh, one.field, features=one.features)
+    assert again.edit == one.edit
+    np.testing.assert_array_equal(again.vertices, one.vertices)
+
+
+def test_what_opens_turns_about_the_border_away_from_the_rest(one):
+    handle = one.add(30 * AROUND)
+    one.open(handle, 20)
+    transform = one.handle(handle).transform
+    assert transform.pivot_at == "hinge"
+    assert np.linalg.norm(transform.rotation) == pytest.approx(20)
+    np.testing.assert_allclose(transform.pivot[1], HEIGHT, atol=0.08)
+
+
+def test_a_default_transform_has_no_part(one):
+    with pytest.raises(TypeError, match="'bend' is for what a handle holds"):
+        one.set_default(bend=30)
