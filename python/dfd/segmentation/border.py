@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, dijk
 
 from dfd.segmentation.patches import Patches
 
-__all__ = ["pieces_of", "snapped"]
+__all__ = ["pieces_of", "snapped", "with_what_it_carries"]
 
 NECK = 1.5  # in the spacing of patches: pieces that meet only within that of the border are pieces of their own
 CRUMB = 0.1  # of the largest piece: what is smaller goes with another
@@ -63,6 +63,23 @@ def snapped(patches: Patches, inside: Mask, held: int | None = None) -> Mask:
     on_side[breadth_first_order(left, count, return_predecessors=False)] = True
     result: Mask = on_side[number][patches.twin]
     return result
+
+
+def with_what_it_carries(patches: Patches, inside: Mask) -> Mask:
+    """(P,) a part with what hangs on the rest of the shape through it alone: a leg's hoof, a head's eyes.
+
+    Where most of the shape is not left in one piece, as around a trunk, nothing is carried, nor is what is larger than
+    the part.
+    """
+    borders = patches.borders
+    out = np.flatnonzero(~inside)
+    component = connected_components(borders.graph(borders.apart)[out][:, out], directed=False)[1]
+    areas = np.bincount(component, patches.area[out])
+    if areas.max(initial=0) < 0.5:
+        return inside
+    whole = inside.copy()
+    whole[out[areas[component] <= patches.area[inside].sum()]] = True
+    return whole if not whole.all() else inside
 
 
 def pieces_of(patches: Patches, inside: Mask) -> NDArray[np.int64]:

@@ -17,7 +17,7 @@ from dfd.common import check
 from dfd.field.field import Field
 from dfd.geometry.topology import face_areas
 from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
-from dfd.segmentation.border import CRUMB, pieces_of, snapped
+from dfd.segmentation.border import CRUMB, pieces_of, snapped, with_what_it_carries
 from dfd.segmentation.hierarchy import Hierarchy
 from dfd.segmentation.patches import Patches
 
@@ -26,8 +26,9 @@ __all__ = ["Level", "Part", "Parts", "cut_document", "parts"]
 Level = Literal["smaller", "part", "larger"]
 LARGER = 1.25  # times the area is the least by which two levels differ
 LEAST_HOLDABLE = 0.025  # what chance finds on a ball has up to 0.017, parts that people name 0.033 to 1.5
-# Of the seam in which a grip fades: width in diagonals of the box, and of the way around a limb, about half its girth.
-SEAM, THICKNESS = 0.03, 0.15
+# Of the seam in which a grip fades: width in diagonals of the box, and of the way around a limb; how much lies
+# beyond the border. Most lies within: what moves beside a part is what people mind the most.
+SEAM, THICKNESS, BEYOND = 0.05, 0.25, 0.2
 
 
 class Features(Protocol):
@@ -109,18 +110,19 @@ class Parts:
     def grip(self, at: Any) -> NDArray[np.float32] | None:
         """(V,) how much of the part that holds a place, as in `part`, vertices are: 1 in it, 0 beyond it.
 
-        Over its seam the value falls smoothly along the surface. None where no part ends, such as on a ball.
+        What hangs on the rest through it alone belongs to it here. Over its seam the value falls smoothly. None where
+        no part ends, such as on a ball.
         """
         vertex = self._vertex(at)
         if not self._has_surface:
             return None
         tree, patches = self._hierarchy, self._patches
         chosen = self._chosen(int(patches.of_vertex[vertex]), "part")
-        inside = tree.branches[chosen].inside
+        inside = with_what_it_carries(patches, tree.branches[chosen].inside)
         if inside.all() or tree.holdable(chosen) < LEAST_HOLDABLE:
             return None
         side = self._snapped(inside, vertex)
-        half = patches.size * min(SEAM, tree.around(chosen) * THICKNESS) / 2
+        width = patches.size * min(SEAM, tree.around(chosen) * THICKNESS)
         # A gap between components is a border by itself: nothing passes over from tooth to lip.
         graph, component = patches.nodes.graph, patches.nodes.component
         row = np.repeat(np.arange(len(side)), np.diff(graph.indptr))
@@ -128,12 +130,12 @@ class Parts:
         row, beside, apart = row[whole], graph.indices[whole], graph.data[whole]
         graph = csr_array((apart, (row, beside)), shape=graph.shape)
         ends = np.unique(row[side[row] != side[beside]])
-        depth = np.full(len(side), half)
+        depth = np.full(len(side), width)
         for inner in (False, True):
             if len(sources := ends[side[ends] != inner]):
-                found = dijkstra(graph, indices=sources, min_only=True, limit=half)
-                depth[side == inner] = np.minimum(found[side == inner], half)
-        within = 0.5 + np.where(side, depth, -depth) / (2 * half)
+                found = dijkstra(graph, indices=sources, min_only=True, limit=width)
+                depth[side == inner] = np.minimum(found[side == inner], width)
+        within = np.clip(BEYOND + np.where(side, depth, -depth) / width, 0.0, 1.0)
         within = within * within * (3.0 - 2.0 * within)
         return np.asarray(patches.nodes.shares(np.stack([1.0 - within, within]))[1](slice(None)), np.float32)
 

@@ -14,6 +14,7 @@ from dfd.app.session.columns import Columns, heat_message
 from dfd.app.session.state import ViewState, state_message
 from dfd.editing.deformer import Deformer
 from dfd.editing.points import place_on
+from dfd.editing.presets import PARTLESS_REACH
 
 
 class Client:
@@ -97,7 +98,7 @@ def test_the_formula_gives_the_bound_weights(client: Client) -> None:
 @pytest.mark.parametrize("reach", [0.5, 1.7, "auto"])
 def test_reach_and_falloff_are_the_pages_own(client: Client, falloff: Any, reach: float | str) -> None:
     deformer = client.deformer
-    deformer.add(3)
+    deformer.add(3, reach=1.0)
     client.listen()
     deformer.change(1, reach=reach, falloff=falloff, strength=0.7)
     # An end of the reach is a place where the square root of what is left has no slope to speak of.
@@ -179,7 +180,17 @@ def test_the_heat_of_a_probe_is_the_column_of_a_handle_there(client: Client) -> 
     deformer = client.deformer
     header, arrays = unpack(heat_message(deformer, place_on(deformer.mesh, 3), request=9))
     assert (header["id"], header["vertex"]) == (9, 3)
-    deformer.add(3, reach=1.0, falloff="linear")
+    deformer.add(3)
+    left = np.clip(1 - arrays["values"] * (header["scale"] / 65535) / PARTLESS_REACH, 0, 1)
+    # The part itself: the page does not know how much the far end of it follows less.
+    np.testing.assert_allclose(left * left * (3 - 2 * left), deformer.weights[:, 0], atol=0.2)
+    assert arrays["values"][3] == 0
+
+
+def test_the_heat_of_a_probe_is_of_distances_where_the_preset_has_a_number(client: Client) -> None:
+    deformer = client.deformer
+    deformer.preset = "paper"
+    header, arrays = unpack(heat_message(deformer, place_on(deformer.mesh, 3), request=9))
+    deformer.add(3)
     weights = np.maximum(1 - arrays["values"] * (header["scale"] / 65535), 0)
     np.testing.assert_allclose(weights, deformer.weights[:, 0], atol=5e-5)
-    assert arrays["values"][3] == 0

@@ -107,7 +107,8 @@ def test_a_handle_is_marked_without_a_field(run):
 )
 def test_every_control_shows_in_the_heat(run, chair, control):
     top = int(chair.vertices[:, 1].argmax())
-    show = ("show", "MESH", "--field", "FIELD", "--handle", top, "--azimuth", 30, "--resolution", 64, "-o")
+    handle = ("--handle", top, "--reach", 0.7)
+    show = ("show", "MESH", "--field", "FIELD", *handle, "--azimuth", 30, "--resolution", 64, "-o")
     assert worked(run(*show, "plain.png"))
     assert worked(run(*show, "other.png", *control))
     assert np.abs(drawn("plain.png") - drawn("other.png")).max() > 20

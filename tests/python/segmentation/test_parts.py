@@ -7,7 +7,7 @@ from made_field import field_of
 
 import dfd
 from dfd.geometry.topology import face_areas
-from dfd.segmentation.border import pieces_of, snapped
+from dfd.segmentation.border import pieces_of, snapped, with_what_it_carries
 from dfd.segmentation.parts import Parts
 from dfd.segmentation.patches import Patches
 
@@ -140,11 +140,27 @@ def test_a_grip_holds_the_part_whole_and_fades_over_a_narrow_seam(chair, chair_p
     legs = chair.labels == chair.parts.index("leg")
     held = chair_parts.grip(foot_of(chair))
     assert held.dtype == np.float32
-    assert held[legs].mean() > 0.9
+    assert held[legs].mean() > 0.85
     away = np.linalg.norm(chair.mesh.vertices[:, None] - chair.mesh.vertices[legs][None], axis=2).min(axis=1)
     assert (held[away > 0.05 * chair.mesh.diagonal] == 0).all()
     seam = (held > 0) & (held < 1)
     assert 0 < seam.mean() < 0.2
+    assert held[~legs].mean() < 0.05
+
+
+def test_a_part_carries_what_hangs_on_the_rest_through_it(chair):
+    """The upper half of the legs is held: the feet go with it, and the seat stays."""
+    patches = Patches(chair.mesh)
+    height = np.bincount(patches.of_vertex, chair.mesh.vertices[:, 1]) / np.bincount(patches.of_vertex)
+    legs = np.bincount(patches.of_vertex, chair.labels == chair.parts.index("leg")) > 0.5 * np.bincount(
+        patches.of_vertex
+    )
+    low, high = height[legs].min(), height[legs].max()
+    upper = legs & (height > low + 0.4 * (high - low))
+    carried = with_what_it_carries(patches, upper)
+    assert (carried == legs).mean() > 0.98
+    assert carried[legs].all()
+    assert np.array_equal(with_what_it_carries(patches, ~legs), ~legs)  # of legs around a seat none is the shape
 
 
 def test_a_grip_does_not_pass_from_one_component_to_another_beside_it():
