@@ -232,7 +232,7 @@ def reset(session: Session, handle: int | None = None) -> None:
 
     def work(deformer: Any) -> None:
         for each in [each.id for each in deformer.handles] if handle is None else [handle]:
-            deformer.move(each, translation=zero, rotation=zero, scale=1.0)
+            deformer.move(each, translation=zero, rotation=zero, scale=1.0, bend=zero, twist=0.0)
 
     session.change(work)
 
@@ -245,7 +245,7 @@ def change(
     given = _controls(session, controls)
     if at is not None:
         given["at"] = _at(session, at)
-    if controls.within == "part":
+    if isinstance(given.get("within"), str) and given["within"] == "part":
         given["within"] = session.require_parts().of(session.require_deformer().edit.handle(handle))
     session.change(lambda deformer: deformer.change(handle, **given), ("change", handle), merge=merge)
 
