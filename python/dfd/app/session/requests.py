@@ -233,7 +233,7 @@ def reset(session: Session, handle: int | None = None) -> None:
 
     def work(deformer: Any) -> None:
         for each in [each.id for each in deformer.handles] if handle is None else [handle]:
-            deformer.move(each, translation=zero, rotation=zero, scale=1.0)
+            deformer.move(each, translation=zero, rotation=zero, scale=1.0, bend=zero, twist=0.0)
 
     session.change(work)
 

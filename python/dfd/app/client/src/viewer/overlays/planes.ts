@@ -22,6 +22,6 @@ export class Planes {
       });
       return helper;
     });
-    this.group.add(...this.helpers);
+    for (const helper of this.helpers) this.group.add(helper);
   }
 }
