@@ -87,7 +87,7 @@ def test_a_skin_that_is_not_pruned_is_what_pose_makes(make, session, tmp_path):
 
 def test_instances_have_joints_of_their_own_in_their_own_frames(tmp_path, make_session):
     session = make_session(dfd.samples.quadruped(4000).mesh)
-    session.add("bottom", rotation=(0, 0, 40), translation=(0.1, 0, 0), name="foot")
+    session.add("bottom", rotation=(0, 0, 40), translation=(0.1, 0, 0), name="foot", pivot="point")
     columns = session.bound.posing(session.edit)[1]
     count = len(columns)
     assert count > 1
@@ -200,8 +200,8 @@ def test_key_poses_become_an_animation(session, tmp_path):
         moved.apply(session.edit)
         for handle in session.handles:
             transform = pose.transforms.get(handle.id, Transform())
-            moved.move(handle.id, translation=transform.translation, rotation=transform.rotation)
-            moved.move(handle.id, scale=transform.scale, pivot="auto" if transform.pivot is None else transform.pivot)
+            moved.move(handle.id, translation=transform.translation, rotation=transform.rotation, pivot="point")
+            moved.move(handle.id, scale=transform.scale, pivot="point" if transform.pivot is None else transform.pivot)
         animated = glb.channels("dfd key poses", pose.seconds)
         assert animated
         assert np.abs(glb.triangles(animated) - moved.vertices[session.mesh.faces]).max() < 5e-6 * report.size
