@@ -200,7 +200,7 @@ def test_key_poses_become_an_animation(session, tmp_path):
         moved.apply(session.edit)
         for handle in session.handles:
             transform = pose.transforms.get(handle.id, Transform())
-            moved.move(handle.id, translation=transform.translation, rotation=transform.rotation)
+            moved.move(handle.id, translation=transform.translation, rotation=transform.rotation, pivot="point")
             moved.move(handle.id, scale=transform.scale, pivot="point" if transform.pivot is None else transform.pivot)
         animated = glb.channels("dfd key poses", pose.seconds)
         assert animated
