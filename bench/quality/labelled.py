@@ -129,9 +129,9 @@ def _grips(on: LabelledShape, field: dfd.Field) -> Judged:
 
 GRIPS: Mapping[str, Mapping[str, Any]] = {
     "default": {},
+    "0.7": {"reach": 0.7},
     "auto": {"reach": "auto"},
     "paper": {"preset": "paper"},
-    "part": {"reach": "part"},
 }
 
 

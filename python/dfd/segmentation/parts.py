@@ -137,7 +137,9 @@ class Parts:
                 depth[side == inner] = np.minimum(found[side == inner], width)
         within = np.clip(BEYOND + np.where(side, depth, -depth) / width, 0.0, 1.0)
         within = within * within * (3.0 - 2.0 * within)
-        return np.asarray(patches.nodes.shares(np.stack([1.0 - within, within]))[1](slice(None)), np.float32)
+        held = np.asarray(patches.nodes.shares(np.stack([1.0 - within, within]))[1](slice(None)), np.float32)
+        # Who takes hold of the seam itself holds it whole, and less of it is left to fade.
+        return np.asarray(np.minimum(held / max(held[vertex], np.float32(0.01)), 1.0), np.float32)
 
     def cut(self) -> list[Part]:
         """Cut the whole shape into parts, the largest first; every vertex belongs to one.

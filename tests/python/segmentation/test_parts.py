@@ -148,6 +148,16 @@ def test_a_grip_holds_the_part_whole_and_fades_over_a_narrow_seam(chair, chair_p
     assert held[~legs].mean() < 0.05
 
 
+def test_a_handle_on_the_seam_weighs_1(chair, chair_parts):
+    held = chair_parts.grip(foot_of(chair))
+    on_seam = np.flatnonzero((held > 0.3) & (held < 0.9) & (chair.labels == chair.parts.index("leg")))
+    assert len(on_seam)
+    for vertex in on_seam[::7]:
+        own = chair_parts.grip(vertex)
+        assert own[vertex] == 1
+        assert own.max() == 1
+
+
 def test_a_part_carries_what_hangs_on_the_rest_through_it(chair):
     """The upper half of the legs is held: the feet go with it, and the seat stays."""
     patches = Patches(chair.mesh)
