@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from .vertex_groups import object_mode, weigh
+from .vertex_groups import cut, object_mode, weigh
 
 __all__ = ["CLASSES"]
 
@@ -44,6 +44,30 @@ class DFD_OT_weigh(bpy.types.Operator):  # noqa: N801
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         self.report({"INFO"}, f"{len(chosen)} vertex {'group' if len(chosen) == 1 else 'groups'}")
+        return {"FINISHED"}
+
+
+class DFD_OT_parts(bpy.types.Operator):  # noqa: N801
+    """Make a vertex group for each part: what looks alike and would move as one"""
+
+    bl_idname = "dfd.parts"
+    bl_label = "Vertex Groups from Parts"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Whether there is a mesh to work on."""
+        return DFD_OT_weigh.poll(context)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Cut, and write the groups."""
+        try:
+            with object_mode(context.object):
+                count = cut(context.object)
+        except (ValueError, OSError) as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"{count} parts")
         return {"FINISHED"}
 
 
@@ -88,4 +112,4 @@ def _free_name(of: bpy.types.Object, vertex: int) -> str:
     return name
 
 
-CLASSES = (DFD_OT_weigh, DFD_OT_remove)
+CLASSES = (DFD_OT_weigh, DFD_OT_parts, DFD_OT_remove)

@@ -32,6 +32,7 @@ class DFD_PT_weights(bpy.types.Panel):  # noqa: N801
         layout.prop(settings, "preset")
         layout.operator("dfd.distill")
         layout.operator("dfd.weigh")
+        layout.operator("dfd.parts")
         for index, handle in enumerate(settings.handles):
             box = layout.box()
             row = box.row()

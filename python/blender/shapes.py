@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 
 import dfd
-from dfd.editing.compatibility import check_compatible
 from dfd.editing.presets import WITHIN_PART
+from dfd.field.compatibility import check_compatible
 
 __all__ = ["Axes", "Shape"]
 
@@ -66,6 +66,10 @@ class Shape:
         geodesic = self.geodesics.distances([vertex]) if locality > 0 else None
         column = dfd.bind(self.features, [vertex], reach=reach, falloff=falloff, geodesic=geodesic, locality=locality)
         return np.ascontiguousarray(column[:, 0] if part is None else column[:, 0] * part)
+
+    def parts(self) -> list[np.ndarray]:
+        """(N,) vertices of each part that the shape is cut into, see `dfd.parts`."""
+        return [part.vertices for part in dfd.parts(self.field, self.mesh).cut()]
 
 
 def _turned(vertices: np.ndarray) -> np.ndarray:

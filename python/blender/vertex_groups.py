@@ -13,7 +13,7 @@ import numpy as np
 
 from .shapes import Shape
 
-__all__ = ["forget", "object_mode", "refresh", "weigh"]
+__all__ = ["cut", "forget", "object_mode", "refresh", "weigh"]
 
 
 class Kept(NamedTuple):
@@ -67,6 +67,20 @@ def weigh(of: bpy.types.Object, handle: bpy.types.PropertyGroup) -> None:
     held = np.flatnonzero(weights)
     for vertex, weight in zip(held.tolist(), weights[held].tolist(), strict=True):
         group.add((vertex,), weight, "REPLACE")
+
+
+def cut(of: bpy.types.Object) -> int:
+    """Write a vertex group for each part of the shape, in object mode; return how many there are.
+
+    Raises ValueError if there is no field, or it is not of this shape. Raises OSError if it cannot be read.
+    """
+    found = _shape_of(of).parts()
+    for number, vertices in enumerate(found, 1):
+        name = f"part {number}"
+        group = of.vertex_groups.get(name) or of.vertex_groups.new(name=name)
+        group.remove(range(len(of.data.vertices)))
+        group.add(vertices.tolist(), 1.0, "REPLACE")
+    return len(found)
 
 
 def _shape_of(of: bpy.types.Object) -> Shape:

@@ -87,3 +87,8 @@ def test_the_manifest_names_the_wheels_beside_it():
 def test_building_without_a_wheel_says_what_makes_one(tmp_path):
     with pytest.raises(FileNotFoundError, match="make wheel"):
         part("build").main(tmp_path)
+
+
+def test_the_parts_of_a_shape_hold_every_vertex_once(shape, field_file):
+    parts = part("shapes").Shape(shape.vertices, shape.faces, field_file, "AUTO").parts()
+    np.testing.assert_array_equal(np.sort(np.concatenate(parts)), np.arange(len(shape.vertices)))

@@ -57,23 +57,23 @@ class BatchFolder:
         """
         folder = cls(root, sharded=settings.sharded)
         if folder.root.exists() and not folder.root.is_dir():
-            raise NotADirectoryError(f"batch: `output` must be a folder, but {folder.root} is a file")
+            raise NotADirectoryError(f"`--output` must be a folder, but {folder.root} is a file")
         if not folder.root.parent.is_dir():
-            raise FileNotFoundError(f"batch: `output`: the folder {folder.root.parent} does not exist")
+            raise FileNotFoundError(f"`--output`: the folder {folder.root.parent} does not exist")
         before = read_settings(folder.root)
         if before is None and folder.root.is_dir() and any(folder.root.iterdir()):
-            raise ValueError(f"batch: `output` must be a new folder or one of an earlier batch, got {folder.root}")
+            raise ValueError(f"`--output` must be a new folder or one of an earlier batch, got {folder.root}")
         if before is not None and before != settings:
             was, now = before.model_dump(), settings.model_dump()
             differ = ", ".join(f"{key} {was[key]}, now {now[key]}" for key in was if was[key] != now[key])
-            raise ValueError(f"batch: `output`: {folder.root} was begun with other settings ({differ})")
+            raise ValueError(f"`--output`: {folder.root} was begun with other settings ({differ})")
         try:
             folder.root.mkdir(exist_ok=True)
             folder.work.mkdir(exist_ok=True)
             with atomic_write(folder.root / SETTINGS, "output") as temporary:
                 temporary.write_text(settings.model_dump_json(indent=2) + "\n", "utf-8")
         except OSError as error:
-            raise OSError(error.errno, f"batch: `output`: {root} cannot be written: {error.strerror}") from error
+            raise OSError(error.errno, f"`--output`: {root} cannot be written: {error.strerror}") from error
         return folder
 
     def shape(self, name: str) -> Path:
@@ -170,7 +170,7 @@ class BatchFolder:
                 try:
                     fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 except BlockingIOError:
-                    raise ValueError(f"batch: `output`: another run is at work in {self.root}") from None
+                    raise ValueError(f"`--output`: another run is at work in {self.root}") from None
                 except OSError:
                     pass  # a file system without locks: each shape can still be renamed only once
             yield
@@ -190,8 +190,7 @@ def read_settings(root: Path) -> BatchSettings | None:
     except ValidationError as error:
         first = error.errors()[0]
         raise ValueError(
-            f"batch: `output`: {root / SETTINGS} cannot be gone on from: {'.'.join(map(str, first['loc']))}: "
-            f"{first['msg']}"
+            f"`--output`: {root / SETTINGS} cannot be gone on from: {'.'.join(map(str, first['loc']))}: {first['msg']}"
         ) from None
 
 

@@ -46,10 +46,10 @@ def find_shapes(inputs: Sequence[str]) -> list[Shape]:
         If a glob matches nothing, or a manifest cannot be read.
     """
     if not inputs:
-        raise ValueError("batch: `inputs` must name a mesh, a glob or a manifest, got none")
+        raise ValueError("`MESH` must name a mesh, a glob or a manifest, got none")
     manifests = [each for each in inputs if each.lower().endswith(MANIFEST_ENDINGS)]
     if manifests and len(inputs) > 1:
-        raise ValueError(f"batch: `inputs` must be meshes and globs or one manifest, got {manifests[0]} and others")
+        raise ValueError(f"`MESH` must be meshes and globs or one manifest, got {manifests[0]} and others")
     shapes = _of_manifest(inputs[0]) if manifests else _of_globs(inputs)
     _check_names(shapes)
     return sorted(shapes, key=lambda shape: shape.name)
@@ -94,7 +94,7 @@ def _matches(pattern: str) -> list[str]:
         if has_magic(pattern) and not Path(pattern).exists():
             return [str(path) for path in local_matches(pattern)]
         if not Path(pattern).exists():
-            raise FileNotFoundError(f"`inputs`: {pattern} does not exist")
+            raise FileNotFoundError(f"`MESH`: {pattern} does not exist")
         return [pattern]
     if not has_magic(pattern):
         return [pattern]
@@ -102,7 +102,7 @@ def _matches(pattern: str) -> list[str]:
     scheme = pattern.partition("://")[0]
     found = sorted(path for path in system.glob(inside) if path.lower().endswith(MESH_ENDINGS))
     if not found:
-        raise FileNotFoundError(f"`inputs`: nothing matches {pattern}")
+        raise FileNotFoundError(f"`MESH`: nothing matches {pattern}")
     return [path if is_remote(path) else f"{scheme}://{path}" for path in found]
 
 
@@ -132,12 +132,12 @@ def _of_manifest(manifest: str) -> list[Shape]:
     for number, row in enumerate(rows, 1):
         values = {column: str(row[column]).strip() for column in COLUMNS if row.get(column) not in (None, "")}
         if "path" not in values:
-            raise ValueError(f"batch: `inputs`: row {number} of {manifest} has no path")
+            raise ValueError(f"`MESH`: row {number} of {manifest} has no path")
         path = beside_manifest(values["path"])
         field = beside_manifest(values["field"]) if "field" in values else None
         shapes.append(Shape(values.get("name") or _name([PurePosixPath(_posix(path)).name]), path, field))
     if not shapes:
-        raise ValueError(f"batch: `inputs`: {manifest} has no rows")
+        raise ValueError(f"`MESH`: {manifest} has no rows")
     return shapes
 
 
@@ -152,7 +152,7 @@ def _rows(manifest: str) -> list[dict[str, Any]]:
             reader = csv.DictReader(io.StringIO(data.decode("utf-8-sig")), strict=True)
             columns, rows = list(reader.fieldnames or ()), list(reader)
         except (UnicodeDecodeError, csv.Error) as error:
-            raise ValueError(f"batch: `inputs`: {manifest} is no CSV file in UTF-8: {error}") from None
+            raise ValueError(f"`MESH`: {manifest} is no CSV file in UTF-8: {error}") from None
     else:
         import pyarrow
         from pyarrow import parquet
@@ -160,12 +160,10 @@ def _rows(manifest: str) -> list[dict[str, Any]]:
         try:
             table = parquet.read_table(pyarrow.BufferReader(data))
         except (pyarrow.ArrowException, OSError) as error:
-            raise ValueError(f"batch: `inputs`: {manifest} is no Parquet file: {error}") from None
+            raise ValueError(f"`MESH`: {manifest} is no Parquet file: {error}") from None
         columns, rows = table.column_names, table.to_pylist()
     if "path" not in columns:
-        raise ValueError(
-            f"batch: `inputs`: {manifest} must have a column path, got {', '.join(map(str, columns)) or 'none'}"
-        )
+        raise ValueError(f"`MESH`: {manifest} must have a column path, got {', '.join(map(str, columns)) or 'none'}")
     return rows
 
 
@@ -185,7 +183,7 @@ def _fsspec() -> Any:
     try:
         import fsspec
     except ImportError:
-        raise ValueError("batch: `inputs`: URLs need fsspec: pip install 'dfd[batch]'") from None
+        raise ValueError("`MESH`: URLs need fsspec: pip install 'dfd[batch]'") from None
     return fsspec
 
 
@@ -194,12 +192,12 @@ def _check_names(shapes: Sequence[Shape]) -> None:
     for shape in shapes:
         if not NAME.fullmatch(shape.name):
             raise ValueError(
-                f"batch: `name` must be letters, digits, _, - and dots, at most 120 and no dot first, "
+                f"`name` must be letters, digits, _, - and dots, at most 120 and no dot first, "
                 f"got {shape.name!r} for {shape.path}"
             )
         before = taken.setdefault(shape.name.casefold(), shape)
         if before is not shape:
             raise ValueError(
-                f"batch: `name` must be distinct, but {before.path} and {shape.path} are both {shape.name}; "
+                f"`name` must be distinct, but {before.path} and {shape.path} are both {shape.name}; "
                 "a manifest with a column name tells them apart"
             )

@@ -23,14 +23,14 @@ def connect(address: str | None, workers: int | None, threads: int) -> Any:
     try:
         import ray
     except ImportError:
-        raise ValueError("batch: `ray` needs Ray: pip install 'dfd[batch]'") from None
+        raise ValueError("`--ray` needs Ray: pip install 'dfd[batch]'") from None
     options: dict[str, Any] = {"log_to_driver": False, "logging_level": "error"}
     if address is None:
         cpus = None if workers is None else workers * threads
         try:
             ray.init(address="local", num_cpus=cpus, include_dashboard=False, **options)
         except Exception as error:  # Ray has no class of its own for a start that takes too long
-            raise ConnectionError(f"batch: `ray`: Ray could not be started here: {_first_line(error)}") from None
+            raise ConnectionError(f"`--ray`: Ray could not be started here: {_first_line(error)}") from None
         return ray
     if address != "auto":
         _answers(address)
@@ -38,7 +38,7 @@ def connect(address: str | None, workers: int | None, threads: int) -> Any:
         ray.init(address=address, **options)
     except Exception as error:
         reason = _first_line(error)
-        raise ConnectionError(f"batch: `ray_address`: no Ray cluster answers at {address}: {reason}") from None
+        raise ConnectionError(f"`--ray-address`: no Ray cluster answers at {address}: {reason}") from None
     return ray
 
 
@@ -46,12 +46,12 @@ def _answers(address: str) -> None:
     """Refuse an address that does not answer: Ray itself would retry for minutes."""
     host, _, port = address.removeprefix("ray://").rpartition(":")
     if not host or not port.isdigit() or not 0 < int(port) < 65536:
-        raise ValueError(f"batch: `ray_address` must be auto, HOST:PORT or ray://HOST:PORT, got {address!r}")
+        raise ValueError(f"`--ray-address` must be auto, HOST:PORT or ray://HOST:PORT, got {address!r}")
     try:
         socket.create_connection((host, int(port)), PATIENCE).close()
     except OSError as error:
         reason = error.strerror or str(error)
-        raise ConnectionError(f"batch: `ray_address`: no Ray cluster answers at {address}: {reason}") from None
+        raise ConnectionError(f"`--ray-address`: no Ray cluster answers at {address}: {reason}") from None
 
 
 class RaySlots:
@@ -115,7 +115,7 @@ class RaySlots:
             needed = getattr(self._limits, name) or 0
             if needed > there.get(key, 0):
                 raise ValueError(
-                    f"batch: `{name}` must be at most what the Ray cluster has, {there.get(key, 0):g}, got {needed:g}"
+                    f"`--{name}` must be at most what the Ray cluster has, {there.get(key, 0):g}, got {needed:g}"
                 )
 
 

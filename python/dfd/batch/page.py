@@ -15,7 +15,7 @@ import pyarrow
 from pyarrow import parquet
 
 from dfd.batch.folder import BatchFolder
-from dfd.batch.record import Record
+from dfd.batch.record import CAUSES, FAILED_EXPORT, Record, failures
 from dfd.batch.settings import BatchSettings
 from dfd.common.files import atomic_write
 
@@ -50,10 +50,11 @@ def write_page(folder: BatchFolder, settings: BatchSettings, table: pyarrow.Tabl
     """
     ordered = table.sort_by([("status", "descending"), ("name", "ascending")])  # what failed comes first
     starts = range(0, max(1, len(ordered)), ON_A_PAGE)
-    causes, statuses = (table.column(name).to_pylist() for name in ("cause", "status"))
-    counts = Counter(cause or status for cause, status in zip(causes, statuses, strict=True))
-    tally = ", ".join(f"{count:,} {what}" for what, count in counts.most_common())
-    title = f"{len(table):,} shapes: {tally}"
+    causes = Counter(table.column("cause").to_pylist())
+    tally = [f"{causes.pop(None, 0):,} done", *(failures(cause, count) for cause, count in causes.most_common())]
+    exports = [name for name in table.column_names if name.endswith(FAILED_EXPORT)]
+    lacking = sum(any(row.values()) for row in table.select(exports).to_pylist()) if exports else 0
+    title = f"{len(table):,} shapes: {', '.join(tally)}" + (f"; {lacking:,} without an export" if lacking else "")
     for number, start in enumerate(starts, 1):
         path = folder.root / _page_name(number)
         with atomic_write(path) as temporary, temporary.open("w", encoding="utf-8") as stream:
@@ -86,8 +87,8 @@ def _article(folder: BatchFolder, row: dict[str, Any]) -> str:
     )
     faces = row.get("faces")
     lines = [*([] if faces is None else [f"{faces:,} faces"]), f"{row['seconds']:.1f} s"]
-    refused = [str(text) for name, text in row.items() if name.endswith("_refused") and text]
-    lines += [f"{row['cause']}: {row['message']}"] if row["cause"] else refused
+    refused = [str(text) for name, text in row.items() if name.endswith(("_refused", FAILED_EXPORT)) and text]
+    lines += [f"{CAUSES[row['cause']]}: {row['message']}"] if row["cause"] else refused
     text = "".join(f"<small>{escape(line)}</small>" for line in lines)
     return f"<article class='{row['status']}'>{images}<a href='{link}/'>{escape(row['name'])}</a>{text}</article>\n"
 

@@ -212,9 +212,9 @@ def slot_environments(workers: int | None, limits: Limits, gpus: int) -> list[di
         If not even one fits, or not as many as are wanted.
     """
     if limits.threads > processors():
-        raise ValueError(f"batch: `threads` must be at most the {processors()} processors, got {limits.threads}")
+        raise ValueError(f"`--threads` must be at most the {processors()} processors, got {limits.threads}")
     if limits.gpus > gpus:
-        raise ValueError(f"batch: `gpus` must be at most the {gpus} GPUs of this machine, got {limits.gpus:g}")
+        raise ValueError(f"`--gpus` must be at most the {gpus} GPUs of this machine, got {limits.gpus:g}")
     most = processors() // limits.threads
     if limits.gpus:
         most = min(most, int(gpus / limits.gpus + 1e-9))
@@ -223,8 +223,8 @@ def slot_environments(workers: int | None, limits: Limits, gpus: int) -> list[di
         fit = free // limits.memory
         if fit < (workers or 1):
             raise ValueError(
-                f"batch: `memory`: {workers or 1} tasks of {limits.memory / 2**30:.2g} GiB do not fit into the "
-                f"{free / 2**30:.2g} GiB that are free: lower `memory` or `workers`"
+                f"`--memory`: {workers or 1} tasks of {limits.memory / 2**30:.2g} GiB do not fit into the "
+                f"{free / 2**30:.2g} GiB that are free: lower `--memory` or `--workers`"
             )
         most = min(most, fit)
     count = most if workers is None else workers

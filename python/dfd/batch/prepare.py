@@ -63,9 +63,9 @@ def describe_edits(edits: Sequence[EditFiles]) -> tuple[EditSource, ...]:
     for edit, mesh, field in edits:
         name = edit.name.removesuffix(".json").removesuffix(".edit")
         if not NAME.fullmatch(name):
-            raise ValueError(f"batch: `edits` must have names of letters, digits, _, - and dots, got {edit.name}")
+            raise ValueError(f"`--edit` must have names of letters, digits, _, - and dots, got {edit.name}")
         if any(name == source.name for source in sources):
-            raise ValueError(f"batch: `edits` must have distinct names, got {name} twice")
+            raise ValueError(f"`--edit` must have distinct names, got {name} twice")
         shape = dfd.load(mesh)
         Original.read(edit, shape, Field.load(field, mesh=shape))
         digest = hashlib.sha256(b"".join(path.read_bytes() for path in (edit, mesh, field))).hexdigest()

@@ -17,6 +17,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from dfd.batch.inputs import is_remote
 
 __all__ = [
+    "CAUSES",
+    "FAILED_EXPORT",
     "TOO_MUCH",
     "Cause",
     "Job",
@@ -25,12 +27,21 @@ __all__ = [
     "Stopped",
     "WorkerDied",
     "exit_reason",
+    "failures",
     "modified",
     "new_token",
     "versions",
 ]
 
 Cause = Literal["input", "memory", "timeout", "crash", "error"]
+CAUSES: dict[str, str] = {
+    "input": "bad input",
+    "memory": "out of memory",
+    "timeout": "out of time",
+    "crash": "crash",
+    "error": "error of dfd",
+}
+FAILED_EXPORT = "_failed"  # ends the name of the figure that says why an export could not be written
 Figure = bool | int | float | str | None
 TOO_MUCH = "Memory"  # begins the exit note of a process that exceeded its memory
 
@@ -145,6 +156,11 @@ def modified(path: str) -> int | None:
 def new_token() -> str:
     """A name for an attempt that no other one has."""
     return secrets.token_hex(8)
+
+
+def failures(cause: str, count: int) -> str:
+    """How many shapes failed of a cause, in words."""
+    return f"{count:,} failed: {CAUSES[cause]}"
 
 
 def exit_reason(words: str, limits: Limits) -> tuple[Cause, str] | None:

@@ -19,7 +19,19 @@ from dfd.batch.folder import BatchFolder
 from dfd.batch.inputs import Shape
 from dfd.batch.page import gather, write_page, write_table
 from dfd.batch.pool import Slots
-from dfd.batch.record import Cause, Job, Limits, Record, Stopped, WorkerDied, exit_reason, modified, new_token
+from dfd.batch.record import (
+    CAUSES,
+    FAILED_EXPORT,
+    Cause,
+    Job,
+    Limits,
+    Record,
+    Stopped,
+    WorkerDied,
+    exit_reason,
+    modified,
+    new_token,
+)
 from dfd.batch.settings import BatchSettings
 
 __all__ = ["BatchProgress", "Summary", "Watcher", "run_batch"]
@@ -131,7 +143,7 @@ def _work_off(
         for job, outcome in slots.wait(LOOK_EVERY):
             running -= 1
             if isinstance(outcome, Stopped):
-                raise OSError(f"batch: `output`: {outcome.why}")
+                raise OSError(f"`--output`: {outcome.why}")
             if isinstance(outcome, WorkerDied):
                 found = _after_death(job, outcome, settings, folder)
                 if found is None:
@@ -170,6 +182,7 @@ def _after_death(job: Job, died: WorkerDied, settings: BatchSettings, folder: Ba
     return folder.publish(folder.begin_attempt(job.name, new_token()), record)
 
 
+A_LINE_EACH = 1000  # shapes; of more only those that failed have a line
 LINE_EVERY = 30.0  # seconds between two lines of a log
 
 
@@ -213,13 +226,17 @@ class BatchProgress:
         """A shape is finished."""
         self._ended += 1
         self._failed += record.status == "failed"
-        if record.status == "failed":
-            self._console.print(f"{record.name} failed ({record.cause}): {record.message}", markup=False)
+        if record.cause is not None:
+            self._console.print(f"{record.name} failed: {CAUSES[record.cause]}: {record.message}", markup=False)
+        elif self._total <= A_LINE_EACH:
+            self._console.print(f"{record.name} done in {record.seconds:.1f} s", markup=False)
+        for why in (text for name, text in record.figures.items() if name.endswith(FAILED_EXPORT) and text):
+            self._console.print(f"{record.name}: not exported: {why}", markup=False)
         self._bar.update(self._task, advance=1, rate=self._rate(), failed=self._failed)
 
     def looked(self) -> None:
-        """Write a line from time to time where there is no terminal."""
-        if not self._console.is_terminal and time.monotonic() - self._told >= LINE_EVERY:
+        """Write a line from time to time where there is no terminal, and shapes have none of their own."""
+        if self._total > A_LINE_EACH and not self._console.is_terminal and time.monotonic() - self._told >= LINE_EVERY:
             self._told = time.monotonic()
             rate, left = self._rate(), self._total - self._before - self._ended
             time_left = f"{left / rate:.0f} minutes left" if rate > 0 else "time left unknown"

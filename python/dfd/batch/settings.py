@@ -12,7 +12,7 @@ from dfd.encoders.known import DEFAULT_ENCODER
 
 __all__ = ["EXPORTS", "MOVED", "RIGS", "WEIGHTS", "BatchSettings", "EditSource", "Step"]
 
-Step = Literal["inspect", "distill", "features", "symmetry", "pictures", "edits", "exports"]
+Step = Literal["inspect", "distill", "features", "symmetry", "parts", "pictures", "edits", "exports"]
 STEPS: tuple[Step, ...] = get_args(Step)
 # What `exports` can be, which is also how the files' names end: moved shapes, and what other programs pose.
 MOVED = ("glb", "obj", "ply", "stl", "off")
@@ -56,9 +56,9 @@ class BatchSettings(BaseModel):
         """Each once, in the order in which they work."""
         unknown = [step for step in value if step not in STEPS]
         if unknown:
-            raise ValueError(f"`steps` must be of {', '.join(STEPS)}, got {unknown[0]}")
+            raise ValueError(f"`--step` must be of {', '.join(STEPS)}, got {unknown[0]}")
         if not value:
-            raise ValueError(f"`steps` must name at least one of {', '.join(STEPS)}")
+            raise ValueError(f"`--step` must name at least one of {', '.join(STEPS)}")
         return tuple(step for step in STEPS if step in value)
 
     @field_validator("exports")
@@ -66,16 +66,16 @@ class BatchSettings(BaseModel):
     def _known(cls, value: tuple[str, ...]) -> tuple[str, ...]:
         unknown = [each for each in value if each not in EXPORTS]
         if unknown:
-            raise ValueError(f"`exports` must be of {', '.join(EXPORTS)}, got {unknown[0]}")
+            raise ValueError(f"`--export` must be of {', '.join(EXPORTS)}, got {unknown[0]}")
         return value
 
     def model_post_init(self, context: Any, /) -> None:
         """Refuse steps that have nothing to work on."""
         for step, name in (("edits", "edits"), ("exports", "exports")):
             if (step in self.steps) != bool(getattr(self, name)):
-                raise ValueError(f"`{name}` and the step {step} must be given together")
+                raise ValueError(f"`--{name.removesuffix('s')}` and the step {step} must be given together")
         if "exports" in self.steps and "edits" not in self.steps:
-            raise ValueError("`steps` must hold edits for exports: they are what is written")
+            raise ValueError("`--step` must hold edits for exports: they are what is written")
 
     def hash(self) -> str:
         """SHA-256, 64 hexadecimal digits: records with another hash are not reused."""
@@ -84,4 +84,4 @@ class BatchSettings(BaseModel):
     @property
     def needs_field(self) -> bool:
         """Whether a step asks for a field."""
-        return bool({"features", "symmetry", "edits", "exports"} & set(self.steps))
+        return bool({"features", "symmetry", "parts", "edits", "exports"} & set(self.steps))

@@ -17,7 +17,7 @@ import numpy as np
 import dfd
 from dfd.batch.inputs import is_remote
 from dfd.batch.one_edit import Original, UnlikeError, before_and_after, carry
-from dfd.batch.record import Figure, Job
+from dfd.batch.record import FAILED_EXPORT, Figure, Job
 from dfd.batch.settings import MOVED, RIGS, WEIGHTS, BatchSettings
 from dfd.common.files import atomic_write
 from dfd.common.progress import Stages
@@ -31,6 +31,9 @@ from dfd.geometry.findings import findings
 from dfd.mesh.mesh import Mesh
 from dfd.pictures.colors import feature_colors
 from dfd.pictures.picture import picture, save_png
+from dfd.pictures.sheet import parts_view
+from dfd.segmentation.parts import cut_document
+from dfd.segmentation.parts import parts as parts_of
 from dfd.symmetry.search import symmetry_planes
 from dfd.weights.compact import compact
 
@@ -171,10 +174,26 @@ class Work:
                 save_png(self.folder / f"{name}.png", before_and_after(found.deformer, resolution=PIXELS)[1])
 
     def exports(self) -> None:
-        """The shape under every edit that fits, in every format that is asked for."""
+        """The shape under every edit that fits, in every format that is asked for.
+
+        Where one cannot be written, the figures say why, and all else that was made of the shape stays.
+        """
         for name, deformer in self.carried.items():
             for ending in self.settings.exports:
-                WRITERS[ending](self.folder / f"{name}.{ending}", deformer)
+                failed = f"{name}.{ending}{FAILED_EXPORT}"
+                try:
+                    WRITERS[ending](self.folder / f"{name}.{ending}", deformer)
+                    self.figures[failed] = None
+                except ValueError as error:
+                    self.figures[failed] = f"{name}.{ending}: {' '.join(str(error).split())}"
+
+    def parts(self) -> None:
+        """The parts of the shape, the part of every vertex, and with the step pictures a drawing of them, numbered."""
+        found = parts_of(self.field, self.mesh).cut()
+        self.write_json("parts.json", cut_document(found))
+        self.figures["parts"] = len(found)
+        if "pictures" in self.settings.steps:
+            save_png(self.folder / "parts.png", picture(self.mesh, **parts_view(self.mesh, found), resolution=PIXELS))
 
     def write_json(self, name: str, value: Any) -> None:
         """Write a file of the shape's folder."""

@@ -81,8 +81,8 @@ app.command("app")(app_command)
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line with `arguments`, by default those of the process, and exit.
 
-    Exit codes: 0 done; 1 of several shapes some could not be done; 2 something that was given does not work, said in
-    one line on standard error; 130 interrupted.
+    Exit codes: 0 done; 1 of several shapes some could not be done, or what was written did not move; 2 something that
+    was given does not work, said in one line on standard error; 130 interrupted.
     """
     atexit.register(gc.freeze)  # a million objects go with the process: to search them for garbage first takes a while
     app(args=None if arguments is None else list(arguments), prog_name="dfd")

@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from inspect import Parameter, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, overload
 
 import typer
 
@@ -34,6 +34,7 @@ __all__ = [
     "check_output",
     "chosen_preset",
     "controls",
+    "file_in",
     "given_besides",
     "is_number",
     "number_or",
@@ -140,6 +141,25 @@ def check_output(option: str, path: Path | None, endings: Sequence[str] = ()) ->
             pass
     except OSError as error:
         raise OSError(error.errno, f"`{option}`: {path} cannot be written: {error.strerror}") from error
+
+
+@overload
+def file_in(output: Path, source: Path) -> Path: ...
+@overload
+def file_in(output: Path | None, source: Path) -> Path | None: ...
+def file_in(output: Path | None, source: Path) -> Path | None:
+    """The file that `output` names: in a folder that is there, one with the name of `source`, which stays as it is.
+
+    Raises
+    ------
+    ValueError
+        If that is `source` itself.
+    """
+    if output is None or not output.is_dir():
+        return output
+    if (output / source.name).resolve() == source.resolve():
+        raise ValueError(f"`--output` must be another folder than that of {source}, which stays as it is")
+    return output / source.name
 
 
 def given_besides(context: typer.Context, names: Sequence[str]) -> list[str]:

@@ -30,7 +30,7 @@ def batch(
     step: Annotated[
         list[str],
         typer.Option(
-            metavar="STEPS", help="inspect, distill, features, symmetry, pictures, edits, exports; repeatable."
+            metavar="STEPS", help="inspect, distill, features, symmetry, parts, pictures, edits, exports; repeatable."
         ),
     ] = ["inspect", "distill", "pictures"],  # noqa: B006  # Typer copies it
     encoder: Annotated[
@@ -101,7 +101,7 @@ def batch(
             "`--workers` is for this machine: what runs at a time on `--ray-address` is the cluster's matter"
         )
     if timeout is not None:
-        check.number("batch", "timeout", timeout, minimum=0.0, exclusive=True)
+        check.number(None, "--timeout", timeout, minimum=0.0, exclusive=True)
     try:
         import fsspec  # noqa: F401
         import psutil  # noqa: F401
@@ -113,7 +113,7 @@ def batch(
     from dfd.batch.inputs import find_shapes
     from dfd.batch.pool import DISTILLING, LOOKING
     from dfd.batch.prepare import describe_edits, find_files, place_edits
-    from dfd.batch.record import Limits
+    from dfd.batch.record import Limits, failures
     from dfd.batch.settings import BatchSettings
 
     shapes = find_shapes(inputs)
@@ -135,11 +135,11 @@ def batch(
         )
     except ValidationError as error:
         first = error.errors()[0]
-        raise ValueError(f"batch: {first.get('ctx', {}).get('error', first['msg'])}") from None
+        raise ValueError(f"{first.get('ctx', {}).get('error', first['msg'])}") from None
     if any(each.startswith("rig.usd") for each in settings.exports):
         import_module("dfd.export.usd.export_usd")  # without its package it says so, before a shape is begun
     if memory is not None:
-        check.number("batch", "memory", memory, minimum=0.0, exclusive=True)
+        check.number(None, "--memory", memory, minimum=0.0, exclusive=True)
     usual = DISTILLING if "distill" in settings.steps else LOOKING
     most = usual if memory is None else int(memory * GIB)
     limits = Limits(threads=threads, timeout=timeout, memory=most, gpus=gpus)
@@ -168,7 +168,7 @@ def batch(
         raise KeyboardInterrupt(f"the same command goes on from here; what is done is in {output}") from None
     finally:
         slots.close()
-    told = "".join(f", {count} failed ({cause})" for cause, count in summary.causes.most_common())
+    told = "".join(f", {failures(cause, count)}" for cause, count in summary.causes.most_common())
     typer.echo(f"{output}: {summary.done} done{told}, in {summary.seconds:.1f} s", err=True)
     if summary.missing:
         typer.echo(f"{summary.missing} shapes of other ranks are missing; the last rank writes the table", err=True)
@@ -208,16 +208,14 @@ def _distill_settings(texts: list[str], wanted: bool) -> dict[str, Any]:
 
     if not wanted:
         if texts:
-            raise ValueError("batch: `distill` settings need the step distill")
+            raise ValueError("`--distill` settings need the step distill")
         return {}
     known = DistillSettings.model_fields.keys()
     given: dict[str, Any] = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not equals or name not in known:
-            raise ValueError(
-                f"batch: `distill` must be NAME=VALUE with one of {', '.join(sorted(known))}, got {text!r}"
-            )
+            raise ValueError(f"`--distill` must be NAME=VALUE with one of {', '.join(sorted(known))}, got {text!r}")
         try:
             given[name] = json.loads(value)
         except ValueError:

@@ -15,6 +15,7 @@ from dfd.cli.arguments import (
     check_camera,
     check_output,
     chosen_preset,
+    file_in,
     given_besides,
     number_or,
     plane_text,
@@ -27,6 +28,7 @@ from dfd.encoders.known import DEFAULT_ENCODER
 __all__ = ["deform"]
 
 KEPT = ("output", "picture")
+NOTHING_MOVED = 1  # exit code
 
 
 @with_controls("overlap", "blend", "arrive", "mirrored_locality", "bridges")
@@ -182,6 +184,7 @@ def deform(
             raise ValueError(f"`--symmetry` must be given: it is what `--{option}` is for")
     if output is None and picture is None and save_edit is None:
         raise ValueError("`--output`, `--picture` or `--save-edit` must be given: otherwise nothing is kept")
+    output = file_in(output, mesh)
     check_output("--output", output, (".obj", ".ply", ".stl", ".off", ".glb", ".gltf"))
     check_output("--picture", picture, (".png",))
     check_output("--save-edit", save_edit)
@@ -230,4 +233,7 @@ def deform(
             save_before_after(picture, deformer, azimuth=azimuth, elevation=elevation, zoom=zoom, files=(mesh, output))
     places.tell()
     written = ", ".join(str(path) for path in (output, picture, save_edit) if path is not None)
-    typer.echo(f"{written}: {deformer.report()}", err=True)
+    report = deformer.report()
+    typer.echo(f"{written}: {report}", err=True)
+    if output is not None and report.warning is not None:
+        raise typer.Exit(NOTHING_MOVED)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import sys
 import warnings
 from collections.abc import Sequence
@@ -11,6 +12,8 @@ from typing import Any
 
 import typer
 from typer.core import TyperGroup
+
+from dfd.common.errors import ArgumentError
 
 __all__ = ["CommandGroup"]
 
@@ -51,8 +54,35 @@ class CommandGroup(TyperGroup):
         """Run the command that `ctx` names."""
         try:
             return super().invoke(ctx)
+        except ArgumentError as error:
+            command = self.get_command(ctx, ctx.invoked_subcommand or "")
+            raise ValueError(_in_options(error, () if command is None else command.params)) from None
         except KeyboardInterrupt as stop:  # caught here, since Typer's own `main` prints what it likes
             raise _Interrupted(*stop.args) from None
+
+
+# What Python's names are called on the command line, where the option is not called by its parameter.
+OPTIONS = {
+    "path": "output",
+    "translation": "translate",
+    "rotation": "rotate",
+    "features": "field",
+    "candidates": "symmetry_candidates",
+    "plane": "symmetry",
+    "limits": "memory",
+}
+
+
+def _in_options(error: ArgumentError, parameters: Sequence[Any]) -> str:
+    """What an argument of a Python function must be, by the options of the command that passed it on."""
+    known = {each.name: each.opts[0] if each.opts[0].startswith("-") else each.metavar for each in parameters}
+
+    def option(name: str) -> str:
+        if error.function is not None and error.function.endswith("set_symmetry"):
+            name = f"symmetry_{name}" if f"symmetry_{name}" in known else name
+        return str(known.get(OPTIONS.get(name, name)) or known.get(name) or name)
+
+    return re.sub(r"`(\w+)", lambda found: f"`{option(found[1])}", f"`{error.argument}` {error.reason}")
 
 
 class _Interrupted(Exception):  # noqa: N818  # no error: somebody pressed Ctrl-C

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from dfd.cli.arguments import FieldOption, MeshArgument, PresetOption, check_output, chosen_preset
+from dfd.cli.arguments import FieldOption, MeshArgument, PresetOption, check_output, chosen_preset, file_in
 
 __all__ = ["export", "rig"]
 
@@ -26,8 +26,13 @@ def export(
         ),
     ] = None,
     form: Annotated[
-        str, typer.Option("--as", metavar="FORM", help="skin: joints; morph: targets; baked: the moved shape.")
-    ] = "skin",
+        str | None,
+        typer.Option(
+            "--as",
+            metavar="FORM",
+            help="skin: joints; morph: targets; baked: the moved shape. By default skin, unless MESH has one already.",
+        ),
+    ] = None,
     influences: Annotated[
         str | None,
         typer.Option(metavar="N|all", help="Joints that a vertex follows; 4 in glTF and all in USD if left out."),
@@ -41,8 +46,9 @@ def export(
     """Write MESH with the handles of an edit as joints, for Blender, game engines and other programs."""
     if output is None and weights is None:
         raise ValueError("`--output` or `--weights` must be given: otherwise nothing is kept")
-    if form not in ("skin", "morph", "baked"):
+    if form not in (None, "skin", "morph", "baked"):
         raise ValueError(f"`--as` must be skin, morph or baked, got {form}")
+    output = file_in(output, mesh.with_suffix(".glb"))
     chosen = chosen_preset(preset)
     most: int | str | None = influences
     if influences is not None and influences != "all":
@@ -55,12 +61,15 @@ def export(
 
     from dfd import Deformer, Field, export_rig, export_weights, load
     from dfd.common.progress import Stages
+    from dfd.export.export_rig import form_for
     from dfd.export.key_poses import read_key_poses
 
     stages = Stages()
     with stages.stage("read"):
         moments = () if poses is None else read_key_poses(poses)
         shape = load(mesh)
+        if output is not None:
+            form_for(shape, output, form)  # type: ignore[arg-type]  # refuses it before the work begins
         session = Deformer.load(edit, shape, Field.load(field, mesh=shape))
         session.set(preset=chosen)
     with stages.stage("features", len(shape.vertices)) as advance:
@@ -82,6 +91,7 @@ def rig(
     influences: Annotated[int, typer.Option(min=1, help="How many joints a vertex follows at most.")] = 4,
 ) -> None:
     """Weigh the vertices of CHARACTER anew by its bones: what looks alike and is near follows."""
+    output = file_in(output, character)
     check_output("--output", output, (".glb", ".gltf"))
 
     from dfd import Field, load, weigh_skin

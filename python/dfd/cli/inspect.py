@@ -36,9 +36,12 @@ def inspect(
     suggestions: Annotated[
         int, typer.Option(min=1, max=50, help="With --field: at most so many handles are suggested.")
     ] = 8,
+    cut: Annotated[
+        bool, typer.Option("--parts", help="With --field: also cut the shape into its parts, as `dfd parts` does.")
+    ] = False,
     picture: Annotated[
         Path | None,
-        typer.Option(metavar="PNG", help="With --field, --against: draw suggested handles, how areas changed."),
+        typer.Option(metavar="PNG", help="With --field, --against: draw suggested handles, parts, how areas changed."),
     ] = None,
     up: Annotated[
         str, typer.Option(metavar="DIRECTION", help="Which way is up: auto, file, +y, -z, …, or numbers such as 0,0,1.")
@@ -51,6 +54,8 @@ def inspect(
     """
     if picture is not None and field is None and against is None:
         raise ValueError("`--field` or `--against` must be given: `--picture` draws what comes of them")
+    if cut and field is None:
+        raise ValueError("`--field` must be given: `--parts` are told apart by its features")
     check_output("--picture", picture, (".png",))
 
     from dfd import Field, load, symmetry_planes
@@ -83,6 +88,14 @@ def inspect(
         report["symmetry_planes"] = [asdict(plane) for plane in planes]
         report["suggestions"], row = _suggested(shape, opened, suggestions, planes)
         rows.append(row)
+        if cut:
+            from dfd.pictures.sheet import parts_view
+            from dfd.segmentation.parts import cut_document
+            from dfd.segmentation.parts import parts as parts_of
+
+            found_parts = parts_of(opened, shape).cut()
+            report["cut"] = cut_document(found_parts)
+            rows.append((f"{len(found_parts)} parts", parts_view(shape, found_parts)))
     if moved is not None:
         from dfd.geometry.metrics import area_ratios, surface_metrics
         from dfd.pictures.colors import ratio_colors
@@ -175,6 +188,9 @@ def _print_table(report: dict[str, Any]) -> None:
             table.add_row("up", value["sentence"])
         elif name == "suggestions":
             table.add_row("handles", "\n".join(_suggestion(number, **each) for number, each in enumerate(value, 1)))
+        elif name == "cut":
+            for each in value["parts"]:
+                table.add_row(f"part {each['part']}", _part(**each).strip())
         elif name == "findings":
             table.add_row("odd", "\n".join(f"{each['what']} {each['means']}" for each in value) or "nothing")
         elif name == "against":
@@ -240,21 +256,27 @@ def parts(
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="JSON", help="Write the parts, and the part of every vertex."),
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="A .json with the part of every vertex, an .obj with a group a part, a .glb with a material slot a"
+            " part.",
+        ),
     ] = None,
     picture: Annotated[Path | None, typer.Option(metavar="PNG", help="Draw them, numbered.")] = None,
     views: Annotated[int, typer.Option(min=1, max=36, help="From how many sides, all around.")] = 2,
     resolution: Annotated[int, typer.Option(min=16, max=8192, help="Pixels along the side of each picture.")] = 768,
 ) -> None:
     """Cut MESH into its parts: what looks alike, ends at creases, and would move as one."""
-    check_output("--output", output, (".json",))
+    check_output("--output", output, (".json", ".obj", ".glb", ".gltf"))
     check_output("--picture", picture, (".png",))
-
-    import numpy as np
 
     from dfd import Field, distill, load
     from dfd.common.files import atomic_write
     from dfd.common.progress import Stages
+    from dfd.export.export_parts import export_parts
+    from dfd.segmentation.parts import cut_document
     from dfd.segmentation.parts import parts as parts_of
 
     stages = Stages()
@@ -263,32 +285,19 @@ def parts(
     opened = distill(shape, progress=stages) if field is None else Field.load(field, mesh=shape)
     with stages.stage("parts"):
         found = parts_of(opened, shape).cut()
-    labels = np.argmax([part.mask for part in found], axis=0)
-    rows: list[dict[str, Any]] = [
-        {"part": number, "share": round(each.share, 4), "pieces": each.pieces, "vertex": each.vertex}
-        for number, each in enumerate(found, start=1)
-    ]
-    if output is not None:
+    document = cut_document(found)
+    if output is not None and output.suffix.lower() != ".json":
+        export_parts(shape, found, output)
+    elif output is not None:
         with atomic_write(output) as temporary:
-            temporary.write_text(json.dumps({"parts": rows, "part_of_vertex": (labels + 1).tolist()}), "utf-8")
+            temporary.write_text(json.dumps(document), "utf-8")
     if picture is not None:
-        from dfd.pictures.colors import part_colors
-        from dfd.pictures.sheet import save_sheet
+        from dfd.pictures.sheet import parts_view, save_sheet
 
-        how = {
-            "colors": part_colors(labels),
-            "handles": shape.vertices[[row["vertex"] for row in rows]],
-            "labels": [str(row["part"]) for row in rows],
-        }
-        save_sheet(
-            picture,
-            shape,
-            [(f"{len(rows)} parts", how)],
-            views=views,
-            azimuth=35.0,
-            resolution=resolution,
-            file=mesh,
-        )
-    for row in rows:
-        pieces = f"{row['pieces']} pieces" if row["pieces"] > 1 else "1 piece"
-        typer.echo(f"{row['part']:3d}  {row['share']:6.1%} of the surface, {pieces}, at vertex {row['vertex']}")
+        rows = [(f"{len(found)} parts", parts_view(shape, found))]
+        save_sheet(picture, shape, rows, views=views, azimuth=35.0, resolution=resolution, file=mesh)
+    typer.echo("\n".join(f"{row['part']:3d}  {_part(**row)}" for row in document["parts"]))
+
+
+def _part(part: int, share: float, pieces: int, vertex: int) -> str:
+    return f"{share:6.1%} of the surface, {pieces} {'pieces' if pieces > 1 else 'piece'}, at vertex {vertex}"

@@ -15,17 +15,17 @@ from dfd.common import check
 from dfd.common.errors import called, public
 from dfd.common.preset import Preset
 from dfd.editing import verbs
-from dfd.editing.compatibility import check_compatible
 from dfd.editing.edit import Edit, Fixed, Handle, edit_on, empty_edit
 from dfd.editing.edit_file import read_edit, write_edit
 from dfd.editing.history import History
 from dfd.editing.influence.handle_weights import HandleWeights
-from dfd.editing.presets import SymmetryCandidates
+from dfd.editing.presets import BlendRule, SymmetryCandidates
 from dfd.editing.report import Report, report
 from dfd.editing.shape import PosedShape
+from dfd.field.compatibility import check_compatible
 from dfd.field.field import Field
 from dfd.mesh.mesh import MeshLike, as_mesh
-from dfd.posing.pose import Blend, Overlap
+from dfd.posing.pose import Overlap
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
 from dfd.weights.compact import CompactFeatures
@@ -102,6 +102,8 @@ class Deformer:
         If a part of the mesh lies far outside the box of the field's shape.
     """
 
+    # Slots alone, so that a setting with a misspelled name raises AttributeError.
+    __slots__ = ("__weakref__", "_history", "_next_id", "_posed", "_weights", "field", "mesh")
     page: Callable[..., Any] | None = None  # what shows a session: `dfd` puts the app's there
 
     @public
@@ -362,7 +364,13 @@ class Deformer:
         sent. "normalize": weights that sum to more than 1 are divided by their sum. "paper": Eq. 1 to the letter.
         """
     )
-    blend: Setting[Blend] = Setting('How transforms are blended: "linear" (Eq. 1), "dual_quaternion" or "polar".')
+    blend: Setting[BlendRule] = Setting(
+        """How transforms are blended: "linear" (Eq. 1), "dual_quaternion" or "polar".
+
+        "auto" is "dual_quaternion" while a handle turns by more than 30°, which keeps the volume of what lies between
+        it and the rest, and "linear" otherwise.
+        """
+    )
     arrive: Setting[bool] = Setting(
         """Whether handles arrive where they are sent although fixed points take from them.
 

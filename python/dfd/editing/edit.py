@@ -20,7 +20,7 @@ from dfd.common.preset import Preset
 from dfd.editing.controls import Controls
 from dfd.editing.influence.regions import members
 from dfd.editing.points import Place, place_on
-from dfd.editing.presets import PRESETS, WHOLE_SHAPE, SymmetryCandidates
+from dfd.editing.presets import PRESETS, WHOLE_SHAPE, BlendRule, SymmetryCandidates
 from dfd.posing.pose import Blend, Overlap
 from dfd.posing.transforms import Transform, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane, plane_from_text
@@ -44,6 +44,7 @@ __all__ = [
 ]
 
 IDENTITY = Transform()
+MOST_LINEAR = 30.0  # degrees: beyond, a linear blend is thinner halfway by more than 3 %
 CONTROLS = Controls()
 DEFAULTS = PRESETS["default"]
 
@@ -147,7 +148,7 @@ class Edit:
     symmetry: Annotated[SymmetryPlane | None, Written(SymmetryPlane | Literal["x", "y", "z"] | None)] = None
     default: Transform | None = None
     overlap: Annotated[Overlap, WHOLE_SHAPE["overlap"]] = DEFAULTS.overlap
-    blend: Annotated[Blend, WHOLE_SHAPE["blend"]] = DEFAULTS.blend
+    blend: Annotated[BlendRule, WHOLE_SHAPE["blend"]] = DEFAULTS.blend
     arrive: Annotated[bool, WHOLE_SHAPE["arrive"]] = DEFAULTS.arrive
     mirrored_locality: Annotated[bool, WHOLE_SHAPE["mirrored_locality"]] = DEFAULTS.mirrored_locality
     bridges: Annotated[bool, WHOLE_SHAPE["bridges"]] = DEFAULTS.bridges
@@ -172,6 +173,14 @@ class Edit:
                 already = f"{fixed.place} is {taken[fixed.place.key]} already"
                 raise ArgumentError("fixed", f"must be free places, but {already}", "Edit")
             taken[fixed.place.key] = "fixed"
+
+    @property
+    def blending(self) -> Blend:
+        """How transforms blend: `blend`, and for "auto" so that what turns far keeps its volume."""
+        if self.blend != "auto":
+            return self.blend
+        turns = (np.linalg.norm(handle.transform.rotation) for handle in self.handles)
+        return "dual_quaternion" if max(turns, default=0.0) > MOST_LINEAR else "linear"
 
     def handle(self, id: int) -> Handle:  # noqa: A002  # the handle's own word for it
         """The handle of that id.
@@ -211,7 +220,7 @@ class GivenSettings(TypedDict, total=False):
     """What holds for a whole shape, as people give it: None is not given."""
 
     overlap: Overlap | None
-    blend: Blend | None
+    blend: BlendRule | None
     arrive: bool | None
     mirrored_locality: bool | None
     bridges: bool | None

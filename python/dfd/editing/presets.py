@@ -13,10 +13,22 @@ from dfd.common.preset import Preset
 from dfd.symmetry.plane import DEFAULT_BAND
 
 if TYPE_CHECKING:
-    from dfd.posing.pose import Blend, Overlap
+    from dfd.posing.pose import Overlap
     from dfd.weights.bind import Falloff
 
-__all__ = ["CONTROLS", "LARGEST", "PRESETS", "WHOLE_SHAPE", "Defaults", "Instances", "Reach", "SymmetryCandidates"]
+__all__ = [
+    "CONTROLS",
+    "LARGEST",
+    "PARTLESS_REACH",
+    "PRESETS",
+    "WHOLE_SHAPE",
+    "WITHIN_PART",
+    "BlendRule",
+    "Defaults",
+    "Instances",
+    "Reach",
+    "SymmetryCandidates",
+]
 
 LARGEST = 1e38  # what the kernels compute with are 32-bit floats
 # Of the reach "part": where weights would end by features alone, so that the far end of a part follows nearly in full,
@@ -26,6 +38,7 @@ WITHIN_PART, PARTLESS_REACH = 6.0, 0.7
 Instances = Literal["own", "together", "only"]
 Reach = float | Literal["auto", "part"]
 SymmetryCandidates = Literal["any", "axes"]
+BlendRule = Literal["auto", "linear", "dual_quaternion", "polar"]  # `dfd.posing.pose.Blend`, or what fits the edit
 
 # What a handle takes hold of besides where it is: the fields of `dfd.editing.controls.Controls`.
 CONTROLS = {
@@ -78,7 +91,11 @@ CONTROLS = {
 # What holds for all handles of a shape: fields of `dfd.editing.edit.Edit`, properties of `Deformer`.
 WHOLE_SHAPE = {
     "overlap": About("Where weights meet: add, interpolate, normalize or paper (Eq. 1).", metavar="RULE"),
-    "blend": About("How transforms blend: linear (Eq. 1), dual_quaternion or polar.", metavar="RULE", label="Blending"),
+    "blend": About(
+        "How transforms blend: linear (Eq. 1), dual_quaternion, polar, or auto: linear up to turns of 30°.",
+        metavar="RULE",
+        label="Blending",
+    ),
     "arrive": About("Whether handles reach their target although fixed points hold back."),
     "mirrored_locality": About("Whether locality and radius start at the handle's mirror image as well."),
     "bridges": About("Whether locality and radius reach across small gaps."),
@@ -110,7 +127,7 @@ class Defaults:
     instances: Instances = "own"
     pivot: Literal["auto", "point"] = "auto"
     overlap: Overlap = "add"
-    blend: Blend = "linear"
+    blend: BlendRule = "linear"
     arrive: bool = True
     mirrored_locality: bool = True
     bridges: bool = True

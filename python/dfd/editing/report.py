@@ -158,7 +158,12 @@ def _handle_report(
 
 
 def _advice(edit: Edit, weights: HandleWeights, handles: Sequence[HandleReport]) -> str | None:
-    """What would help handles that are pushed by others which look alike."""
+    """What makes a shape flat, or else would help handles that are pushed by others which look alike."""
+    flat = [f"handle {handle.id}" for handle in edit.handles if 0.0 in handle.transform.scale]
+    if flat:
+        return (
+            f"{' and '.join(flat)} {'flattens' if len(flat) == 1 else 'flatten'} what follows: a factor of scale is 0"
+        )
     missed = np.array([not handle.arrived for handle in handles], bool)
     if edit.overlap == "interpolate" or len(handles) < 2 or not missed.any():
         return None

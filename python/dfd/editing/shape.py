@@ -81,7 +81,7 @@ class PosedShape:
             "handles": np.reshape(positions, (-1, 3)),
             "handle_weights": self._weights.among(edit, weights) if overlap == "interpolate" else None,
             "overlap": overlap,
-            "blend": edit.blend,
+            "blend": edit.blending,
         }
 
     def _matrix(self, edit: Edit, column: Column) -> NDArray[np.float64]:
@@ -117,7 +117,8 @@ def _bend(handle: Handle) -> tuple[Any, ...] | None:
 
 
 def _whole_shape(edit: Edit) -> tuple[Any, ...]:
-    return edit.fixed, edit.symmetry, edit.default, *(getattr(edit, name) for name in WHOLE_SHAPE)
+    named = (getattr(edit, name) for name in WHOLE_SHAPE if name != "blend")
+    return edit.fixed, edit.symmetry, edit.default, edit.blending, *named
 
 
 def _acting(edit: Edit) -> tuple[Any, ...]:
@@ -125,7 +126,7 @@ def _acting(edit: Edit) -> tuple[Any, ...]:
 
     Handles that rest do not where displacements add, unless they keep a D₀ from what they hold.
     """
-    inert = edit.default is None and edit.overlap == "add" and edit.blend == "linear"
+    inert = edit.default is None and edit.overlap == "add" and edit.blending == "linear"
     handles = [
         (handle.place, handle.controls, handle.transform)
         for handle in edit.handles

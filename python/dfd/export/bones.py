@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.errors import ArgumentError
 from dfd.mesh.file.gltf.header import Header, is_index, objects, parents
 from dfd.mesh.file.gltf.read import world_transforms
 from dfd.mesh.file.gltf.rest import inverse_binds, joints_and_weights
@@ -48,21 +49,21 @@ def bones_of(mesh: Mesh) -> Bones:
     """
     source = None if mesh.scene is None else mesh.scene.gltf
     if mesh.scene is None or source is None:
-        raise ValueError("weigh_skin: `mesh` must be from a glTF file with a skin, got one of another kind")
+        raise ArgumentError("mesh", "must be from a glTF file with a skin, got one of another kind", "weigh_skin")
     header, data = source.header, source.data
     nodes = objects(header, "nodes")
     skinned = tuple(each for each in mesh.scene.primitives if "skin" in nodes[each.source[0]])
     if not skinned:
-        raise ValueError("weigh_skin: `mesh` must have a skin, got none in its file")
+        raise ArgumentError("mesh", "must have a skin, got none in its file", "weigh_skin")
     skins = objects(header, "skins")
     numbers = [nodes[each.source[0]]["skin"] for each in skinned]
     if not all(is_index(number, len(skins)) for number in numbers):
-        raise ValueError("weigh_skin: `mesh` names a skin that is not in its file")
+        raise ArgumentError("mesh", "names a skin that is not in its file", "weigh_skin")
     joints = skins[numbers[0]].get("joints")
     if not isinstance(joints, list) or not joints or not all(is_index(each, len(nodes)) for each in joints):
-        raise ValueError("weigh_skin: `mesh` has a skin whose joints are not in its file")
+        raise ArgumentError("mesh", "has a skin whose joints are not in its file", "weigh_skin")
     if any(skins[number].get("joints") != joints for number in numbers):
-        raise ValueError("weigh_skin: `mesh` must have one skin, got several with other joints")
+        raise ArgumentError("mesh", "must have one skin, got several with other joints", "weigh_skin")
     world = world_transforms(header)
     vertices, weights = mesh.vertices.copy(), np.zeros((len(mesh.vertices), len(joints)))
     followed = np.zeros(len(mesh.vertices), bool)
@@ -82,13 +83,13 @@ def bones_of(mesh: Mesh) -> Bones:
                 weights[vertex[there]] = own[there]
                 followed[vertex[there]] = True
     except ValueError as error:
-        raise ValueError(f"weigh_skin: `mesh` has a skin that cannot be read: {error}") from error
+        raise ArgumentError("mesh", f"has a skin that cannot be read: {error}", "weigh_skin") from error
     try:
         positions = (world[skinned[0].source[0]] @ np.linalg.inv(inverse))[:, :3, 3]
     except np.linalg.LinAlgError:
         positions = np.full((len(joints), 3), np.nan)
     if not np.isfinite(positions).all():
-        raise ValueError("weigh_skin: `mesh` has a skin with an inverse bind that cannot be inverted")
+        raise ArgumentError("mesh", "has a skin with an inverse bind that cannot be inverted", "weigh_skin")
     starts, ends, joint = _lines(positions, _parents(header, joints))
     names = tuple(str(nodes[each].get("name") or f"node {each}") for each in joints)
     return Bones(Mesh(vertices, mesh.faces), names, starts, ends, joint, weights, followed, skinned)

@@ -4,26 +4,30 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from dfd.common import check
+from dfd.common.errors import ArgumentError
 from dfd.export.gltf.export_gltf import export_gltf
-from dfd.export.gltf.skin import MOST_JOINTS
+from dfd.export.gltf.skin import MOST_JOINTS, parts_with_deformers
 from dfd.export.key_poses import KeyPose, checked_poses
 from dfd.export.report import RigReport, rig_report
 from dfd.export.rig import Rig, rig_of
 
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
+    from dfd.mesh.mesh import Mesh
 
-__all__ = ["ENDINGS", "Form", "export_rig"]
+__all__ = ["ENDINGS", "Form", "export_rig", "form_for"]
 
 Form = Literal["skin", "morph", "baked"]
 GLTF = (".glb", ".gltf")
 USD = (".usda", ".usdc", ".usdz")
 PLAIN = (".obj", ".ply", ".stl", ".off")
 ENDINGS = (*GLTF, *USD, *PLAIN)
+WRITTEN = {"morph": "written as morph targets", "baked": "baked"}
 PORTABLE_INFLUENCES = 4  # that every reader of glTF supports
 
 
@@ -31,7 +35,7 @@ def export_rig(
     session: Deformer,
     path: str | os.PathLike[str],
     *,
-    form: Form = "skin",
+    form: Form | None = None,
     influences: int | str | None = None,
     poses: Sequence[KeyPose] = (),
 ) -> RigReport:
@@ -50,7 +54,8 @@ def export_rig(
         "skin": a joint for each handle and each of its instances, in their own frames at their pivots, with the weights
         with which `dfd.pose` blends (Eq. 1 and 8), and a root that never moves for what they leave of 1 (or another
         joint for D₀, where the edit has one). "morph": a target for each handle that moves, or for each key pose.
-        "baked": the posed shape as a static mesh.
+        "baked": the posed shape as a static mesh. By default the first of them that has room beside the mesh's own
+        skin and morph targets, which a glTF file keeps.
     influences
         How many joints a vertex follows at most, those with the largest weights, which are divided by their sum: by
         default 4 in glTF, which every reader supports. "all", the default in USD, prunes none; glTF stores more than 4
@@ -67,7 +72,7 @@ def export_rig(
     Raises
     ------
     ValueError
-        If the ending is another or does not go with `form`, the mesh has a skin (for "skin") or morph targets (for
+        If the ending is another or does not go with `form`, the mesh keeps a skin (for "skin") or morph targets (for
         "morph"), nothing is held, there are more than 65,535 joints, one of them cannot be inverted, or a key pose is
         of other handles, not after the one before it, or scales along other axes.
     OSError
@@ -75,15 +80,13 @@ def export_rig(
     """
     target = Path(path)
     ending = target.suffix.lower()
-    check.choice("export_rig", "form", form, Form)
     if ending not in ENDINGS:
-        raise ValueError(f"export_rig: `path` must end in {', '.join(ENDINGS)}, got {target}")
-    if form != "baked" and ending in PLAIN:
-        raise ValueError(f"export_rig: `path` must end in {', '.join((*GLTF, *USD))} for {form!r}, got {target}")
+        raise ArgumentError("path", f"must end in {', '.join(ENDINGS)}, got {target}", "export_rig")
+    form, note = form_for(session.mesh, target, form)
     most = _most(influences, ending)
     moments = checked_poses("export_rig", poses, session.edit)
     if form == "baked" and moments:
-        raise ValueError("export_rig: `poses` must be left out for 'baked', which does not move")
+        raise ArgumentError("poses", "must be left out for 'baked', which does not move", "export_rig")
     rig = rig_of(session, moments)
     if form == "skin":
         _check_joints(rig)
@@ -93,8 +96,38 @@ def export_rig(
         return export_usd(rig, target, form, most)
     if form == "baked":
         session.mesh.save(target, session.vertices)
-        return rig_report(rig, (target,), form)
-    return export_gltf(rig, target, form, most)
+        report = rig_report(rig, (target,), form)
+    else:
+        report = export_gltf(rig, target, form, most)
+    return replace(report, notes=(*report.notes, *note))
+
+
+def form_for(mesh: Mesh, path: Path, form: Form | None) -> tuple[Form, tuple[str, ...]]:
+    """The form in which a session of `mesh` goes into `path`, and a note where it had to be another one than "skin".
+
+    Raises ValueError if `form` is not known, or has no room in such a file beside what the mesh's own file has.
+    """
+    ending = path.suffix.lower()
+    if form is not None:
+        check.choice("export_rig", "form", form, Form)
+    if form in ("skin", "morph") and ending in PLAIN:
+        endings = ", ".join((*GLTF, *USD))
+        raise ArgumentError("path", f"must end in {endings} for {form!r}, got {path}", "export_rig")
+    if ending in PLAIN:
+        return "baked", ()
+    skinned, morphed = parts_with_deformers(mesh) if ending in GLTF else (None, None)
+    if form is None:
+        if skinned is None:
+            return "skin", ()
+        possible: Form = "morph" if morphed is None else "baked"
+        return possible, (f"part {skinned!r} keeps its own skin, so the edit is {WRITTEN[possible]}",)
+    for kept, refused, others in ((skinned, "skin", "'morph' or 'baked'"), (morphed, "morph", "'skin' or 'baked'")):
+        if kept is not None and form == refused:
+            what = "a skin" if form == "skin" else "morph targets"
+            raise ArgumentError(
+                "form", f"must be {others} for a mesh with {what}: part {kept!r} has its own", "export_rig"
+            )
+    return form, ()
 
 
 def _most(influences: int | str | None, ending: str) -> int | None:
@@ -103,16 +136,15 @@ def _most(influences: int | str | None, ending: str) -> int | None:
         return PORTABLE_INFLUENCES if ending in GLTF else None
     if isinstance(influences, str):
         if influences != "all":
-            raise ValueError(f"export_rig: `influences` must be a whole number or 'all', got {influences!r}")
+            raise ArgumentError("influences", f"must be a whole number or 'all', got {influences!r}", "export_rig")
         return None
     return check.whole("export_rig", "influences", influences, minimum=1)
 
 
 def _check_joints(rig: Rig) -> None:
     if len(rig.joints) == rig.default + 1:
-        raise ValueError("export_rig: `session` must have a handle, got none: there would be no joint to pose")
+        raise ArgumentError("session", "must have a handle, got none: there would be no joint to pose", "export_rig")
     if len(rig.joints) > MOST_JOINTS:
-        raise ValueError(
-            f"export_rig: `session` must have at most {MOST_JOINTS} joints, the root's among them, got "
-            f"{len(rig.joints)}"
+        raise ArgumentError(
+            "session", f"must have at most {MOST_JOINTS} joints with the root's, got {len(rig.joints)}", "export_rig"
         )

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from safetensors.numpy import save as save_safetensors
 
+from dfd.common.errors import ArgumentError
 from dfd.common.files import atomic_write
 from dfd.editing.edit import box_center
 from dfd.editing.edit_file import to_document
@@ -49,9 +50,9 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
     target = Path(path)
     ending = target.suffix.lower()
     if ending not in ENDINGS:
-        raise ValueError(f"export_weights: `path` must end in {', '.join(ENDINGS)}, got {target}")
+        raise ArgumentError("path", f"must end in {', '.join(ENDINGS)}, got {target}", "export_weights")
     if not session.edit.handles:
-        raise ValueError("export_weights: `session` must have a handle, got none: there would be no weights")
+        raise ArgumentError("session", "must have a handle, got none: there would be no weights", "export_weights")
     arrays, texts = _arrays(session), _texts(session)
     texts["names"] = json.dumps(_names(session))
     with atomic_write(target) as temporary:

@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from dfd.common import check
+from dfd.common.errors import ArgumentError
 from dfd.editing.edit import Handle
 from dfd.posing.transforms import Transform
 
@@ -52,11 +53,11 @@ class KeyPose:
         keep = object.__setattr__
         keep(self, "seconds", check.number("KeyPose", "seconds", self.seconds, minimum=0.0))
         if not isinstance(self.transforms, Mapping):
-            raise ValueError(f"KeyPose: `transforms` must be a mapping, got {type(self.transforms).__name__}")
+            raise ArgumentError("transforms", f"must be a mapping, got {type(self.transforms).__name__}", "KeyPose")
         for handle, transform in self.transforms.items():
             check.whole("KeyPose", "transforms", handle, minimum=0)
             if not isinstance(transform, Transform):
-                raise ValueError(f"KeyPose: `transforms` must hold transforms, got {type(transform).__name__}")
+                raise ArgumentError("transforms", f"must hold transforms, got {type(transform).__name__}", "KeyPose")
         keep(self, "transforms", MappingProxyType(dict(self.transforms)))
 
 
@@ -69,17 +70,15 @@ def checked_poses(function: str, poses: Sequence[KeyPose], edit: Edit) -> tuple[
     before = None
     for pose in poses:
         if not isinstance(pose, KeyPose):
-            raise ValueError(f"{function}: `poses` must be key poses, got {type(pose).__name__}")
+            raise ArgumentError("poses", f"must be key poses, got {type(pose).__name__}", function)
         if before is not None and np.float32(pose.seconds) <= np.float32(before):  # as files store it
-            raise ValueError(
-                f"{function}: `poses` must come one after the other in time, "
-                f"got one at {pose.seconds:g} s after one at {before:g} s"
-            )
+            found = f"got one at {pose.seconds:g} s after one at {before:g} s"
+            raise ArgumentError("poses", f"must come one after the other in time, {found}", function)
         before = pose.seconds
         unknown = sorted(set(pose.transforms) - known)
         if unknown:
             ids = ", ".join(map(str, sorted(known))) or "none"
-            raise ValueError(f"{function}: `poses` must be of handles of the edit ({ids}), got handle {unknown[0]}")
+            raise ArgumentError("poses", f"must be of handles of the edit ({ids}), got handle {unknown[0]}", function)
     return tuple(poses)
 
 

@@ -95,8 +95,8 @@ def rig_report(
     """The report of a rig in files that differ from `dfd.pose` by `difference`, None for nothing."""
     difference = difference or Difference(0.0, 0.0, "the edit")
     sentences = list(notes)
-    if influences is not None and rig.edit.blend != "linear":
-        sentences.append(f"the edit blends as {rig.edit.blend}, and a skin linearly")
+    if influences is not None and rig.edit.blending != "linear":
+        sentences.append(f"the edit blends as {rig.edit.blending}, and a skin linearly")
     if influences is not None and any(handle.transform.bends for _, edit in rig.moments() for handle in edit.handles):
         sentences.append("what is bent or twisted is not in a skin: 'morph' and 'baked' have it")
     return RigReport(

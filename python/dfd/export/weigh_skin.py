@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import check
+from dfd.common.errors import ArgumentError
 from dfd.common.files import atomic_write
 from dfd.export.bone_weights import BoneDistances, bone_weights
 from dfd.export.bones import Bones, bones_of
@@ -113,7 +114,7 @@ def weigh_skin(mesh: Mesh, field: Field, path: str | os.PathLike[str], *, influe
     """
     target = Path(path)
     if target.suffix.lower() not in (".glb", ".gltf"):
-        raise ValueError(f"weigh_skin: `path` must end in .glb, .gltf, got {target}")
+        raise ArgumentError("path", f"must end in .glb, .gltf, got {target}", "weigh_skin")
     most = check.whole("weigh_skin", "influences", influences, minimum=1)
     bones = bones_of(mesh)
     distances = BoneDistances(bones)
@@ -121,7 +122,7 @@ def weigh_skin(mesh: Mesh, field: Field, path: str | os.PathLike[str], *, influe
     inside = distances.straight[bones.skinned].min(axis=0) <= OUTSIDE
     joints = wanted[inside[wanted]]
     if len(joints) == 0:
-        raise ValueError("weigh_skin: `mesh` must have bones near its surface, got all of them far outside")
+        raise ArgumentError("mesh", "must have bones near its surface, got all of them far outside", "weigh_skin")
     along = distances.along[bones.skinned][:, wanted]
     order, single, _ = heaviest(bone_weights(mesh, field, distances, joints), min(most, len(bones.names)))
     _write(mesh, bones, Influences(order, single, 0.0, 0), target)

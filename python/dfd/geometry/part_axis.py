@@ -227,9 +227,11 @@ class PartAxes:
         areas = self._areas[whole]
         if not areas.sum() > 0:
             return None
-        face, barycentric = points_on_faces(np.ceil(areas / areas.sum() * SAMPLES).astype(np.int64))
+        evenly = (np.arange(SAMPLES) + 0.5) / SAMPLES * areas.sum()
+        hit = np.minimum(np.searchsorted(np.cumsum(areas), evenly), len(areas) - 1)
+        face, barycentric = points_on_faces(np.bincount(hit, minlength=len(areas)))
         corners = number[mesh.faces[whole[face]]]
-        weight = areas[face] / np.bincount(face, minlength=len(whole))[face]
+        weight = np.ones(SAMPLES)
         points = np.einsum("nk,nkd->nd", barycentric, mesh.vertices[own[corners]])
         start = (barycentric * away[corners]).sum(axis=1) / away.max()
         level, width = start, WIDTH
@@ -243,7 +245,8 @@ class PartAxes:
                 break
             width = max(WIDTH, WIDE * width)
             level = _projected(nodes, points, start)
-            own_level = _projected(nodes, mesh.vertices[own], away / away.max())
+        else:
+            own_level = _projected(nodes, mesh.vertices[own], own_level)
         at = np.linspace(0.0, 1.0, NODES)
         squares = np.square(points - _on(nodes, level)).sum(axis=1)
         radius = np.sqrt(_fitted(at, level, squares[:, None], weight, WIDTH, straight=False)[:, 0])
@@ -320,9 +323,11 @@ def _projected(nodes: Float64, points: Float64, start: Float64) -> Float64:
         # Beyond its ends a curve goes on straight, so that levels there stay apart.
         low = -np.inf if k == 0 else 0.0
         high = np.inf if k == len(along) - 1 else 1.0
-        share = np.clip((points - node) @ side / squares[k], low, high)
+        some = np.flatnonzero(np.abs(at[k] - start) <= 2 * FARTHEST)
+        apart = points[some] - node
+        share = np.clip(apart @ side / squares[k], low, high)
         level = at[k] + share / len(along)
-        far = np.square(points - node - share[:, None] * side).sum(axis=1)
-        better = (far < nearest) & (np.abs(level - start) <= FARTHEST)
-        best[better], nearest[better] = level[better], far[better]
+        far = np.square(apart - share[:, None] * side).sum(axis=1)
+        better = (far < nearest[some]) & (np.abs(level - start[some]) <= FARTHEST)
+        best[some[better]], nearest[some[better]] = level[better], far[better]
     return best

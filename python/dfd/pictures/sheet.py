@@ -10,12 +10,14 @@ import numpy as np
 
 from dfd.editing.deformer import Deformer
 from dfd.mesh.mesh import Mesh
+from dfd.pictures.colors import part_colors
 from dfd.pictures.contact_sheet import heat_bar, lay_out, with_heat_bar
 from dfd.pictures.picture import picture, save_png
 from dfd.pictures.picture_document import PictureDocument, ViewDocument
 from dfd.pictures.viewpoint import azimuth_towards, viewpoint
+from dfd.segmentation.parts import Part
 
-__all__ = ["save_before_after", "save_sheet"]
+__all__ = ["parts_view", "save_before_after", "save_sheet"]
 
 BEFORE_AFTER_RESOLUTION = 640
 CAMERA = ("vertices", "azimuth", "elevation", "zoom", "target", "frame")  # the arguments of `viewpoint`
@@ -118,6 +120,15 @@ def save_before_after(
         ({**shared, "handles": landed, "vertices": moved}, "after"),
     ]
     _save(path, mesh, [("", views)], BEFORE_AFTER_RESOLUTION, legend=True, files=files)
+
+
+def parts_view(mesh: Mesh, found: Sequence[Part]) -> dict[str, Any]:
+    """What `picture` draws of a shape's parts: a color for each, and its number, counted from 1, where it lies."""
+    return {
+        "colors": part_colors(np.argmax([part.mask for part in found], axis=0)),
+        "handles": mesh.vertices[[part.vertex for part in found]],
+        "labels": [str(number) for number in range(1, len(found) + 1)],
+    }
 
 
 def _save(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
 __all__ = ["Sections", "bend_maps"]
@@ -77,19 +78,24 @@ class Sections:
     """
 
     def __init__(self, vertices: NDArray[np.integer], parameter: NDArray[np.floating]) -> None:
-        moving = parameter > 0
+        moving = np.flatnonzero(parameter > 0)
+        moving = moving[np.argsort(parameter[moving], kind="stable")]
         self.vertices = vertices[moving]
         at = np.asarray(parameter[moving], np.float64) * FINE
         self._below = np.minimum(at.astype(np.int64), FINE - 1)
-        self._above = (at - self._below)[:, None]
+        above = at - self._below
+        self._shares = np.stack([1 - above, above], axis=1)
+        self._columns = (4 * self._below[:, None] + np.arange(8)).astype(np.int32)
 
     def move(self, points: Float64, maps: Float64) -> None:
         """Move those of `points` (V, 3) in place, each by what lies between two of `maps` (513, 3, 4)."""
-        own = points[self.vertices]
-        flat = maps.reshape(-1, 12)
-        lower = flat[self._below]
-        both = lower + self._above * (flat[self._below + 1] - lower)
-        moved = np.einsum("nij,nj->ni", both.reshape(-1, 3, 4)[:, :, :3], own) + both[:, 3::4]
-        still = (both == flat[:1]).all(axis=1)
-        moved[still] = own[still]
-        points[self.vertices] = moved
+        turns = (maps != np.eye(3, 4)).any(axis=(1, 2))
+        first = int(np.searchsorted(self._below, int(turns.argmax()) - 1)) if turns.any() else len(self._below)
+        moving = self.vertices[first:]
+        # A row for each vertex, its position times the share of either map, makes one product of all of them.
+        shares = np.ones((len(moving), 1, 4))
+        shares[:, 0, :3] = points[moving]
+        shares = self._shares[first:, :, None] * shares
+        rows = np.arange(0, 8 * len(moving) + 1, 8, dtype=np.int32)
+        each = csr_array((shares.ravel(), self._columns[first:].ravel(), rows), shape=(len(moving), maps.size // 3))
+        points[moving] = each @ maps.transpose(0, 2, 1).reshape(-1, 3)

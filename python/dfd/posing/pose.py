@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeVar, get_args, overload
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 import dfd._core as _core
 from dfd.common import check, tensors, threads
@@ -23,6 +23,9 @@ from dfd.posing.arguments import (
 from dfd.posing.overlap import interpolating
 
 if TYPE_CHECKING:
+    import torch
+    from typing_extensions import Unpack
+
     from dfd.symmetry.plane import SymmetryPlane
 
 __all__ = ["Blend", "Drag", "Overlap", "pose"]
@@ -32,11 +35,59 @@ KERNEL_OVERLAPS = ("add", "paper", "normalize")  # numbered as in the kernels; i
 Blend = Literal["linear", "dual_quaternion", "polar"]  # numbered as in the kernels
 
 Float64 = NDArray[np.float64]
+Out = TypeVar("Out")
 
 IDENTITY = np.eye(3, 4)
 IDENTITY.flags.writeable = False
 
 
+class PoseOptions(TypedDict, total=False):
+    """What `pose` takes besides vertices, weights, transforms, `normals` and `out`."""
+
+    default: Any
+    symmetry: SymmetryPlane | None
+    handles: Any
+    handle_weights: Any
+    overlap: Overlap
+    blend: Blend
+
+
+@overload
+def pose(
+    vertices: torch.Tensor,
+    weights: Any,
+    transforms: Any,
+    *,
+    normals: None = None,
+    out: None = None,
+    **how: Unpack[PoseOptions],
+) -> torch.Tensor: ...
+@overload
+def pose(
+    vertices: torch.Tensor, weights: Any, transforms: Any, *, normals: Any, **how: Unpack[PoseOptions]
+) -> tuple[torch.Tensor, torch.Tensor]: ...
+@overload
+def pose(
+    vertices: ArrayLike,
+    weights: Any,
+    transforms: Any,
+    *,
+    normals: None = None,
+    out: None = None,
+    **how: Unpack[PoseOptions],
+) -> NDArray[Any]: ...
+@overload
+def pose(
+    vertices: ArrayLike, weights: Any, transforms: Any, *, normals: Any, **how: Unpack[PoseOptions]
+) -> tuple[NDArray[Any], NDArray[Any]]: ...
+@overload
+def pose(
+    vertices: Any, weights: Any, transforms: Any, *, normals: None = None, out: Out, **how: Unpack[PoseOptions]
+) -> Out: ...
+@overload
+def pose(
+    vertices: Any, weights: Any, transforms: Any, *, out: Out, normals: Any, **how: Unpack[PoseOptions]
+) -> tuple[Out, Any]: ...
 def pose(
     vertices: Any,
     weights: Any,

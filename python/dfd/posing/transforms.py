@@ -45,6 +45,7 @@ Along = Literal["normal", "limb"]
 PivotAt = Literal["base", "middle", "point", "plane", "hinge"]
 
 # Beyond it a float64 has no digits left for the part that matters, what exceeds the whole turns.
+NOT_UNIT = 1e-3  # a quaternion's length may be off by as much without a word
 LARGEST_ANGLE = 1e9
 
 
@@ -258,6 +259,9 @@ def rotation_vector(rotation: ArrayLike) -> Vector:
     if largest == 0.0:
         raise ArgumentError("rotation", "must be a quaternion other than 0", "Transform")
     # First to a size whose square neither overflows nor vanishes.
+    length = float(largest * np.linalg.norm(numbers / largest))
+    if abs(length - 1.0) > NOT_UNIT:
+        check.warn(f"Transform: `rotation` is a quaternion of length {length:.3g}, normalized to 1", UserWarning)
     return _triple(Rotation.from_quat(numbers / largest).as_rotvec(degrees=True))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal, Protocol
 
@@ -21,7 +21,7 @@ from dfd.segmentation.border import CRUMB, pieces_of, snapped, with_what_it_carr
 from dfd.segmentation.hierarchy import Hierarchy
 from dfd.segmentation.patches import Patches
 
-__all__ = ["Level", "Parts", "parts"]
+__all__ = ["Level", "Part", "Parts", "cut_document", "parts"]
 
 Level = Literal["smaller", "part", "larger"]
 LARGER = 1.25  # times the area is the least by which two levels differ
@@ -54,7 +54,7 @@ class Part:
         One that lies well in it, or the one that was asked for.
     """
 
-    mask: NDArray[np.bool_]
+    mask: NDArray[np.bool_] = field(repr=False)
     share: float
     pieces: int
     vertex: int
@@ -236,6 +236,15 @@ class Parts:
     @cached_property
     def _hierarchy(self) -> Hierarchy:
         return Hierarchy(self._patches, self._patches.means(self._features))
+
+
+def cut_document(found: Sequence[Part]) -> dict[str, Any]:
+    """What JSON says of a shape's parts: a row for each, numbered from 1, and the part of every vertex."""
+    rows = [
+        {"part": number, "share": round(each.share, 4), "pieces": each.pieces, "vertex": each.vertex}
+        for number, each in enumerate(found, start=1)
+    ]
+    return {"parts": rows, "part_of_vertex": (1 + np.argmax([part.mask for part in found], axis=0)).tolist()}
 
 
 def parts(field: Field, mesh: MeshLike) -> Parts:

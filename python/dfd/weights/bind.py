@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeVar, get_args, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,13 +14,37 @@ from dfd.common.errors import ArgumentError
 from dfd.weights.compact import CompactFeatures
 from dfd.weights.regions import Targets, resolve_points
 
+if TYPE_CHECKING:
+    import torch
+    from typing_extensions import Unpack
+
 __all__ = ["Falloff", "bind"]
 
 Falloff = Literal["linear", "smooth", "sharp", "root", "sphere", "constant"]  # numbered as in the kernels
 
 Float32 = NDArray[np.float32]
+Out = TypeVar("Out")
 
 
+class BindOptions(TypedDict, total=False):
+    """What `bind` takes besides features, handles and `out`."""
+
+    fixed: Any
+    strength: ArrayLike | None
+    geodesic: Any
+    locality: ArrayLike
+    reach: ArrayLike
+    falloff: Falloff | Sequence[Falloff]
+
+
+@overload
+def bind(features: torch.Tensor, handles: Any, *, out: None = None, **how: Unpack[BindOptions]) -> torch.Tensor: ...
+@overload
+def bind(
+    features: ArrayLike | CompactFeatures, handles: Any, *, out: None = None, **how: Unpack[BindOptions]
+) -> Float32: ...
+@overload
+def bind(features: Any, handles: Any, *, out: Out, **how: Unpack[BindOptions]) -> Out: ...
 def bind(
     features: Any,
     handles: Any,

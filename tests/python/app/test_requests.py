@@ -93,6 +93,10 @@ def test_a_part_is_shown_held_and_what_a_handle_is_limited_to(page: Page, deform
         False,
         "part",
     )
+    mask = base64.b64encode(np.packbits(np.arange(count) < 7, bitorder="little").tobytes()).decode()
+    page.ask("change", handle=handle, controls={"within": {"mask": mask}})
+    painted = page.last("state")["handles"][0]
+    assert (painted["within"], painted["within_part"]) == (7, False)
     page.ask("fix", at={"part": other})
     assert page.last("state")["fixed"][0]["region"] == len(deformer.part(other).indices)
 

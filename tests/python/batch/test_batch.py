@@ -108,7 +108,7 @@ def test_every_shape_has_its_row_and_failures_their_cause(finished):
     }
     assert "none.obj" in rows["bad-missing"]["message"]
     assert all(row["seconds_inspect"] > 0 for row in rows.values() if row["status"] == "done")
-    assert "3 done, 5 failed (input)" in told
+    assert "3 done, 5 failed: bad input" in told
     schema = parquet.read_schema(output / "shapes.parquet")
     assert json.loads(schema.metadata[b"dfd-batch"])["steps"][0] == "inspect"
 
@@ -290,7 +290,7 @@ def test_an_interruption_says_how_to_go_on_and_leaves_nobody_at_work(shapes, tmp
 def test_ray_makes_the_same_table(shapes, finished, tmp_path):
     output = tmp_path / "out"
     done = subprocess.run(command(shapes, output, "--ray"), capture_output=True, text=True, timeout=400, check=False)
-    assert "3 done, 5 failed (input)" in done.stderr
+    assert "3 done, 5 failed: bad input" in done.stderr
     assert done.returncode == 1
     assert [[row[key] for key in WITHOUT_TIMES] for row in table(output)] == [
         [row[key] for key in WITHOUT_TIMES] for row in table(finished[0])

@@ -114,12 +114,12 @@ def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"steps": ()}, "`steps` must name at least one of inspect"),
-        ({"steps": ("inspect", "dance")}, "`steps` must be of inspect, .*, got dance"),
-        ({"steps": ("inspect", "edits")}, "`edits` and the step edits must be given together"),
-        ({"steps": ("inspect",), "exports": ("glb",)}, "`exports` and the step exports must be given together"),
-        ({"steps": ("exports",), "exports": ("glb",)}, "`steps` must hold edits for exports"),
-        ({"steps": ("exports",), "exports": ("doc",)}, "`exports` must be of glb, .*, got doc"),
+        ({"steps": ()}, "`--step` must name at least one of inspect"),
+        ({"steps": ("inspect", "dance")}, "`--step` must be of inspect, .*, got dance"),
+        ({"steps": ("inspect", "edits")}, "`--edit` and the step edits must be given together"),
+        ({"steps": ("inspect",), "exports": ("glb",)}, "`--export` and the step exports must be given together"),
+        ({"steps": ("exports",), "exports": ("glb",)}, "`--step` must hold edits for exports"),
+        ({"steps": ("exports",), "exports": ("doc",)}, "`--export` must be of glb, .*, got doc"),
     ],
 )
 def test_settings_check_themselves(values, message):

@@ -45,7 +45,7 @@ def test_each_slot_sees_its_own_gpu(workers, share, there, devices):
 
 
 def test_more_gpus_than_there_are_are_refused():
-    with pytest.raises(ValueError, match="`gpus` must be at most the 1 GPUs of this machine, got 2"):
+    with pytest.raises(ValueError, match="`--gpus` must be at most the 1 GPUs of this machine, got 2"):
         slot_environments(None, Limits(threads=1, timeout=None, memory=None, gpus=2), 1)
 
 
@@ -98,7 +98,7 @@ def test_ray_is_promised_what_a_task_needs():
 
 
 def test_ray_without_gpus_is_refused():
-    with pytest.raises(ValueError, match="`gpus` must be at most what the Ray cluster has, 0, got 1"):
+    with pytest.raises(ValueError, match="`--gpus` must be at most what the Ray cluster has, 0, got 1"):
         RaySlots(Ray(CPU=8.0), Limits(threads=1, timeout=None, memory=None, gpus=1))
 
 

@@ -113,5 +113,5 @@ def test_what_is_not_there_is_said():
         find_shapes(["none.obj"])
     with pytest.raises(FileNotFoundError):
         find_shapes(["none.csv"])
-    with pytest.raises(ValueError, match="`inputs` must name a mesh, a glob or a manifest, got none"):
+    with pytest.raises(ValueError, match="`MESH` must name a mesh, a glob or a manifest, got none"):
         find_shapes([])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +17,7 @@ from threadpoolctl import threadpool_limits
 import dfd
 from dfd.batch import steps
 from dfd.batch.folder import BatchFolder
+from dfd.batch.page import gather, write_page
 from dfd.batch.prepare import describe_edits, find_files, place_edits
 from dfd.batch.record import Job, Limits, Stopped, new_token
 from dfd.batch.settings import BatchSettings
@@ -134,7 +136,7 @@ def test_edits_come_into_the_folder_with_what_they_were_made_on(chair, tmp_path)
     record = work(job(folder.root, chair, field=str(chair.with_name("chair.field.safetensors"))))
     assert record.figures["leg_confidence"] == 1.0
     assert record.files == ["leg.edit.json"]
-    with pytest.raises(ValueError, match="`edits` must have distinct names, got leg twice"):
+    with pytest.raises(ValueError, match="`--edit` must have distinct names, got leg twice"):
         describe_edits(files * 2)
     (tmp_path / "other.json").write_text("{}")
     with pytest.raises(ValueError, match=r"other.json: "):
@@ -207,3 +209,37 @@ def test_a_machine_that_does_not_see_the_folder_stops_the_batch(chair, tmp_path)
     found = work(job(tmp_path / "elsewhere", chair))
     assert isinstance(found, Stopped)
     assert found.why.endswith("the machine of a worker must see the same folder as that of the driver")
+
+
+def test_an_export_that_fails_is_named_and_all_else_stays(chair, tmp_path, monkeypatch):
+    mesh = dfd.load(chair)
+    beside = chair.with_name("chair.field.safetensors")
+    field_of(mesh).save(beside)
+    session = dfd.Deformer(mesh, dfd.Field.load(beside))
+    session.add(40, translation=(0, 0.1, 0))
+    session.save(tmp_path / "leg.json")
+    files = [find_files(tmp_path / "leg.json", chair)]
+    settings = BatchSettings(
+        steps=("parts", "pictures", "edits", "exports"), edits=describe_edits(files), exports=("rig.glb", "obj")
+    )
+    folder = BatchFolder.begin(tmp_path / "out", settings)
+    place_edits(folder, files, settings.edits)
+
+    def refuse(path: Path, deformer: dfd.Deformer) -> None:
+        raise ValueError("no room\nfor it")
+
+    monkeypatch.setitem(steps.WRITERS, "rig.glb", refuse)
+    record = work(job(folder.root, chair, field=str(beside)))
+    pictures = ["features.png", "leg.png", "parts.json", "parts.png", "thumbnail.png"]
+    assert (record.status, record.files) == ("done", sorted(["leg.edit.json", "leg.obj", *pictures]))
+    assert (record.figures["leg.rig.glb_failed"], record.figures["leg.obj_failed"]) == (
+        "leg.rig.glb: no room for it",
+        None,
+    )
+    cut = json.loads((folder.shape("chair") / "parts.json").read_text())
+    assert len(cut["parts"]) == record.figures["parts"] >= 1
+    assert set(cut["part_of_vertex"]) <= set(range(1, len(cut["parts"]) + 1))
+    broken = job(folder.root, "missing.ply", "broken").record(settings.hash(), seconds=0.0, cause="input")
+    page = write_page(folder, settings, gather([broken, record], settings)).read_text()
+    assert "<h1>2 shapes: 1 done, 1 failed: bad input; 1 without an export</h1>" in page
+    assert "<small>leg.rig.glb: no room for it</small>" in page

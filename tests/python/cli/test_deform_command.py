@@ -194,7 +194,7 @@ def test_what_happened_is_said(run):
     assert worked(moved)
     assert re.search(r"out.obj: moved \d+ % of the vertices, up to 0.5; handle 1 arrived", moved.stderr)
     rested = run(*DEFORM, "--handle", 40, "-o", "out.obj")
-    assert worked(rested)
+    assert rested.exit_code == 1
     assert "out.obj: nothing moved: no handle is moved, turned or scaled" in rested.stderr
 
 
@@ -206,3 +206,11 @@ def test_a_picture_is_taken_from_where_it_is_told(run):
     own, other = drawn("own.png"), drawn("other.png")
     assert own.shape == other.shape
     assert np.abs(own - other).max() > 30
+
+
+def test_a_folder_gets_a_mesh_of_the_same_name(run, folder):
+    Path("out").mkdir()
+    assert worked(run("deform", "MESH", "--field", "FIELD", "--handle", 40, "--translate", 0, 0.2, 0, "-o", "out"))
+    assert Path("out/chair.obj").is_file()
+    same = run("deform", "MESH", "--field", "FIELD", "--handle", 40, "--translate", 0, 0.2, 0, "-o", folder)
+    assert failed(same, "`--output` must be another folder than that of")

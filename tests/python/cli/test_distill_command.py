@@ -143,8 +143,8 @@ def test_features_that_are_no_array_are_refused(run):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("-o", "out.safetensors", "--supervision", "all"), "`supervision` must be one of barycentric, vertex"),
-        (("-o", "out.safetensors", "--steps", 0), "`steps` must be a whole number of at least 1, got 0"),
+        (("-o", "out.safetensors", "--supervision", "all"), "`--supervision` must be one of barycentric, vertex"),
+        (("-o", "out.safetensors", "--steps", 0), "`--steps` must be a whole number of at least 1, got 0"),
         (("-o", "out.safetensors", "--views", "many"), "--views"),
         (("-o", "out.field"), "`--output` must end in .safetensors, got out.field"),
         (("-o", "no/out.safetensors"), "`--output`: the folder no does not exist"),

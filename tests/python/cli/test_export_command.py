@@ -1,6 +1,7 @@
 """`dfd export`."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -40,7 +41,7 @@ def test_features_of_another_network_stand_for_a_field(run, folder, chair):
     export = ("export", "MESH", "--edit", "edit.json", "-o", "rig.glb", "--field")
     assert worked(run(*export, "rows.npy"))
     np.save("rows.npy", np.ones((len(chair.vertices) - 1, 4)))
-    assert failed(run(*export, "rows.npy"), "`features` must have shape (2004, D), a row for each vertex, or")
+    assert failed(run(*export, "rows.npy"), "`--field` must have shape (2004, D), a row for each vertex, or")
 
 
 @pytest.mark.usefixtures("edited")
@@ -84,3 +85,13 @@ def test_forms_influences_and_poses(run, tmp_path):
 )
 def test_mistakes_are_one_line(arguments, message, run):
     assert failed(run(*EXPORT, *arguments), message)
+
+
+@pytest.mark.usefixtures("edited")
+def test_a_folder_keeps_the_name_and_messages_name_the_options(run, folder):
+    Path("out").mkdir()
+    assert worked(run(*EXPORT, "-o", "out"))
+    assert dfd.load("out/chair.glb").faces.shape == dfd.load(folder / "chair.obj").faces.shape
+    Path("poses.json").write_text('[{"seconds": 1, "transforms": []}]')
+    baked = run(*EXPORT, "-o", "moved.obj", "--as", "baked", "--poses", "poses.json")
+    assert failed(baked, "dfd: `--poses` must be left out for 'baked', which does not move")

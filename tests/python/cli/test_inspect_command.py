@@ -1,6 +1,7 @@
 """`dfd inspect`."""
 
 import json
+import re
 import sys
 from unittest import mock
 
@@ -120,3 +121,15 @@ def test_inspect_refuses_what_it_cannot_compare_or_draw(run):
     assert failed(run("inspect", "MESH", "--against", "cube.obj"), "`--against` must have the faces of MESH")
     assert failed(run("inspect", "MESH", "--picture", "out.png"), "`--field` or `--against` must be given")
     assert failed(run("inspect", "MESH", "--field", "FIELD", "--picture", "out.jpg"), "`--picture` must end in .png")
+
+
+def test_inspect_draws_the_parts_with_a_row_each(run):
+    result = run("inspect", "MESH", "--field", "FIELD", "--up", "file", "--parts", "--picture", "parts.png")
+    assert worked(result)
+    rows = [line.split() for line in result.stdout.splitlines() if re.match(r"part \d", line)]
+    assert [row[1] for row in rows] == [str(number) for number in range(1, len(rows) + 1)]
+    assert len(rows) >= 1
+    assert drawn("parts.png").std() > 10
+    cut = json.loads(run("inspect", "MESH", "--field", "FIELD", "--up", "file", "--parts", "--json").stdout)["cut"]
+    assert len(cut["parts"]) == len(rows)
+    assert failed(run("inspect", "MESH", "--parts"), "`--field` must be given: `--parts` are told apart by")

@@ -32,3 +32,20 @@ def test_a_handle_and_what_is_fixed_may_be_the_part_that_a_place_is_on(run, chai
     assert moved[session.part(low).indices].all()
     refused = run("show", "MESH", "--handle", f"part@{low}", "-o", "out.png")
     assert failed(refused, f"`--handle` cannot be 'part@{low}' without `--field`: features tell parts")
+
+
+def test_parts_are_groups_of_an_obj_and_material_slots_of_a_glb(run, chair):
+    assert worked(run("parts", "MESH", "--field", "FIELD", "-o", "parts.json"))
+    cut = json.loads(Path("parts.json").read_text())
+    names = [f"part_{row['part']}" for row in cut["parts"]]
+    for ending in ("obj", "glb"):
+        assert worked(run("parts", "MESH", "--field", "FIELD", "-o", f"parts.{ending}"))
+        again = dfd.load(f"parts.{ending}")
+        assert len(again.faces) == len(chair.faces)
+        np.testing.assert_allclose(again.bounds, chair.bounds, atol=1e-6)
+    lines = Path("parts.obj").read_text().splitlines()
+    assert [line[2:] for line in lines if line.startswith("g ")] == names
+    assert len([line for line in lines if line.startswith("f ")]) == len(chair.faces)
+    materials = [material.name for material in dfd.load("parts.glb").appearance.materials]
+    assert sorted(materials) == sorted(name.replace("_", " ") for name in names)
+    assert failed(run("parts", "MESH", "--field", "FIELD", "-o", "parts.ply"), "`--output` must end in .json, .obj")

@@ -75,7 +75,7 @@ def test_the_moved_shape_is_picked_from_its_own_file(run):
 def test_a_click_beside_the_shape_is_refused(run, heat):
     assert failed(run("pick", heat, 1, 1), "`x`, `y` must be a pixel of the shape, but 1, 1 is beside it")
     assert failed(run("pick", heat, 5000, 1), "5000, 1 is beside them all")
-    assert failed(run("pick", heat, "nan", 1), "`x` must be finite")
+    assert failed(run("pick", heat, "nan", 1), "`X` must be finite")
 
 
 def test_pictures_that_say_nothing_and_other_meshes_are_refused(run, heat, folder):

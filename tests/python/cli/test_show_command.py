@@ -70,7 +70,7 @@ def test_a_handle_is_shown_from_its_own_side(run, chair):
         (("--field", "FIELD", "--fix", 1), "`--handle` must be given: the others say what follows one"),
         (("--field", "FIELD", "--handle", 10**6), "`--handle` must lie in 0 … 2003"),
         (("--field", "FIELD", "--handle", 1, "--handle", 1), "`handles` must lie at distinct places"),
-        (("--field", "FIELD", "--handle", 1, "--locality", -1), "`locality` must be at least 0"),
+        (("--field", "FIELD", "--handle", 1, "--locality", -1), "`--locality` must be at least 0"),
         (("--views", 0), "--views"),
         (("--resolution", 1), "--resolution"),
         (("--azimuth", "nan"), "`--azimuth` must be finite, got nan"),

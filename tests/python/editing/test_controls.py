@@ -346,7 +346,7 @@ def test_odd_controls_are_refused_by_name(session, given, message):
     ("name", "value", "message"),
     [
         ("overlap", "sum", r"Deformer.overlap: `overlap` must be one of add, interpolate, normalize, paper, got 'sum'"),
-        ("blend", "cubic", r"Deformer.blend: `blend` must be one of linear, dual_quaternion, polar, got 'cubic'"),
+        ("blend", "cubic", r"Deformer.blend: `blend` must be one of auto, linear, dual_quaternion, polar, got 'cubic'"),
         ("arrive", 1, r"Deformer.arrive: `arrive` must be True or False, got 1"),
         ("symmetry", "x=wide", r"Deformer.symmetry: `plane` must be like x, x=0.1 or .* got 'x=wide'"),
     ],
@@ -373,3 +373,10 @@ def test_a_limit_is_checked_on_the_mesh_at_hand(session, foot):
     with pytest.raises(ValueError, match="`handles.0..within` must hold a vertex"):
         edit_on(other, session.edit)
     assert place_on(session.mesh, foot) == session.handles[0].place
+
+
+def test_a_misspelled_setting_raises_and_a_flat_scale_is_said(session):
+    with pytest.raises(AttributeError, match="lokality"):
+        session.lokality = 3.0
+    session.add(40, scale=(1, 0, 1))
+    assert session.report().advice == "handle 1 flattens what follows: a factor of scale is 0"

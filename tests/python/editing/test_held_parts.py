@@ -251,3 +251,20 @@ def test_what_opens_turns_about_the_border_away_from_the_rest(one):
 def test_a_default_transform_has_no_part(one):
     with pytest.raises(TypeError, match="'bend' is for what a handle holds"):
         one.set_default(bend=30)
+
+
+def test_what_turns_far_keeps_its_girth_where_the_blend_is_chosen_by_the_turn(one):
+    handle = one.add(52 * AROUND, within="y>0", reach=0.9, translation=(0, 0, 0))
+    one.set(blend="auto")
+    one.move(handle, rotation=(0, 20, 0))
+    assert one.edit.blending == "linear"
+    one.move(handle, rotation=(0, 120, 0))
+    assert one.edit.blending == "dual_quaternion"
+    chosen = one.vertices
+    one.set(blend="dual_quaternion")
+    np.testing.assert_array_equal(one.vertices, chosen)
+    one.set(blend="auto")
+    one.move(handle, rotation=(0, 10, 0))
+    turned = one.vertices
+    one.set(blend="linear")
+    np.testing.assert_array_equal(one.vertices, turned)

@@ -192,7 +192,8 @@ def test_bad_paths_are_named(session, tmp_path):
     with pytest.raises(ValueError, match=r"`path` must end in \.glb, \.gltf, .*got .*rig\.fbx"):
         dfd.export_rig(session, tmp_path / "rig.fbx")
     with pytest.raises(ValueError, match=r"`path` must end in .* for 'skin', got .*rig\.obj"):
-        dfd.export_rig(session, tmp_path / "rig.obj")
+        dfd.export_rig(session, tmp_path / "rig.obj", form="skin")
+    assert dfd.export_rig(session, tmp_path / "rig.obj").form == "baked"
     with pytest.raises(OSError, match="does not exist"):
         dfd.export_rig(session, tmp_path / "missing" / "rig.glb")
 

@@ -50,7 +50,7 @@ def test_key_poses_are_targets_of_an_animation(session, tmp_path):
     assert np.abs(glb.triangles() - session.vertices[faces]).max() < tolerance
     rest = glb.triangles(glb.channels("dfd key poses", 0))
     assert np.abs(rest - session.mesh.vertices[faces]).max() < tolerance
-    session.move(one, translation=(0, 0, 0), rotation=(0, 200, 0))
+    session.move(one, translation=(0, 0, 0), rotation=(0, 200, 0), pivot="point")
     turned = glb.triangles(glb.channels("dfd key poses", 1.5))
     assert np.abs(turned - session.vertices[faces]).max() < tolerance
 

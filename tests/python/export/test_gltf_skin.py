@@ -87,7 +87,7 @@ def test_a_skin_that_is_not_pruned_is_what_pose_makes(make, session, tmp_path):
 
 def test_instances_have_joints_of_their_own_in_their_own_frames(tmp_path, make_session):
     session = make_session(dfd.samples.quadruped(4000).mesh)
-    session.add("bottom", rotation=(0, 0, 40), translation=(0.1, 0, 0), name="foot")
+    session.add("bottom", rotation=(0, 0, 40), translation=(0.1, 0, 0), name="foot", pivot="point")
     columns = session.bound.posing(session.edit)[1]
     count = len(columns)
     assert count > 1
@@ -200,8 +200,8 @@ def test_key_poses_become_an_animation(session, tmp_path):
         moved.apply(session.edit)
         for handle in session.handles:
             transform = pose.transforms.get(handle.id, Transform())
-            moved.move(handle.id, translation=transform.translation, rotation=transform.rotation)
-            moved.move(handle.id, scale=transform.scale, pivot="auto" if transform.pivot is None else transform.pivot)
+            moved.move(handle.id, translation=transform.translation, rotation=transform.rotation, pivot="point")
+            moved.move(handle.id, scale=transform.scale, pivot="point" if transform.pivot is None else transform.pivot)
         animated = glb.channels("dfd key poses", pose.seconds)
         assert animated
         assert np.abs(glb.triangles(animated) - moved.vertices[session.mesh.faces]).max() < 5e-6 * report.size
@@ -308,10 +308,13 @@ def test_a_second_skin_is_refused_and_the_first_kept_by_the_other_forms(tmp_path
     session = make_session(dfd.load(skinned_cube(tmp_path)))
     session.add(0, translation=(0, 0.5, 0))
     with pytest.raises(
-        ValueError, match="`form` must be 'morph' or 'baked' for a mesh with a skin.*part 'body' has one"
+        ValueError, match="`form` must be 'morph' or 'baked' for a mesh with a skin: part 'body' has its own"
     ):
-        dfd.export_rig(session, tmp_path / "rig.glb")
+        dfd.export_rig(session, tmp_path / "rig.glb", form="skin")
     assert not (tmp_path / "rig.glb").exists()
+    report = dfd.export_rig(session, tmp_path / "rig.glb")
+    assert (report.form, report.targets) == ("morph", 1)
+    assert str(report).endswith("part 'body' keeps its own skin, so the edit is written as morph targets")
     for form in ("morph", "baked"):
         dfd.export_rig(session, tmp_path / f"{form}.glb", form=form)
         glb = Glb(tmp_path / f"{form}.glb")
@@ -333,7 +336,7 @@ def test_more_joints_than_the_format_has_numbers_for_are_refused(session, tmp_pa
     plain(session)
     assert skin.MOST_JOINTS == 65535
     monkeypatch.setattr("dfd.export.export_rig.MOST_JOINTS", 1)
-    with pytest.raises(ValueError, match="`session` must have at most 1 joints, the root's among them, got "):
+    with pytest.raises(ValueError, match="`session` must have at most 1 joints with the root's, got "):
         dfd.export_rig(session, tmp_path / "rig.glb")
     assert list(tmp_path.iterdir()) == []
 

@@ -77,7 +77,8 @@ def test_a_skin_is_what_pose_makes(ending, session, tmp_path):
     assert report.paths == (path,)
     assert np.abs(triangles(path, 0) - session.mesh.vertices[faces]).max() < 1e-5 * size
     for handle, transform in pose.transforms.items():
-        session.move(handle, translation=transform.translation, rotation=transform.rotation, scale=transform.scale)
+        parts = {"translation": transform.translation, "rotation": transform.rotation, "scale": transform.scale}
+        session.move(handle, **parts, pivot="point")
     assert np.abs(triangles(path, 1.5) - session.vertices[faces]).max() < 1e-5 * size
 
 

@@ -28,6 +28,7 @@ export default tseslint.config(
           "OffscreenCanvas",
           "requestAnimationFrame",
           "setTimeout",
+          "performance",
         ].map((name) => [name, "readonly"]),
       ),
     },

@@ -21,7 +21,8 @@ from dfd.app.protocol.parts import (
 )
 from dfd.common.preset import Preset
 from dfd.editing.controls import Falloff
-from dfd.posing.pose import Blend, Overlap
+from dfd.editing.presets import BlendRule
+from dfd.posing.pose import Overlap
 
 __all__ = ["Answer"]
 
@@ -133,7 +134,7 @@ class StateMessage(Answer):
     preset: Preset  # "paper" is its equations to the letter
     new_handle: NewHandle
     overlap: Overlap
-    blend: Blend
+    blend: BlendRule
     posing: Literal["shader", "server"] = "shader"  # who poses: "server" asks for `compute` after every change
     can_undo: bool = False
     can_redo: bool = False

@@ -46,8 +46,9 @@ from dfd.common.preset import Preset
 from dfd.editing.edit import Fixed, empty_edit
 from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import place_on
+from dfd.editing.presets import BlendRule
 from dfd.editing.suggestions import suggest_handles
-from dfd.posing.pose import Blend, Overlap
+from dfd.posing.pose import Overlap
 from dfd.symmetry.plane import SymmetryPlane
 
 __all__ = ["answer"]
@@ -232,7 +233,7 @@ def reset(session: Session, handle: int | None = None) -> None:
 
     def work(deformer: Any) -> None:
         for each in [each.id for each in deformer.handles] if handle is None else [handle]:
-            deformer.move(each, translation=zero, rotation=zero, scale=1.0)
+            deformer.move(each, translation=zero, rotation=zero, scale=1.0, bend=zero, twist=0.0)
 
     session.change(work)
 
@@ -305,7 +306,7 @@ def set_symmetry(
 
 @request
 def set_mode(
-    session: Session, preset: Preset | None = None, overlap: Overlap | None = None, blend: Blend | None = None
+    session: Session, preset: Preset | None = None, overlap: Overlap | None = None, blend: BlendRule | None = None
 ) -> None:
     """Set how handles act together, as one step; a preset replaces all settings that it defines."""
 

@@ -72,7 +72,7 @@ def state_message(
         new_handle=_new_handle(preset),
         overlap=deformer.overlap,
         blend=deformer.blend,
-        posing="server" if (deformer.overlap, deformer.blend) != ("add", "linear") or bends else "shader",
+        posing="server" if (deformer.overlap, deformer.edit.blending) != ("add", "linear") or bends else "shader",
         can_undo=deformer.can_undo,
         can_redo=deformer.can_redo,
         **common,

@@ -31,7 +31,6 @@ def export_gltf(rig: Rig, target: Path, form: str, most: int | None) -> RigRepor
 
 
 def _skin(document: GltfDocument, rig: Rig, target: Path, most: int | None) -> RigReport:
-    skin.check_no_skin(document)
     left = skin.left_behind(document)
     found = skin_of(rig, most)
     joints = skin.add_joints(document, rig, found.moments[0])

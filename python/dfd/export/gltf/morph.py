@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.errors import ArgumentError
 from dfd.editing.edit import Edit
 from dfd.export.gltf.document import GltfDocument
 from dfd.export.skinning import Difference, differences
@@ -72,17 +73,14 @@ def targets_of(rig: Rig) -> MorphTargets:
         names.append("default")
         edits.append((None, replace(_alone(rig.edit, None), default=rig.edit.default)))
     if not edits:
-        raise ValueError(
-            "export_rig: `session` must move a handle for a morph target to show, got only handles at rest"
+        raise ArgumentError(
+            "session", "must move a handle for a morph target to show, got only handles at rest", "export_rig"
         )
     return MorphTargets(names, [rig.posed(edit) for _, edit in edits], np.ones((1, len(edits))))
 
 
 def add_targets(document: GltfDocument, rig: Rig, targets: MorphTargets) -> list[int]:
-    """Add the targets to all displayed nodes, at the weights of the edit; return the nodes.
-
-    Raises ValueError if a part has morph targets already.
-    """
+    """Add the targets to all displayed nodes, which have none yet, at the weights of the edit; return the nodes."""
     rest = _at_rows(document, rig.mesh.vertices)
     normals = [_normals(document, rest, _at_rows(document, shape)) for shape in targets.shapes]
     before = [each.normals for each in document.scene.primitives]
@@ -90,11 +88,6 @@ def add_targets(document: GltfDocument, rig: Rig, targets: MorphTargets) -> list
     nodes = []
     for node, primitives in document.parts():
         mesh = document.own_mesh(node)
-        if any("targets" in each for each in mesh["primitives"]):
-            raise ValueError(
-                f"export_rig: `form` must be 'skin' or 'baked' for a mesh with morph targets: part "
-                f"{primitives[0].part!r} has some already"
-            )
         known = {each.source[2]: each for each in primitives}
         done: dict[int, list[Header]] = {}
         for number, content in enumerate(mesh["primitives"]):

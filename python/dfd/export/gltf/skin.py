@@ -20,25 +20,26 @@ from dfd.mesh.file.gltf.header import Header, objects, parents
 if TYPE_CHECKING:
     from dfd.export.rig import Rig
     from dfd.mesh.file.primitives import Primitive
+    from dfd.mesh.mesh import Mesh
 
-__all__ = ["MOST_JOINTS", "add_joints", "add_skin", "check_no_skin", "left_behind", "weigh"]
+__all__ = ["MOST_JOINTS", "add_joints", "add_skin", "left_behind", "parts_with_deformers", "weigh"]
 
 MOST_JOINTS = 65_535  # JOINTS_n has 16 bits
 SET = 4  # influences in each pair of attributes
 
 
-def check_no_skin(document: GltfDocument) -> None:
-    """Refuse a file that has a skin.
-
-    Raises ValueError if a node that is shown has one.
-    """
-    nodes = objects(document.header, "nodes")
-    for node, primitives in document.parts():
-        if "skin" in nodes[node]:
-            raise ValueError(
-                f"export_rig: `form` must be 'morph' or 'baked' for a mesh with a skin, which both keep: part "
-                f"{primitives[0].part!r} has one, and the format has no room for a second"
-            )
+def parts_with_deformers(mesh: Mesh) -> tuple[str | None, str | None]:
+    """The names of a part of the mesh's glTF file that has a skin, and of one with morph targets; None for none."""
+    source = None if mesh.scene is None else mesh.scene.gltf
+    if mesh.scene is None or source is None:
+        return None, None
+    nodes, meshes = objects(source.header, "nodes"), objects(source.header, "meshes")
+    skinned, morphed = None, None
+    for each in mesh.scene.primitives:
+        node, number, _ = each.source
+        skinned = skinned or (each.part if "skin" in nodes[node] else None)
+        morphed = morphed or (each.part if any("targets" in one for one in meshes[number]["primitives"]) else None)
+    return skinned, morphed
 
 
 def left_behind(document: GltfDocument) -> list[str]:

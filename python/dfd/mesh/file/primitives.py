@@ -190,9 +190,10 @@ def _applied(linear: Float64, vectors: Float64) -> Float64:
 
 
 class UniqueNames:
-    """Makes names unique in constant time, however many are alike."""
+    """Makes names unique in constant time, however many are alike; those that are taken are numbered from `first`."""
 
-    def __init__(self) -> None:
+    def __init__(self, first: int = 1) -> None:
+        self._first = first
         self._taken: set[str] = set()
         self._next: dict[str, int] = {}
 
@@ -200,7 +201,7 @@ class UniqueNames:
         """Return `name`, with a number appended where it is taken."""
         found = name
         while found in self._taken:
-            self._next[name] = self._next.get(name, 0) + 1
+            self._next[name] = self._next.get(name, self._first - 1) + 1
             found = f"{name}_{self._next[name]}"
         self._taken.add(found)
         return found

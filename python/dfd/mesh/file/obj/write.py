@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from dfd.mesh.appearance import GREY, Material
 from dfd.mesh.file.images import as_png
 from dfd.mesh.file.obj.library import Companions
+from dfd.mesh.file.primitives import UniqueNames
 from dfd.mesh.file.scene_file import SceneFile
 
-__all__ = ["encode", "encode_scene"]
+__all__ = ["encode", "encode_groups", "encode_scene"]
 
 _SEPARATORS = re.compile(r"[/\\:*?\"<>|\0]")  # not allowed in file names on some systems
 _LONGEST_NAME = 60  # letters of a material's name, which becomes part of a texture's
@@ -26,6 +27,20 @@ _LONGEST_NAME = 60  # letters of a material's name, which becomes part of a text
 def encode(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> bytes:
     """Return the text of a file of plain vertices (V, 3) and faces (F, 3)."""
     return _lines("v", vertices) + _faces([faces])
+
+
+def encode_groups(
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.int32],
+    uv: tuple[NDArray[np.float32], NDArray[np.int32]] | None,  # (R, 2), v upwards, and the row of every corner (F, 3)
+    groups: Sequence[tuple[str, NDArray[np.int64]]],
+) -> bytes:
+    """Return the text of a file with the faces (F, 3) in named groups, given by the numbers of their faces."""
+    text = [_lines("v", vertices), b"" if uv is None else _lines("vt", uv[0].astype(np.float64))]
+    for name, own in groups:
+        if len(own):
+            text += [f"g {name}\n".encode(), _faces([faces[own], None if uv is None else uv[1][own]])]
+    return b"".join(text)
 
 
 def encode_scene(
@@ -80,8 +95,7 @@ class _MaterialLibrary:
         self.text = ""
         self._stem, self._companions = stem, companions
         self._names: dict[int, str] = {}
-        self._taken: set[str] = set()
-        self._counts: dict[str, int] = {}
+        self._unique = UniqueNames(2)
 
     def add(self, material: Material | None) -> str | None:
         """Return the name of a material, written on first use; None for a default one."""
@@ -105,13 +119,7 @@ class _MaterialLibrary:
         return self._names[grey_id]
 
     def _unused(self, name: str) -> str:
-        name = _SEPARATORS.sub("_", name)[:_LONGEST_NAME] or "material"
-        numbered = name
-        while numbered in self._taken:
-            self._counts[name] = self._counts.get(name, 1) + 1
-            numbered = f"{name}_{self._counts[name]}"
-        self._taken.add(numbered)
-        return numbered
+        return self._unique.unique(_SEPARATORS.sub("_", name)[:_LONGEST_NAME] or "material")
 
 
 def _vertex_colors(scene: SceneFile) -> NDArray[np.float64] | None:

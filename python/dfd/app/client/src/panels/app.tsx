@@ -1,7 +1,7 @@
 import { useEffect, useState } from "preact/hooks";
 
 import { upload } from "../actions/files";
-import { useStore } from "../store/use";
+import { useParts } from "../store/use";
 import type { Viewer } from "../viewer/viewer";
 import { Help } from "./help";
 import { Inspector } from "./inspector";
@@ -13,7 +13,7 @@ import { Topbar } from "./topbar";
 
 /** All panels; the canvas lies beneath them and is none of Preact's. */
 export function App({ viewer }: { readonly viewer: Viewer }) {
-  const [page, inspector, timeline] = useStore((state) => [state.page, state.inspector, state.timeline] as const);
+  const { page, inspector, timeline } = useParts();
   const shape = page === "shape";
   useEffect(() => {
     const root = document.documentElement;
@@ -44,7 +44,7 @@ export function App({ viewer }: { readonly viewer: Viewer }) {
 }
 
 function Waiting() {
-  const link = useStore((state) => state.link);
+  const { link } = useParts();
   return (
     <main class="start waiting">
       <p role="status">{link === "lost" ? "The server does not answer. Trying again…" : "Connecting…"}</p>
@@ -56,6 +56,8 @@ function Waiting() {
 function DropTarget() {
   const [over, setOver] = useState(false);
   useEffect(() => {
+    const ended = new AbortController();
+    const { signal } = ended;
     const hasFiles = (event: DragEvent) => event.dataTransfer?.types.includes("Files") ?? false;
     const enter = (event: DragEvent) => {
       if (!hasFiles(event)) return;
@@ -71,16 +73,11 @@ function DropTarget() {
       setOver(false);
       void upload([...(event.dataTransfer?.files ?? [])]);
     };
-    addEventListener("dragenter", enter);
-    addEventListener("dragover", enter);
-    addEventListener("dragleave", leave);
-    addEventListener("drop", drop);
-    return () => {
-      removeEventListener("dragenter", enter);
-      removeEventListener("dragover", enter);
-      removeEventListener("dragleave", leave);
-      removeEventListener("drop", drop);
-    };
+    addEventListener("dragenter", enter, { signal });
+    addEventListener("dragover", enter, { signal });
+    addEventListener("dragleave", leave, { signal });
+    addEventListener("drop", drop, { signal });
+    return () => ended.abort();
   }, []);
   return over ? <div class="drop-veil">Drop to open</div> : null;
 }

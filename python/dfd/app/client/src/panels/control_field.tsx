@@ -2,7 +2,7 @@ import { change, slide } from "../actions/edit";
 import { heldPart } from "../posing/columns";
 import type { HandleState } from "../protocol/messages";
 import { store } from "../store/state";
-import { useStore } from "../store/use";
+import { useParts } from "../store/use";
 import { percent, readable, Segmented, Select, Slider, Toggle } from "../widgets/controls";
 
 /** What a slider says of the present value, where that is more than a number. */
@@ -19,8 +19,9 @@ const TEXTS: Partial<Record<string, (handle: HandleState, size: number) => strin
 
 /** A control of a handle as the server describes it. */
 export function ControlField({ name, handle }: { readonly name: string; readonly handle: HandleState }) {
-  const entry = useStore((state) => state.session?.controls.find((each) => each.name === name));
-  const size = useStore((state) => state.mesh?.diagonal ?? 1);
+  const { session, mesh } = useParts();
+  const entry = session?.controls.find((each) => each.name === name);
+  const size = mesh?.diagonal ?? 1;
   if (!entry) return null;
   const { label, hint, kind, choices, slider } = entry;
   const value = handle[name as keyof HandleState];

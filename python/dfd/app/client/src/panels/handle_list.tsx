@@ -4,20 +4,20 @@ import { send } from "../actions/connection";
 import { select } from "../actions/edit";
 import type { HandleState } from "../protocol/messages";
 import { handleName, ready, store } from "../store/state";
-import { useStore } from "../store/use";
+import { useParts } from "../store/use";
 import { IconButton, Menu, Panel } from "../widgets/controls";
 
 const CLEAR = ["Remove all handles and fixed points", "", () => send({ type: "clear" })] as const;
 
 export function HandleList() {
-  const [edit, alive] = useStore((state) => [state.edit, ready(state)] as const);
+  const { edit } = useParts();
   const handles = edit?.handles ?? [];
   const edited = handles.length + (edit?.fixed.length ?? 0) > 0;
   return (
     <Panel title="Handles" action={edited && <Menu icon="more" label="All handles" groups={[[CLEAR]]} />}>
       {handles.length === 0 ? (
         <p class="empty">
-          {alive
+          {ready({ edit })
             ? "Click a point of the shape to take hold of it. All that looks alike will follow."
             : "The shape can be held once its features are learned."}
         </p>
@@ -34,11 +34,12 @@ export function HandleList() {
 
 function HandleRow({ handle }: { readonly handle: HandleState }) {
   const id = handle.handle;
-  const [selected, hidden] = useStore((state) => [state.selected === id, state.hidden.has(id)] as const);
+  const state = useParts();
+  const [selected, hidden] = [state.selected === id, state.hidden.has(id)];
   const [naming, setNaming] = useState(false);
   const name = handleName(handle);
   const toggleHidden = () => {
-    const all = new Set(store.get().hidden);
+    const all = new Set(state.hidden);
     if (!all.delete(id)) all.add(id);
     store.set({ hidden: all });
   };

@@ -4,7 +4,7 @@ import { otherPlaces, toggleInstance } from "../actions/similar";
 import { niceStep, type Transform } from "../posing/affine";
 import type { HandleState } from "../protocol/messages";
 import { present, selectedHandle, store } from "../store/state";
-import { useStore } from "../store/use";
+import { useParts, useStore } from "../store/use";
 import { drawsInSoftware } from "../viewer/stage";
 import { Button, count, IconButton, Panel, percent, Scale, Toggle, Triple } from "../widgets/controls";
 import { ControlField } from "./control_field";
@@ -88,12 +88,16 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
 
 /** Each place that looks like the handle's own, and whether it moves along. */
 function SimilarPlaces({ handle }: { readonly handle: number }) {
-  const places = useStore(otherPlaces);
-  const shown = useStore((state) => state.showGhosts);
+  const state = useParts();
+  const places = otherPlaces(state);
   if (places.length === 0) return null;
   return (
     <div class="instances" role="group" aria-label="Look-alikes">
-      <Toggle label="Show where it acts" checked={shown} onChange={(showGhosts) => store.set({ showGhosts })} />
+      <Toggle
+        label="Show where it acts"
+        checked={state.showGhosts}
+        onChange={(showGhosts) => store.set({ showGhosts })}
+      />
       <ul class="rows">
         {places.map(({ vertex, weight, on }, i) => (
           <li key={vertex}>

@@ -1,7 +1,7 @@
 import { useEffect, useRef } from "preact/hooks";
 
 import { SHORTCUTS, toggle, type Shortcut } from "../actions/keyboard";
-import { useStore } from "../store/use";
+import { useParts } from "../store/use";
 import { IconButton } from "../widgets/controls";
 
 type Entry = readonly [keys: string, label: string];
@@ -25,12 +25,12 @@ function entriesOf(group: Shortcut[1]): readonly Entry[] {
 }
 
 export function Help() {
-  const open = useStore((state) => state.help);
+  const { help } = useParts();
   const box = useRef<HTMLDivElement>(null);
   useEffect(() => {
-    if (open) box.current?.focus();
-  }, [open]);
-  if (!open) return null;
+    if (help) box.current?.focus();
+  }, [help]);
+  if (!help) return null;
   const close = () => toggle("help");
   return (
     <div class="veil" onClick={(event) => event.target === event.currentTarget && close()}>

@@ -5,39 +5,34 @@ import { regionOf, setDefault, throttle } from "../actions/edit";
 import { niceStep, REST, type Transform } from "../posing/affine";
 import type { FixedState, StateMessage } from "../protocol/messages";
 import { handleName, placeName, ready, selectedHandle, store } from "../store/state";
-import { useStore } from "../store/use";
+import { useParts } from "../store/use";
 import { Button, Facts, IconButton, Panel, percent, Scale, Select, Slider, titled, Triple } from "../widgets/controls";
 import { HandleList } from "./handle_list";
 import { HandlePanel } from "./handle_panel";
 import { SymmetryPanel } from "./symmetry_panel";
 
 export function Inspector() {
-  const [open, edit, handle, alive, painting] = useStore(
-    (state) =>
-      [
-        state.inspector,
-        state.edit,
-        selectedHandle(state),
-        ready(state),
-        state.tool === "paint" || state.painted !== null,
-      ] as const,
-  );
-  if (!open) return null;
+  const state = useParts();
+  const { inspector, edit, tool, painted } = state;
+  const handle = selectedHandle(state);
+  if (!inspector) return null;
   return (
     <aside class="inspector" aria-label="Inspector">
-      {painting && <BrushPanel />}
+      {(tool === "paint" || painted) && <BrushPanel />}
       <HandleList />
       {handle && <HandlePanel known={handle} />}
       {edit && edit.fixed.length > 0 && <FixedPanel fixed={edit.fixed} />}
-      {edit && alive && <SymmetryPanel known={edit} />}
-      {edit && alive && <DefaultPanel known={edit} />}
+      {edit && ready(state) && <SymmetryPanel known={edit} />}
+      {edit && ready(state) && <DefaultPanel known={edit} />}
       {edit && <ShapePanel known={edit} />}
     </aside>
   );
 }
 
 function BrushPanel() {
-  const [brush, painted, selected] = useStore((state) => [state.brush, state.painted, selectedHandle(state)] as const);
+  const state = useParts();
+  const { brush, painted } = state;
+  const selected = selectedHandle(state);
   const use = (what: (region: { mask: string }) => void) => () => {
     if (!painted) return;
     what(regionOf(painted.mask));
@@ -118,7 +113,7 @@ function FixedPanel({ fixed }: { readonly fixed: readonly FixedState[] }) {
 
 /** D₀ of Eq. 1: what happens to what no handle holds. */
 function DefaultPanel({ known }: { readonly known: StateMessage }) {
-  const size = useStore((state) => state.mesh?.diagonal ?? 1);
+  const size = useParts().mesh?.diagonal ?? 1;
   const now = known.default ?? REST;
   const set = (part: Partial<Transform>) => setDefault({ ...now, ...part });
   const reset = (
@@ -154,7 +149,7 @@ function DefaultPanel({ known }: { readonly known: StateMessage }) {
 const MODES = ["preset", "overlap", "blend"];
 
 function ShapePanel({ known }: { readonly known: StateMessage }) {
-  const [mesh, report, session] = useStore((state) => [state.mesh, state.report, state.session] as const);
+  const { mesh, report, session } = useParts();
   const controls = session?.controls.filter(({ name }) => MODES.includes(name)) ?? [];
   const { status, origin } = known.field;
   const features = status === "ready" ? (origin ?? "ready") : status === "none" ? "not learned yet" : `${status}…`;
@@ -162,7 +157,7 @@ function ShapePanel({ known }: { readonly known: StateMessage }) {
     ? [
         ["Faces", mesh.faces],
         ["Vertices", mesh.vertices],
-        ["Parts", Math.max(mesh.parts, 1)],
+        ["Scene parts", Math.max(mesh.parts, 1)],
       ]
     : [];
   return (

@@ -1,6 +1,6 @@
 import { send } from "../actions/connection";
 import { chooseFiles, megabytes } from "../actions/files";
-import { useStore } from "../store/use";
+import { useParts } from "../store/use";
 import { count } from "../widgets/controls";
 import { Icon } from "../widgets/icons";
 
@@ -13,7 +13,7 @@ function meshFormats(endings: readonly string[]): string {
 
 /** What to begin with, while there is no shape. */
 export function Start() {
-  const [session, uploading] = useStore((state) => [state.session, state.uploading] as const);
+  const { session, uploading } = useParts();
   return (
     <main class="start">
       <div class="start-card">

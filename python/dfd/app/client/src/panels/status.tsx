@@ -2,7 +2,7 @@ import { send } from "../actions/connection";
 import { toggle } from "../actions/keyboard";
 import { dismiss } from "../actions/toasts";
 import { ready } from "../store/state";
-import { useStore } from "../store/use";
+import { useParts } from "../store/use";
 import { Button, count, IconButton, titled } from "../widgets/controls";
 
 const HINTS = {
@@ -13,30 +13,16 @@ const HINTS = {
 } as const;
 
 export function StatusLine() {
-  const [link, tool, hover, dragging, report, alive, timeline, pending, comparing, seen, probe] = useStore(
-    (s) =>
-      [
-        s.link,
-        s.tool,
-        s.hover,
-        s.dragging,
-        s.report,
-        ready(s),
-        s.timeline,
-        s.ahead.size > 0,
-        s.comparing,
-        s.seen,
-        s.probe,
-      ] as const,
-  );
+  const { link, tool, hover, dragging, report, edit, timeline, ahead, comparing, seen, probe } = useParts();
   const said = report && !dragging ? report.text : "";
   const part = probe?.part ? `Part of ${count.format(probe.part)} vertices · Alt-click to hold it` : "";
   const hint =
-    part || (dragging ? "Wheel changes reach" : comparing ? "The original" : alive ? HINTS[tool] : "Drag to orbit");
+    part ||
+    (dragging ? "Wheel changes reach" : comparing ? "The original" : ready({ edit }) ? HINTS[tool] : "Drag to orbit");
   return (
     <footer class="status">
       <span class={`link ${link}`} role="status">
-        {link === "open" ? (pending ? "Saving…" : "Saved") : link === "lost" ? "Reconnecting…" : titled(link)}
+        {link === "open" ? (ahead.size > 0 ? "Saving…" : "Saved") : link === "lost" ? "Reconnecting…" : titled(link)}
       </span>
       <span class="hint">{hint}</span>
       <span class="report" role="status" title={said}>
@@ -60,7 +46,7 @@ export function StatusLine() {
 }
 
 export function Toasts() {
-  const toasts = useStore((state) => state.toasts);
+  const { toasts } = useParts();
   return (
     <div class="toasts" aria-live="polite">
       {toasts.map((toast) => (
@@ -82,7 +68,7 @@ const TITLES = {
 
 /** What keeps the shape from being held yet, and how long that takes. */
 export function ProgressCard() {
-  const [progress, status, mesh] = useStore((s) => [s.progress, s.edit?.field.status, s.mesh] as const);
+  const { progress, edit, mesh } = useParts();
   if (progress) {
     const part = progress.total ? Math.min(progress.done / progress.total, 1) : null;
     const title = TITLES[progress.task];
@@ -102,7 +88,7 @@ export function ProgressCard() {
       </section>
     );
   }
-  if (!mesh || status !== "none") return null;
+  if (!mesh || edit?.field.status !== "none") return null;
   return (
     <section class="card" aria-label="Features">
       <div class="card-line">
@@ -121,7 +107,7 @@ function remaining(seconds: number | null): string {
 
 /** The last thing said where nothing more can be done here. */
 export function Ended() {
-  const ended = useStore((state) => state.ended);
+  const { ended } = useParts();
   if (ended === null) return null;
   return (
     <div class="veil" role="alertdialog" aria-label="The session has ended">

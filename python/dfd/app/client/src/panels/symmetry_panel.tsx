@@ -2,14 +2,15 @@ import { send } from "../actions/connection";
 import { throttle } from "../actions/edit";
 import type { Plane, StateMessage } from "../protocol/messages";
 import { store } from "../store/state";
-import { useStore } from "../store/use";
+import { useParts } from "../store/use";
 import { Panel, readable, Slider, Toggle } from "../widgets/controls";
 
 const AXES = ["x", "y", "z"] as const;
 type Axis = (typeof AXES)[number];
 
 export function SymmetryPanel({ known: { symmetry: used, planes: found } }: { readonly known: StateMessage }) {
-  const [shown, size] = useStore((state) => [state.showPlanes, state.mesh?.diagonal ?? 1] as const);
+  const { showPlanes, mesh } = useParts();
+  const size = mesh?.diagonal ?? 1;
   const others = AXES.filter((axis) => !found.some((plane) => isAcross(plane, axis)));
   const foreign = used && !found.some((plane) => same(plane, used)) && !others.some((axis) => isAcross(used, axis));
   const chip = (text: string, title: string, pressed: boolean, plane: Plane | Axis | null, isFound = false) => (
@@ -51,7 +52,7 @@ export function SymmetryPanel({ known: { symmetry: used, planes: found } }: { re
         />
       )}
       {found.length > 0 && (
-        <Toggle label="Show what was found" checked={shown} onChange={(showPlanes) => store.set({ showPlanes })} />
+        <Toggle label="Show what was found" checked={showPlanes} onChange={(on) => store.set({ showPlanes: on })} />
       )}
     </Panel>
   );

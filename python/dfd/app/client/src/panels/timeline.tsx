@@ -2,15 +2,13 @@ import { useState } from "preact/hooks";
 
 import { applyMoment, changePose, leave, play, removePose, scrub, storePose } from "../actions/timeline";
 import { store } from "../store/state";
-import { useStore } from "../store/use";
+import { useParts } from "../store/use";
 import { Button, IconButton, NumberField } from "../widgets/controls";
 
 export function Timeline() {
-  const [open, edit, playhead, playing, away] = useStore(
-    (state) => [state.timeline, state.edit, state.playhead, state.playing, state.moment !== null] as const,
-  );
+  const { timeline, edit, playhead, playing, moment } = useParts();
   const [chosen, setChosen] = useState(0);
-  if (!open) return null;
+  if (!timeline) return null;
   const poses = edit?.poses ?? [];
   const end = Math.max(1, ...poses.map((pose) => pose.seconds));
   const index = Math.min(chosen, poses.length - 1);
@@ -25,7 +23,7 @@ export function Timeline() {
       <div class="timeline-tools">
         <IconButton icon={playing ? "pause" : "play"} label={playing ? "Pause" : "Play"} keys="Space" onPress={play} />
         <IconButton icon="add" label="Store the present pose" keys="K" onPress={storePose} />
-        {away && (
+        {moment && (
           <>
             <Button text="Use this pose" style="primary small" onPress={applyMoment} />
             <Button text="Back to the edit" style="small" onPress={leave} />

@@ -1,25 +1,14 @@
 import { send } from "../actions/connection";
 import { ready, store } from "../store/state";
-import { useStore } from "../store/use";
+import { useParts } from "../store/use";
 import { IconButton, KeyButton } from "../widgets/controls";
 
 const TOOLS = { hold: "H", fix: "X", paint: "B", pivot: "P" } as const;
 const MODES = { translate: "W", rotate: "E", scale: "R" } as const;
 
 export function Toolbar() {
-  const [tool, gizmo, space, snap, comparing, suggested, off, still] = useStore(
-    (s) =>
-      [
-        s.tool,
-        s.gizmo,
-        s.space,
-        s.snap,
-        s.comparing,
-        s.suggestions.length > 0,
-        !ready(s),
-        !s.edit?.handles.some((handle) => handle.moved),
-      ] as const,
-  );
+  const { edit, tool, gizmo, space, snap, comparing, suggestions } = useParts();
+  const off = !ready({ edit });
   const compare = (on: boolean) => () => store.set({ comparing: on });
   const keyed = (icon: keyof typeof TOOLS | keyof typeof MODES, keys: string, pressed: boolean) => (
     <KeyButton key={keys} icon={icon} keys={keys} pressed={pressed} disabled={off} />
@@ -35,7 +24,7 @@ export function Toolbar() {
         <KeyButton icon="snap" keys="S" pressed={snap} disabled={off} />
       </div>
       <div role="group" aria-label="Shape">
-        <KeyButton icon="suggest" keys="G" pressed={suggested} disabled={off} />
+        <KeyButton icon="suggest" keys="G" pressed={suggestions.length > 0} disabled={off} />
         <IconButton
           icon="compare"
           label="Hold to see the original"
@@ -50,7 +39,7 @@ export function Toolbar() {
         <IconButton
           icon="reset"
           label="Return everything to rest"
-          disabled={still}
+          disabled={!edit?.handles.some((handle) => handle.moved)}
           onPress={() => send({ type: "reset" })}
         />
         <KeyButton icon="frame" keys="F" />

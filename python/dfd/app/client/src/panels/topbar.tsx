@@ -3,7 +3,7 @@ import { chooseFiles, copyScript, exportAs } from "../actions/files";
 import { LOOKS } from "../actions/keyboard";
 import type { Export } from "../protocol/messages";
 import { ready, store, type Theme } from "../store/state";
-import { useStore } from "../store/use";
+import { useParts } from "../store/use";
 import { heatPicture, screenshot, turntable } from "../viewer/pictures";
 import type { Viewer } from "../viewer/viewer";
 import { IconButton, KeyButton, Menu, Segmented, type MenuItem } from "../widgets/controls";
@@ -22,16 +22,17 @@ const exported = (text: string, hint: string, format: Export["format"], possible
 ];
 
 export function Topbar({ viewer }: { readonly viewer: Viewer }) {
-  const [known, mesh, look, wireframe, quality, chosen, inspector, alive] = useStore(
-    (s) => [s.edit, s.mesh, s.look, s.wireframe, s.quality, s.theme, s.inspector, ready(s)] as const,
-  );
-  const [themeIcon, nextTheme, themeLabel] = THEMES[chosen];
-  const moves = (known?.poses.length ?? 0) > 1;
+  const { edit, mesh, look, wireframe, quality, theme, inspector } = useParts();
+  const [themeIcon, nextTheme, themeLabel] = THEMES[theme];
+  const moves = (edit?.poses.length ?? 0) > 1;
   const open: MenuItem[] = [
     ["Open a mesh or session…", "Ctrl O", chooseFiles],
     ["Close", "", () => send({ type: "close_mesh" })],
   ];
-  const saved = [exported("Save session", "JSON", "edit"), exported("Save field", "safetensors", "field", alive)];
+  const saved = [
+    exported("Save session", "JSON", "edit"),
+    exported("Save field", "safetensors", "field", ready({ edit })),
+  ];
   const pictures: MenuItem[] = [
     ["Screenshot", "PNG", () => void screenshot(viewer)],
     ["Heat map of the handle", "PNG", () => void heatPicture(viewer)],
@@ -57,8 +58,8 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
         </h1>
       </div>
       <div class="bar-group">
-        <KeyButton icon="undo" keys="Ctrl Z" disabled={!known?.can_undo} />
-        <KeyButton icon="redo" keys="Ctrl Shift Z" disabled={!known?.can_redo} />
+        <KeyButton icon="undo" keys="Ctrl Z" disabled={!edit?.can_undo} />
+        <KeyButton icon="redo" keys="Ctrl Shift Z" disabled={!edit?.can_redo} />
       </div>
       <div class="bar-group middle">
         <Segmented label="Look" value={look} options={LOOKS} onChange={(value) => store.set({ look: value })} />

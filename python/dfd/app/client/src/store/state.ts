@@ -163,8 +163,8 @@ export function selectedHandle(state: State): HandleState | null {
 }
 
 /** Whether the shape can be held: its field is there. */
-export function ready(state: State): boolean {
-  return state.edit?.field.status === "ready";
+export function ready({ edit }: Pick<State, "edit">): boolean {
+  return edit?.field.status === "ready";
 }
 
 export function handleName({ name, handle }: HandleState): string {

@@ -3,25 +3,22 @@ import { useEffect, useRef, useState } from "preact/hooks";
 import { store, type State } from "./state";
 import { same } from "./store";
 
-/**
- * What `select` takes from the state; the component is drawn again when it becomes another value, or array of values,
- * but not within `pause` milliseconds after it was drawn.
- */
-export function useStore<Part>(select: (state: State) => Part, pause: () => number = () => 0): Part {
-  const part = select(store.get());
-  const latest = useRef({ select, pause, part });
-  latest.current = { select, pause, part };
+/** Draw the component again when its state has `changed` since, but not within `pause` milliseconds. */
+function useRedraw(changed: (now: State, drawn: State) => boolean, pause: () => number): void {
+  const latest = useRef({ changed, pause, state: store.get() });
+  latest.current = { changed, pause, state: store.get() };
   const [, redraw] = useState(0);
   useEffect(() => {
     let timer = 0;
     let drawn = 0;
-    const look = () => {
-      if (same(latest.current.select(store.get()), latest.current.part)) return;
-      const wait = drawn + latest.current.pause() - performance.now();
+    const check = () => {
+      const { changed, pause, state } = latest.current;
+      if (!changed(store.get(), state)) return;
+      const wait = drawn + pause() - performance.now();
       if (wait > 0) {
         timer ||= window.setTimeout(() => {
           timer = 0;
-          look();
+          check();
         }, wait);
         return;
       }
@@ -32,12 +29,32 @@ export function useStore<Part>(select: (state: State) => Part, pause: () => numb
       redraw((count) => count + 1);
     };
     // Between drawing and here the state may have moved on.
-    look();
-    const stop = store.watch((state) => state, look);
+    check();
+    const stop = store.watch((state) => state, check);
     return () => {
       clearTimeout(timer);
       stop();
     };
   }, []);
-  return part;
+}
+
+/** What `select` takes from the state; the component is drawn again when it becomes another value, or array of them. */
+export function useStore<Part>(select: (state: State) => Part, pause: () => number = () => 0): Part {
+  useRedraw((now, drawn) => !same(select(now), select(drawn)), pause);
+  return select(store.get());
+}
+
+/** The state; the component is drawn again when a part that it has read becomes another. */
+export function useParts(): State {
+  const keys = useRef(new Set<keyof State>()).current;
+  useRedraw(
+    (now, drawn) => [...keys].some((key) => now[key] !== drawn[key]),
+    () => 0,
+  );
+  return new Proxy(store.get(), {
+    get(state, key: keyof State) {
+      keys.add(key);
+      return state[key];
+    },
+  });
 }

@@ -29,7 +29,7 @@ export class Clock {
       return;
     }
     gl.flush();
-    const look = () => {
+    const poll = () => {
       if (gl.isContextLost()) {
         answer(null);
         return;
@@ -37,12 +37,12 @@ export class Clock {
       const gone = performance.now() - begun;
       const done = gl.clientWaitSync(fence, 0, 0) !== gl.TIMEOUT_EXPIRED;
       if (!done && gone < PATIENCE) {
-        setTimeout(look, INTERVAL);
+        setTimeout(poll, INTERVAL);
         return;
       }
       gl.deleteSync(fence);
       answer(done ? gone : null);
     };
-    setTimeout(look, INTERVAL);
+    setTimeout(poll, INTERVAL);
   }
 }

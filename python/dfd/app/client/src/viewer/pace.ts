@@ -18,7 +18,7 @@ const FAST = 25;
 /** What takes longer is drawn in bits, when the page rests. */
 const LONG = 250;
 /** How much the newest frame counts against those before. */
-const SHARE = 0.3;
+const NEWEST_WEIGHT = 0.3;
 const MOST_HALVINGS = 3;
 const PROCESSORS_PIXELS = 160_000;
 
@@ -68,7 +68,7 @@ export class Pace {
       this.halvings = this.usual ?? usualHalvings(pixels);
     } else {
       // One that was held up, by the page or by another program, says little.
-      this.slowness += SHARE * (Math.min(gone, 2 * SLOW) - this.slowness);
+      this.slowness += NEWEST_WEIGHT * (Math.min(gone, 2 * SLOW) - this.slowness);
       if (this.slowness > SLOW) this.ease(hasCoarse);
     }
     return { level: this.slow && hasCoarse ? "coarse" : "full", halvings: this.halvings };

@@ -42,15 +42,15 @@ export class Picker {
 
   /** At (x, y) in pixels of the page within a view of `width` × `height`; null beside the shape. */
   pick(camera: PerspectiveCamera, x: number, y: number, width: number, height: number): Pick | null {
-    const about = [Math.floor(x), Math.floor(y), width, height, this.shape.shapes].join();
+    const about = [Math.floor(x), Math.floor(y), width, height, this.shape.poses].join();
     camera.updateMatrixWorld();
     const key = [about, camera.matrixWorld.elements, camera.projectionMatrix.elements].join();
     // A click where the pointer rested finds what was found there: of a large shape that takes a processor a second.
-    if (this.newest?.key !== key) this.newest = { key, pick: this.look(camera, x, y, width, height) };
+    if (this.newest?.key !== key) this.newest = { key, pick: this.find(camera, x, y, width, height) };
     return this.newest.pick;
   }
 
-  private look(camera: PerspectiveCamera, x: number, y: number, width: number, height: number): Pick | null {
+  private find(camera: PerspectiveCamera, x: number, y: number, width: number, height: number): Pick | null {
     // One pixel of the view fills the target, so the GPU throws away all else before a fragment is made.
     this.shape.update();
     this.mesh.geometry = this.shape.drawn.geometry;

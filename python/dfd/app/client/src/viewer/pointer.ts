@@ -93,8 +93,8 @@ export class Pointer {
   private hover(event: PointerEvent): void {
     clearTimeout(this.timer);
     if (this.events.busy()) this.unhover();
-    else if (this.slowness < SLOW_MILLISECONDS) this.look(event);
-    else this.timer = window.setTimeout(() => this.look(event), REST_MILLISECONDS);
+    else if (this.slowness < SLOW_MILLISECONDS) this.point(event);
+    else this.timer = window.setTimeout(() => this.point(event), REST_MILLISECONDS);
   }
 
   /** Alt shows parts, also where the pointer rests. */
@@ -102,10 +102,10 @@ export class Pointer {
     if (event.key !== "Alt" || event.repeat || !this.last) return;
     event.preventDefault();
     clearTimeout(this.timer);
-    if (!this.down && !this.events.busy()) this.look(this.last, event.type === "keydown");
+    if (!this.down && !this.events.busy()) this.point(this.last, event.type === "keydown");
   }
 
-  private look(event: PointerEvent, part = event.altKey): void {
+  private point(event: PointerEvent, part = event.altKey): void {
     const begun = performance.now();
     const [x, y] = this.at(event);
     const picked = this.events.pick(x, y);

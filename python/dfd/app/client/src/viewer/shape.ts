@@ -1,4 +1,4 @@
-/** The mesh on the GPU: geometry, its materials in their looks, and what poses it. */
+/** The mesh on the GPU: geometry, its materials in their revision, and what poses it. */
 
 import {
   ClampToEdgeWrapping,
@@ -30,7 +30,7 @@ import type { Level, Look, Posed } from "../store/state";
 import { Levels, type Drawn, type Triangles } from "./posing/levels";
 import { PoseTextures } from "./posing/pose_textures";
 import { define, material } from "./posing/shaders";
-import { SHAPE_LAYER, type Parts } from "./still";
+import { SHAPE_LAYER, type Drawable } from "./still";
 
 const WRAPS = { repeat: RepeatWrapping, mirror: MirroredRepeatWrapping, clamp: ClampToEdgeWrapping } as const;
 
@@ -46,10 +46,10 @@ export class Shape {
   private readonly materials: ShaderMaterial[];
   private look: Look = "texture";
   private heats = false;
-  /** Counts the shapes that it has had: what is picked stays as long as neither this nor the camera changes. */
-  shapes = 0;
-  /** Counts how it has looked. */
-  looks = 0;
+  /** Counts its poses: what is picked stays as long as neither this nor the camera changes. */
+  poses = 0;
+  /** Counts changes of what it looks like. */
+  revision = 0;
   private wires: Mesh | null = null;
   private readonly textures: Texture[] = [];
   private featureColors: Uint8Array | null = null;
@@ -89,8 +89,8 @@ export class Shape {
     this.levels.posed.useGiven(before.posed.usesGiven);
     this.levels.setPosed(this.given);
     this.use(this.level);
-    this.shapes++;
-    this.looks++;
+    this.poses++;
+    this.revision++;
     before.dispose();
   }
 
@@ -134,7 +134,7 @@ export class Shape {
     this.level = level;
     const { geometry } = this.drawn;
     if (this.surface.geometry === geometry) return;
-    this.shapes++;
+    this.poses++;
     this.wear(geometry);
   }
 
@@ -148,7 +148,7 @@ export class Shape {
     this.levels.posed.update(this.drawn.rows);
   }
 
-  get parts(): Parts {
+  get drawable(): Drawable {
     const { geometry, rows, faces } = this.levels.of("full");
     return {
       rows,
@@ -174,9 +174,9 @@ export class Shape {
     if (sameScene(scene, this.pose.scene)) return;
     const rested = rests(this.pose.scene);
     this.pose.show(scene);
-    if (!rested || !rests(scene)) this.shapes++;
+    if (!rested || !rests(scene)) this.poses++;
     this.levels.posed.invalidate();
-    this.looks++;
+    this.revision++;
     this.heats = scene.columns.some((column) => column.heat !== 0);
     this.compile();
   }
@@ -186,13 +186,13 @@ export class Shape {
     this.shared.ownLook.value = look === "texture";
     this.shared.heatAlone.value = look === "heat";
     this.shared.heatStrength.value = heatStrength;
-    this.looks++;
+    this.revision++;
     this.compile();
   }
 
   setClay(color: Color): void {
     (this.shared.lookColor.value as Color).copy(color);
-    this.looks++;
+    this.revision++;
   }
 
   setWireframe(on: boolean, color: Color, opacity: number): void {
@@ -205,7 +205,7 @@ export class Shape {
     }
     if (!this.wires) return;
     this.wires.visible = on;
-    this.looks++;
+    this.revision++;
     const { uniforms } = this.wires.material as ShaderMaterial;
     (uniforms.baseColor.value as Color).copy(color);
     uniforms.opacity.value = opacity;
@@ -215,7 +215,7 @@ export class Shape {
   setFeatureColors(colors: Uint8Array): void {
     this.featureColors = colors;
     this.levels.setFeatureColors(colors);
-    this.looks++;
+    this.revision++;
     this.compile();
   }
 
@@ -223,16 +223,16 @@ export class Shape {
   setPosed(posed: Posed | null): void {
     this.usePosed(true);
     this.given = posed;
-    if (posed) this.shapes++;
-    this.looks++;
+    if (posed) this.poses++;
+    this.revision++;
     this.levels.setPosed(posed);
   }
 
   /** Whether to show what the server posed, where there is something. */
   usePosed(on: boolean): void {
     if (!this.levels.posed.useGiven(on)) return;
-    this.shapes++;
-    this.looks++;
+    this.poses++;
+    this.revision++;
   }
 
   /** Where a row of the mesh rests. */
@@ -325,7 +325,7 @@ export class Shape {
       texture.needsUpdate = true;
       this.textures.push(texture);
       uniforms.map.value = texture;
-      this.looks++;
+      this.revision++;
       this.compile();
       this.changed();
     } catch {

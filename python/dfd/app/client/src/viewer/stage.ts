@@ -7,7 +7,7 @@ import type { Vec3 } from "../posing/affine";
 import type { Level } from "../store/state";
 import { Clock } from "./clock";
 import { COARSE, Pace, WHOLE, type Drawing } from "./pace";
-import { SHAPE_LAYER, Still, type Parts } from "./still";
+import { SHAPE_LAYER, Still, type Drawable } from "./still";
 
 const FIELD_OF_VIEW = 38;
 
@@ -17,8 +17,8 @@ export interface Subject {
   readonly whole: boolean;
   readonly opaque: boolean;
   readonly shown: Level;
-  readonly looks: number;
-  readonly parts: Parts;
+  readonly revision: number;
+  readonly drawable: Drawable;
   use(level: Level): void;
   update(): void;
 }
@@ -103,7 +103,7 @@ export class Stage {
   get rests(): boolean {
     const subject = this.subject();
     const direct = !this.still || !subject?.hasLevels || !subject.opaque || this.pace.quality === "full";
-    return this.frame === 0 && this.timer === 0 && (direct || this.still.fits(this.look(subject)));
+    return this.frame === 0 && this.timer === 0 && (direct || this.still.fits(this.key(subject)));
   }
 
   /** Somebody takes hold of what moves, or lets go. */
@@ -147,7 +147,7 @@ export class Stage {
   private next(now: number, moves: boolean): void {
     const { still } = this;
     const subject = this.subject();
-    const key = subject ? this.look(subject) : "";
+    const key = subject ? this.key(subject) : "";
     if (subject && still?.fits(key)) {
       this.showStill(still, subject);
       return;
@@ -190,20 +190,20 @@ export class Stage {
       this.show(WHOLE);
       return;
     }
-    const key = this.look(subject);
+    const key = this.key(subject);
     if (pace.short) {
       const begun = performance.now();
       this.sharpen(0);
-      still.make(key, subject.parts);
+      still.make(key, subject.drawable);
       this.showStill(still, subject);
       this.clock.ask(begun, (milliseconds) => pace.measured(milliseconds));
       return;
     }
     if (still.becomes(key)) return;
     if (this.halvings > 0 || subject.shown === "full") this.show(COARSE);
-    still.compose(key, subject.parts, (milliseconds) => {
+    still.compose(key, subject.drawable, (milliseconds) => {
       pace.measured(milliseconds);
-      if (this.frame === 0 && this.look(subject) === key) this.showStill(still, subject);
+      if (this.frame === 0 && this.key(subject) === key) this.showStill(still, subject);
     });
   }
 
@@ -223,10 +223,10 @@ export class Stage {
   }
 
   /** What the picture of the whole depends on. */
-  private look(subject: Subject): string {
+  private key(subject: Subject): string {
     const { matrixWorld, projectionMatrix } = this.camera;
     this.camera.updateMatrixWorld();
-    return [subject.looks, this.width, this.height, ...matrixWorld.elements, ...projectionMatrix.elements].join();
+    return [subject.revision, this.width, this.height, ...matrixWorld.elements, ...projectionMatrix.elements].join();
   }
 
   private sharpen(halvings: number): void {

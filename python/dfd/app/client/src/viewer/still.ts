@@ -27,7 +27,7 @@ const BUDGET = 50;
 const MOST_BITS = 20;
 
 /** A shape that can be posed and drawn in bits. */
-export interface Parts {
+export interface Drawable {
   readonly rows: number;
   readonly faces: number;
   /** Have so many rows posed, from the first on. */
@@ -79,33 +79,33 @@ export class Still {
   }
 
   /** Draw all of it now. */
-  make(key: string, parts: Parts): void {
+  make(key: string, shape: Drawable): void {
     this.start(key);
-    parts.pose(parts.rows);
-    this.add(parts, 0, parts.faces);
+    shape.pose(shape.rows);
+    this.add(shape, 0, shape.faces);
     this.made = key;
   }
 
   /** Draw it bit by bit, and tell at the end how many milliseconds that took, pauses left out. */
-  compose(key: string, parts: Parts, done: (milliseconds: number) => void): void {
+  compose(key: string, shape: Drawable, done: (milliseconds: number) => void): void {
     const own = this.start(key);
-    const least = Math.ceil(parts.faces / MOST_BITS);
+    const least = Math.ceil(shape.faces / MOST_BITS);
     let [rows, faces, bit, spent] = [0, 0, least, 0];
     const next = () => {
       if (own !== this.begun) return;
-      if (rows >= parts.rows && faces >= parts.faces) {
+      if (rows >= shape.rows && faces >= shape.faces) {
         this.made = key;
         done(spent);
         return;
       }
       const begun = performance.now();
-      if (rows < parts.rows) {
+      if (rows < shape.rows) {
         // A row is posed in less time than its two faces are drawn in.
-        rows = Math.min(rows + 2 * bit, parts.rows);
-        parts.pose(rows);
+        rows = Math.min(rows + 2 * bit, shape.rows);
+        shape.pose(rows);
       } else {
-        const count = Math.min(bit, parts.faces - faces);
-        this.add(parts, faces, count);
+        const count = Math.min(bit, shape.faces - faces);
+        this.add(shape, faces, count);
         faces += count;
       }
       // A question of an older picture may still be open: this one must be answered all the same.
@@ -136,11 +136,11 @@ export class Still {
     return this.begun;
   }
 
-  private add(parts: Parts, first: number, count: number): void {
+  private add(shape: Drawable, first: number, count: number): void {
     const { renderer, camera } = this;
     const { mask } = camera.layers;
     camera.layers.set(SHAPE_LAYER);
-    parts.among(first, count, () => this.drawing(() => renderer.render(this.scene, camera)));
+    shape.among(first, count, () => this.drawing(() => renderer.render(this.scene, camera)));
     camera.layers.mask = mask;
   }
 

@@ -5,7 +5,7 @@ import { useEffect, useRef, useState } from "preact/hooks";
 
 import type { Vec3 } from "../posing/affine";
 import { shortcut, toggle } from "../actions/keyboard";
-import { useStore } from "../store/use";
+import { useParts } from "../store/use";
 import { Icon, type IconName } from "./icons";
 
 export const count = new Intl.NumberFormat("en");
@@ -193,7 +193,7 @@ export function Triple({ label, of = "", value, step, onChange, action }: Triple
 
 /** One factor for all axes where they are the same, and a switch to have three. */
 export function Scale({ value, onChange, ...rest }: Pick<TripleProps, "value" | "of" | "onChange">) {
-  const uniform = useStore((state) => state.uniformScale);
+  const uniform = useParts().uniformScale;
   const link = (
     <IconButton icon="link" label="Scale all axes alike" pressed={uniform} onPress={() => toggle("uniformScale")} />
   );

@@ -28,6 +28,7 @@ export function launch() {
 export async function openTab(browser, options = {}) {
   const context = await browser.newContext({ viewport: { width: 1440, height: 900 }, ...options });
   const page = await context.newPage();
+  await page.addInitScript(installHook);
   page.setDefaultTimeout(PATIENCE);
   const problems = [];
   page.on("pageerror", (error) => problems.push(error.message));
@@ -38,6 +39,97 @@ export async function openTab(browser, options = {}) {
   await page.goto(new URL("/?test", URL_WITH_TOKEN).href);
   await until(page, (s) => s.page !== "waiting");
   return { context, page, problems };
+}
+
+/** Runs in the page: turns what it gives to tests, `window.dfd`, into what they ask. */
+function installHook() {
+  function asked({ store, viewer, ask, drop, posePoint, sceneOf }) {
+    const { stage } = viewer;
+    const shown = () => {
+      if (!viewer.shape) throw new Error("There is no shape yet.");
+      return viewer.shape;
+    };
+    return {
+      store,
+      /** Lose the connection to the server, as a network does. */
+      drop,
+      /** (R, 4) posed positions relative to the mesh's center, and heat, as the shader has them. */
+      positions() {
+        const found = shown().read();
+        const error = stage.renderer.getContext().getError();
+        if (error !== 0) throw new Error(`The graphics refused something: ${error}`);
+        return found;
+      },
+      /** (V, 3) positions at rest, relative to the mesh's center. */
+      rest() {
+        const { vertexOf, positions, message } = shown();
+        const rest = new Float32Array(3 * message.vertices);
+        vertexOf.forEach((vertex, row) => rest.set(positions.subarray(3 * row, 3 * row + 3), 3 * vertex));
+        return rest;
+      },
+      /** (V, 3) positions relative to the mesh's center, as the server's kernel has them. */
+      async computed() {
+        const received = await ask({ type: "compute" });
+        if (!received) throw new Error("The server computed nothing.");
+        return received.payload.get("positions", "float32");
+      },
+      /** (R) the vertex of each row. */
+      vertices: () => shown().vertexOf,
+      /** The vertex under a pixel of the view. */
+      pick: (x, y) => viewer.pick(x, y)?.vertex ?? null,
+      /** Where a vertex appears, in pixels of the page. */
+      project(vertex) {
+        const row = shown().vertexOf.indexOf(vertex);
+        const at = stage.project(posePoint(sceneOf(store.get()), shown().at(row), vertex).position);
+        const box = stage.canvas.getBoundingClientRect();
+        return at && [at[0] + box.left, at[1] + box.top];
+      },
+      camera: () => stage.camera.position.toArray(),
+      /** Draw now, so that the canvas can be read in the same task; without the shape where `bare`. */
+      draw(bare = false) {
+        const { group } = shown();
+        group.visible = !bare;
+        stage.draw();
+        group.visible = true;
+      },
+      /** Draw now what the next frame would be. */
+      drawNext: () => stage.drawNext(),
+      /** Have the page believe that the whole takes so long to draw. */
+      pretend(milliseconds) {
+        const { pace } = stage;
+        const measured = pace.measured.bind(pace);
+        pace.measured = () => measured(milliseconds);
+        // One alone would not be believed.
+        for (let i = 0; i < 2; i++) pace.measured(milliseconds);
+      },
+      /** Whether nothing is left to be drawn. */
+      rests: () => stage.rests,
+      /** Triangles of the newest picture, with those of the gizmo and what else is drawn. */
+      triangles: () => stage.renderer.info.render.triangles,
+      /** Pictures drawn a second, over that many, when each asks for the next. */
+      framesPerSecond: (seconds) =>
+        new Promise((resolve) => {
+          const { drawn } = stage;
+          const begun = performance.now();
+          let count = 0;
+          stage.drawn = () => {
+            drawn();
+            count++;
+            const gone = (performance.now() - begun) / 1000;
+            if (gone >= seconds) {
+              stage.drawn = drawn;
+              resolve(count / gone);
+            } else stage.invalidate();
+          };
+          stage.invalidate();
+        }),
+    };
+  }
+  let hook;
+  const set = (given) => {
+    hook = asked(given);
+  };
+  Object.defineProperty(window, "dfd", { get: () => hook, set });
 }
 
 export const state = (page, read) => page.evaluate(`(${read})(window.dfd.store.get())`);

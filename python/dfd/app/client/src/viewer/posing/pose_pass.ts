@@ -80,8 +80,9 @@ export class PosePass {
     this.fresh = count;
     const { gl, pose, renderer } = this;
     pose.textures.forEach((texture) => renderer.initTexture(texture));
-    const parts: ReadonlySet<string> = this.showsGiven && this.given ? new Set([...pose.parts, "GIVEN"]) : pose.parts;
-    const { program, at } = this.programs.with(parts);
+    const defines: ReadonlySet<string> =
+      this.showsGiven && this.given ? new Set([...pose.defines, "GIVEN"]) : pose.defines;
+    const { program, at } = this.programs.with(defines);
     gl.useProgram(program);
     const { mirror, defaultTransform } = pose.scene;
     [gl.TEXTURE_2D_ARRAY, gl.TEXTURE_2D].forEach((target, unit) => {

@@ -1,4 +1,4 @@
-/** The pose shader, compiled once for each set of parts that scenes have had. */
+/** The pose shader, compiled once for each set of defines that scenes have had. */
 
 import pose from "../../shaders/pose.glsl?raw";
 import pass from "../../shaders/pose_pass.glsl?raw";
@@ -17,9 +17,9 @@ export class PosePrograms {
 
   constructor(private readonly gl: WebGL2RenderingContext) {}
 
-  with(parts: ReadonlySet<string>): PoseProgram {
-    const key = [...parts].sort().join(" ");
-    const program = this.known.get(key) ?? compile(this.gl, parts);
+  with(defines: ReadonlySet<string>): PoseProgram {
+    const key = [...defines].sort().join(" ");
+    const program = this.known.get(key) ?? compile(this.gl, defines);
     this.known.set(key, program);
     return program;
   }
@@ -35,8 +35,8 @@ export class PosePrograms {
   }
 }
 
-function compile(gl: WebGL2RenderingContext, parts: ReadonlySet<string>): PoseProgram {
-  const defined = [...parts].map((part) => `#define ${part}\n`).join("");
+function compile(gl: WebGL2RenderingContext, defines: ReadonlySet<string>): PoseProgram {
+  const defined = [...defines].map((name) => `#define ${name}\n`).join("");
   const header = "#version 300 es\nprecision highp float;\nprecision highp int;\n";
   const program = gl.createProgram();
   const shaders = [

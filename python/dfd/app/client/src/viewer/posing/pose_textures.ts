@@ -23,13 +23,13 @@ const LEAST_ROWS = 16;
 const LINEAR = [0, 1, 2, 4, 5, 6, 8, 9, 10];
 
 /** What a scene has, and the shader is made for. */
-export type Part = "MIRROR" | "DEFAULT" | "FIXED" | "SHARE" | "ALONG" | "CURVED" | "TURNED";
+export type Define = "MIRROR" | "DEFAULT" | "FIXED" | "SHARE" | "ALONG" | "CURVED" | "TURNED";
 
 export class PoseTextures {
   distances: DataArrayTexture;
   columns = rows(LEAST_ROWS);
   columnCount = 0;
-  parts: ReadonlySet<Part> = new Set();
+  defines: ReadonlySet<Define> = new Set();
   scene: Scene = EMPTY_SCENE;
   private readonly height: number;
   private readonly places = new Map<Layer, number>();
@@ -62,7 +62,7 @@ export class PoseTextures {
     this.columns.needsUpdate = true;
     this.columnCount = count;
     this.scene = scene;
-    this.parts = partsOf(scene);
+    this.defines = definesOf(scene);
   }
 
   get textures(): readonly Texture[] {
@@ -134,8 +134,8 @@ function rows(count: number): DataTexture {
   return texture;
 }
 
-export function partsOf({ columns, mirror, defaultTransform }: Scene): Set<Part> {
-  const has: Record<Part, boolean> = {
+export function definesOf({ columns, mirror, defaultTransform }: Scene): Set<Define> {
+  const has: Record<Define, boolean> = {
     MIRROR: mirror !== null,
     DEFAULT: defaultTransform !== null,
     FIXED: columns.some((column) => column.fixed !== null),
@@ -144,7 +144,7 @@ export function partsOf({ columns, mirror, defaultTransform }: Scene): Set<Part>
     CURVED: columns.some((column) => column.falloff !== "linear"),
     TURNED: columns.some(({ transform }) => LINEAR.some((i) => transform[i] !== IDENTITY[i])),
   };
-  return new Set((Object.keys(has) as Part[]).filter((part) => has[part]));
+  return new Set((Object.keys(has) as Define[]).filter((part) => has[part]));
 }
 
 /** D − I: what is added to a point, which keeps its digits where little moves. */

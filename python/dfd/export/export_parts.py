@@ -1,0 +1,97 @@
+"""Export of a shape cut into parts: groups of an OBJ file, or material slots of a glTF file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfd.common.errors import ArgumentError
+from dfd.common.files import atomic_write
+from dfd.export.gltf.document import GltfDocument
+from dfd.mesh.file.gltf.header import MODES_READ, Header, objects
+from dfd.mesh.file.gltf.read import triangles
+from dfd.mesh.file.obj.write import encode_groups
+
+if TYPE_CHECKING:
+    from dfd.mesh.mesh import Mesh
+    from dfd.segmentation.parts import Part
+
+__all__ = ["ENDINGS", "export_parts"]
+
+ENDINGS = (".obj", ".glb", ".gltf")
+
+Labels = NDArray[np.int64]
+
+
+def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]) -> None:
+    """Write a mesh with its parts: faces of an OBJ file in groups "part_1" …, those of a glTF file in material slots.
+
+    A face is of the part that most of its corners are in. A glTF file keeps all else that the mesh's own has; each of
+    its materials is there once for each part, named after it. An OBJ file keeps texture coordinates, no materials.
+
+    Raises
+    ------
+    ValueError
+        If the ending is another, or there are no parts.
+    OSError
+        If the file cannot be written; what was there before stays.
+    """
+    target = Path(path)
+    ending = target.suffix.lower()
+    if ending not in ENDINGS:
+        raise ArgumentError("path", f"must end in {', '.join(ENDINGS)}, got {target}", "export_parts")
+    if not parts:
+        raise ArgumentError("parts", "must hold a part, got none", "export_parts")
+    of_vertex = np.argmax([part.mask for part in parts], axis=0)
+    if ending == ".obj":
+        of_face = _most(of_vertex[mesh.faces])
+        groups = [(f"part_{number + 1}", np.flatnonzero(of_face == number)) for number in range(len(parts))]
+        appearance = mesh.appearance
+        uv = None if appearance is None or appearance.uv is None else (appearance.uv, appearance.corner_faces)
+        data = encode_groups(mesh.vertices, mesh.faces, uv, groups)
+    else:
+        document = GltfDocument(mesh)
+        for node, _ in document.parts():
+            _split(document, node, of_vertex)
+        data = document.encode(binary=ending == ".glb")
+    with atomic_write(target) as temporary:
+        temporary.write_bytes(data)
+
+
+def _most(corners: Labels) -> Labels:
+    """(F,) the label that most of the three corners (F, 3) have; of three different ones the middle."""
+    most: Labels = np.sort(corners, axis=1)[:, 1]
+    return most
+
+
+def _split(document: GltfDocument, node: int, of_vertex: Labels) -> None:
+    """Make of each primitive of a node one for each part, with the same attributes and a material of its own."""
+    content, known = document.own_mesh(node), dict(document.parts())[node]
+    of_number = {each.source[2]: each for each in known}
+    split: list[Header] = []
+    for number, primitive in enumerate(content["primitives"]):
+        if number not in of_number or primitive.get("mode", 4) not in MODES_READ:
+            split.append(primitive)
+            continue
+        rows = document.rows(of_number[number])
+        faces = triangles(document.corners(node, number), primitive.get("mode", 4))
+        of_face = _most(np.where(rows >= 0, of_vertex[rows], 0)[faces])
+        for part in np.unique(of_face).tolist():
+            indices = document.accessor(faces[of_face == part].astype("<u4").ravel())
+            material = _material(document, primitive.get("material"), part)
+            split.append({**primitive, "mode": 4, "indices": indices, "material": material})
+    content["primitives"] = split
+
+
+def _material(document: GltfDocument, material: int | None, part: int) -> int:
+    """The number of a copy of a material that is named after a part, one for each of both."""
+    materials = objects(document.header, "materials")
+    own: Header = {} if material is None else dict(materials[material])
+    name = f"part {part + 1}" if material is None else f"{own.get('name') or f'material {material}'} part {part + 1}"
+    found = next((number for number, each in enumerate(materials) if each.get("name") == name), None)
+    return document.append("materials", {**own, "name": name}) if found is None else found
