@@ -54,14 +54,16 @@ class Shape:
         few = len(vertices) <= FULL_FEATURES
         self.features = self.field.features(self.mesh) if few else dfd.compact(self.field, self.mesh.vertices)
         self.geodesics = dfd.Geodesics(self.mesh)
-        self.parts = dfd.parts(self.field, self.mesh)
+        self._parts = dfd.parts(self.field, self.mesh)
 
-    def weights(self, vertex: int, *, whole_part: bool, reach: float, falloff: str, locality: float) -> np.ndarray:
+    def weights(
+        self, vertex: int, *, reach: float, falloff: str, locality: float, whole_part: bool = False
+    ) -> np.ndarray:
         """Weights (V,) float32 in [0, 1] of all vertices for a handle at `vertex`, as a session of dfd has them.
 
         Raises ValueError if `vertex` is none of the mesh, or a number is out of its range.
         """
-        part = self.parts.grip(vertex) if whole_part else None
+        part = self._parts.grip(vertex) if whole_part else None
         reach = reach if part is None else WITHIN_PART
         geodesic = self.geodesics.distances([vertex]) if locality > 0 else None
         column = dfd.bind(self.features, [vertex], reach=reach, falloff=falloff, geodesic=geodesic, locality=locality)
@@ -69,7 +71,7 @@ class Shape:
 
     def parts(self) -> list[np.ndarray]:
         """(N,) vertices of each part that the shape is cut into, see `dfd.parts`."""
-        return [part.vertices for part in dfd.parts(self.field, self.mesh).cut()]
+        return [part.vertices for part in self._parts.cut()]
 
 
 def _turned(vertices: np.ndarray) -> np.ndarray:

@@ -68,6 +68,8 @@ def change(edit: Edit, weights: HandleWeights, handle: int, at: Any, name: str |
     changed = edit.replaced(replace(held, place=place, transform=transform, controls=shaped, name=named))
     if transform.pivot_at is None or (place, shaped) == (held.place, held.controls):
         return changed
+    if not weights.held_parts(changed, changed.handle(handle)):
+        return changed  # what it holds now has no axis: the pivot stays where it was
     return _on_part(changed, weights, handle, {"pivot": transform.pivot_at}, transform)
 
 

@@ -27,6 +27,8 @@ STEP = 0.15  # difference of features likewise
 ROUNDS = 3  # of smoothing: what one round evens out lets the next tell borders better
 LEAST_AREA, MOST_AREA = 0.002, 0.95  # of the whole surface: of other sizes nothing is a part
 LEAST_SHOWN = 0.005  # likewise, for a part of the whole cut
+# Pieces so equal, of so similar a size as those of the likeliest part, belong to it where the part of all is as likely.
+EQUAL, SIMILAR, STILL_LIKELY = 0.7, 1.5, 0.4
 SHORT = 0.2  # diagonals: a border that is not much longer has to crease more, since chance creases short ones
 LEAST_CONCAVITY = 0.02  # counts for every border: some parts end without a crease
 EVEN = 0.05  # of height: what differs by less is alike, and steps from there to the next larger branch tell nothing
@@ -102,6 +104,7 @@ class Hierarchy:
             first[other] = first[one] + self._size[one]
         self._first, self._order = first, np.argsort(first[:count], kind="stable")
         self._children = children
+        self._known_pieces: dict[int, tuple[Float64, int]] = {}
         self.branches = [self._branch(node) for node in range(2 * count - 1)]
         self.cut, self.clear = self._clearest_cut()
 
@@ -121,18 +124,43 @@ class Hierarchy:
         branch = self.branches[node]
         return (branch.concavity + LEAST_CONCAVITY) * branch.step / (self.around(node) + SHORT)
 
+    def meant(self, nodes: list[int]) -> int:
+        """Which of the nodes that hold a patch, the smallest first, a person means who takes hold of it.
+
+        The likeliest, or one above it that joins it with as many equal pieces again: front legs take the hind legs.
+        """
+        likely = [self.holdable(node) for node in nodes]
+        best = chosen = int(np.argmax(likely))
+        for above in range(best + 1, len(nodes)):
+            own, all_of_it = self._pieces(nodes[chosen])[0], self._pieces(nodes[above])[0]
+            equal = all_of_it.min() >= EQUAL * all_of_it.max()
+            alike = 1 / SIMILAR <= all_of_it.mean() / own.mean() <= SIMILAR
+            if len(all_of_it) >= 2 * len(own) and equal and alike and likely[above] >= STILL_LIKELY * likely[best]:
+                chosen = above
+        return nodes[chosen]
+
     def around(self, node: int) -> float:
         """Mean length of the borders of a node, in diagonals of the box: the way around a limb where it begins."""
-        branch, patches = self.branches[node], self._patches
-        one, other = patches.borders.pairs.T
-        same = branch.inside[one] == branch.inside[other]
-        joined = csr_array((np.ones(same.sum()), (one[same], other[same])), shape=2 * (patches.borders.count,))
-        piece = connected_components(joined, directed=False)[1]
-        areas = np.bincount(piece, patches.area)
-        # Pieces and what is around them are a tree, with a border for each of its edges.
-        borders = max(int((areas > CRUMB * areas[piece[branch.inside]].max()).sum()) - 1, 1)
+        branch = self.branches[node]
         # Of what ends at a gap, as if it were square.
-        return float(branch.border or np.sqrt(branch.area * patches.node_area.sum())) / borders
+        length = branch.border or np.sqrt(branch.area * self._patches.node_area.sum())
+        return float(length) / self._pieces(node)[1]
+
+    def _pieces(self, node: int) -> tuple[Float64, int]:
+        """Areas of the connected pieces of a node, but for crumbs, and how many borders they have."""
+        if node not in self._known_pieces:
+            inside, borders = self.branches[node].inside, self._patches.borders
+            one, other = borders.pairs.T
+            same = inside[one] == inside[other]
+            joined = csr_array((np.ones(same.sum()), (one[same], other[same])), shape=2 * (borders.count,))
+            piece = connected_components(joined, directed=False)[1]
+            areas = np.bincount(piece, self._patches.area)
+            own = np.zeros(len(areas), bool)
+            own[piece[inside]] = True
+            large = areas > CRUMB * areas[own].max()
+            # Pieces and what is around them are a tree, with a border for each of its edges.
+            self._known_pieces[node] = areas[large & own], max(int(large.sum()) - 1, 1)
+        return self._known_pieces[node]
 
     def _clearest_cut(self) -> tuple[list[int], NDArray[np.bool_]]:
         """What `cut` and `clear` are: the best cut of a node is the node itself, or those of what it joins."""

@@ -180,7 +180,7 @@ class Parts:
         nodes = tree.holding(patch)
         area = np.array([tree.branches[node].area for node in nodes])
         clarity = np.array([tree.branches[node].clarity for node in nodes])
-        best = int(np.argmax([tree.holdable(node) for node in nodes]))
+        best = nodes.index(tree.meant(nodes))
         among = np.array([best])
         if level == "larger":
             among = np.flatnonzero(area > LARGER * area[best])

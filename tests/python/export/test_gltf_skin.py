@@ -144,7 +144,7 @@ def test_four_influences_are_the_heaviest_and_sum_to_one(session, tmp_path):
 
 def test_more_influences_come_in_further_sets(session, tmp_path):
     for vertex in (40, 300, 500, 700, 900, 1000):
-        session.add(vertex, translation=(0, 0.1, 0), instances="together")
+        session.add(vertex, translation=(0, 0.1, 0), instances="together", reach=0.7)
     session.overlap = "normalize"
     dfd.export_rig(session, tmp_path / "all.glb", influences="all")
     dfd.export_rig(session, tmp_path / "two.glb", influences=2)

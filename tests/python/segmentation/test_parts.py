@@ -158,6 +158,18 @@ def test_a_handle_on_the_seam_weighs_1(chair, chair_parts):
         assert own.max() == 1
 
 
+def test_legs_that_differ_a_little_are_held_together(chair):
+    """Front legs are told from hind legs, but what is above them holds all four: they are equal pieces."""
+    rows = noisy(chair)
+    back = np.concatenate([chair.vertices_of("leg", 2), chair.vertices_of("leg", 3)])
+    rows[back] += 1.5 * np.random.default_rng(5).normal(size=16).astype(np.float32) / 4
+    rows /= np.linalg.norm(rows, axis=1, keepdims=True)
+    found = Parts(chair.mesh, lambda some: rows[some])
+    legs = chair.labels == chair.parts.index("leg")
+    assert found.part(foot_of(chair)).pieces == 4
+    assert overlap(found.part(foot_of(chair)).mask, legs) > 0.85
+
+
 def test_a_part_carries_what_hangs_on_the_rest_through_it(chair):
     """The upper half of the legs is held: the feet go with it, and the seat stays."""
     patches = Patches(chair.mesh)
