@@ -29,6 +29,7 @@ LEAST_AREA, MOST_AREA = 0.002, 0.95  # of the whole surface: of other sizes noth
 LEAST_SHOWN = 0.005  # likewise, for a part of the whole cut
 # Pieces so equal, of so similar a size as those of the likeliest part, belong to it where the part of all is as likely.
 EQUAL, SIMILAR, STILL_LIKELY = 0.7, 1.5, 0.4
+UNCLEAR = 0.8  # of its likelihood, for a branch that a cut of it ends more clearly than: horns and ears are two parts
 SHORT = 0.2  # diagonals: a border that is not much longer has to crease more, since chance creases short ones
 LEAST_CONCAVITY = 0.02  # counts for every border: some parts end without a crease
 EVEN = 0.05  # of height: what differs by less is alike, and steps from there to the next larger branch tell nothing
@@ -122,7 +123,8 @@ class Hierarchy:
         length that counts is that of one border, so that four legs with four borders do as well as one leg with one.
         """
         branch = self.branches[node]
-        return (branch.concavity + LEAST_CONCAVITY) * branch.step / (self.around(node) + SHORT)
+        likely = (branch.concavity + LEAST_CONCAVITY) * branch.step / (self.around(node) + SHORT)
+        return likely if self.clear[node] else UNCLEAR * likely
 
     def meant(self, nodes: list[int]) -> int:
         """Which of the nodes that hold a patch, the smallest first, a person means who takes hold of it.

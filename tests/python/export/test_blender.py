@@ -49,7 +49,7 @@ def mirrored(session):
 def several(session):
     session.overlap = "normalize"
     for place in ("bottom", "top", "left", "front", 900, 40):
-        session.add(place, translation=(0.1, 0.1, 0), rotation=(20, 0, 0))
+        session.add(place, reach=0.7, translation=(0.1, 0.1, 0), rotation=(20, 0, 0))
 
 
 @pytest.mark.parametrize("edit", [turned, scaled_along_a_normal, mirrored, several])
@@ -98,7 +98,7 @@ def test_key_poses_are_an_action(session, tmp_path):
     dfd.export_rig(session, tmp_path / "rig.glb", influences="all", poses=poses)
     found = blender(tmp_path / "rig.glb", frame=24)  # of Blender's 24 in a second
     assert len(found["actions"]) == 1
-    session.move(1, rotation=(0, 100, 0), translation=(0, 0.3, 0))
+    session.move(1, rotation=(0, 100, 0), translation=(0, 0.3, 0), pivot="point")
     assert np.abs(found["triangles"] - session.vertices[session.mesh.faces]).max() < 1e-4 * session.mesh.diagonal
 
 

@@ -262,6 +262,9 @@ step("a painted region is held, and what is painted limits it", async () => {
   await until(page, (s) => s.edit.handles[1].moved && s.ahead.size === 0);
   assert.ok((await farthest(painted)) > 0.01, "what was held did not move");
   assert.ok((await shaderError(page)) <= TOLERANCE);
+  // A handle that ends with its part would end there whatever else limits it.
+  await page.getByRole("group", { name: "Reach by" }).getByRole("button", { name: "Number" }).click();
+  await until(page, (s) => s.edit.handles[1].reach_by === "number");
   const around = await paint();
   await page.getByRole("button", { name: "Limit", exact: true }).click();
   await until(page, (s, count) => s.edit.handles[1].within === count, around.length);
