@@ -70,11 +70,27 @@ def group_weights(of: bpy.types.Object, name: str) -> np.ndarray:
 
 def expected(of: bpy.types.Object, field_file: Path, vertex: int, **how) -> np.ndarray:
     import dfd
-    from dfd.editing.presets import PRESETS
 
-    features = dfd.Field.load(field_file)(coordinates(of))
-    new = PRESETS["default"]
-    return dfd.bind(features, [vertex], **{"reach": new.reach, "falloff": new.falloff, **how})[:, 0]
+    return weights(dfd.Field.load(field_file), coordinates(of), triangles(of), vertex, **how)
+
+
+def weights(field, vertices, faces, vertex: int, reach: float | str = "part", falloff: str | None = None) -> np.ndarray:
+    """What a handle of a new session gives the vertices: sessions need pydantic, which Blender has not."""
+    import dfd
+    from dfd.editing.presets import PARTLESS_REACH, PRESETS, WITHIN_PART
+
+    part = dfd.parts(field, dfd.Mesh(vertices, faces)).grip(vertex) if reach == "part" else None
+    if reach == "part":
+        reach = PARTLESS_REACH if part is None else WITHIN_PART
+    column = dfd.bind(field(vertices), [vertex], reach=reach, falloff=falloff or PRESETS["default"].falloff)[:, 0]
+    return column if part is None else column * part
+
+
+def triangles(of: bpy.types.Object) -> np.ndarray:
+    of.data.calc_loop_triangles()
+    found = np.empty((len(of.data.loop_triangles), 3), np.int32)
+    of.data.loop_triangles.foreach_get("vertices", found.ravel())
+    return found
 
 
 def select(of: bpy.types.Object, *vertices: int) -> None:
@@ -102,13 +118,13 @@ def test_sliders_weigh_anew(ball, field_file):
     bpy.ops.dfd.weigh()
     (handle,) = ball.dfd.handles
     before = group_weights(ball, handle.name)
-    handle.reach, handle.falloff = 0.4, "sharp"
+    handle.whole_part, handle.reach, handle.falloff = False, 0.4, "sharp"
     wanted = expected(ball, field_file, 7, reach=handle.reach, falloff="sharp")
     np.testing.assert_allclose(group_weights(ball, handle.name), wanted, atol=1e-6)
     assert (wanted < before - 0.05).any()
     handle.locality = 3
     mesh = dfd.Mesh(coordinates(ball), triangles(ball))
-    wanted *= (1 - dfd.Geodesics(mesh).distances([7])[0]) ** 3
+    wanted = wanted * (1 - dfd.Geodesics(mesh).distances([7])[0]) ** 3
     np.testing.assert_allclose(group_weights(ball, handle.name), wanted, atol=1e-5)
 
 
@@ -124,19 +140,11 @@ def test_a_preset_sets_reach_and_falloff_of_every_handle(ball, field_file):
     assert np.abs(wanted - expected(ball, field_file, 7)).max() > 0.01
 
 
-def triangles(of: bpy.types.Object) -> np.ndarray:
-    of.data.calc_loop_triangles()
-    found = np.empty((len(of.data.loop_triangles), 3), np.int32)
-    of.data.loop_triangles.foreach_get("vertices", found.ravel())
-    return found
-
-
 def test_a_file_that_blender_turned_finds_its_field(ball, field_file, tmp_path):
     """A glTF has y up and Blender z: the field knows the file's coordinates."""
     import dfd
-    from dfd.editing.presets import PRESETS
 
-    field, own = dfd.Field.load(field_file), PRESETS["default"]
+    field = dfd.Field.load(field_file)
     of_file = coordinates(ball)[:, [0, 2, 1]] * [1, 1, -1]
     low, high = of_file.min(axis=0), of_file.max(axis=0)
     turned = dfd.Field(field.parameters, octaves=4, center=(low + high) / 2, scale=2 / (high - low).max())
@@ -144,7 +152,7 @@ def test_a_file_that_blender_turned_finds_its_field(ball, field_file, tmp_path):
     ball.dfd.field = str(tmp_path / "turned.field.safetensors")
     select(ball, 11)
     bpy.ops.dfd.weigh()
-    wanted = dfd.bind(turned(of_file), [11], reach=own.reach, falloff=own.falloff)[:, 0]
+    wanted = weights(turned, of_file, triangles(ball), 11)
     np.testing.assert_allclose(group_weights(ball, "dfd 11"), wanted, atol=1e-6)
 
 
@@ -175,7 +183,7 @@ def test_a_moved_mesh_is_weighed_as_it_is_now(ball, field_file):
     bpy.ops.dfd.weigh()
     for vertex in ball.data.vertices:
         vertex.co.z *= 0.8
-    ball.dfd.handles[0].reach = 0.9
+    ball.dfd.handles[0].whole_part, ball.dfd.handles[0].reach = False, 0.9
     np.testing.assert_allclose(
         group_weights(ball, "dfd 5"), expected(ball, field_file, 5, reach=ball.dfd.handles[0].reach), atol=1e-6
     )

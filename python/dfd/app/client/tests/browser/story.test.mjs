@@ -265,6 +265,8 @@ step("a painted region is held, and what is painted limits it", async () => {
   // A handle that ends with its part would end there whatever else limits it.
   await page.getByRole("group", { name: "Reach by" }).getByRole("button", { name: "Number" }).click();
   await until(page, (s) => s.edit.handles[1].reach_by === "number");
+  await page.getByLabel("Reach", { exact: true }).fill("0.7");
+  await until(page, (s) => s.edit.handles[1].reach === 0.7);
   const around = await paint();
   await page.getByRole("button", { name: "Limit", exact: true }).click();
   await until(page, (s, count) => s.edit.handles[1].within === count, around.length);
