@@ -13,8 +13,6 @@ import bpy
 
 from .vertex_groups import object_mode
 
-__all__ = ["CLASSES"]
-
 SECONDS = 0.5  # between looks at whether it is done
 
 

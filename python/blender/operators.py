@@ -7,8 +7,6 @@ import numpy as np
 
 from .vertex_groups import cut, object_mode, weigh
 
-__all__ = ["CLASSES"]
-
 MOST_AT_ONCE = 64  # vertex groups that one click may make
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import bpy
 
-__all__ = ["CLASSES"]
-
 
 class DFD_PT_weights(bpy.types.Panel):  # noqa: N801
     """Field, handles and their sliders"""

@@ -11,8 +11,6 @@ from dfd.weights.bind import Falloff
 
 from .vertex_groups import refresh
 
-__all__ = ["CLASSES", "HandleSettings", "ObjectSettings", "Preferences"]
-
 FALLOFFS = [(name, name.capitalize(), "") for name in get_args(Falloff)]
 DEFAULTS = PRESETS["default"]
 PRESET_ITEMS = [

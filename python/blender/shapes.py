@@ -14,8 +14,6 @@ import dfd
 from dfd.editing.presets import WITHIN_PART
 from dfd.field.compatibility import check_compatible
 
-__all__ = ["Axes", "Shape"]
-
 Axes = Literal["AUTO", "SAME", "Y_UP"]
 
 FULL_FEATURES = 16_384  # vertices up to which features are kept in full

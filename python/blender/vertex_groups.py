@@ -13,8 +13,6 @@ import numpy as np
 
 from .shapes import Shape
 
-__all__ = ["cut", "forget", "object_mode", "refresh", "weigh"]
-
 
 class Kept(NamedTuple):
     """A shape, and what it was made of."""

@@ -41,10 +41,7 @@ def meshopt_cube() -> Gltf:
 
     positions = np.pad(CORNERS, ((0, 0), (0, 1))).astype("<f4")
     indices = CUBE.astype("<u4").ravel()
-    packed = [
-        meshopt.encode_gltf_buffer(positions, "ATTRIBUTES"),
-        meshopt.encode_gltf_buffer(indices, "TRIANGLES"),
-    ]
+    packed = [meshopt.encode_gltf_buffer(positions, "ATTRIBUTES"), meshopt.encode_gltf_buffer(indices, "TRIANGLES")]
     gltf = Gltf()
     gltf.node(name="cube", mesh=gltf.mesh("cube", CORNERS, CUBE))
     gltf.header["bufferViews"], gltf.data = [], b""

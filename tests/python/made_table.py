@@ -7,12 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 import dfd
-from dfd.upright.probe import (
-    FORMS,
-    TERMS,
-    VECTORS,
-    UpProbe,
-)
+from dfd.upright.probe import FORMS, TERMS, VECTORS, UpProbe
 
 TABLE_LEGS = ((-0.9, -0.4), (-0.9, 0.4), (0.9, -0.4), (0.9, 0.4))
 

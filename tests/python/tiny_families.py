@@ -112,13 +112,7 @@ def _sam() -> Any:
         "num_pos_feats": 4,
         "initializer_range": 0.2,
     }
-    prompt = {
-        "hidden_size": 8,
-        "image_size": 64,
-        "patch_size": 16,
-        "image_embedding_size": 4,
-        "mask_input_channels": 4,
-    }
+    prompt = {"hidden_size": 8, "image_size": 64, "patch_size": 16, "image_embedding_size": 4, "mask_input_channels": 4}
     config = transformers.SamConfig(
         vision_config=vision,
         prompt_encoder_config=prompt,

@@ -10,9 +10,6 @@ from pydantic import BaseModel, ConfigDict, JsonValue
 from dfd.common.preset import Preset
 from dfd.encoders.known import DEFAULT_ENCODER
 
-__all__ = ["UPLOADS", "OpenedFile", "SessionOptions", "Source"]
-
-
 UPLOADS = "uploads"  # the folder of uploaded files, inside that of the session
 
 

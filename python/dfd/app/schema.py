@@ -13,8 +13,6 @@ from dfd.app.protocol import answers, binary_messages
 from dfd.app.protocol.parts import Model
 from dfd.app.protocol.requests import Hello, request_union
 
-__all__ = ["schema"]
-
 
 def schema() -> dict[str, Any]:
     """The schema: `Client` is any message of the page, `Server` any of the server, or its header where it is binary."""

@@ -32,8 +32,6 @@ from dfd.batch.record import Record
 from dfd.batch.settings import BatchSettings
 from dfd.common.files import atomic_write
 
-__all__ = ["BatchFolder"]
-
 SETTINGS, RECORD, WORK, OWNER = "batch.json", "record.json", ".work", "owner"
 EXIT_NOTE = "last-words"
 TAKEN = (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR)

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-__all__ = ["MESH_ENDINGS", "Shape", "find_shapes", "has_magic", "is_remote", "local_matches"]
-
 MESH_ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
 MANIFEST_ENDINGS = (".csv", ".parquet")
 COLUMNS = ("path", "name", "field")

@@ -9,8 +9,6 @@ from dfd.batch.pool import Outcome
 from dfd.batch.record import Job, Limits, WorkerDied
 from dfd.batch.worker import work
 
-__all__ = ["RaySlots", "connect"]
-
 PATIENCE = 5.0  # seconds to wait for a cluster's answer
 QUEUED = 2  # jobs for each slot of the cluster, so that none idles
 

@@ -25,17 +25,6 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-__all__ = [
-    "SURE_ENOUGH",
-    "SURE_ENOUGH_LEARNED",
-    "Carried",
-    "Original",
-    "UnlikeError",
-    "before_and_after",
-    "carry",
-    "field_path",
-]
-
 # Below this confidence a handle has no similar region on the other shape. Without a learned metric, of a chair's leg
 # the legs of other chairs, of a bench, a couch and a nightstand have 0.40 to 0.71, the foot of a pedestal table 0.42,
 # and what comes nearest on a bird 0.29 to 0.34. A learned metric sets shapes farther apart: the legs of a chair and a

@@ -19,8 +19,6 @@ from dfd.batch.record import CAUSES, FAILED_EXPORT, Record, failures
 from dfd.batch.settings import BatchSettings
 from dfd.common.files import atomic_write
 
-__all__ = ["PAGE", "TABLE", "gather", "write_page", "write_table"]
-
 PAGE = "index.html"
 ON_A_PAGE = 2000  # shapes; more are in index-2.html and so on
 

@@ -20,17 +20,6 @@ import psutil
 
 from dfd.batch.record import Job, Limits, Record, Stopped, WorkerDied
 
-__all__ = [
-    "DISTILLING",
-    "LOOKING",
-    "Outcome",
-    "ProcessSlots",
-    "Slots",
-    "available_memory",
-    "processors",
-    "slot_environments",
-]
-
 Outcome = Record | Stopped | WorkerDied
 SPAWN = multiprocessing.get_context("spawn")  # OpenMP's threads do not survive a fork
 

@@ -19,8 +19,6 @@ from dfd.common.files import atomic_write
 from dfd.editing.edit_file import read_made_on
 from dfd.field.field import Field, FieldSource
 
-__all__ = ["EditFiles", "describe_edits", "find_files", "place_edits"]
-
 
 class EditFiles(NamedTuple):
     """An edit, and the mesh and the field that it was made on."""

@@ -16,23 +16,6 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from dfd.batch.inputs import is_remote
 
-__all__ = [
-    "CAUSES",
-    "FAILED_EXPORT",
-    "TOO_MUCH",
-    "Cause",
-    "Job",
-    "Limits",
-    "Record",
-    "Stopped",
-    "WorkerDied",
-    "exit_reason",
-    "failures",
-    "modified",
-    "new_token",
-    "versions",
-]
-
 Cause = Literal["input", "memory", "timeout", "crash", "error"]
 CAUSES: dict[str, str] = {
     "input": "bad input",

@@ -34,8 +34,6 @@ from dfd.batch.record import (
 )
 from dfd.batch.settings import BatchSettings
 
-__all__ = ["BatchProgress", "Summary", "Watcher", "run_batch"]
-
 ATTEMPTS = 2  # at a shape whose worker dies without a note: the system may have killed it for other tasks' memory
 LOOK_EVERY = 1.0  # seconds
 

@@ -10,8 +10,6 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from dfd.encoders.known import DEFAULT_ENCODER
 
-__all__ = ["EXPORTS", "MOVED", "RIGS", "WEIGHTS", "BatchSettings", "EditSource", "Step"]
-
 Step = Literal["inspect", "distill", "features", "symmetry", "parts", "pictures", "edits", "exports"]
 STEPS: tuple[Step, ...] = get_args(Step)
 # What `exports` can be, which is also how the files' names end: moved shapes, and what other programs pose.

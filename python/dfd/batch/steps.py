@@ -37,8 +37,6 @@ from dfd.segmentation.parts import parts as parts_of
 from dfd.symmetry.search import symmetry_planes
 from dfd.weights.compact import compact
 
-__all__ = ["FIELD", "THUMBNAIL", "WRITERS", "Work", "source_of"]
-
 FIELD, THUMBNAIL = "field.safetensors", "thumbnail.png"
 PIXELS = 256  # along the side of a picture
 CHUNK = 1 << 20  # bytes read at a time

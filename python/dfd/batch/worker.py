@@ -25,8 +25,6 @@ from dfd.batch.steps import Work
 from dfd.common.progress import Stages
 from dfd.common.threads import set_num_threads
 
-__all__ = ["Watched", "guarded", "work"]
-
 EVERY = 0.1  # seconds between two measurements of memory
 
 # Errors of the folder, not of a shape: every other shape would fail too.

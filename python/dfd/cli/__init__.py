@@ -25,8 +25,6 @@ from dfd.cli.handles import HandlesCommand
 from dfd.cli.inspect import inspect, parts
 from dfd.cli.show import pick, show
 
-__all__ = ["app", "main"]
-
 app = typer.Typer(
     name="dfd",
     cls=CommandGroup,

@@ -10,8 +10,6 @@ import typer
 from dfd.cli.arguments import PresetOption, chosen_preset
 from dfd.encoders.known import DEFAULT_ENCODER
 
-__all__ = ["app"]
-
 
 def app(
     mesh: Annotated[

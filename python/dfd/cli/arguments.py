@@ -22,27 +22,6 @@ if TYPE_CHECKING:
     from dfd.editing.points import Place
     from dfd.mesh.mesh import Mesh
 
-__all__ = [
-    "PLACE",
-    "FieldOption",
-    "FixOption",
-    "MeshArgument",
-    "Places",
-    "PresetOption",
-    "add_options",
-    "check_camera",
-    "check_output",
-    "chosen_preset",
-    "controls",
-    "file_in",
-    "given_besides",
-    "is_number",
-    "number_or",
-    "plane_text",
-    "shown",
-    "with_controls",
-]
-
 Command = Callable[..., None]
 
 # What a handle or a fixed point may be, in the help of every command.
@@ -150,10 +129,7 @@ def file_in(output: Path | None, source: Path) -> Path | None: ...
 def file_in(output: Path | None, source: Path) -> Path | None:
     """The file that `output` names: in a folder that is there, one with the name of `source`, which stays as it is.
 
-    Raises
-    ------
-    ValueError
-        If that is `source` itself.
+    Raises ValueError if that is `source` itself.
     """
     if output is None or not output.is_dir():
         return output

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from dfd.batch.pool import Slots
     from dfd.batch.record import Limits
 
-__all__ = ["batch"]
-
 GIB = 2**30
 SOME_FAILED = 1  # exit code
 LARGE = 1000  # shapes; more of them have folders in folders
@@ -37,8 +35,7 @@ def batch(
         str, typer.Option(metavar="NAME", help="A known name, a folder with weights, or a hub name.")
     ] = DEFAULT_ENCODER,
     preset: Annotated[
-        str | None,
-        typer.Option(metavar="default|paper", help="How fields are distilled; edits have their own."),
+        str | None, typer.Option(metavar="default|paper", help="How fields are distilled; edits have their own.")
     ] = None,
     distill: Annotated[
         list[str] | None,
@@ -154,15 +151,7 @@ def batch(
         with folder.lock(rank, world_size), progress.shown():
             place_edits(folder, files, sources)
             summary = run_batch(
-                shapes,
-                settings,
-                folder,
-                slots,
-                limits,
-                progress,
-                rank=rank,
-                world_size=world_size,
-                retry=retry,
+                shapes, settings, folder, slots, limits, progress, rank=rank, world_size=world_size, retry=retry
             )
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"the same command goes on from here; what is done is in {output}") from None

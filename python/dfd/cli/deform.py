@@ -25,8 +25,6 @@ from dfd.cli.deform_many import BatchOptions, deform_many, is_many
 from dfd.cli.handles import handles
 from dfd.encoders.known import DEFAULT_ENCODER
 
-__all__ = ["deform"]
-
 KEPT = ("output", "picture")
 NOTHING_MOVED = 1  # exit code
 

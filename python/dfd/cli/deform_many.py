@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["BatchOptions", "deform_many", "is_many"]
-
 CELL = 280  # pixels along a picture of the sheet
 SHAPES_BESIDE, SHAPES_ON_A_SHEET = 3, 60
 SOME_LEFT_OUT = 1  # exit code

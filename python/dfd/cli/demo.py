@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.samples import Sample
 
-__all__ = ["run"]
-
 Picture = tuple[NDArray[np.uint8], str]
 Row = tuple[str, Sequence[Picture]]
 

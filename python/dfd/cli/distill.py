@@ -20,8 +20,6 @@ from dfd.field.given_features import read_features, rows_of_vertices
 if TYPE_CHECKING:
     from dfd.field.field import Field
 
-__all__ = ["distill"]
-
 FEATURES = "`--features`"
 
 

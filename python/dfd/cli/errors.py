@@ -15,8 +15,6 @@ from typer.core import TyperGroup
 
 from dfd.common.errors import ArgumentError
 
-__all__ = ["CommandGroup"]
-
 BAD_INPUT = 2
 INTERRUPTED = 130
 

@@ -9,8 +9,6 @@ import typer
 
 from dfd.cli.arguments import FieldOption, MeshArgument, PresetOption, check_output, chosen_preset, file_in
 
-__all__ = ["export", "rig"]
-
 
 def export(
     mesh: MeshArgument,

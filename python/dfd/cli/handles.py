@@ -10,8 +10,6 @@ from typer.core import TyperCommand
 from dfd.cli.arguments import controls, is_number
 from dfd.editing.presets import CONTROLS
 
-__all__ = ["HandlesCommand", "handles"]
-
 TRANSFORM = {"translate": "translation", "rotate": "rotation", "scale": "scale", "pivot": "pivot", "axes": "axes"}
 TRANSFORM |= {name: name for name in ("bend", "towards", "twist", "joint")} | {"open_": "open"}
 OF_A_HANDLE = ("handle", *TRANSFORM, *CONTROLS, "name")

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from dfd.symmetry.plane import SymmetryPlane
     from dfd.upright.candidates import Up
 
-__all__ = ["inspect", "parts"]
-
 
 def inspect(
     mesh: MeshArgument,

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["pick", "show"]
-
 
 @with_controls("arrive", "bridges")
 def show(
@@ -41,8 +39,7 @@ def show(
     handle: Annotated[
         list[str] | None,
         typer.Option(
-            metavar=PLACE,
-            help="Show what would follow a handle here, as heat; without --field, mark it; repeatable.",
+            metavar=PLACE, help="Show what would follow a handle here, as heat; without --field, mark it; repeatable."
         ),
     ] = None,
     preset: PresetOption = None,
@@ -142,10 +139,7 @@ def _rows(
         weights: NDArray[Any] = deformer.following
     fixed = [point.position for point in deformer.fixed] or None
     return [
-        (
-            f"handle {handle.place}",
-            {"weights": weights[:, column], "handles": [handle.place.position], "fixed": fixed},
-        )
+        (f"handle {handle.place}", {"weights": weights[:, column], "handles": [handle.place.position], "fixed": fixed})
         for column, handle in enumerate(deformer.handles)
     ]
 

@@ -15,8 +15,6 @@ import numpy as np
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 
-__all__ = ["About", "Tagged", "Written", "about", "check_fields"]
-
 
 @dataclass(frozen=True)
 class About:

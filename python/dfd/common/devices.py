@@ -19,8 +19,6 @@ from dfd.common.errors import ArgumentError
 if TYPE_CHECKING:
     import torch
 
-__all__ = ["choose_device", "one_thread", "out_of_memory", "parallel_inference"]
-
 
 def choose_device(function: str, device: str | torch.device | None) -> torch.device:
     """Return `device` as torch names it; None takes a CUDA device when there is one.

@@ -7,8 +7,6 @@ from contextlib import contextmanager
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
-__all__ = ["ArgumentError", "called", "public", "within"]
-
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 

@@ -12,8 +12,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-__all__ = ["atomic_write", "cache_directory"]
-
 _WRITERS = 16  # of one file at the same time; more of them get names that are never reused
 _LONGEST_ENDING = 32  # bytes of an ending that the temporary file keeps
 

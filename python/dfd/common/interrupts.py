@@ -9,8 +9,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-__all__ = ["heed_interrupts", "importing"]
-
 
 @contextmanager
 def heed_interrupts(*, wait: bool = False) -> Iterator[None]:

@@ -7,8 +7,6 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["principal_directions", "unit"]
-
 
 def unit(rows: NDArray[np.floating], *, least: float = 0.0) -> NDArray[np.float64]:
     """The rows (N, D) at length 1; those no longer than `least`, whose direction says nothing, become 0."""

@@ -9,8 +9,6 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-__all__ = ["find_torch_runtime", "load_runtime"]
-
 NAME = "libgomp.so.1"
 
 

@@ -11,8 +11,6 @@ from typing import Protocol
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-__all__ = ["Stages"]
-
 
 class Advance(Protocol):
     """Called with the number of finished items, 1 if left out."""

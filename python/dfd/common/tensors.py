@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from dfd.common.errors import ArgumentError
 
-__all__ = ["is_tensor", "like", "lines_contiguous", "output", "shared", "tracked"]
-
 
 def is_tensor(value: Any) -> bool:
     """Whether `value` is a torch tensor."""

@@ -16,8 +16,6 @@ from typing import TypeVar
 
 from dfd.common import check, openmp
 
-__all__ = ["beside", "get_num_threads", "one_blas_thread", "parallel_ranges", "set_num_threads"]
-
 T = TypeVar("T")
 
 

@@ -23,8 +23,6 @@ from dfd.views.render import render
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["distill_pictures"]
-
 _log = logging.getLogger(__name__)
 
 

@@ -25,8 +25,6 @@ from dfd.common.check import warn
 from dfd.common.files import atomic_write
 from dfd.field.cache_key import difference, hash_arrays, hash_key
 
-__all__ = ["Checkpoint", "with_hash"]
-
 _HASH = 32  # bytes of SHA-256 before the content
 _TOKENS = "tokens"  # the array's name in a file
 _KEY = "recipe.json"
@@ -120,10 +118,7 @@ class Checkpoint:
             with self._warning:
                 warned, self._warned = self._warned, True
             if not warned:
-                warn(
-                    f"distill: {error.strerror or error}; the run continues, but cannot be resumed",
-                    RuntimeWarning,
-                )
+                warn(f"distill: {error.strerror or error}; the run continues, but cannot be resumed", RuntimeWarning)
 
     def remove(self) -> None:
         """Remove the run's files, and the folder if it is then empty."""

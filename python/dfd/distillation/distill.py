@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh, MeshLike
 
-__all__ = ["distill", "distilling", "find_distilled"]
-
 # By stage: what needs the memory, and which settings reduce it.
 _PICTURES = "the pictures: lower `resolution` or `views`"
 _FIT = "the fit: lower `batch`, `resolution` or `views`, or give features with fewer columns"

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from dfd.distillation.settings import DistillSettings
     from dfd.distillation.targets import PointTargets, Targets
 
-__all__ = ["Adam", "fit", "fit_component_residuals", "schedule", "widen"]
-
 _LEAST_PART, _MOST_PARTS = 192, 8  # least points per part of a batch, and most parts; threads take parts
 
 

@@ -22,16 +22,8 @@ from dfd.mesh.normalization import normalization
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["GivenFeatures", "distill_features"]
 
-
-def distill_features(
-    given: GivenFeatures,
-    settings: DistillSettings,
-    *,
-    device: torch.device,
-    stages: Stages,
-) -> Field:
+def distill_features(given: GivenFeatures, settings: DistillSettings, *, device: torch.device, stages: Stages) -> Field:
     """Return the field fitted to `given`."""
     field = fit(given, settings, center=given.center, scale=given.scale, device=device, stages=stages)
     return field.with_settings({**settings.of_fit(), "features": given.kind, **field.settings})

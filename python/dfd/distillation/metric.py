@@ -27,8 +27,6 @@ from dfd.field.cache_key import hash_arrays
 if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
 
-__all__ = ["FOLDER", "Kinds", "Metric", "find_metric"]
-
 KIND = "dfd metric 3"  # format version 3
 SHAPES: dict[str, tuple[int | str, ...]] = {
     "directions": ("D", "d"),

@@ -15,8 +15,6 @@ from dfd.upright.candidates import check_up
 from dfd.views.cameras import Framing
 from dfd.views.render import LARGEST_RESOLUTION, LARGEST_VIEWS, Supervision
 
-__all__ = ["LENGTHS", "DistillSettings"]
-
 LENGTHS = ("steps", "epochs")  # of a fit: one of the two
 
 
@@ -32,12 +30,8 @@ def _setting(default: Any, description: str, *, paper: Any = ..., **bounds: floa
 class DistillSettings(BaseModel):
     """The settings of `dfd.distill`, checked and immutable; those left out are the preset's.
 
-    Raises
-    ------
-    ValueError
-        If one is out of range, or neither or both of `steps` and `epochs` are given.
-    TypeError
-        If there is no such setting.
+    Raises ValueError if one is out of range, or neither or both of `steps` and `epochs` are given. Raises TypeError if
+    there is no such setting.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
@@ -85,9 +79,7 @@ class DistillSettings(BaseModel):
         False, "Give the encoder whole pictures, not only the patches that show the shape.", paper=True
     )
     block: int | None = _setting(
-        None,
-        "The encoder's block whose tokens are used, from 1; none takes the best one for its weights.",
-        minimum=1,
+        None, "The encoder's block whose tokens are used, from 1; none takes the best one for its weights.", minimum=1
     )
     smoothing: float = _setting(
         0.3,

@@ -44,8 +44,6 @@ from dfd.views.render import Views, used_vertices
 if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU
 
-__all__ = ["DiffusionProblem", "build_diffusion", "smooth_along_surface"]
-
 SURFACE_SAMPLES = 12_000  # on average 0.02 apart in normalized coordinates
 MAX_PIXELS = 400_000  # more change nothing measurable
 NEIGHBORS = 10
@@ -203,10 +201,7 @@ def _factors(confidence: NDArray[np.float64], area: float, smoothing: float, lin
     system = smoothing**2 / 2 * SATURATED_COVERAGE * _laplacian(links) + sparse.diags(confidence + 1e-6 * area)
     # Positive definite: no pivoting is needed, and a symmetric ordering halves the fill-in.
     return splu(
-        sparse.csc_matrix(system),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
+        sparse.csc_matrix(system), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
     )
 
 

@@ -16,8 +16,6 @@ from dfd.views.render import Views
 if TYPE_CHECKING:
     import torch
 
-__all__ = ["PAIRS", "PixelTargets", "PointTargets", "Targets", "TokenGrid", "mean_distance", "restore_contrast", "unit"]
-
 PAIRS = 2000  # sampled pairs that estimate a mean distance
 LARGEST_STRETCH = 5.0  # more only amplifies noise, on a shape with the same features everywhere
 _GROUPS_AT_ONCE = 1000  # means per task

@@ -26,8 +26,6 @@ from dfd.field.component_residuals import apart
 from dfd.views.raycast import Scene
 from dfd.views.render import Views
 
-__all__ = ["BANDS", "thickness_bands", "thicknesses"]
-
 RAYS = 6  # of each side
 CONE = np.radians(60)  # half angle: between the normal and the outermost ray
 NEIGHBORS = 16  # points averaged, including the point itself
@@ -56,10 +54,7 @@ def thickness_bands(views: Views, targets: PointTargets) -> NDArray[np.float32]:
 
 
 def thicknesses(
-    scene: Scene,
-    corners: NDArray[np.floating],
-    points: NDArray[np.float64],
-    component: NDArray[np.int32] | None = None,
+    scene: Scene, corners: NDArray[np.floating], points: NDArray[np.float64], component: NDArray[np.int32] | None = None
 ) -> NDArray[np.float64]:
     """Return the thickness (N,) of the shape at each point, in the unit of the scene; 0 on an open sheet.
 

@@ -41,8 +41,6 @@ if TYPE_CHECKING:
     from dfd.posing.transforms import GivenMotion, GivenTransform
     from dfd.segmentation.parts import Level
 
-__all__ = ["Deformer"]
-
 Value = TypeVar("Value")
 
 

@@ -30,19 +30,6 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-__all__ = [
-    "Edit",
-    "Fixed",
-    "GivenSettings",
-    "Handle",
-    "band_on",
-    "box_center",
-    "edit_on",
-    "empty_edit",
-    "symmetry_on",
-    "with_preset",
-]
-
 IDENTITY = Transform()
 MOST_LINEAR = 30.0  # degrees: beyond, a linear blend is thinner halfway by more than 3 %
 CONTROLS = Controls()

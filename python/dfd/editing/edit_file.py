@@ -94,8 +94,6 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["edit_schema", "from_document", "read_edit", "read_made_on", "to_document", "write_edit"]
-
 FORMAT = "dfd-edit"
 VERSION = 4
 VERSION_3 = {"reach": 0.7}  # what a handle of the preset "default" meant there by saying nothing

@@ -7,8 +7,6 @@ from contextlib import contextmanager
 
 from dfd.editing.edit import Edit
 
-__all__ = ["History"]
-
 
 class History:
     """A list of states with a place in it."""

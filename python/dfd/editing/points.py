@@ -20,8 +20,6 @@ from dfd.posing.transforms import Vector, vector
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["EXTREMES", "Found", "Place", "find", "nearest_vertex", "place_on"]
-
 # The side of the box that each word means: y is up, the front looks along +z, and left is what a viewer before it has
 # on the left.
 EXTREMES = {"top": (1, 1), "bottom": (1, -1), "right": (0, 1), "left": (0, -1), "front": (2, 1), "back": (2, -1)}

@@ -16,20 +16,6 @@ if TYPE_CHECKING:
     from dfd.posing.pose import Overlap
     from dfd.weights.bind import Falloff
 
-__all__ = [
-    "CONTROLS",
-    "LARGEST",
-    "PARTLESS_REACH",
-    "PRESETS",
-    "WHOLE_SHAPE",
-    "WITHIN_PART",
-    "BlendRule",
-    "Defaults",
-    "Instances",
-    "Reach",
-    "SymmetryCandidates",
-]
-
 LARGEST = 1e38  # what the kernels compute with are 32-bit floats
 # Of the reach "part": where weights would end by features alone, so that the far end of a part follows nearly in full,
 # and the number that it is on a shape of which no part ends anywhere, such as a ball.

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from dfd.editing.influence.handle_weights import HandleWeights
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["HandleReport", "Report", "report"]
-
 # What nobody sees, as a part of the diagonal of the box: a vertex that moved less stayed, a handle that misses less
 # arrived.
 UNSEEN = 1e-3

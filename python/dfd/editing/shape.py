@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from dfd.editing.influence.handle_weights import HandleWeights
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["PosedShape"]
-
 
 class PosedShape:
     """The vertices of the newest edit that was asked for.
@@ -56,8 +54,7 @@ class PosedShape:
             self._drag = Drag(self._weights.bent(edit), weights, moving=moving, **how)
             self._moving = {handle: [column for column in columns if column.handle == handle] for handle in moved}
         matrices = [self._matrix(edit, column) for columns in self._moving.values() for column in columns]
-        posed: NDArray[np.float64] = self._drag.pose(matrices)
-        return posed
+        return self._drag.pose(matrices)
 
     def _whole(self, edit: Edit) -> NDArray[np.float64]:
         if not edit.handles and edit.default is None:
@@ -66,8 +63,7 @@ class PosedShape:
             return self._mesh.vertices  # no weight changes that
         weights, columns, overlap = self._weights.posing(edit)
         how = self._arguments(edit, weights, columns, overlap)
-        posed: NDArray[np.float64] = pose(self._weights.bent(edit), weights, **how)
-        return posed
+        return pose(self._weights.bent(edit), weights, **how)
 
     def _arguments(
         self, edit: Edit, weights: NDArray[np.float32], columns: tuple[Column, ...], overlap: Overlap

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["Suggestion", "suggest_handles"]
-
 SAMPLE, CANDIDATES = 4096, 1024  # vertices that stand for the shape, and those that may be suggested
 REACH = 0.5  # so near in features a part's own vertices are to each other, and hardly those of another
 LEAST_PART = 0.004  # of the shape: what looks like less of it than this is no part

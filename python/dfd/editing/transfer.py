@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Transferred", "transfer"]
-
 # Among vertices whose features are as near as this to the nearest, the one at the most similar position is meant:
 # features tell a leg from an arm, and hardly a left leg from a right one.
 AS_NEAR = 0.1

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from dfd.segmentation.parts import Level
     from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["add", "change", "move", "part_at", "place_of", "set_default", "set_symmetry", "set_whole"]
-
 
 class GivenHandle(GivenMotion, GivenControls, total=False):
     """What a new handle is given besides its place and its name."""

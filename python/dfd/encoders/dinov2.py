@@ -21,8 +21,6 @@ from dfd.encoders.known import IMAGENET, ChannelStats
 from dfd.encoders.vision_model import VisionModel, check_block
 from dfd.encoders.weight_files import EncoderWeights, read_tensors
 
-__all__ = ["MODEL_TYPES", "Dinov2", "build_dinov2"]
-
 MODEL_TYPES = ("dinov2", "dinov2_with_registers")
 # Wider networks store global information in patches of the background, unless they have registers (Darcet et al.);
 # without background patches they would store it in those of the shape.

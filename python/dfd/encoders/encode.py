@@ -27,8 +27,6 @@ from dfd.encoders.sources import find_weights
 from dfd.encoders.vision_model import VisionModel
 from dfd.encoders.weight_files import EncoderWeights
 
-__all__ = ["Encoder", "TokenStore", "load_encoder"]
-
 _log = logging.getLogger(__name__)
 
 PrecisionOption = Literal["auto", "float32", "bfloat16"]

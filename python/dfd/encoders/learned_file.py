@@ -18,8 +18,6 @@ from dfd.field.field_file import with_sorted_header
 if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
 
-__all__ = ["encoder_identity", "read_learned", "write_learned"]
-
 
 def encoder_identity(encoder: Encoder) -> tuple[str, int]:
     """Hash of the weights and number of the block: what was learned fits an encoder that has the same two."""

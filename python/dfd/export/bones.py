@@ -20,8 +20,6 @@ from dfd.mesh.mesh import Mesh
 if TYPE_CHECKING:
     from dfd.mesh.file.primitives import Primitive
 
-__all__ = ["Bones", "bones_of"]
-
 LEAF = 0.5  # of the parent bone: the length of a bone that ends in no joint
 
 Float64 = NDArray[np.float64]

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
     from dfd.segmentation.parts import Part
 
-__all__ = ["ENDINGS", "export_parts"]
-
 ENDINGS = (".obj", ".glb", ".gltf")
 
 Labels = NDArray[np.int64]
@@ -34,12 +32,8 @@ def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]
     A face is of the part that most of its corners are in. A glTF file keeps all else that the mesh's own has; each of
     its materials is there once for each part, named after it. An OBJ file keeps texture coordinates, no materials.
 
-    Raises
-    ------
-    ValueError
-        If the ending is another, or there are no parts.
-    OSError
-        If the file cannot be written; what was there before stays.
+    Raises ValueError if the ending is another, or there are no parts. Raises OSError if the file cannot be written;
+    what was there before stays.
     """
     target = Path(path)
     ending = target.suffix.lower()
@@ -65,8 +59,7 @@ def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]
 
 def _most(corners: Labels) -> Labels:
     """(F,) the label that most of the three corners (F, 3) have; of three different ones the middle."""
-    most: Labels = np.sort(corners, axis=1)[:, 1]
-    return most
+    return np.sort(corners, axis=1)[:, 1]
 
 
 def _split(document: GltfDocument, node: int, of_vertex: Labels) -> None:

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["ENDINGS", "Form", "export_rig", "form_for"]
-
 Form = Literal["skin", "morph", "baked"]
 GLTF = (".glb", ".gltf")
 USD = (".usda", ".usdc", ".usdz")

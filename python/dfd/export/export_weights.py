@@ -19,8 +19,6 @@ from dfd.mesh.file.primitives import UniqueNames
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
 
-__all__ = ["ENDINGS", "FORMAT", "export_weights"]
-
 ENDINGS = (".npz", ".safetensors")
 FORMAT = "dfd-weights"
 VERSION = 1

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from dfd.export.rig import Rig
 
-__all__ = ["Influences", "heaviest", "influences_of"]
-
 # A sum of weights above 1 by more is not the rounding of 24 bits.
 ABOVE = 1e-5
 

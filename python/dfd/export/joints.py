@@ -15,8 +15,6 @@ from scipy.spatial.transform import Rotation
 
 from dfd.posing.transforms import Transform, Vector, rotation_matrix
 
-__all__ = ["Joint", "Local"]
-
 # Of the factors of a scale: off-diagonal entries below are rounding.
 SHEAR = 1e-9
 

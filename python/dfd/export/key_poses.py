@@ -21,8 +21,6 @@ from dfd.posing.transforms import Transform
 if TYPE_CHECKING:
     from dfd.editing.edit import Edit
 
-__all__ = ["KeyPose", "checked_poses", "posed_edit", "read_key_poses"]
-
 
 @dataclass(frozen=True)
 class KeyPose:

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from dfd.export.influences import Influences
     from dfd.export.rig import Rig
 
-__all__ = ["RigReport", "rig_report"]
-
 
 @dataclass(frozen=True)
 class RigReport:

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["BATCH", "Rig", "rig_of"]
-
 BATCH = 1 << 14  # vertices at a time, so that no second array is as large as the weights
 
 Float64 = NDArray[np.float64]

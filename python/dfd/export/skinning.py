@@ -18,8 +18,6 @@ from dfd.export.rig import BATCH, Rig
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["Difference", "Skin", "differences", "skin_of"]
-
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 

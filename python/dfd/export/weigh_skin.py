@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Bleed", "SkinReport", "bleed", "weigh_skin"]
-
 FAR = 0.1  # of the diagonal: weight bleeds where its bone is farther along the surface than the nearest by this
 OUTSIDE = 0.25  # of the diagonal: a bone farther than that from every vertex is outside the mesh
 

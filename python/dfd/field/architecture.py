@@ -16,8 +16,6 @@ from numpy.typing import ArrayLike
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 
-__all__ = ["MOST_OCTAVES", "Architecture", "LayerNames"]
-
 MOST_OCTAVES = 16  # beyond, float32 no longer tells the angles apart
 
 

@@ -26,8 +26,6 @@ from dfd.field.field import Field
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["KnownMesh", "find", "hash_file", "note", "recall", "store"]
-
 LIMIT = 2 << 30  # bytes of all entries together; the ones longest unused go first
 _ABANDONED = 3600.0  # seconds after which an unfinished file is removed
 

@@ -10,8 +10,6 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FIELD_VERSION", "Content", "cache_key", "difference", "hash_arrays", "hash_key"]
-
 # To be raised by hand with every change that gives another field for the same mesh, encoder and settings, or keeps it
 # in another way: fields of other versions are not taken from the cache. A golden field in the tests tells when.
 FIELD_VERSION = 4

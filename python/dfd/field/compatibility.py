@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["check_compatible"]
-
 # Of the longest sides. The nearest units that get mixed up, inch and centimetre, differ by 2.54; a shape that was only
 # posed, cut or simplified stays below.
 LARGEST_RATIO = 2.0

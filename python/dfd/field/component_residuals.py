@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["ComponentResiduals", "apart", "boxes_of_components", "components_of_vertices"]
-
 NEIGHBORS = 8  # sample points of its component that a vertex interpolates
 # Components match if the corners of their boxes agree to this much, normalized: another resolution moves them.
 SAME = 0.02

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Field", "FieldOnMesh", "FieldSource"]
-
 # From the center of the shape, in halves of the longest side of its box: the network's float32 tells nothing beyond.
 FARTHEST = 1e6
 

@@ -17,8 +17,6 @@ from safetensors import SafetensorError
 from dfd.common.files import atomic_write
 from dfd.field.architecture import Architecture
 
-__all__ = ["Content", "read", "with_sorted_header", "write"]
-
 FORMAT = "dfd-field"
 VERSION, WITH_RESIDUALS = 1, 2
 # Of the component residuals, by the names that all files have them by.

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["FEATURE_FILES", "of_vertices", "read_features", "rows_of_vertices"]
-
 FEATURE_FILES = (".npy", ".pt")
 
 SAME = 1e-4  # of the longest side: the PLY files hold single precision

@@ -12,8 +12,6 @@ from torch import Tensor, nn
 
 from dfd.field.architecture import Architecture
 
-__all__ = ["Network"]
-
 
 class Network(nn.Module):
     """Normalized points (N, 3) to unit features (N, D), with the parameters of `dfd.field.architecture`.

@@ -27,8 +27,6 @@ from dfd.mesh.normalization import normalization
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["read_reference"]
-
 
 def read_reference(path: str | os.PathLike[str], mesh: Mesh) -> Content:
     """Return the field in `path`, a `final_encoder.pth` with its `.json` beside it.

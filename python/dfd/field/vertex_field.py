@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
     from dfd.mesh.mesh import Mesh, MeshLike
 
-__all__ = ["VertexField", "read_vertex_field"]
-
 ROWS_AT_ONCE = 1 << 16  # to bound memory
 
 

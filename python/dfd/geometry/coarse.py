@@ -16,8 +16,6 @@ from dfd.geometry.topology import first_at_place
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Nodes", "Share"]
-
 MOST_NODES = 20_000  # a mesh of more vertices is clustered
 CELLS = 100  # grid cells along the longest side, for clustering
 RUN = 1 << 17  # faces or vertices processed at once, to bound temporary memory

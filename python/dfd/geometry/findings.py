@@ -11,8 +11,6 @@ from dfd.geometry.surface_graph import surface_graph
 from dfd.geometry.topology import Topology, inspect
 from dfd.mesh.mesh import Mesh
 
-__all__ = ["Finding", "findings"]
-
 _FLAT = 1e-3  # thickness over the longest side
 _FAR = 1e4  # distance from the origin over the longest side: float32 then keeps less than a thousandth of it
 _COARSE = 0.1  # median edge over the diagonal of the box

@@ -20,8 +20,6 @@ from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 from dfd.mesh.normalization import box_normalization
 from dfd.mesh.weld import weld
 
-__all__ = ["Geodesics"]
-
 _SAMPLES = 6_000  # vertices of the solver for a large mesh: more are slower and hardly more accurate
 _LONGEST_EDGE = 1.5  # in sample spacings: longer edges are split
 

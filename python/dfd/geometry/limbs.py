@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from dfd.geometry.topology import face_areas
 from dfd.mesh.mesh import Mesh
 
-__all__ = ["Limb", "limb_at"]
-
 # Search radii, as parts of the diagonal of the box: a finger is short, and so is most of a leg.
 NEAREST, FARTHEST, STEPS = 0.02, 0.3, 16
 # Least ratio of length to width of a limb, as root mean squared distances from the point.

@@ -11,8 +11,6 @@ from dfd.common import check
 from dfd.geometry.topology import face_areas, first_at_place
 from dfd.mesh.mesh import Mesh
 
-__all__ = ["SurfaceMetrics", "area_ratios", "surface_metrics"]
-
 MOST_TESTED = 200_000  # faces that are tested for self-intersection: exact arithmetic takes seconds there
 
 # Sum of the cosines between a face and its neighbors: below it, the face is folded over, not just creased.

@@ -15,8 +15,6 @@ from dfd.geometry.surface_graph import surface_graph
 from dfd.geometry.topology import face_areas, points_on_faces
 from dfd.mesh.mesh import Mesh
 
-__all__ = ["PartAxes", "PartAxis"]
-
 NODES = 33  # of the curve
 SAMPLES = 4_000  # points of the part's surface that the curve is fitted to
 WIDTH, WIDE = 0.08, 0.5  # of the curve's length, or in radii if that is more: over so much of it its points are means
@@ -75,8 +73,7 @@ class PartAxis:
     @property
     def base(self) -> Float64:
         """(3,) the middle of the border."""
-        middle: Float64 = (self.border.min(axis=0) + self.border.max(axis=0)) / 2
-        return middle
+        return (self.border.min(axis=0) + self.border.max(axis=0)) / 2
 
     @property
     def direction(self) -> Float64:

@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from dfd.geometry.topology import face_sizes
 
-__all__ = ["split_long_edges"]
-
 _ROUNDS = 16  # of halving the longest edges
 
 

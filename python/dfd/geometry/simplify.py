@@ -12,8 +12,6 @@ from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.normalization import normalization
 
-__all__ = ["simplify"]
-
 
 def simplify(mesh: Mesh, face_count: int) -> Mesh:
     """Simplify `mesh` to at most about `face_count` faces; one that has no more is returned as it is.

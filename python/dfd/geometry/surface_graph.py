@@ -13,8 +13,6 @@ from dfd.geometry.topology import face_sizes, first_at_place, points_on_faces
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.weld import weld
 
-__all__ = ["GAPS", "bridges", "edge_graph", "surface_graph", "surface_links"]
-
 # What counts as the same position, as touching, and as nearly touching, as parts of the box's diagonal. Components that
 # the smaller gap has joined are not bridged across the larger one: legs that meet at the hips stay apart at the knees.
 SAME_PLACE, GAPS = 1e-6, (0.005, 0.02)

@@ -16,17 +16,6 @@ from dfd.mesh.weld import weld
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = [
-    "Topology",
-    "face_areas",
-    "face_components",
-    "face_sizes",
-    "first_at_place",
-    "inspect",
-    "points_on_faces",
-    "spread_in_triangle",
-]
-
 
 @dataclass(frozen=True)
 class Topology:

@@ -8,8 +8,6 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["GREY", "Appearance", "Material", "Wrap", "blend", "linear", "srgb"]
-
 GREY = 0.8  # display-referred color of a surface without a material
 
 Wrap = Literal["repeat", "mirror", "clamp"]

@@ -26,8 +26,6 @@ from dfd.mesh.normals import smooth_normals
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Mesh", "MeshLike", "MeshPart", "as_mesh", "load"]
-
 
 @dataclass(frozen=True)
 class MeshPart:
@@ -56,12 +54,7 @@ class Mesh:
     source: Path | None  # the file it was read from
 
     def __init__(
-        self,
-        vertices: Any,
-        faces: Any,
-        *,
-        appearance: Appearance | None = None,
-        scene: SceneFile | None = None,
+        self, vertices: Any, faces: Any, *, appearance: Appearance | None = None, scene: SceneFile | None = None
     ) -> None:
         """Check and keep the arrays.
 
@@ -291,9 +284,7 @@ MeshLike: TypeAlias = (  # the last is a pair of arrays
 
 
 def load(
-    source: str | os.PathLike[str] | trimesh.Trimesh | trimesh.Scene | Sequence[Any],
-    *,
-    pose: _Pose = "rest",
+    source: str | os.PathLike[str] | trimesh.Trimesh | trimesh.Scene | Sequence[Any], *, pose: _Pose = "rest"
 ) -> Mesh:
     """Read a mesh from an OBJ, PLY, STL, OFF, GLB or glTF file, or take one that is in memory.
 

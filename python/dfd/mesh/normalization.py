@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Normalization", "box_normalization", "normalization"]
-
 
 class Normalization(NamedTuple):
     """The map of a shape into the cube [−1, 1]³: subtract `center`, multiply by `scale`."""

@@ -6,8 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
-__all__ = ["smooth_normals"]
-
 _FACES_AT_ONCE = 1 << 20  # to bound memory
 
 

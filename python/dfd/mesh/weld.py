@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["weld"]
-
 
 def weld(positions: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
     """Return the first row (V,) of each distinct position of `positions` (N, 3), and which of them each row is, (N,).

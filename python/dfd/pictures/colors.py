@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from dfd.common import check
 from dfd.mesh.appearance import linear, srgb
 
-__all__ = ["CLAY", "feature_colors", "part_colors", "ratio_colors", "weight_colors"]
-
 CLAY = (0.85, 0.84, 0.82)  # sRGB of a surface without data; also of weight 0
 # sRGB stops from weight 0 to 1. They darken all the way, so that the map also reads in gray and to the color-blind.
 HEAT_STOPS = (CLAY, (0.96, 0.78, 0.42), (0.93, 0.50, 0.18), (0.74, 0.20, 0.24), (0.38, 0.05, 0.31))
@@ -47,8 +45,7 @@ def weight_colors(weights: ArrayLike) -> NDArray[np.float32]:
     place = values.clip(0, 1) * (len(_HEAT) - 1)
     before = np.minimum(place.astype(np.int64), len(_HEAT) - 2)
     part = (place - before)[:, None]
-    colors: NDArray[np.float32] = (_HEAT[before] * (1 - part) + _HEAT[before + 1] * part).astype(np.float32)
-    return colors
+    return (_HEAT[before] * (1 - part) + _HEAT[before + 1] * part).astype(np.float32)
 
 
 def ratio_colors(ratios: ArrayLike) -> NDArray[np.float32]:
@@ -59,8 +56,7 @@ def ratio_colors(ratios: ArrayLike) -> NDArray[np.float32]:
     values = check.array("ratio_colors", "ratios", ratios, ("V",), dtype=np.float64)
     octaves = np.log2(values.clip(0.5, 2.0))[:, None]
     ends = np.where(octaves < 0, SMALLER, LARGER)
-    colors: NDArray[np.float32] = (np.array(CLAY) + np.abs(octaves) * (ends - np.array(CLAY))).astype(np.float32)
-    return colors
+    return (np.array(CLAY) + np.abs(octaves) * (ends - np.array(CLAY))).astype(np.float32)
 
 
 def feature_colors(features: ArrayLike) -> NDArray[np.float32]:
@@ -101,14 +97,12 @@ def part_colors(labels: ArrayLike) -> NDArray[np.float32]:
     hue = 2 * np.pi * (number * 0.618034 % 1)
     lightness = np.array([0.72, 0.6, 0.82])[number % 3]
     table = _from_oklab(np.stack([lightness, 0.13 * np.cos(hue), 0.13 * np.sin(hue)], axis=1))
-    colors: NDArray[np.float32] = table[numbers].astype(np.float32)
-    return colors
+    return table[numbers].astype(np.float32)
 
 
 def oklab(colors: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     """Lightness and two hue axes, (N, 3), in which equal steps look equally large (Oklab, Ottosson 2020)."""
-    lab: NDArray[np.float64] = np.cbrt(linear(colors) @ _TO_CONE.T) @ _TO_LAB.T
-    return lab
+    return np.cbrt(linear(colors) @ _TO_CONE.T) @ _TO_LAB.T
 
 
 def _from_oklab(lab: NDArray[np.float64]) -> NDArray[np.float64]:

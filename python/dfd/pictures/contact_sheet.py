@@ -12,8 +12,6 @@ from dfd.common import check
 from dfd.pictures.colors import weight_colors
 from dfd.pictures.labels import font, wrapped
 
-__all__ = ["Box", "contact_sheet", "heat_bar", "lay_out", "with_heat_bar"]
-
 Box = tuple[int, int, int, int]  # left, top, width, height, pixels
 
 INK, GREY, RULE = (28, 30, 36), (100, 104, 112), (220, 222, 226)

@@ -13,8 +13,6 @@ from PIL import Image, ImageDraw, ImageFont
 from dfd.views.cameras import Camera
 from dfd.views.raycast import Scene
 
-__all__ = ["draw_axes", "draw_labels", "draw_marks", "draw_numbers", "font", "spelled", "wrapped"]
-
 # Characters that the typeface lacks, spelled in others.
 _SPELLED = {
     "λ": "lambda", "ε": "epsilon", "μ": "u", "µ": "u", "Φ": "Phi", "Σ": "sum", "Δ": "delta", "π": "pi", "σ": "sigma",

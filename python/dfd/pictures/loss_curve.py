@@ -10,8 +10,6 @@ from PIL import Image, ImageDraw, ImageFont
 
 from dfd.common.files import atomic_write
 
-__all__ = ["save_loss_curve"]
-
 SIZE = (960, 600)
 LEFT, TOP, RIGHT, BOTTOM = 90, 40, 30, 60
 

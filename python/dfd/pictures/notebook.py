@@ -18,8 +18,6 @@ from dfd.pictures.viewpoint import azimuth_towards
 if TYPE_CHECKING:
     from dfd.mesh.mesh import MeshLike
 
-__all__ = ["Shown", "show"]
-
 
 class Shown:
     """A picture, (R, R, 3) uint8 in `pixels`, that a notebook shows where it is a cell's result."""

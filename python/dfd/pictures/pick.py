@@ -14,8 +14,6 @@ from dfd.mesh.normalization import normalization
 from dfd.pictures.picture_document import PictureDocument, ViewDocument, read_document
 from dfd.views.raycast import Scene
 
-__all__ = ["Picked", "pick"]
-
 
 @dataclass(frozen=True)
 class Picked:

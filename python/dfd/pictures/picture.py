@@ -30,8 +30,6 @@ from dfd.views.render import surface_points
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["picture", "save_png"]
-
 SAMPLES = 2  # per pixel, along each side
 LARGEST_RESOLUTION = 8192
 BAND = 1 << 17  # samples drawn at a time, which bounds the memory of large pictures

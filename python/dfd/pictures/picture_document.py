@@ -15,8 +15,6 @@ from dfd.views.cameras import Camera
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["KEY", "PictureDocument", "ViewDocument", "read_document"]
-
 KEY = "dfd-picture"  # of the PNG file's text
 Vector = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 

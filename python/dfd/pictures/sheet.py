@@ -17,8 +17,6 @@ from dfd.pictures.picture_document import PictureDocument, ViewDocument
 from dfd.pictures.viewpoint import azimuth_towards, viewpoint
 from dfd.segmentation.parts import Part
 
-__all__ = ["parts_view", "save_before_after", "save_sheet"]
-
 BEFORE_AFTER_RESOLUTION = 640
 CAMERA = ("vertices", "azimuth", "elevation", "zoom", "target", "frame")  # the arguments of `viewpoint`
 

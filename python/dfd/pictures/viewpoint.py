@@ -15,8 +15,6 @@ from dfd.views.cameras import Camera, camera_towards
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["FIELD_OF_VIEW", "aim", "azimuth_towards", "viewpoint"]
-
 FIELD_OF_VIEW = 30.0  # degrees, at zoom 1
 ASIDE = 25.0  # degrees: seen a little from the side, a shape shows its depth
 

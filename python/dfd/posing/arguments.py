@@ -11,16 +11,6 @@ import dfd._core as _core
 from dfd.common import check, tensors
 from dfd.common.errors import ArgumentError
 
-__all__ = [
-    "empty_like",
-    "handle_positions",
-    "handle_weight_matrix",
-    "read_affine",
-    "read_points",
-    "read_weights",
-    "target",
-]
-
 Float64 = NDArray[np.float64]
 
 

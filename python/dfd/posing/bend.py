@@ -7,8 +7,6 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
-__all__ = ["Sections", "bend_maps"]
-
 FINE = 512  # steps of the curve: at a joint that turns by 90° one turns by a degree or two
 EASE = 0.25  # of the length over which a bend begins, so that the base shows no corner
 LEAST_JOINT = 0.06  # of the length: a joint is no sharper

@@ -16,18 +16,13 @@ from dfd.posing.arguments import handle_positions, read_affine
 if TYPE_CHECKING:
     from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["posed_with_gradients"]
-
 
 def posed_with_gradients(
     pose: Callable[..., Any], vertices: Any, weights: Any, transforms: Any, options: dict[str, Any]
 ) -> Any:
     """What `pose`, the kernel's, gives: a tensor with gradients for `vertices`, `weights` and `transforms`.
 
-    Raises
-    ------
-    ValueError
-        As `dfd.pose` does; and if other arguments require gradients, or the blend has none.
+    Raises ValueError as `dfd.pose` does; and if other arguments require gradients, or the blend has none.
     """
     for name in ("default", "normals", "handle_weights", "out"):
         if tensors.tracked(options[name]):
@@ -67,8 +62,7 @@ class _Pose(torch.autograd.Function):
     ) -> torch.Tensor:
         ctx.save_for_backward(vertices, weights, transforms)
         ctx.options = options
-        posed: torch.Tensor = pose(vertices.detach(), weights.detach(), transforms.detach(), **options)
-        return posed
+        return pose(vertices.detach(), weights.detach(), transforms.detach(), **options)
 
     @staticmethod
     @once_differentiable

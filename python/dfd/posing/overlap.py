@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["interpolating"]
-
 # Of the largest singular value: below, weights of 24 bits no longer say which handle moves what.
 SINGULAR = 1e-5
 
@@ -18,10 +16,8 @@ def interpolating(function: str, handle_weights: Float64) -> Float64:
 
     Weights times it are 1 for a handle at its own place and 0 for all others there.
 
-    Raises
-    ------
-    ValueError
-        If the weights are singular; it names the two handles that look most alike, or the one that moves nothing.
+    Raises ValueError if the weights are singular; it names the two handles that look most alike, or the one that moves
+    nothing.
     """
     if len(handle_weights) == 0:
         return handle_weights

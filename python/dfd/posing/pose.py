@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["Blend", "Drag", "Overlap", "pose"]
-
 Overlap = Literal["add", "interpolate", "normalize", "paper"]
 KERNEL_OVERLAPS = ("add", "paper", "normalize")  # numbered as in the kernels; interpolating weights are made before
 Blend = Literal["linear", "dual_quaternion", "polar"]  # numbered as in the kernels
@@ -206,10 +204,7 @@ class Drag:
     ) -> None:
         """Fold the resting handles.
 
-        Raises
-        ------
-        ValueError
-            As `dfd.pose` does, or if `moving` is out of range or names a handle twice.
+        Raises ValueError as `dfd.pose` does, or if `moving` is out of range or names a handle twice.
         """
         if tensors.tracked(vertices, weights, transforms, default, handle_weights):
             raise ValueError("Drag: a drag has no gradients: detach the tensors that require them")
@@ -235,10 +230,7 @@ class Drag:
     def pose(self, transforms: Any, *, out: Any = None) -> Any:
         """(V, 3) vertices with the moving handles at `transforms`, (M, 3, 4) or (M, 4, 4), in the order of `moving`.
 
-        Raises
-        ------
-        ValueError
-            As `dfd.pose` does.
+        Raises ValueError as `dfd.pose` does.
         """
         if tensors.tracked(transforms, out):
             raise ValueError("Drag.pose: a drag has no gradients: detach the tensors that require them")

@@ -22,23 +22,6 @@ from dfd.common.errors import ArgumentError
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-__all__ = [
-    "Along",
-    "Frame",
-    "GivenMotion",
-    "GivenTransform",
-    "PivotAt",
-    "Transform",
-    "Vector",
-    "affine",
-    "frame_of_normal",
-    "frame_vectors",
-    "rotation_matrix",
-    "rotation_vector",
-    "scale_factors",
-    "vector",
-]
-
 Vector = tuple[float, float, float]
 Frame = tuple[Vector, Vector, Vector]  # three orthonormal vectors
 Along = Literal["normal", "limb"]
@@ -132,10 +115,7 @@ class Transform:
         `along` says what `axes` run along, `pivot_at` what `pivot` is; other ones than before are nothing without it.
         A `joint` of "spread" takes it away.
 
-        Raises
-        ------
-        ValueError
-            As `Transform` does.
+        Raises ValueError as `Transform` does.
         """
         parts: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
         for name in ("pivot", "axes"):
@@ -170,10 +150,7 @@ class Transform:
     def matrix(self, center: Vector = (0.0, 0.0, 0.0)) -> NDArray[np.float64]:
         """The (3, 4) affine matrix in mesh units; `center` is the pivot of a transform without one.
 
-        Raises
-        ------
-        ValueError
-            If `translation` and pivot are so large that it is not finite.
+        Raises ValueError if `translation` and pivot are so large that it is not finite.
         """
         pivot = np.asarray(center if self.pivot is None else self.pivot)
         matrix = np.empty((3, 4))
@@ -218,10 +195,7 @@ def affine(
 ) -> NDArray[np.float64]:
     """The (3, 4) matrix, in mesh units, of the `Transform` with these parts; the pivot is the origin if left out.
 
-    Raises
-    ------
-    ValueError
-        As `Transform` does.
+    Raises ValueError as `Transform` does.
     """
     parts: dict[str, Any] = {"translation": translation, "rotation": rotation, "scale": scale, "axes": axes}
     return Transform(**parts, pivot=vector("pivot", pivot)).matrix().copy()
@@ -230,17 +204,13 @@ def affine(
 def rotation_matrix(rotation: ArrayLike) -> NDArray[np.float64]:
     """R, (3, 3), of a rotation vector in degrees or a quaternion (x, y, z, w).
 
-    Raises
-    ------
-    ValueError
-        If `rotation` has neither 3 nor 4 finite numbers, or is the quaternion 0.
+    Raises ValueError if `rotation` has neither 3 nor 4 finite numbers, or is the quaternion 0.
     """
     degrees = np.asarray(rotation_vector(rotation))
     angle = float(np.linalg.norm(degrees))
     # Whole turns are taken off in degrees, where they are exact.
     within = degrees if angle < 360.0 else degrees * (np.fmod(angle, 360.0) / angle)
-    matrix: NDArray[np.float64] = Rotation.from_rotvec(within, degrees=True).as_matrix()
-    return matrix
+    return Rotation.from_rotvec(within, degrees=True).as_matrix()
 
 
 def rotation_vector(rotation: ArrayLike) -> Vector:

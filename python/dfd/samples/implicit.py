@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Piece", "Shape", "capsule", "chain", "ellipsoid", "rounded_box"]
-
 Points = NDArray[np.float64]  # (N, 3)
 Distance = Callable[[Points], NDArray[np.float64]]  # (N, 3) -> (N,), negative inside
 Triple = tuple[float, float, float]

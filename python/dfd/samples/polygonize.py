@@ -16,8 +16,6 @@ from scipy.sparse.csgraph import connected_components
 
 from dfd.samples.implicit import Shape
 
-__all__ = ["polygonize"]
-
 _FIRST_SPACING = 1 / 40  # of a first grid, from whose face count the final spacing follows
 _BLOCK = 4  # grid steps per block of the coarse grid that finds the surface
 _MOST_GRID_FACES = 60_000  # finer meshes are subdivided from a coarser grid
@@ -142,11 +140,7 @@ def _sheets() -> NDArray[np.int64]:
 
 
 def _quads(
-    inside: NDArray[np.bool_],
-    number: NDArray[np.int32],
-    first: NDArray[np.int64],
-    sheet: NDArray[np.int64],
-    axis: int,
+    inside: NDArray[np.bool_], number: NDArray[np.int32], first: NDArray[np.int64], sheet: NDArray[np.int64], axis: int
 ) -> NDArray[np.int32]:
     """Return the vertices (Q, 4) of the four cells around each crossed grid edge along `axis`, outward."""
     begin, end = [slice(None)] * 3, [slice(None)] * 3

@@ -9,8 +9,6 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, dijk
 
 from dfd.segmentation.patches import Patches
 
-__all__ = ["pieces_of", "snapped", "with_what_it_carries"]
-
 NECK = 1.5  # in the spacing of patches: pieces that meet only within that of the border are pieces of their own
 CRUMB = 0.1  # of the largest piece: what is smaller goes with another
 BAND = 1.5  # so far from the border of patches, in their spacing, a crease is looked for
@@ -61,8 +59,7 @@ def snapped(patches: Patches, inside: Mask, held: int | None = None) -> Mask:
     left.eliminate_zeros()
     on_side = np.zeros(count + 2, bool)
     on_side[breadth_first_order(left, count, return_predecessors=False)] = True
-    result: Mask = on_side[number][patches.twin]
-    return result
+    return on_side[number][patches.twin]
 
 
 def with_what_it_carries(patches: Patches, inside: Mask) -> Mask:

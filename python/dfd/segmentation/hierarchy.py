@@ -18,8 +18,6 @@ from scipy.sparse.linalg import splu
 from dfd.segmentation.border import CRUMB
 from dfd.segmentation.patches import BRIDGE, Patches
 
-__all__ = ["Branch", "Hierarchy"]
-
 DIMENSIONS = 24  # main directions of the features that are kept: the others hold noise
 DIFFUSION = 0.005  # area over which features are smoothed, as a part of the surface
 CREASE = 0.1  # concavity across which e times less is passed on: about six degrees a patch

@@ -21,8 +21,6 @@ from dfd.segmentation.border import CRUMB, pieces_of, snapped, with_what_it_carr
 from dfd.segmentation.hierarchy import Hierarchy
 from dfd.segmentation.patches import Patches
 
-__all__ = ["Level", "Part", "Parts", "cut_document", "parts"]
-
 Level = Literal["smaller", "part", "larger"]
 LARGER = 1.25  # times the area is the least by which two levels differ
 LEAST_HOLDABLE = 0.025  # what chance finds on a ball has up to 0.017, parts that people name 0.033 to 1.5
@@ -146,10 +144,7 @@ class Parts:
 
         What looks alike is one part. Of all cuts of the tree it is the one whose parts end most clearly.
 
-        Raises
-        ------
-        ValueError
-            If the mesh has no face with an area.
+        Raises ValueError if the mesh has no face with an area.
         """
         patches, part = self._patches, self._hierarchy.shown()
         branches = part == np.unique(part)[:, None]

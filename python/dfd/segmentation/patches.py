@@ -17,8 +17,6 @@ from dfd.geometry.topology import first_at_place
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["BRIDGE", "Borders", "Patches"]
-
 COUNT = 2_000  # patches, about: more cost time with the square and find no other parts
 PACKING = 0.75  # distance that seeds keep, in sides of squares of a patch's area: so many fit at random
 TURNED = 0.6  # in those distances, what a turn of the normal by 1 counts: the two sides of a thin sheet have own seeds
@@ -202,5 +200,4 @@ def _summed(group: NDArray[np.integer], values: Float64, count: int) -> Float64:
 
 
 def _unit(vectors: Float64) -> Float64:
-    unit: Float64 = vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
-    return unit
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)

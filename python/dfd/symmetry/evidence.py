@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["SurfaceFeatures", "gather"]
-
 POINTS = 2_000
 LOOK_ALIKES = 6  # of each point, among those farther away than _APART
 _APART = 0.1  # of half the longest side: what is nearer looks alike anyhow

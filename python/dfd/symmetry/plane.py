@@ -16,8 +16,6 @@ from dfd.common.errors import ArgumentError
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["AXES", "DEFAULT_BAND", "SymmetryPlane", "axis_name", "axis_plane", "plane_from_text", "plane_text"]
-
 # Half width of the band in which a symmetric edit passes from one side to the other, as a part of the longest side.
 # Wide enough that no crease shows, narrow enough that what is mirrored stays on its own side.
 DEFAULT_BAND = 0.03

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from dfd.symmetry.evidence import SurfaceFeatures
 from dfd.symmetry.registration import registered
 
-__all__ = ["candidate_planes", "mirrored", "same_plane"]
-
 Planes = NDArray[np.float64]  # (K, 4)
 
 _SEEDS = 300  # planes between two points that are held against all pairs

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from dfd.symmetry.evidence import SurfaceFeatures
 
-__all__ = ["registered"]
-
 _STEPS = 10
 _FIRST_REACH, _SHRINK = 0.3, 0.7  # normalized: what is farther from the surface does not count, step by step less
 _LONGEST_STEP = 0.2

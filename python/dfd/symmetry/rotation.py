@@ -15,8 +15,6 @@ from dfd.mesh.mesh import MeshLike, as_mesh
 from dfd.symmetry.evidence import SurfaceFeatures, gather
 from dfd.symmetry.registration import registered
 
-__all__ = ["LARGEST_ORDER", "RotationalSymmetry", "rotational_symmetries"]
-
 LARGEST_ORDER = 12
 THRESHOLD = 0.25  # of `relative_score`, as for planes
 _LANDED = 0.6  # share of the turned surface that has to lie on the surface

@@ -19,8 +19,6 @@ from dfd.symmetry.plane_search import candidate_planes, mirrored, same_plane
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["scored_planes", "symmetry_planes"]
-
 _SCORED_VERTICES = 4_000  # evenly strided, stand for more: the standard error of the mean is below 1 %
 RELATIVE_THRESHOLD = 0.25
 # Front and back of a figure that spreads its arms look much alike too, though far less than its two sides: a plane must

@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["AXES", "UP_WORDS", "Up", "axis_frames", "check_up", "explicit_up", "file_up", "frame_facing", "up_sentence"]
-
 AXES: dict[str, NDArray[np.float64]] = {
     f"{sign}{name}": float(f"{sign}1") * np.eye(3)[axis] for axis, name in enumerate("xyz") for sign in "+-"
 }

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["find_up", "resolve_up"]
-
 # The wrong axis upright costs 0.030 of mean part precision, upside down nothing, and two axes that share the pictures,
 # one of them right, 0.006 (three 0.031): below this probability of the likeliest axis, sharing costs less on average.
 CLEAR = 0.8

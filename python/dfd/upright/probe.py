@@ -23,8 +23,6 @@ from dfd.upright.stability import EVIDENCE
 if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
 
-__all__ = ["FORMS", "LOOKS", "TERMS", "VECTORS", "UpProbe", "find_probe"]
-
 KIND = "dfd up probe 2"  # format version 2
 LOOKS = ("looks upright", "looks right side up")  # upright: it may be upside down
 TERMS = (*LOOKS, *EVIDENCE)

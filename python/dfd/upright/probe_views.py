@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["CORNERS", "SIDES", "ProbeCameras", "ViewTokens"]
-
 PATCHES = 16  # along a picture's side
 SHOWN = 0.3  # least part of a patch's pixels that the shape covers, for its token to count
 

@@ -15,8 +15,6 @@ from dfd.common.threads import get_num_threads
 from dfd.geometry.topology import face_areas
 from dfd.views.cameras import fibonacci_directions
 
-__all__ = ["EVIDENCE", "StabilityCues"]
-
 EVIDENCE = ("stable", "facing up", "base", "near the base", "middle", "mirrors upright", "mirrors flat")
 POINTS = 2000  # on the surface
 REFLECTED = 500  # of them, whose mirror images are looked for

@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from dfd.common import check
 
-__all__ = ["Camera", "Framing", "camera_towards", "fibonacci_directions", "place_cameras"]
-
 Framing = Literal["shape", "paper"]
 
 FIELD_OF_VIEW = 60.0  # degrees, the paper's and the public reference's
@@ -131,10 +129,7 @@ def fibonacci_directions(count: int, *, mirrored: bool = False) -> NDArray[np.fl
 
 
 def camera_towards(
-    direction: ArrayLike,
-    points: NDArray[np.floating[Any]],
-    *,
-    field_of_view: float = FIELD_OF_VIEW,
+    direction: ArrayLike, points: NDArray[np.floating[Any]], *, field_of_view: float = FIELD_OF_VIEW
 ) -> Camera:
     """One camera out along `direction` (3,), of any length but 0, that sees `points`; see `place_cameras`."""
     unit = check.array("camera_towards", "direction", direction, (3,), dtype=np.float64)

@@ -10,8 +10,6 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-__all__ = ["Hits", "Scene"]
-
 
 @dataclass(frozen=True, eq=False)
 class Hits:

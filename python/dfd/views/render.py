@@ -21,8 +21,6 @@ from dfd.views.shading import Shading
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Supervision", "Views", "render", "surface_points", "used_vertices"]
-
 Supervision = Literal["barycentric", "vertex"]
 
 LARGEST_RESOLUTION = 4096

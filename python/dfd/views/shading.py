@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
     from dfd.views.cameras import Camera
 
-__all__ = ["Shading", "facing"]
-
 AMBIENT, DIFFUSE = 0.6, 0.4  # the public reference's light
 _LAYERS = 8  # clear surfaces one behind another that a ray passes at most
 _CANCELLED = 0.2  # a blend of unit normals shorter than this is unreliable

@@ -21,8 +21,6 @@ from dfd.views.render import LARGEST_VIEWS, used_vertices
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Unseen", "unseen"]
-
 POINTS = 1 << 16  # on the whole surface, and at least one on every face
 _AT_ONCE = 1 << 15  # points that one thread looks at
 # What stands before a point by this share of its distance from the eye hides it; the face that it lies on does not.

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     import torch
     from typing_extensions import Unpack
 
-__all__ = ["Falloff", "bind"]
-
 Falloff = Literal["linear", "smooth", "sharp", "root", "sphere", "constant"]  # numbered as in the kernels
 
 Float32 = NDArray[np.float32]

@@ -19,8 +19,6 @@ from dfd.common import check, tensors
 from dfd.common.errors import ArgumentError
 from dfd.common.threads import get_num_threads, one_blas_thread
 
-__all__ = ["CompactFeatures", "compact"]
-
 BLOCK = 16  # vertices side by side, as the kernels take them
 BATCH = 512  # rows projected together: as many as a field evaluates together, within the cache of a core
 SPAN = 127  # steps to either side of 0 that a byte holds
@@ -271,8 +269,7 @@ def _stored(rows: Float64, rotation: Float64, precision: Precision, step: float)
 def _weights(vertices: Float64, handles: Float64) -> Float64:
     """Equations 4 and 5."""
     squares = np.square(vertices).sum(axis=1)[:, None] + np.square(handles).sum(axis=1) - 2.0 * vertices @ handles.T
-    result: Float64 = np.maximum(1.0 - np.sqrt(np.maximum(squares, 0.0)), 0.0)
-    return result
+    return np.maximum(1.0 - np.sqrt(np.maximum(squares, 0.0)), 0.0)
 
 
 def _sample(random: np.random.Generator, count: int, size: int) -> NDArray[np.int64]:

@@ -8,8 +8,6 @@ from numpy.typing import ArrayLike
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 
-__all__ = ["auto_reach"]
-
 # A gap is what a tenth more vertices take: as many vertices as a part has tell how wide a gap behind it is.
 MORE = 1.1
 # Nearer than that lie differences within one part, farther away hardly anything that a person would call alike.

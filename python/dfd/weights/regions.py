@@ -13,8 +13,6 @@ from dfd.common import check, tensors
 from dfd.common.errors import ArgumentError
 from dfd.weights.compact import CompactFeatures
 
-__all__ = ["MERGED", "MOST_MEMBERS", "Targets", "resolve_points"]
-
 # What a region is thinned to: what lies closer to a kept member than this changes no weight that anyone sees, and so
 # many members that lie as far apart as they can leave little between them.
 MERGED = 1e-3
@@ -50,10 +48,7 @@ class Targets:
 def resolve_points(name: str, value: Any, source: Source) -> Targets:
     """What `dfd.bind` was given as `name`, "handles" or "fixed".
 
-    Raises
-    ------
-    ValueError
-        If it is neither vertices, nor feature rows, nor a sequence of such with at least one member each.
+    Raises ValueError if it is neither vertices, nor feature rows, nor a sequence of such with at least one member each.
     """
     items = _items(name, value)
     if items is None:

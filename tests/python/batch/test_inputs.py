@@ -55,10 +55,7 @@ def test_a_csv_manifest_is_relative_to_itself(folder):
 
 def test_a_parquet_manifest_says_the_same():
     parquet.write_table(pyarrow.table({"path": ["a.obj", "deep/b.glb"], "name": ["one", None]}), "shapes/list.parquet")
-    assert find_shapes(["shapes/list.parquet"]) == [
-        Shape("b.glb", "shapes/deep/b.glb"),
-        Shape("one", "shapes/a.obj"),
-    ]
+    assert find_shapes(["shapes/list.parquet"]) == [Shape("b.glb", "shapes/deep/b.glb"), Shape("one", "shapes/a.obj")]
 
 
 def test_urls_are_read_by_fsspec():

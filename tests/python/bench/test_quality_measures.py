@@ -26,12 +26,7 @@ HALVES = np.array([(0, 1, 2), (0, 2, 3)])
 
 @pytest.mark.parametrize(
     ("relevant", "expected"),
-    [
-        ((1, 1, 0, 0), 1.0),
-        ((0, 0, 1, 1), (1 / 3 + 2 / 4) / 2),
-        ((1, 0, 1, 0), (1 + 2 / 3) / 2),
-        ((0, 1, 0, 0), 1 / 2),
-    ],
+    [((1, 1, 0, 0), 1.0), ((0, 0, 1, 1), (1 / 3 + 2 / 4) / 2), ((1, 0, 1, 0), (1 + 2 / 3) / 2), ((0, 1, 0, 0), 1 / 2)],
 )
 def test_average_precision_is_the_mean_of_the_precision_at_every_hit(relevant, expected):
     scores = np.array([0.9, 0.7, 0.4, 0.1])

@@ -105,8 +105,7 @@ def test_an_unknown_encoder_is_named() -> None:
 
 
 @pytest.mark.parametrize(
-    "setting",
-    [{"views": 0}, {"resolution": 5000}, {"framing": "close"}, {"simplify_to": 3}, {"supervision": "pixel"}],
+    "setting", [{"views": 0}, {"resolution": 5000}, {"framing": "close"}, {"simplify_to": 3}, {"supervision": "pixel"}]
 )
 def test_a_bad_setting_is_refused_before_anything_is_loaded(
     monkeypatch: pytest.MonkeyPatch, setting: dict[str, object]

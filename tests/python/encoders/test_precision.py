@@ -35,8 +35,7 @@ def measure(monkeypatch: pytest.MonkeyPatch, *answers: bool) -> list[bool]:
 
 
 @pytest.mark.parametrize(
-    ("has", "pays", "expected"),
-    [(True, True, "bfloat16"), (True, False, "float32"), (False, True, "float32")],
+    ("has", "pays", "expected"), [(True, True, "bfloat16"), (True, False, "float32"), (False, True, "float32")]
 )
 def test_it_is_chosen_by_the_processor(
     dinov2: Saved, monkeypatch: pytest.MonkeyPatch, has: bool, pays: bool, expected: str

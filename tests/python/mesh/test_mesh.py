@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from mesh_files import (
-    CORNERS,
-    CUBE,
-)
+from mesh_files import CORNERS, CUBE
 
 from dfd.mesh.mesh import Mesh
 

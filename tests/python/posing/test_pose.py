@@ -221,8 +221,7 @@ def test_a_drag_gives_what_a_pose_gives(dtype, band):
 
 
 @pytest.mark.parametrize(
-    ("moving", "message"),
-    [([2], r"`moving` must lie in 0 … 1, got 2"), ([0, 0], r"`moving` names .* more than once")],
+    ("moving", "message"), [([2], r"`moving` must lie in 0 … 1, got 2"), ([0, 0], r"`moving` names .* more than once")]
 )
 def test_drag_refuses_bad_handles(moving, message):
     with pytest.raises(ValueError, match="^Drag: " + message):

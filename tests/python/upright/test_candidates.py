@@ -15,15 +15,7 @@ import dfd
 from dfd.distillation.settings import DistillSettings
 from dfd.upright.candidates import UP_WORDS, Up, axis_frames, check_up, explicit_up
 from dfd.upright.find_up import CLEAR, SAME, UNALIGNED_PRIOR, candidates, decide, find_up, prior
-from dfd.upright.probe import (
-    FORM_TOKENS,
-    FORMS,
-    LOOKS,
-    TERMS,
-    VECTOR_TOKENS,
-    VECTORS,
-    find_probe,
-)
+from dfd.upright.probe import FORM_TOKENS, FORMS, LOOKS, TERMS, VECTOR_TOKENS, VECTORS, find_probe
 from dfd.upright.probe_views import SIDES, ProbeCameras
 from dfd.upright.stability import RESTS, StabilityCues
 from dfd.views.render import render

@@ -9,14 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import dfd
 from dfd.upright.candidates import axis_frames
-from dfd.upright.probe import (
-    FOLDER,
-    FORM_TOKENS,
-    LOOKS,
-    TERMS,
-    VECTOR_TOKENS,
-    UpProbe,
-)
+from dfd.upright.probe import FOLDER, FORM_TOKENS, LOOKS, TERMS, VECTOR_TOKENS, UpProbe
 from dfd.upright.probe_views import SIDES, ProbeCameras, ViewTokens
 from dfd.upright.stability import EVIDENCE
 

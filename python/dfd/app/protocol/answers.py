@@ -24,8 +24,6 @@ from dfd.editing.controls import Falloff
 from dfd.editing.presets import BlendRule
 from dfd.posing.pose import Overlap
 
-__all__ = ["Answer"]
-
 VERSION = 1
 
 

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from dfd.app.protocol.answers import Answer
 from dfd.app.protocol.parts import Frame, Model, Vector
 
-__all__ = ["pack", "unpack"]
-
 
 class Buffer(Model):
     """An array of a binary message; `offset` counts bytes from the end of the header."""

@@ -12,8 +12,6 @@ from pydantic import Field, TypeAdapter, ValidationError, create_model
 
 from dfd.app.protocol.parts import Identifier, Model
 
-__all__ = ["Hello", "Request", "RequestError", "call", "read_request", "request", "request_union"]
-
 Handler = TypeVar("Handler", bound=Callable[..., Any])
 LARGEST_NUMBER = 2**53  # that JavaScript counts to
 

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from dfd.editing.edit import Edit
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Autosave", "Saved"]
-
 _POSES: TypeAdapter[tuple[KeyPose, ...]] = TypeAdapter(tuple[KeyPose, ...])
 
 

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from dfd.editing.influence.instances import Instance
     from dfd.editing.points import Place
 
-__all__ = ["Columns", "column_kind", "feature_distances", "heat_message"]
-
 MAX_DISTANCE = 2.0  # between unit vectors
 UINT16_MAX = 65535  # quantization steps of a column
 

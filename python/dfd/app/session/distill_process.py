@@ -23,8 +23,6 @@ from dfd.app.options import SessionOptions, Source
 from dfd.app.session.shapes import read_shape
 from dfd.common.progress import Stages
 
-__all__ = ["DistillProcess", "try_lock"]
-
 INTERVAL = 0.1  # seconds between two lines about one stage
 
 

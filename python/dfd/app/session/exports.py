@@ -17,8 +17,6 @@ from dfd.posing.transforms import Transform
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
 
-__all__ = ["EXPORTS", "export", "file_stem"]
-
 EXPORTS = "exports"  # the folder, inside that of the session
 LONGEST_STEM = 80
 

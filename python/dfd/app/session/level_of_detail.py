@@ -11,8 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["MOST_FACES", "CoarseLevel", "coarse_level"]
-
 MOST_FACES = 16_000  # about as many as a CPU poses and draws 60 times a second
 FINEST_GRID = 256  # cubes along the longest side
 FACES_PER_CUBE = 2.0  # closed surfaces have two faces per vertex

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from dfd.editing.edit import Handle
     from dfd.segmentation.parts import Level
 
-__all__ = ["Combine", "ShapeParts"]
-
 Combine = Literal["take", "add", "remove"]
 # What the same place gives one click after the other: the level, and whether its look-alikes belong to it.
 STEPS: tuple[tuple[Level, bool], ...] = (("part", True), ("part", False), ("larger", True), ("smaller", True))
@@ -54,10 +52,7 @@ class ShapeParts:
     def combined(self, vertex: int, held: VertexSet, how: Combine) -> VertexSet:
         """What is held with the part that a vertex is on added to it, or taken away from it.
 
-        Raises
-        ------
-        ValueError
-            If nothing would be left.
+        Raises ValueError if nothing would be left.
         """
         mesh, part = self._deformer.mesh, self.at(vertex).indices
         own = members(mesh, held)

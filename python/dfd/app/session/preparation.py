@@ -16,8 +16,6 @@ from dfd.app.session.distill_process import DistillProcess
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Preparation", "TimeLeft"]
-
 
 class Preparation:
     """The background work for one shape, which another process reads from `source`; fields are saved in `folder`.

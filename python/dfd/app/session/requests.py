@@ -51,8 +51,6 @@ from dfd.editing.suggestions import suggest_handles
 from dfd.posing.pose import Overlap
 from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["answer"]
-
 NO_TRANSFORM, NO_CONTROLS = Transform(), Controls()
 
 

@@ -13,8 +13,6 @@ from dfd.editing.presets import CONTROLS, PRESETS
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
 
-__all__ = ["as_command", "as_python"]
-
 # Keys of the edit document that `Deformer.add` takes under other names or not at all.
 NOT_CONTROLS = ("id", "vertex", "position", "along", "pivot_at")
 AT_REST: dict[str, Any] = {"translation": [0.0] * 3, "rotation": [0.0] * 3, "scale": [1.0] * 3}

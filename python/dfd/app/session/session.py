@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["NO_MEMORY", "Session", "sentence", "without_paths"]
-
 Result = TypeVar("Result")
 
 UPLOAD_SECONDS = 600.0  # an upload waits for its turn no longer

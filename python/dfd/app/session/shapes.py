@@ -11,8 +11,6 @@ from dfd.app.protocol.answers import SampleEntry
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["SAMPLES", "read_shape", "sample_source"]
-
 SAMPLES = (
     SampleEntry(name="quadruped", title="Quadruped", faces=20_000),
     SampleEntry(name="chair", title="Chair", faces=20_000),

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from dfd.posing.transforms import Transform
     from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["ViewState", "check_drawable", "feature_colors_message", "positions_message", "report", "state_message"]
-
 NO_FIELD = FieldState(status="none", origin=None)
 
 

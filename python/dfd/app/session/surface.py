@@ -15,8 +15,6 @@ from dfd.app.session.level_of_detail import CoarseLevel, coarse_level
 from dfd.mesh.appearance import Material
 from dfd.mesh.mesh import Mesh
 
-__all__ = ["center_of", "mesh_messages", "packed_normals"]
-
 LONGEST_TEXTURE = 4096  # texels along a side, supported by every graphics card
 JPEG_QUALITY = 92
 
@@ -25,8 +23,7 @@ Arrays = dict[str, NDArray[Any]]
 
 def center_of(mesh: Mesh) -> NDArray[np.float64]:
     """(3,) the center of the box, mesh units: positions are sent relative to it, to keep precision in float32."""
-    center: NDArray[np.float64] = mesh.bounds[0] / 2 + mesh.bounds[1] / 2
-    return center
+    return mesh.bounds[0] / 2 + mesh.bounds[1] / 2
 
 
 def mesh_messages(mesh: Mesh, *, number: int, name: str, warnings: Sequence[str]) -> Iterator[bytes]:
@@ -120,13 +117,11 @@ def _corner_rows(
     if "uv" in arrays:
         dissimilarity += _row_distances(arrays["uv"], candidates, origins)
     best = np.lexsort((dissimilarity, corner))[begins]
-    corners: NDArray[np.int32] = candidates[best].reshape(-1, 3).astype(np.int32)
-    return corners
+    return candidates[best].reshape(-1, 3).astype(np.int32)
 
 
 def _row_distances(values: NDArray[Any], some: NDArray[np.int64], others: NDArray[np.int32]) -> NDArray[Any]:
-    distances: NDArray[Any] = np.linalg.norm(values[some] - values[others], axis=1)
-    return distances
+    return np.linalg.norm(values[some] - values[others], axis=1)
 
 
 def _materials(mesh: Mesh) -> tuple[Arrays, tuple[MaterialEntry, ...]]:

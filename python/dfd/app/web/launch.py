@@ -29,8 +29,6 @@ from dfd.app.web.tabs import Tabs
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
 
-__all__ = ["DEFAULT_PORT", "Frame", "RunningApp", "check_built", "serve", "session_memory", "show"]
-
 DEFAULT_PORT = 8765
 MEMORY_FRACTION = 0.75  # of the machine, for one session; the rest is left to the server, the browser and the system
 FOLDER_PREFIX = "dfd-app-"
@@ -44,10 +42,7 @@ class RunningApp:
     `make_link` makes the link to a session that is not a process of its own, and pages of `frame_ancestors` may show
     this one in a frame.
 
-    Raises
-    ------
-    OSError
-        If the port is taken, or the host is not an address of this machine.
+    Raises OSError if the port is taken, or the host is not an address of this machine.
     """
 
     def __init__(

@@ -18,8 +18,6 @@ from dfd.app.web.worker import BINARY, HEADER_BYTES, ORDER, TEXT, Loop, packet, 
 if TYPE_CHECKING:
     from dfd.editing.deformer import Deformer
 
-__all__ = ["Link", "ProcessLink", "ThreadLink"]
-
 READ_AHEAD = 4 << 20  # bytes of a session's messages to buffer for a slow page
 GRACE = 3.0  # seconds for a session to save and end
 

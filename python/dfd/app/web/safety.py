@@ -23,8 +23,6 @@ from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-__all__ = ["Guard", "Rules", "TimedHTTP", "loopback"]
-
 LOOPBACK_NAMES = ("127.0.0.1", "localhost", "::1")
 NOT_ALLOWED = 4403  # close code of a WebSocket
 HEADER_SECONDS = 20.0

@@ -30,8 +30,6 @@ from dfd.app.web.safety import Guard, Rules
 from dfd.app.web.tabs import NAME, SESSION_ENDED, Tab, Tabs
 from dfd.app.web.uploads import FORMATS, MOST_FILES, UploadedFile, receive
 
-__all__ = ["MESSAGE_BYTES", "STATIC", "UPLOAD_BYTES", "create"]
-
 STATIC = Path(__file__).parents[1] / "static"
 MESSAGE_BYTES = 1 << 20  # the longest message of a page
 UPLOAD_BYTES = 1 << 30  # an upload's files together, unpacked

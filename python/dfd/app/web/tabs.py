@@ -18,8 +18,6 @@ from dfd.app.options import SessionOptions
 from dfd.app.protocol.answers import FailureMessage
 from dfd.app.web.link import Link, ProcessLink
 
-__all__ = ["NAME", "OPENED_ELSEWHERE", "SESSION_ENDED", "Tab", "Tabs"]
-
 OPENED_ELSEWHERE, SESSION_ENDED = 4001, 4002  # close codes of a WebSocket
 NAME = re.compile(r"[0-9a-f]{32}")
 IDLE_SECONDS = 5 * 60.0  # after which a session that no page looks at ends; it resumes from what it saved

@@ -17,8 +17,6 @@ from typing import IO
 from dfd.app.options import UPLOADS, OpenedFile, Source
 from dfd.mesh.file.read import ENDINGS
 
-__all__ = ["FORMATS", "MOST_FILES", "Upload", "UploadedFile", "receive"]
-
 FORMATS = (*ENDINGS, ".zip", ".safetensors", ".json")
 FIELD, EDIT = ".safetensors", ".json"
 MOST_FILES = 500

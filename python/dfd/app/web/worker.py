@@ -25,8 +25,6 @@ from dfd.app.protocol.requests import Request, RequestError, read_request
 from dfd.app.session import requests
 from dfd.app.session.session import Session
 
-__all__ = ["BINARY", "HEADER_BYTES", "ORDER", "TEXT", "Loop", "packet", "payload_length"]
-
 TEXT, BINARY, ORDER = b"T", b"B", b"O"
 HEADER_BYTES = 5
 OOM_SCORE_ADJ = "900"  # of 1000: when memory runs out, the kernel ends sessions first

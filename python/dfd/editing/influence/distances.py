@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["Distances"]
-
 Float32 = NDArray[np.float32]
 Indices = NDArray[np.int64]
 

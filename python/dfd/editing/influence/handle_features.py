@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["HandleFeatures"]
-
 # As many vertices as `compact` would judge by: up to there it takes longer than it saves.
 MOST_EXACT = 16_384
 # A region weighs by so many of its members, those whose features differ most, chosen among so many.
@@ -36,10 +34,7 @@ class HandleFeatures:
     def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
         """Keep (V, D) `features`, or ask the field when they are first needed.
 
-        Raises
-        ------
-        ValueError
-            If `features` is not finite or not one row of the field's width per vertex.
+        Raises ValueError if `features` is not finite or not one row of the field's width per vertex.
         """
         self._mesh = mesh
         self._field = field

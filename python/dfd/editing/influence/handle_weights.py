@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from dfd.segmentation.parts import Parts
     from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["HandleWeights"]
-
 # Of a handle's weight that fixed points leave at the handle itself: with less, dividing by it makes noise of the rest.
 LEAST_LEFT = 0.01
 LEAST_COUNTED = 0.35  # of the most that the handle itself moves: what follows less is no like of it to people
@@ -439,8 +437,7 @@ class HandleWeights:
 
     def _apart(self, place: Place) -> Float32:
         """(V,) feature distances from a place; with twice the paper's reach, none of unit features is cut off."""
-        apart: Float32 = 2.0 * (1.0 - bind(self.features, self._rows.points([place]), reach=2.0)[:, 0])
-        return apart
+        return 2.0 * (1.0 - bind(self.features, self._rows.points([place]), reach=2.0)[:, 0])
 
 
 def _alike(one: Key, other: Key) -> bool:

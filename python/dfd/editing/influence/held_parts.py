@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from dfd.posing.transforms import Transform
     from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["TOWARDS", "HeldPart", "HeldParts", "bend_vector", "pivot_on"]
-
 HELD = 0.5  # of the most that follows a handle there: the part ends where less does
 UP = np.array([0.0, 1.0, 0.0])
 # Where a tip may be bent to: y is up, the front looks along +z, and left is what a viewer before it has on the left.
@@ -160,8 +158,7 @@ def _turn(one: Float64, other: Float64) -> Float64:
     for direction in (one, other):
         across = unit(np.cross(direction, UP)[None])[0]
         frames.append(np.stack([direction, across, np.cross(direction, across)], axis=1))
-    turn: Float64 = frames[1] @ frames[0].T
-    return turn
+    return frames[1] @ frames[0].T
 
 
 def bend_vector(part: HeldPart, angle: float, towards: Any = None) -> Vector:
@@ -170,10 +167,7 @@ def bend_vector(part: HeldPart, angle: float, towards: Any = None) -> Vector:
     It takes the tip `towards` a direction (3,) or a word of `TOWARDS`: if left out up, and where the part itself runs
     upright to the front.
 
-    Raises
-    ------
-    ValueError
-        If `towards` is neither, or the part itself runs in that direction.
+    Raises ValueError if `towards` is neither, or the part itself runs in that direction.
     """
     along = part.axis.direction
     if towards is None:
@@ -196,10 +190,7 @@ def pivot_on(
 
     What is chosen for a part across the plane of symmetry lies on that plane.
 
-    Raises
-    ------
-    ValueError
-        If it is to be on the plane, and there is none.
+    Raises ValueError if it is to be on the plane, and there is none.
     """
     point = np.asarray(handle.place.position)
     axis = part.axis

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["Column", "InstanceColumns", "followed_by", "interpolating_columns", "wanted_of"]
-
 LEAST_LEVELED = 0.01  # of the handle's own weight: an instance that follows less is not brought to it
 
 Float32 = NDArray[np.float32]

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
 
-__all__ = ["LEAST_ALIKE", "Instance", "InstanceFinder", "SurfaceAxes", "shortest_turn"]
-
 LEAST_PERSISTENCE = 0.05  # of weight: below, the field's own ripples have peaks
 LEAST_WEIGHT = 0.075  # of a peak; lower ones go with the instance that is nearest, on whose lever they would swing
 LEAST_ALIKE = 0.15  # of weight: what looks less alike has a pivot of its own, but is no like of the handle to people
@@ -303,8 +301,7 @@ class _Box:
     def holds(self, points: Float64) -> NDArray[np.bool_]:
         """Which of points (N, 3) lie in it, (N,)."""
         along = (points - self._center) @ self._axes.T
-        held: NDArray[np.bool_] = ((along >= self._low) & (along <= self._high)).all(axis=1)
-        return held
+        return ((along >= self._low) & (along <= self._high)).all(axis=1)
 
 
 def _basins(weights: Float64, graph: csr_array) -> tuple[NDArray[np.int64], dict[int, float]]:
@@ -417,5 +414,4 @@ def shortest_turn(one: Float64, other: Float64) -> Float64:
         sine, length = 0.0, float(np.linalg.norm(across))
     else:
         length = sine
-    turn: Float64 = Rotation.from_rotvec(across / length * np.arctan2(sine, cosine)).as_matrix()
-    return turn
+    return Rotation.from_rotvec(across / length * np.arctan2(sine, cosine)).as_matrix()

@@ -22,19 +22,6 @@ from dfd.posing.transforms import Vector, vector
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = [
-    "SAME_POSITION",
-    "Ball",
-    "Box",
-    "Group",
-    "HalfSpace",
-    "Part",
-    "Region",
-    "VertexSet",
-    "distances_from",
-    "members",
-]
-
 # A vertex that moved by no more than this part of the box's diagonal is the same one: files round positions to float32.
 SAME_POSITION = 1e-5
 
@@ -63,8 +50,7 @@ class Ball:
 
     def inside(self, mesh: Mesh) -> Mask:
         """(V,) which vertices lie in it."""
-        inside: Mask = np.linalg.norm(mesh.vertices - np.asarray(self.center), axis=1) <= self.radius
-        return inside
+        return np.linalg.norm(mesh.vertices - np.asarray(self.center), axis=1) <= self.radius
 
 
 @dataclass(frozen=True)
@@ -88,8 +74,7 @@ class Box:
     def inside(self, mesh: Mesh) -> Mask:
         """(V,) which vertices lie in it."""
         low, high = np.asarray(self.low), np.asarray(self.high)
-        inside: Mask = np.all((mesh.vertices >= low) & (mesh.vertices <= high), axis=1)
-        return inside
+        return np.all((mesh.vertices >= low) & (mesh.vertices <= high), axis=1)
 
 
 @dataclass(frozen=True)
@@ -115,8 +100,7 @@ class HalfSpace:
 
     def inside(self, mesh: Mesh) -> Mask:
         """(V,) which vertices lie in it."""
-        inside: Mask = mesh.vertices @ np.asarray(self.normal) >= self.offset
-        return inside
+        return mesh.vertices @ np.asarray(self.normal) >= self.offset
 
 
 @dataclass(frozen=True)
@@ -255,10 +239,7 @@ Region = Ball | Box | Group | HalfSpace | Part | VertexSet
 def members(mesh: Mesh, region: Region) -> Indices:
     """(N,) ascending, the vertices of `mesh` in `region`.
 
-    Raises
-    ------
-    ValueError
-        If there is none.
+    Raises ValueError if there is none.
     """
     found = np.flatnonzero(region.inside(mesh))
     if len(found) == 0:
@@ -269,10 +250,7 @@ def members(mesh: Mesh, region: Region) -> Indices:
 def distances_from(mesh: Mesh, region: Region) -> NDArray[np.float64]:
     """(V,) how far each vertex lies outside of `region`, mesh units; of a set of vertices, from the nearest of them.
 
-    Raises
-    ------
-    ValueError
-        If it holds no vertex.
+    Raises ValueError if it holds no vertex.
     """
     inside = members(mesh, region)
     match region:

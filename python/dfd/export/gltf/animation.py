@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from dfd.export.key_poses import KeyPose
     from dfd.mesh.file.gltf.header import Header
 
-__all__ = ["NAME", "add_joint_animation", "add_weight_animation"]
-
 NAME = "dfd key poses"
 
 

@@ -26,8 +26,6 @@ from dfd.mesh.file.write import as_glb
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["GltfDocument"]
-
 FLOAT = 5126
 ARRAY_BUFFER = 34962
 _KINDS = {(): "SCALAR", (2,): "VEC2", (3,): "VEC3", (4,): "VEC4", (4, 4): "MAT4"}

@@ -14,8 +14,6 @@ from dfd.export.skinning import skin_of
 if TYPE_CHECKING:
     from dfd.export.rig import Rig
 
-__all__ = ["export_gltf"]
-
 
 def export_gltf(rig: Rig, target: Path, form: str, most: int | None) -> RigReport:
     """Write a rig as a "skin" of at most `most` influences a vertex, or as "morph" targets.

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from dfd.export.rig import Rig
     from dfd.mesh.file.primitives import Primitive
 
-__all__ = ["MorphTargets", "add_targets", "targets_of"]
-
 Float64 = NDArray[np.float64]
 
 

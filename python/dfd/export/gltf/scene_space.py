@@ -11,8 +11,6 @@ from dfd.export.gltf.document import GltfDocument
 from dfd.mesh.file.gltf.header import MODES_READ, Header, objects, parents
 from dfd.mesh.file.gltf.read import triangles
 
-__all__ = ["animated_nodes", "bring_to_scene", "stand_alone"]
-
 _TRANSFORM = ("matrix", "translation", "rotation", "scale")
 
 Float64 = NDArray[np.float64]
@@ -92,14 +90,12 @@ def _roots(header: Header) -> list[int]:
         header["scenes"] = [{"nodes": [index for index in range(len(header["nodes"])) if index not in below]}]
     header.setdefault("scene", 0)
     scene = header["scenes"][header["scene"]]
-    roots: list[int] = scene.setdefault("nodes", [])
-    return roots
+    return scene.setdefault("nodes", [])
 
 
 def _transformed(name: str, values: NDArray[Any], transform: Float64) -> Float64:
     if name == "POSITION":
-        transformed: Float64 = values.astype(np.float64) @ transform[:3, :3].T + transform[:3, 3]
-        return transformed
+        return values.astype(np.float64) @ transform[:3, :3].T + transform[:3, 3]
     turned = _turned(name, values[:, :3].astype(np.float64), transform)
     length = np.linalg.norm(turned, axis=1, keepdims=True)
     unit: Float64 = np.divide(turned, length, out=values[:, :3].astype(np.float64), where=length > 0)
@@ -112,8 +108,7 @@ def _transformed(name: str, values: NDArray[Any], transform: Float64) -> Float64
 def _turned(name: str, vectors: Float64, transform: Float64) -> Float64:
     """Displacements and tangents turn with the surface, normals by the inverse transpose."""
     linear = transform[:3, :3]
-    turned: Float64 = vectors @ (np.linalg.pinv(linear) if name == "NORMAL" else linear.T)
-    return turned
+    return vectors @ (np.linalg.pinv(linear) if name == "NORMAL" else linear.T)
 
 
 def _write(document: GltfDocument, name: str, values: Float64) -> int:

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from dfd.mesh.file.primitives import Primitive
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["MOST_JOINTS", "add_joints", "add_skin", "left_behind", "parts_with_deformers", "weigh"]
-
 MOST_JOINTS = 65_535  # JOINTS_n has 16 bits
 SET = 4  # influences in each pair of attributes
 

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from dfd.export.rig import Rig
     from dfd.mesh.mesh import MeshPart
 
-__all__ = ["export_usd"]
-
 
 def export_usd(rig: Rig, target: Path, form: str, most: int | None) -> RigReport:
     """Write a rig as a "skin" of at most `most` influences a vertex, "morph" targets or "baked"; textures beside it.

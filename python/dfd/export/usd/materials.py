@@ -15,8 +15,6 @@ from dfd.mesh.file.images import as_png
 if TYPE_CHECKING:
     from dfd.mesh.mesh import MeshPart
 
-__all__ = ["TextureFiles", "add_materials", "bind_materials"]
-
 _TYPES = {
     "r": Sdf.ValueTypeNames.Float,
     "g": Sdf.ValueTypeNames.Float,

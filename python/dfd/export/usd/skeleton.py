@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from dfd.export.influences import Influences
     from dfd.export.rig import Rig
 
-__all__ = ["RATE", "Moment", "add_animation", "add_skeleton", "bind_mesh", "identifiers", "stored"]
-
 RATE = 24.0  # time codes in a second
 Moment = Usd.TimeCode
 

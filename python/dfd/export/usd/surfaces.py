@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from dfd.mesh.file.primitives import Primitive
     from dfd.mesh.mesh import Mesh
 
-__all__ = ["Picture", "Surface", "Surfaces", "read_surfaces"]
-
 BASE = "st"  # the primvar with the texture coordinates of the base color
 
 

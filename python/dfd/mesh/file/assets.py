@@ -8,8 +8,6 @@ import stat
 from pathlib import Path
 from urllib.parse import unquote
 
-__all__ = ["AssetFolder", "read_regular", "shortened"]
-
 
 class AssetFolder:
     """Reads regular files below the mesh's folder; paths outside it and hidden files are refused.

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from PIL import Image
 
-__all__ = ["MOST_TEXELS", "ImageCache", "as_image", "as_png", "is_ktx2", "ktx2_is_readable"]
-
 MOST_TEXELS = 2**26  # of all decoded pictures of a file: 256 MiB as RGBA, four of 4096 × 4096
 _KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
 

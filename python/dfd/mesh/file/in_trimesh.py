@@ -16,8 +16,6 @@ from dfd.mesh.file.images import MOST_TEXELS, as_image
 from dfd.mesh.file.materials import rgba
 from dfd.mesh.file.primitives import Geometry
 
-__all__ = ["from_trimesh", "to_trimesh"]
-
 _WHITE = (1.0, 1.0, 1.0, 1.0)
 
 

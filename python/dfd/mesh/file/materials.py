@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.file.primitives import Primitive
 
-__all__ = ["read_appearance", "rgba"]
-
 _DEFAULT = Material(is_default=True)
 
 

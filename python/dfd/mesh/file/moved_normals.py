@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.weld import weld
 
-__all__ = ["follow"]
-
 
 def follow(
     vertices: NDArray[np.float64],  # (V, 3) after

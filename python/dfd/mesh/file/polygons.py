@@ -8,8 +8,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["check_corners", "ranges", "triangulate"]
-
 _REFLEX = 1e-6  # of the polygon's size; corners less reflex than this count as straight
 
 

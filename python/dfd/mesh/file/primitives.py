@@ -18,17 +18,6 @@ from dfd.mesh.file.assets import shortened
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = [
-    "IDENTITY",
-    "Geometry",
-    "MeshInstance",
-    "MovedPrimitive",
-    "Primitive",
-    "UniqueNames",
-    "place",
-    "require_finite",
-]
-
 MOST_ROWS = 10**8  # vertices or faces in a scene: a file of a few kilobytes can instance any number of them
 MOST_PRIMITIVES = 20_000  # of a glTF file that are shown: more take seconds to read
 MOST_INSTANCES = 100_000  # primitives that the scene of a glTF file places

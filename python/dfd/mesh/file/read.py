@@ -27,8 +27,6 @@ from dfd.mesh.file.scene_file import SceneFile
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["ENDINGS", "of_trimesh", "read"]
-
 _MOST_NAMED = 5  # unreadable files listed in a warning
 ENDINGS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
 
@@ -67,8 +65,7 @@ def read(path: str | os.PathLike[str], *, at_rest: bool = True) -> SceneFile:
         names = ", ".join(each[:100] for each in sorted(assets.unreadable)[:_MOST_NAMED])
         names += ", …" if len(assets.unreadable) > _MOST_NAMED else ""
         warnings.warn(
-            f"load: `path` {path} names {names}, which could not be read; what it would color is grey",
-            stacklevel=3,
+            f"load: `path` {path} names {names}, which could not be read; what it would color is grey", stacklevel=3
         )
     return scene
 

@@ -20,8 +20,6 @@ from dfd.mesh.weld import weld
 if TYPE_CHECKING:
     from dfd.mesh.file.gltf.patch import GltfSource
 
-__all__ = ["SceneFile"]
-
 
 @dataclass(frozen=True)
 class SceneFile:

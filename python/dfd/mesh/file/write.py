@@ -29,8 +29,6 @@ from dfd.mesh.file.read import ENDINGS
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.normals import smooth_normals
 
-__all__ = ["as_glb", "write"]
-
 
 def write(
     path: str | os.PathLike[str],

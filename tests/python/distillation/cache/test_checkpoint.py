@@ -238,10 +238,7 @@ def test_a_field_that_cannot_be_saved_in_the_end_leaves_the_checkpoint(
 ) -> None:
     settings = DistillSettings(**{name: SMALL[name] for name in ("views", "resolution", "steps", "batch")})
     how = {"device": "cpu", "stages": Stages(show=False), "cache": False, "checkpoint": tmp_path / "run"}
-    with (
-        pytest.raises(OSError, match="No space left"),
-        distilling(mesh, encoder, settings, **how),
-    ):
+    with pytest.raises(OSError, match="No space left"), distilling(mesh, encoder, settings, **how):
         raise OSError(errno.ENOSPC, "No space left on device")
     assert len(list((tmp_path / "run").glob("tokens-*"))) == 6
     encoded = count_work(monkeypatch)

@@ -12,14 +12,7 @@ from pathlib import Path
 
 import pytest
 import trimesh
-from mesh_files import (
-    CORNERS,
-    CUBE,
-    Gltf,
-    obj_cube,
-    same_shape,
-    write,
-)
+from mesh_files import CORNERS, CUBE, Gltf, obj_cube, same_shape, write
 
 from dfd.mesh.mesh import Mesh, load
 

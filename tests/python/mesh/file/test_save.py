@@ -9,17 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from mesh_files import (
-    CORNERS,
-    CUBE,
-    Gltf,
-    checkered,
-    obj_cube,
-    same_shape,
-    scene_of_three,
-    textured_quad,
-    write,
-)
+from mesh_files import CORNERS, CUBE, Gltf, checkered, obj_cube, same_shape, scene_of_three, textured_quad, write
 from PIL import Image
 
 from dfd.mesh.mesh import Mesh, load

@@ -24,8 +24,6 @@ from dfd.mesh.file.gltf.header import (
     whole,
 )
 
-__all__ = ["GltfData", "data_uri"]
-
 _MOST_DECOMPRESSED = 64  # bytes for each byte of compressed data, all views together
 _SMALL = 2**26  # decompressed bytes, below which the ratio is not checked
 _DATA_ENDINGS = (".bin", ".glbin", ".glbuf")

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import struct
 
-__all__ = ["is_glb", "join", "split"]
-
 _MAGIC = b"glTF"
 _JSON, _DATA = 0x4E4F534A, 0x004E4942
 

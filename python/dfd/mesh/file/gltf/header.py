@@ -12,11 +12,6 @@ from typing import Any, cast
 
 from dfd.mesh.file.assets import shortened
 
-__all__ = [
-    *("COMPONENTS", "COMPONENT_TYPES", "DRACO", "MESHOPT", "Header"),
-    *("extension", "is_index", "item", "objects", "parents", "primitives", "read", "reference", "whole"),
-]
-
 Header = dict[str, Any]
 
 COMPONENT_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}

@@ -14,8 +14,6 @@ from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import Header, extension, item
 from dfd.mesh.file.images import ImageCache, ktx2_is_readable
 
-__all__ = ["GltfMaterials", "Surface", "coordinates"]
-
 _WRAPS: dict[object, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 _BASISU = "KHR_texture_basisu"
 _OTHER_SOURCES = ("EXT_texture_webp", _BASISU)

@@ -22,8 +22,6 @@ from dfd.mesh.file.gltf.header import COMPONENT_TYPES, DRACO, MESHOPT, Header, e
 from dfd.mesh.file.images import ImageCache
 from dfd.mesh.file.primitives import MovedPrimitive
 
-__all__ = ["GltfPatch", "GltfSource", "encode"]
-
 _FLOAT, _UNSIGNED = 5126, 5125
 
 

@@ -20,16 +20,7 @@ from dfd.mesh.file.gltf.materials import GltfMaterials
 from dfd.mesh.file.gltf.rest import closed_seams, joint_matrices, morph_weights, morphed, skin_transforms
 from dfd.mesh.file.images import ImageCache
 from dfd.mesh.file.materials import rgba
-from dfd.mesh.file.primitives import (
-    IDENTITY,
-    MOST_INSTANCES,
-    MOST_PRIMITIVES,
-    Geometry,
-    MeshInstance,
-    UniqueNames,
-)
-
-__all__ = ["from_below", "read", "shown_nodes", "triangles", "world_transforms"]
+from dfd.mesh.file.primitives import IDENTITY, MOST_INSTANCES, MOST_PRIMITIVES, Geometry, MeshInstance, UniqueNames
 
 _STRIP, _FAN = 5, 6
 

@@ -16,11 +16,6 @@ from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import Header, is_index, objects
 from dfd.mesh.weld import weld
 
-__all__ = [
-    *("closed_seams", "inverse_binds", "joint_matrices", "joints_and_weights"),
-    *("morph_weights", "morphed", "skin_transforms"),
-]
-
 _SEAM = 1e-4  # of the largest side; rows at one position that skinning separates by less stay one vertex
 
 Float64 = NDArray[np.float64]

@@ -10,8 +10,6 @@ from dfd.mesh.file.images import ImageCache
 from dfd.mesh.file.obj.read import libraries, material_lines, picture_name
 from dfd.mesh.file.obj.text import ObjText, decoded
 
-__all__ = ["Companions", "copied_materials"]
-
 _PICTURES = (".bmp", ".gif", ".jpeg", ".jpg", ".ktx2", ".png", ".tga", ".tif", ".tiff", ".webp")
 
 

@@ -17,14 +17,9 @@ from dfd.mesh.file.obj.read import ObjSource
 from dfd.mesh.file.obj.text import ObjText, parse
 from dfd.mesh.weld import weld
 
-__all__ = ["encode"]
-
 
 def encode(
-    target: Path,
-    source: ObjSource,
-    vertices: NDArray[np.float64],
-    normals: Sequence[NDArray[np.float64] | None],
+    target: Path, source: ObjSource, vertices: NDArray[np.float64], normals: Sequence[NDArray[np.float64] | None]
 ) -> dict[str, bytes]:
     """Return the contents of the moved OBJ file `target` and of the material files that it needs next to it.
 

@@ -19,8 +19,6 @@ from dfd.mesh.file.obj.text import ObjText, decoded, parse
 from dfd.mesh.file.polygons import ranges, triangulate
 from dfd.mesh.file.primitives import Geometry, MeshInstance
 
-__all__ = ["ObjSource", "face_groups", "libraries", "material_lines", "picture_name", "read"]
-
 _PICTURES = ("map_", "bump", "disp", "decal", "refl", "norm")  # prefixes of MTL keywords that name an image
 _OPTIONS = re.compile(r"-(?:imfchan\s+\w+|\w+(?:\s+(?:on|off|[-+]?[\d.]+(?:[eE][-+]?\d+)?))+)\s+")
 

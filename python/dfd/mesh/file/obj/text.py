@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 
 from dfd.mesh.file.assets import shortened
 
-__all__ = ["ObjText", "Tokens", "decoded", "parse"]
-
 _INDENTED = 64  # spaces before a keyword that are skipped for all lines at once
 _CORNER = re.compile(rb"[-+]?\d+(/[-+]?\d*){0,2}")
 _STATEMENTS = ("o", "g", "usemtl", "mtllib")

@@ -18,8 +18,6 @@ from dfd.mesh.file.obj.library import Companions
 from dfd.mesh.file.primitives import UniqueNames
 from dfd.mesh.file.scene_file import SceneFile
 
-__all__ = ["encode", "encode_groups", "encode_scene"]
-
 _SEPARATORS = re.compile(r"[/\\:*?\"<>|\0]")  # not allowed in file names on some systems
 _LONGEST_NAME = 60  # letters of a material's name, which becomes part of a texture's
 
@@ -44,10 +42,7 @@ def encode_groups(
 
 
 def encode_scene(
-    target: Path,
-    vertices: NDArray[np.float64],
-    scene: SceneFile,
-    normals: Sequence[NDArray[np.float64] | None],
+    target: Path, vertices: NDArray[np.float64], scene: SceneFile, normals: Sequence[NDArray[np.float64] | None]
 ) -> dict[str, bytes]:
     """Return the files of a scene: the OBJ file `target`, and its materials and textures, all named after it.
 

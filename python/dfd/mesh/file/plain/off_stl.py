@@ -15,8 +15,6 @@ from dfd.mesh.file.obj.text import decoded
 from dfd.mesh.file.polygons import check_corners, triangulate
 from dfd.mesh.file.primitives import Geometry
 
-__all__ = ["read_off", "read_stl"]
-
 _STL_HEADER = 84  # bytes
 _STL_FACE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"

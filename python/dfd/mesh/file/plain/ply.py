@@ -23,8 +23,6 @@ from dfd.mesh.file.obj.text import decoded
 from dfd.mesh.file.polygons import check_corners, ranges, triangulate
 from dfd.mesh.file.primitives import Geometry
 
-__all__ = ["read"]
-
 _NAMES = (
     *("char", "uchar", "short", "ushort", "int", "uint", "float", "double"),
     *("int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "float64"),

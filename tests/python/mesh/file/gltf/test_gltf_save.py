@@ -6,17 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
-from mesh_files import (
-    CORNERS,
-    CUBE,
-    Gltf,
-    checkered,
-    header_and_data,
-    same_shape,
-    textured_quad,
-    view_bytes,
-    write,
-)
+from mesh_files import CORNERS, CUBE, Gltf, checkered, header_and_data, same_shape, textured_quad, view_bytes, write
 
 from dfd.mesh.mesh import Mesh, load
 

@@ -83,10 +83,7 @@ def test_faces_of_two_corners_are_left_out_and_said(tmp_path: Path) -> None:
     assert (tmp_path / "out.obj").read_bytes() == path.read_bytes()
 
 
-@given(
-    st.lists(st.tuples(*[st.floats(-1e6, 1e6)] * 3), min_size=3, max_size=12, unique=True),
-    st.data(),
-)
+@given(st.lists(st.tuples(*[st.floats(-1e6, 1e6)] * 3), min_size=3, max_size=12, unique=True), st.data())
 @settings(max_examples=60, deadline=None)
 def test_parsing_agrees_with_reading_line_by_line(
     positions: list[tuple[float, float, float]], data: st.DataObject
