@@ -36,7 +36,7 @@ from dfd.views.raycast import Scene
 
 BUILD = Path(__file__).resolve().parents[2] / "build" / "docs"
 FILES, PICTURES = BUILD / "files", BUILD / "pictures"
-STEP = re.compile(r"^```(python|sh)\n(.*?)^```$|^<!-- (output|draw) ?(.*?) -->$", re.MULTILINE | re.DOTALL)
+STEP = re.compile(r"^```(python|sh)\n(.*?)^```$|^<!-- (output|draw)(?: (\w+))? -->$", re.MULTILINE | re.DOTALL)
 RESOLUTION = 360
 TOLERANCE = 1e-4  # of the diagonal: a file has 32-bit floats
 MARGIN = 6  # pixels around what a strip shows
