@@ -21,5 +21,7 @@ def _inline(writer: Any, node: nodes.math) -> None:
 
 
 def _block(writer: Any, node: nodes.math_block) -> None:
-    writer.body.append(f'<div class="math">{tex2mathml(node.astext(), as_block=True)}</div>')
+    equation, _, tag = node.astext().partition(r"\tag")
+    number = f"<span>({tag.strip('{}')})</span>" if tag else ""
+    writer.body.append(f'<div class="math">{tex2mathml(equation, as_block=True)}{number}</div>')
     raise nodes.SkipNode
