@@ -75,21 +75,11 @@ def carry(
 ) -> Carried:
     """Transfer an edit to another shape of its class; for its own shape it is unchanged.
 
-    Parameters
-    ----------
-    mesh, field
-        The other shape, and its field, of the same encoder.
-    threshold
-        In [0, 1]: the lowest confidence that is taken; if left out 0.25 for fields with a learned metric, else 0.45.
-    features
-        As `Deformer` takes them.
+    `field` is that of the other shape, by the same encoder; `features` are as `Deformer` takes them. `threshold`, in
+    [0, 1], is the lowest confidence that is taken; if left out 0.25 for fields with a learned metric, else 0.45.
 
-    Raises
-    ------
-    UnlikeError
-        If the confidence of a handle or fixed point is below `threshold`.
-    ValueError
-        As `transfer` and `Deformer`.
+    Raises UnlikeError if the confidence of a handle or fixed point is below `threshold`; ValueError as `transfer` and
+    `Deformer`.
     """
     if threshold is None:
         threshold = SURE_ENOUGH if field.settings.get("metric", "none") == "none" else SURE_ENOUGH_LEARNED
