@@ -35,11 +35,8 @@ class KeyPose:
     name
         For display; file formats only name whole animations.
 
-    Raises
-    ------
-    ValueError
-        If `seconds` is no number or negative, or `transforms` has another key than an id or another value than a
-        transform.
+    Raises ValueError if `seconds` is no number or negative, or `transforms` has another key than an id or another value
+    than a transform.
     """
 
     seconds: float

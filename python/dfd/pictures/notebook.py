@@ -52,10 +52,7 @@ def show(shape: MeshLike | Deformer, **options: Any) -> Shown:
     options
         As `dfd.pictures.picture.picture` takes them; a session is seen from where its handles show.
 
-    Raises
-    ------
-    ValueError
-        As `picture` does.
+    Raises ValueError as `picture` does.
     """
     if not isinstance(shape, Deformer):
         return Shown(picture(as_mesh(shape), **options))

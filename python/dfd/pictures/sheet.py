@@ -53,12 +53,7 @@ def save_sheet(
     advance
         Called after each picture.
 
-    Raises
-    ------
-    ValueError
-        As `picture` does.
-    OSError
-        If `path` cannot be written.
+    Raises ValueError as `picture` does. Raises OSError if `path` cannot be written.
     """
     sheet = []
     for title, shown in rows:
@@ -93,12 +88,7 @@ def save_before_after(
     files
         Those of the mesh and of the moved one, for `dfd.pictures.pick`.
 
-    Raises
-    ------
-    ValueError
-        As `picture` does.
-    OSError
-        If `path` cannot be written.
+    Raises ValueError as `picture` does. Raises OSError if `path` cannot be written.
     """
     mesh, moved = deformer.mesh, deformer.vertices
     handles = np.array([handle.place.position for handle in deformer.handles]).reshape(-1, 3)

@@ -88,10 +88,7 @@ def rotational_symmetries(field: Field, mesh: MeshLike, *, threshold: float = TH
     -------
     One for each axis, the most alike first; empty when there is none.
 
-    Raises
-    ------
-    ValueError
-        If `field` is not one, or `threshold` is negative or not finite.
+    Raises ValueError if `field` is not one, or `threshold` is negative or not finite.
     """
     check.field("rotational_symmetries", field)
     threshold = check.number("rotational_symmetries", "threshold", threshold, minimum=0.0)
