@@ -119,22 +119,20 @@ public:
     template <std::size_t Count>
     DFD_INLINE void squared_distances(const PackedRows& points, std::size_t first, Block* out) const
     {
-        const std::size_t group = dot_steps * (first / group_size * group_size * quads_);
-        const std::int32_t* others = (dot_steps == 1 ? points.quads : points.pairs) + group + first % group_size;
+        const std::size_t group = first / group_size * group_size * quads_;
+        const std::int32_t* bytes = points.quads + group + first % group_size;
+        const std::int32_t* pairs = points.pairs + 2 * group + first % group_size;
         Int sum[Count][parts] = {};
 #pragma GCC unroll 4
         for (std::size_t k = 0; k < quads_; ++k) {
-#pragma GCC unroll 2
-            for (std::size_t step = 0; step < dot_steps; ++step, others += group_size) {
-                Int entry[parts];
-                for (std::size_t part = 0; part < parts; ++part)
-                    entry[part] = bytes_of_step(load<Int>(panel_ + (k * block_size + part * width) * 4), step);
+            Int entry[parts];
+            for (std::size_t part = 0; part < parts; ++part)
+                entry[part] = load<Int>(panel_ + (k * block_size + part * width) * 4);
 #pragma GCC unroll 16
-                for (std::size_t j = 0; j < Count; ++j) {
-                    const Int other = splat(others[j]);
-                    for (std::size_t part = 0; part < parts; ++part)
-                        sum[j][part] = add_products(sum[j][part], entry[part], other);
-                }
+            for (std::size_t j = 0; j < Count; ++j) {
+                const Quad other = quad_of(bytes + k * group_size + j, pairs + 2 * k * group_size + j);
+                for (std::size_t part = 0; part < parts; ++part)
+                    sum[j][part] = dot4(sum[j][part], entry[part], other);
             }
         }
 #pragma GCC unroll 16

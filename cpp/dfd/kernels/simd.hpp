@@ -63,18 +63,21 @@ DFD_INLINE Float splat(float value) { return value - Float{}; }
 DFD_INLINE Double splat(double value) { return value - Double{}; }
 DFD_INLINE Int splat(std::int32_t value) { return value - Int{}; }
 
-// Products of four bytes are added up in as many steps: where sums of two could saturate their 16 bits, the even bytes
-// first and then the odd ones, so that the registers need not hold both.
+// Four bytes of a target in every lane, as `dot4` takes them. Where products of neighboring bytes could saturate their
+// 16 bits, even and odd bytes go apart.
 #if defined(__x86_64__) && !defined(__AVX512F__)
-constexpr std::size_t dot_steps = 2;
-DFD_INLINE Int bytes_of_step(Int unsigned_bytes, std::size_t step)
+struct Quad {
+    Int even, odd;
+};
+DFD_INLINE Quad quad_of(const std::int32_t*, const std::int32_t* pairs)
 {
-    typedef std::uint16_t Unsigned __attribute__((vector_size(vector_bytes)));
-    return step == 0 ? unsigned_bytes & 0x00ff00ff : (Int)((Unsigned)unsigned_bytes >> 8);
+    return {splat(pairs[0]), splat(pairs[group_size])};
 }
 #else
-constexpr std::size_t dot_steps = 1;
-DFD_INLINE Int bytes_of_step(Int unsigned_bytes, std::size_t) { return unsigned_bytes; }
+struct Quad {
+    Int bytes;
+};
+DFD_INLINE Quad quad_of(const std::int32_t* bytes, const std::int32_t*) { return {splat(*bytes)}; }
 #endif
 
 // Copies what is less than a vector, or may be.
@@ -175,9 +178,9 @@ DFD_INLINE Float from_halves(const std::uint16_t* from)
 {
     return (Float)_mm512_cvtph_ps(_mm256_loadu_si256(reinterpret_cast<const __m256i*>(from)));
 }
-DFD_INLINE Int add_products(Int sum, Int unsigned_bytes, Int bytes)
+DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, const Quad& quad)
 {
-    return (Int)_mm512_dpbusd_epi32((__m512i)sum, (__m512i)unsigned_bytes, (__m512i)bytes);
+    return (Int)_mm512_dpbusd_epi32((__m512i)sum, (__m512i)unsigned_bytes, (__m512i)quad.bytes);
 }
 DFD_INLINE void stream(float* to, Float value) { _mm512_stream_ps(to, (__m512)value); }
 DFD_INLINE void stream_fence() { _mm_sfence(); }
@@ -195,9 +198,12 @@ DFD_INLINE Float from_halves(const std::uint16_t* from)
 {
     return (Float)_mm256_cvtph_ps(_mm_loadu_si128(reinterpret_cast<const __m128i*>(from)));
 }
-DFD_INLINE Int add_products(Int sum, Int every_other, Int pairs)
+DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, const Quad& quad)
 {
-    return sum + (Int)_mm256_madd_epi16((__m256i)every_other, (__m256i)pairs);
+    const __m256i u = (__m256i)unsigned_bytes;
+    const __m256i even = _mm256_madd_epi16(_mm256_and_si256(u, _mm256_set1_epi16(255)), (__m256i)quad.even);
+    const __m256i odd = _mm256_madd_epi16(_mm256_srli_epi16(u, 8), (__m256i)quad.odd);
+    return sum + (Int)_mm256_add_epi32(even, odd);
 }
 DFD_INLINE void stream(float* to, Float value) { _mm256_stream_ps(to, (__m256)value); }
 DFD_INLINE void stream_fence() { _mm_sfence(); }
@@ -219,9 +225,12 @@ DFD_INLINE Float multiply_add(Float a, Float b, Float c) { return a * b + c; }
 DFD_INLINE Double multiply_add(Double a, Double b, Double c) { return a * b + c; }
 DFD_INLINE Float sqrt(Float a) { return (Float)_mm_sqrt_ps((__m128)a); }
 DFD_INLINE Double sqrt(Double a) { return (Double)_mm_sqrt_pd((__m128d)a); }
-DFD_INLINE Int add_products(Int sum, Int every_other, Int pairs)
+DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, const Quad& quad)
 {
-    return sum + (Int)_mm_madd_epi16((__m128i)every_other, (__m128i)pairs);
+    const __m128i u = (__m128i)unsigned_bytes;
+    const __m128i even = _mm_madd_epi16(_mm_and_si128(u, _mm_set1_epi16(255)), (__m128i)quad.even);
+    const __m128i odd = _mm_madd_epi16(_mm_srli_epi16(u, 8), (__m128i)quad.odd);
+    return sum + (Int)_mm_add_epi32(even, odd);
 }
 DFD_INLINE void stream(float* to, Float value) { _mm_stream_ps(to, (__m128)value); }
 DFD_INLINE void stream_fence() { _mm_sfence(); }
@@ -250,12 +259,12 @@ DFD_INLINE Double sqrt(Double a)
     return a;
 }
 #endif
-DFD_INLINE Int add_products(Int sum, Int unsigned_bytes, Int bytes)
+DFD_INLINE Int dot4(Int sum, Int unsigned_bytes, const Quad& quad)
 {
-    sum += (unsigned_bytes & 255) * ((bytes << 24) >> 24);
-    sum += ((unsigned_bytes >> 8) & 255) * ((bytes << 16) >> 24);
-    sum += ((unsigned_bytes >> 16) & 255) * ((bytes << 8) >> 24);
-    sum += ((unsigned_bytes >> 24) & 255) * (bytes >> 24);
+    sum += (unsigned_bytes & 255) * ((quad.bytes << 24) >> 24);
+    sum += ((unsigned_bytes >> 8) & 255) * ((quad.bytes << 16) >> 24);
+    sum += ((unsigned_bytes >> 16) & 255) * ((quad.bytes << 8) >> 24);
+    sum += ((unsigned_bytes >> 24) & 255) * (quad.bytes >> 24);
     return sum;
 }
 DFD_INLINE void stream(float* to, Float value) { store(to, value); }
