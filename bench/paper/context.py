@@ -145,27 +145,13 @@ def session(
 
 @dataclass
 class Context:
-    """Settings of a run, and what its pages share.
+    """Settings of a run, and what its pages share."""
 
-    Attributes
-    ----------
-    folder
-        Where meshes are looked for first; None for `DFD_MESHES` alone.
-    quick
-        Fewer and smaller pictures, fewer shapes.
-    encoder
-        Name, folder or loaded encoder.
-    ball
-        In which the methods that need constraints are given the neighbors of a handle too, of the longest side.
-    settings
-        Further keywords of `dfd.distill`, over those of either preset.
-    """
-
-    folder: Path | None = None
-    quick: bool = False
-    encoder: str | Path = DEFAULT_ENCODER
-    ball: float = BALL
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    folder: Path | None = None  # where meshes are looked for first; None for `DFD_MESHES` alone
+    quick: bool = False  # fewer and smaller pictures, fewer shapes
+    encoder: str | Path = DEFAULT_ENCODER  # a name or a folder
+    ball: float = BALL  # of the longest side, in which other methods are given the neighbors of a handle too
+    settings: Mapping[str, Any] = field(default_factory=dict)  # further keywords of `dfd.distill`, over the presets'
     say: Callable[[str], None] = lambda line: None
     fields: dict[tuple[Any, ...], dfd.Field] = field(default_factory=dict)
     encoders: dict[tuple[str, int | None, bool], Encoder] = field(default_factory=dict)

@@ -219,14 +219,8 @@ def _write(path: Path, found: Sequence[Judged]) -> None:
         half = [each for each in found if judged in (None, each.on.judged)]
         if half:
             table = [[category, *_row(row, names)] for category, row in by_category(half).items()]
-            lines += [
-                f"## {heading}",
-                "",
-                f"{len(half)} shapes.",
-                "",
-                *to_markdown(["category", *names], table, ".3f"),
-                "",
-            ]
+            lines += [f"## {heading}", "", f"{len(half)} shapes.", ""]
+            lines += [*to_markdown(["category", *names], table, ".3f"), ""]
     lines += ["## What the words mean", "", *(f"- **{word}**: {meaning}." for word, meaning in LEGEND.items())]
     path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path.with_suffix(".csv"), to_csv(["category", "shape", "half", *names], cells))

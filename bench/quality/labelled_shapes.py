@@ -24,27 +24,13 @@ from dfd.geometry.topology import face_areas
 
 @dataclass(frozen=True, eq=False)
 class LabelledShape:
-    """A mesh with the parts that people see in it.
+    """A mesh with the parts that people see in it."""
 
-    Attributes
-    ----------
-    category
-        Its kind, such as "Ant".
-    judged
-        Whether constants are never chosen on it: half of each category.
-    shape
-        Mesh, and labels of vertices: of the faces around one the most, by area.
-    landmarks
-        (L,) vertices, −1 where one is missing.
-    counterparts
-        Groups of numbers of landmarks that mirror one another.
-    """
-
-    category: str
-    judged: bool
-    shape: Shape
-    landmarks: NDArray[np.int64]
-    counterparts: tuple[tuple[int, ...], ...]
+    category: str  # its kind, such as "Ant"
+    judged: bool  # whether constants are never chosen on it: half of each category
+    shape: Shape  # mesh, and labels of vertices: of the faces around one the most, by area
+    landmarks: NDArray[np.int64]  # (L,) vertices, −1 where one is missing
+    counterparts: tuple[tuple[int, ...], ...]  # groups of numbers of landmarks that mirror one another
 
     @property
     def labels(self) -> NDArray[np.integer]:

@@ -47,14 +47,13 @@ def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]
         groups = [(f"part_{number + 1}", np.flatnonzero(of_face == number)) for number in range(len(parts))]
         appearance = mesh.appearance
         uv = None if appearance is None or appearance.uv is None else (appearance.uv, appearance.corner_faces)
-        data = encode_groups(mesh.vertices, mesh.faces, uv, groups)
+        with atomic_write(target) as temporary:
+            temporary.write_bytes(encode_groups(mesh.vertices, mesh.faces, uv, groups))
     else:
         document = GltfDocument(mesh)
         for node, _ in document.parts():
             _split(document, node, of_vertex)
-        data = document.encode(binary=ending == ".glb")
-    with atomic_write(target) as temporary:
-        temporary.write_bytes(data)
+        document.write(target)
 
 
 def _most(corners: Labels) -> Labels:

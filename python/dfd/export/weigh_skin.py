@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
-from dfd.common.files import atomic_write
 from dfd.export.bone_weights import BoneDistances, bone_weights
 from dfd.export.bones import Bones, bones_of
 from dfd.export.gltf.document import GltfDocument
@@ -153,6 +152,4 @@ def _write(mesh: Mesh, bones: Bones, influences: Influences, target: Path) -> No
     for node, primitives in document.parts():
         if node in skinned:
             weigh(document, node, primitives, influences, len(bones.names), 0)
-    data = document.encode(binary=target.suffix.lower() == ".glb")
-    with atomic_write(target) as temporary:
-        temporary.write_bytes(data)
+    document.write(target)
