@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 import dfd
 from dfd.batch.inputs import MESH_ENDINGS
+from dfd.common.linear_algebra import Float32
 from dfd.common.preset import Preset
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
@@ -125,7 +125,7 @@ def session(
     *,
     fixed: Sequence[Any] = (),
     symmetric: bool = False,
-    features: NDArray[np.float32] | None = None,
+    features: Float32 | None = None,
 ) -> dfd.Deformer:
     """A session with `handles`, each what `Deformer.add` takes by name, and `fixed` points.
 

@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 import dfd
+from dfd.common.linear_algebra import Bool, Int64
 from dfd.mesh.file.gltf.header import objects
 
 # How a rig's joint names fall into the parts that every character has; the first match counts.
@@ -93,9 +93,7 @@ def kind_of_part(joint: str) -> str | None:
     return next((kind for kind, pattern in KINDS if re.search(pattern, joint.lower())), None)
 
 
-def without_few(
-    labels: NDArray[np.int64], parts: Sequence[str], fewest: int = FEWEST
-) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+def without_few(labels: Int64, parts: Sequence[str], fewest: int = FEWEST) -> tuple[Int64, tuple[str, ...]]:
     """The same labels (V,) and parts without those of fewer than `fewest` vertices, whose vertices belong to none."""
     size = np.bincount(labels[labels >= 0], minlength=len(parts))
     kept = np.flatnonzero(size >= fewest)
@@ -134,9 +132,7 @@ def strongest_joints(mesh: dfd.Mesh) -> list[str | None]:
     return found
 
 
-def label_vertices(
-    joints: Sequence[str | None], kind: Callable[[str], str | None]
-) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+def label_vertices(joints: Sequence[str | None], kind: Callable[[str], str | None]) -> tuple[Int64, tuple[str, ...]]:
     """Give every vertex the kind of the joint that moves it the most.
 
     Parameters
@@ -156,7 +152,7 @@ def label_vertices(
     return np.array([-1 if each is None else parts.index(each) for each in kinds], np.int64), parts
 
 
-def only(mesh: dfd.Mesh, vertices: NDArray[np.bool_]) -> tuple[dfd.Mesh, NDArray[np.int64]]:
+def only(mesh: dfd.Mesh, vertices: Bool) -> tuple[dfd.Mesh, Int64]:
     """The faces whose corners are all among `vertices` (V,), with their appearance; and the vertices' old indices.
 
     Raises ValueError if no face is left.

@@ -17,12 +17,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 import dfd
 from bench.quality.baselines import PeerError
 from bench.skins.skin_peers import bounded_biharmonic, geodesic_voxels
+from dfd.common.linear_algebra import Float64
 from dfd.export.bone_weights import BoneDistances, bone_weights, straight_weights
 from dfd.export.bones import Bones, bones_of
 from dfd.export.influences import heaviest
@@ -34,8 +34,6 @@ from dfd.mesh.file.gltf.rest import inverse_binds
 MOMENTS = 8  # of every animation
 INFLUENCES = 4
 METHODS = ("artist", "distance to bones", "geodesic voxels", "bounded biharmonic", "dfd rig")
-
-Float64 = NDArray[np.float64]
 
 
 def main() -> None:

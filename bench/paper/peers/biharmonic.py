@@ -6,15 +6,12 @@ Wang et al., "Linear Subspace Design for Real-Time Shape Deformation", 2015; Kim
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 
 from bench.paper.peers.peer import Body
 from bench.quality.baselines import PeerError, components_of
-
-Float64 = NDArray[np.float64]
-Int64 = NDArray[np.int64]
+from dfd.common.linear_algebra import Float64, Int64
 
 # The tetrahedron's corners but one, seen counterclockwise from outside.
 SIDES = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dfd.common import check
+from dfd.common.linear_algebra import UInt8
 from dfd.editing.deformer import Deformer
 from dfd.editing.edit_file import read_edit
 from dfd.editing.transfer import transfer
@@ -16,9 +17,6 @@ from dfd.pictures.picture import picture
 from dfd.pictures.sheet import session_views
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from dfd.editing.edit import Edit, Handle
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
@@ -101,7 +99,7 @@ def carry(
     return Carried(deformer, confidence)
 
 
-def before_and_after(deformer: Deformer, *, resolution: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+def before_and_after(deformer: Deformer, *, resolution: int) -> tuple[UInt8, UInt8]:
     """Two pictures (R, R, 3) of a session's shape with one camera: resting, with its handles, and deformed."""
     views = session_views(deformer)
     before, after = (picture(deformer.mesh, resolution=resolution, **views[name]) for name in ("before", "after"))

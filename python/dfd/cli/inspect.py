@@ -11,11 +11,9 @@ import typer
 from typer import Option
 
 from dfd.cli.arguments import MadeFieldOption, MeshArgument, ResolutionOption, ViewsOption, check_output, shown
+from dfd.common.linear_algebra import Float64
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
@@ -123,7 +121,7 @@ def _found_up(shape: Mesh) -> Up:
     return find_up(shape, encoder)
 
 
-def _moved(shape: Mesh, other: Mesh) -> NDArray[np.float64]:
+def _moved(shape: Mesh, other: Mesh) -> Float64:
     """The vertices of `other`, if it is a moved `shape`."""
     import numpy as np
 

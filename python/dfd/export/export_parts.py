@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dfd.common.errors import ArgumentError
 from dfd.common.files import atomic_write
+from dfd.common.linear_algebra import Int64
 from dfd.export.gltf.document import GltfDocument
 from dfd.mesh.file.gltf.header import MODES_READ, Header, objects
 from dfd.mesh.file.gltf.read import triangles
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 ENDINGS = (".obj", ".glb", ".gltf")
 
-Labels = NDArray[np.int64]
+Labels = Int64
 
 
 def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]) -> None:

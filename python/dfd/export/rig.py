@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.editing.edit import Edit, Handle, box_center
 from dfd.editing.shape import PosedShape
 from dfd.export.joints import Joint
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
 BATCH = 1 << 14  # vertices at a time, so that no second array is as large as the weights
 
-Float64 = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class Rig:
@@ -40,9 +38,9 @@ class Rig:
     default: int  # the joint that receives 1 minus the sum of the weights: the root, or D₀
     poses: tuple[KeyPose, ...]  # key poses, ordered by time
     _session: Deformer
-    _weights: NDArray[np.float32]  # (V, C)
-    _column: NDArray[np.int64]  # (J − first,) the column of each joint of a handle
-    _mirrored: NDArray[np.bool_]  # (J − first,) whether it acts on the side of the plane opposite to its handle
+    _weights: Float32  # (V, C)
+    _column: Int64  # (J − first,) the column of each joint of a handle
+    _mirrored: Bool  # (J − first,) whether it acts on the side of the plane opposite to its handle
     _mixing: Float64 | None  # (C, C)
 
     def weights(self) -> Iterator[tuple[slice, Float64]]:

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float64
 from dfd.export.bone_weights import BoneDistances, bone_weights
 from dfd.export.bones import Bones, bones_of
 from dfd.export.gltf.document import GltfDocument
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
 FAR = 0.1  # of the diagonal: weight bleeds where its bone is farther along the surface than the nearest by this
 OUTSIDE = 0.25  # of the diagonal: a bone farther than that from every vertex is outside the mesh
-
-Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

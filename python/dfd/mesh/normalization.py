@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float64
+
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
@@ -14,19 +16,19 @@ if TYPE_CHECKING:
 class Normalization(NamedTuple):
     """The map of a shape into the cube [−1, 1]³: subtract `center`, multiply by `scale`."""
 
-    center: NDArray[np.float64]  # (3,) middle of the box around the shape, in its units
+    center: Float64  # (3,) middle of the box around the shape, in its units
     scale: float  # 1 / half the longest side of the box
 
-    def apply(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
+    def apply(self, points: NDArray[np.floating]) -> Float64:
         """Return points (…, 3) of the shape's units in the cube."""
         return (points - self.center) * self.scale
 
-    def invert(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
+    def invert(self, points: NDArray[np.floating]) -> Float64:
         """Return points (…, 3) of the cube in the shape's units."""
         return points / self.scale + self.center
 
 
-def box_normalization(low: NDArray[np.float64], high: NDArray[np.float64]) -> Normalization | None:
+def box_normalization(low: Float64, high: Float64) -> Normalization | None:
     """Return the map of a box to [−1, 1] along its longest side; None where it is a single point.
 
     `low` and `high` are its corners (3,).

@@ -6,10 +6,9 @@ import io
 import os
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from dfd.common.linear_algebra import UInt8
 from dfd.editing.deformer import Deformer
 from dfd.mesh.mesh import as_mesh
 from dfd.pictures.picture import picture, save_png
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
 class Shown:
     """A picture, (R, R, 3) uint8 in `pixels`, that a notebook shows where it is a cell's result."""
 
-    def __init__(self, pixels: NDArray[np.uint8]) -> None:
+    def __init__(self, pixels: UInt8) -> None:
         self.pixels = pixels
 
     def __repr__(self) -> str:

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dfd.common import check
+from dfd.common.linear_algebra import Float64
 from dfd.mesh.normalization import Normalization, box_normalization
 from dfd.views.cameras import Camera, camera_towards
 
@@ -49,7 +50,7 @@ def viewpoint(
 
 def aim(
     mesh: Mesh,
-    drawn: NDArray[np.float64],
+    drawn: Float64,
     azimuth: float,
     elevation: float,
     zoom: float,
@@ -79,7 +80,7 @@ def aim(
     return found, Camera(position, camera.right, camera.up, camera.back, angle)
 
 
-def _direction(azimuth: float, elevation: float) -> NDArray[np.float64]:
+def _direction(azimuth: float, elevation: float) -> Float64:
     """Unit vector from the shape to the camera, (3,); degrees, 0, 0 is +z and the azimuth turns towards +x."""
     turn = np.radians(check.number("picture", "azimuth", azimuth))
     tilt = np.radians(check.number("picture", "elevation", elevation, minimum=-90, maximum=90))

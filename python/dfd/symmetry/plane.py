@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float64
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
@@ -48,7 +49,7 @@ class SymmetryPlane:
         object.__setattr__(self, "band", check.number("SymmetryPlane", "band", self.band, minimum=0.0))
 
     @property
-    def reflection(self) -> NDArray[np.float64]:
+    def reflection(self) -> Float64:
         """(4, 4) R of Eq. 8: it takes points to their mirror images."""
         normal = np.asarray(self.normal)
         matrix = np.eye(4)
@@ -56,12 +57,12 @@ class SymmetryPlane:
         matrix[:3, 3] = 2.0 * self.offset * normal
         return matrix
 
-    def signed_distance(self, points: ArrayLike) -> NDArray[np.float64]:
+    def signed_distance(self, points: ArrayLike) -> Float64:
         """Distance of (N, 3) points from the plane, (N,), mesh units; positive where the normal points."""
         array = check.array("SymmetryPlane", "points", points, ("N", 3), dtype=np.float64)
         return array @ np.asarray(self.normal) - self.offset
 
-    def reflect(self, points: ArrayLike) -> NDArray[np.float64]:
+    def reflect(self, points: ArrayLike) -> Float64:
         """Mirror images R p of (N, 3) points, (N, 3), mesh units."""
         array = check.array("SymmetryPlane", "points", points, ("N", 3), dtype=np.float64)
         return array - 2.0 * self.signed_distance(array)[:, None] * np.asarray(self.normal)

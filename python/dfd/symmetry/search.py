@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float64
 from dfd.field.field import Field
 from dfd.mesh.mesh import MeshLike, as_mesh
 from dfd.symmetry.evidence import SurfaceFeatures, gather
@@ -77,7 +77,7 @@ def symmetry_planes(
 
 @dataclass(frozen=True)
 class _Judged:
-    row: NDArray[np.float64]  # (4,) normalized, see `plane_search`
+    row: Float64  # (4,) normalized, see `plane_search`
     dissimilarity: float
     landed: float
 
@@ -102,7 +102,7 @@ def scored_planes(field: Field, mesh: Mesh, *, candidates: Literal["any", "axes"
     return planes
 
 
-def _judged(evidence: SurfaceFeatures, row: NDArray[np.float64]) -> _Judged:
+def _judged(evidence: SurfaceFeatures, row: Float64) -> _Judged:
     return _Judged(row, *evidence.dissimilarity(mirrored(evidence.points, row)))
 
 
@@ -135,13 +135,13 @@ def _snapped(evidence: SurfaceFeatures, found: _Judged) -> _Judged:
     return found
 
 
-def _normalized(plane: SymmetryPlane, evidence: SurfaceFeatures) -> NDArray[np.float64]:
+def _normalized(plane: SymmetryPlane, evidence: SurfaceFeatures) -> Float64:
     """Return a plane of mesh units as a row (4,) in normalized coordinates."""
     normal = np.asarray(plane.normal)
     return np.append(normal, (plane.offset - normal @ evidence.center) / evidence.half)
 
 
-def _plane(row: NDArray[np.float64], evidence: SurfaceFeatures) -> SymmetryPlane:
+def _plane(row: Float64, evidence: SurfaceFeatures) -> SymmetryPlane:
     """Return a row (4,) in normalized coordinates as a plane of mesh units, its largest component positive."""
     row = row * np.sign(row[np.argmax(np.abs(row[:3]))])
     normal = row[:3] + 0.0  # no negative zeros

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.files import atomic_write
+from dfd.common.linear_algebra import Int64
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.gltf import glb
 from dfd.mesh.file.gltf import header as gltf_header
@@ -32,7 +33,7 @@ class GltfDocument(GltfPatch):
     """The header, changed in place, and the data of the file that is being written."""
 
     scene: SceneFile  # the primitives that it displays, with their rows
-    vertex: NDArray[np.int64]  # (R,) the mesh's vertex that each row of the primitives is at, -1 where no face uses it
+    vertex: Int64  # (R,) the mesh's vertex that each row of the primitives is at, -1 where no face uses it
 
     def __init__(self, mesh: Mesh) -> None:
         """Copy the content of the mesh's file."""
@@ -49,7 +50,7 @@ class GltfDocument(GltfPatch):
         self._own: dict[int, int] = {}
         self._unpacked: set[int] = set()
 
-    def rows(self, primitive: Primitive) -> NDArray[np.int64]:
+    def rows(self, primitive: Primitive) -> Int64:
         """(rows,) the mesh's vertex that each row of a primitive is at, -1 where no face uses it."""
         return self.vertex[primitive.rows]
 
@@ -120,7 +121,7 @@ def _source_of(data: bytes) -> GltfSource:
     return GltfSource(text, header, GltfData(header, embedded, AssetFolder(Path("mesh.glb"))))
 
 
-def _rows_of(written: SceneFile, mesh: Mesh) -> NDArray[np.int64]:
+def _rows_of(written: SceneFile, mesh: Mesh) -> Int64:
     """(R,) the mesh's vertex that each row of the `written` scene is at, which may have its parts in another order."""
     if mesh.scene is None:
         return np.arange(len(mesh.vertices))

@@ -11,9 +11,9 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float64
 from dfd.editing.edit import Edit
 from dfd.export.gltf.document import GltfDocument
 from dfd.export.skinning import Difference, differences
@@ -24,8 +24,6 @@ from dfd.posing.transforms import Transform
 if TYPE_CHECKING:
     from dfd.export.rig import Rig
     from dfd.mesh.file.primitives import Primitive
-
-Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float64
 from dfd.mesh.file.gltf import glb
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import COMPONENT_TYPES, DRACO, MESHOPT, Header, extension, is_index, objects
@@ -68,7 +69,7 @@ class GltfPatch:
         self._take_buffers()
         self._take_pictures()
         # primitives may share an accessor: rows that one of them moves are moved for all of the node's
-        self._rows: dict[tuple[int, str, int], NDArray[np.float64]] = {}
+        self._rows: dict[tuple[int, str, int], Float64] = {}
         self._uses: dict[tuple[int, str, int], list[dict[str, Any]]] = {}
 
     def _take_buffers(self) -> None:
@@ -206,9 +207,9 @@ class GltfPatch:
         node: int,
         name: str,
         attributes: dict[str, Any],
-        old: NDArray[np.float64],
-        new: NDArray[np.float64],
-        stored: NDArray[np.float64] | None = None,  # the file's positions, before morph targets
+        old: Float64,
+        new: Float64,
+        stored: Float64 | None = None,  # the file's positions, before morph targets
     ) -> None:
         key = (node, name, int(attributes[name]))
         rows = self._rows.setdefault(key, (old if stored is None else stored).copy())
