@@ -30,9 +30,9 @@ class KeyPose:
     than a transform.
     """
 
-    seconds: float  # at least 0
-    transforms: Mapping[int, Transform] = field(default_factory=dict)  # by the ids of handles; one left out rests
-    name: str = ""  # for display; file formats only name whole animations
+    seconds: float  #: At least 0
+    transforms: Mapping[int, Transform] = field(default_factory=dict)  #: By the ids of handles; one left out rests
+    name: str = ""  #: For display; file formats only name whole animations
 
     def __post_init__(self) -> None:
         keep = object.__setattr__

@@ -28,19 +28,13 @@ OUTSIDE = 0.25  # of the diagonal: a bone farther than that from every vertex is
 
 @dataclass(frozen=True)
 class Bleed:
-    """Defects of skin weights.
+    """Defects of skin weights."""
 
-    Attributes
-    ----------
-    far
-        The part of all weight, in [0, 1], on vertices whose distance along the surface from the region around its bone
-        exceeds that from the region around their nearest bone by more than 10 % of the diagonal of the skinned parts.
-    unweighted
-        How many vertices follow no joint.
-    """
-
+    # far: the part of all weight, in [0, 1], on vertices whose distance along the surface from the region around its
+    # bone exceeds that from the region around their nearest bone by more than 10 % of the diagonal of the skinned
+    # parts
     far: float
-    unweighted: int
+    unweighted: int  # how many vertices follow no joint
 
     def __str__(self) -> str:
         """Return it in a few words."""
@@ -50,28 +44,15 @@ class Bleed:
 
 @dataclass(frozen=True)
 class SkinReport:
-    """What was written.
+    """What was written."""
 
-    Attributes
-    ----------
-    path
-        The file.
-    joints
-        How many joints have weights.
-    left_out
-        The names of joints that have none, since they lie outside the mesh.
-    before, after
-        Defects of the file's weights, and of those that were written.
-    changed
-        How much of a vertex's weight went to other joints on average, in [0, 1].
-    """
-
-    path: Path
-    joints: int
-    left_out: tuple[str, ...]
+    path: Path  # the file
+    joints: int  # how many joints have weights
+    left_out: tuple[str, ...]  # the names of joints that have none, since they lie outside the mesh
+    # before, after: defects of the file's weights, and of those that were written
     before: Bleed
     after: Bleed
-    changed: float
+    changed: float  # how much of a vertex's weight went to other joints on average, in [0, 1]
 
     def __str__(self) -> str:
         """Return one sentence."""

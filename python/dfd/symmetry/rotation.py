@@ -27,13 +27,13 @@ _SAME_AXIS = np.cos(np.radians(10.0))
 class RotationalSymmetry:
     """Turns by multiples of 360° / `order` about an axis, and how alike a shape looks after one."""
 
-    axis: tuple[float, float, float]  # (3,) unit vector
-    point: tuple[float, float, float]  # (3,) a point on the axis, mesh units
-    order: int  # how many turns make a full one, at least 2
-    # score: mean of ‖Φ(p) − Φ(T p)‖ over points of the surface, for the turn T by 360° / `order`; 0 is perfect
+    axis: tuple[float, float, float]  #: (3,) unit vector
+    point: tuple[float, float, float]  #: (3,) a point on the axis, mesh units
+    order: int  #: How many turns make a full one, at least 2
+    #: Mean of ‖Φ(p) − Φ(T p)‖ over points of the surface, for the turn T by 360° / `order`; 0 is perfect
     score: float = 0.0
-    # relative_score: how much features change over how much they usually do between points so far apart, over the best
-    # four fifths of the surface's points that the turn moves; 0 is perfect, 1 no better than chance
+    #: How much features change over how much they usually do between points so far apart, over the best
+    #: four fifths of the surface's points that the turn moves; 0 is perfect, 1 no better than chance
     relative_score: float = 0.0
 
     def __post_init__(self) -> None:
