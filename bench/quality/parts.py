@@ -125,19 +125,10 @@ def strongest_joints(mesh: dfd.Mesh) -> list[str | None]:
 
 
 def label_vertices(joints: Sequence[str | None], kind: Callable[[str], str | None]) -> tuple[Int64, tuple[str, ...]]:
-    """Give every vertex the kind of the joint that moves it the most.
+    """For every vertex the index (V,) of the kind of the joint that moves it the most, and the kinds.
 
-    Parameters
-    ----------
-    joints
-        (V,) see `strongest_joints`.
-    kind
-        From a joint's name to its part; None leaves its vertices without one.
-
-    Returns
-    -------
-    labels, parts
-        (V,) index into `parts`; −1 for none: a sword or a cape is no part of its bearer.
+    `joints` (V,) see `strongest_joints`; `kind` gives a joint's name its part, None leaves its vertices without one.
+    They have −1: a sword or a cape is no part of its bearer.
     """
     kinds = [None if joint is None else kind(joint) for joint in joints]
     parts = tuple(sorted({each for each in kinds if each is not None}))

@@ -70,16 +70,8 @@ def weigh_skin(mesh: Mesh, field: Field, path: str | os.PathLike[str], *, influe
     Joints that no vertex of the file follows, such as targets of inverse kinematics, get no weight, unless none has
     any: then all get some.
 
-    Parameters
-    ----------
-    mesh
-        From a .glb or .gltf file with a skin.
-    field
-        The shape's feature field.
-    path
-        The .glb or .gltf file to write.
-    influences
-        How many joints a vertex follows at most.
+    `mesh` is from a .glb or .gltf file with a skin, and `path` of such an ending; `influences` is how many joints a
+    vertex follows at most.
 
     Raises ValueError if the ending is another, the mesh has no skin, several, or a broken one, or no bone lies near it.
     Raises OSError if the file cannot be written; what was there before stays.

@@ -22,17 +22,11 @@ NARROWEST = 96  # pixels that a heading may use however narrow the rows are
 def contact_sheet(
     rows: Sequence[tuple[str, Sequence[tuple[UInt8, str]]]], *, title: str = "", cell: int = 320
 ) -> Image.Image:
-    """Set pictures in rows on a white page.
+    """Set pictures in rows on a white page, below a `title` that may be empty.
 
-    Parameters
-    ----------
-    rows
-        Each a heading and its pictures, uint8 arrays of shape (height, width, 3), with the caption below each; headings
-        and captions may be empty, and rows without pictures are left out.
-    title
-        Stands over the page; may be empty.
-    cell
-        Height that every picture gets, pixels; text and margins follow it.
+    `rows` are headings with pictures, uint8 arrays of shape (height, width, 3), and the caption below each; headings and
+    captions may be empty, and rows without pictures are left out. `cell` is the height that every picture gets, pixels;
+    text and margins follow it.
 
     Raises ValueError if there is no picture, a picture has another type or shape, or `cell` is out of its range.
     """

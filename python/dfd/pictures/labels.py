@@ -143,14 +143,9 @@ INSIDE = 0.02
 
 
 def draw_marks(image: Float32, scene: Scene, camera: Camera, positions: Float64, *, square: bool) -> None:
-    """Draw dots or squares with white rims into `image` (R, R, 3), in place.
+    """Draw dots or squares with white rims into `image` (R, R, 3), in place, at `positions` (H, 3) of the scene.
 
-    Parameters
-    ----------
-    scene
-        What may hide them: such marks are faint.
-    positions
-        (H, 3) in the scene's coordinates; what is not in front of the camera is left out.
+    Those that the scene hides are faint; what is not in front of the camera is left out.
     """
     resolution = len(image)
     radius = max(SMALLEST, RADIUS * resolution)
