@@ -24,9 +24,9 @@ def contact_sheet(
 ) -> Image.Image:
     """Set pictures in rows on a white page, below a `title` that may be empty.
 
-    `rows` are headings with pictures, uint8 arrays of shape (height, width, 3), and the caption below each; headings and
-    captions may be empty, and rows without pictures are left out. `cell` is the height that every picture gets, pixels;
-    text and margins follow it.
+    `rows` are headings with pictures, uint8 arrays of shape (height, width, 3), and the caption below each; headings
+    and captions may be empty, and rows without pictures are left out. `cell` is the height that every picture gets,
+    pixels; text and margins follow it.
 
     Raises ValueError if there is no picture, a picture has another type or shape, or `cell` is out of its range.
     """
