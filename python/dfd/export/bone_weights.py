@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy.sparse.csgraph import dijkstra
 
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.editing.influence.handle_features import HandleFeatures
+from dfd.export.bones import Bones
+from dfd.field.field import Field
 from dfd.geometry.surface_graph import surface_graph
 from dfd.mesh.mesh import Mesh
 from dfd.weights.bind import bind
-
-if TYPE_CHECKING:
-    from dfd.export.bones import Bones
-    from dfd.field.field import Field
 
 # Chosen on five rigs, four of them animals, to match the artists' weights best.
 POWER = 6  # of inverse distance

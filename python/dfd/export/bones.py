@@ -6,7 +6,6 @@ The format: Khronos Group, "glTF 2.0 Specification", 2021, section 3.7.3.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,10 +14,8 @@ from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.mesh.file.gltf.header import Header, is_index, objects, parents
 from dfd.mesh.file.gltf.read import world_transforms
 from dfd.mesh.file.gltf.rest import inverse_binds, joints_and_weights
+from dfd.mesh.file.primitives import Primitive
 from dfd.mesh.mesh import Mesh
-
-if TYPE_CHECKING:
-    from dfd.mesh.file.primitives import Primitive
 
 LEAF = 0.5  # of the parent bone: the length of a bone that ends in no joint
 

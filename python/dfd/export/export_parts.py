@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,10 +15,8 @@ from dfd.export.gltf.document import GltfDocument
 from dfd.mesh.file.gltf.header import MODES_READ, Header, objects
 from dfd.mesh.file.gltf.read import triangles
 from dfd.mesh.file.obj.write import encode_groups
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import Mesh
-    from dfd.segmentation.parts import Part
+from dfd.mesh.mesh import Mesh
+from dfd.segmentation.parts import Part
 
 ENDINGS = (".obj", ".glb", ".gltf")
 

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dfd.common.linear_algebra import Float32, Float64, Int64
-
-if TYPE_CHECKING:
-    from dfd.export.rig import Rig
+from dfd.export.rig import Rig
 
 # A sum of weights above 1 by more is not the rounding of 24 bits.
 ABOVE = 1e-5

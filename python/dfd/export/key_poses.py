@@ -8,18 +8,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
-from dfd.editing.edit import Handle
+from dfd.editing.edit import Edit, Handle
 from dfd.posing.transforms import Transform
-
-if TYPE_CHECKING:
-    from dfd.editing.edit import Edit
 
 
 @dataclass(frozen=True)

@@ -4,24 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
+from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit, Handle, box_center
+from dfd.editing.influence.instance_weights import Column
 from dfd.editing.shape import PosedShape
 from dfd.export.joints import Joint
 from dfd.export.key_poses import KeyPose, posed_edit
 from dfd.mesh.file.primitives import UniqueNames
+from dfd.mesh.mesh import Mesh
 from dfd.posing.overlap import interpolating
 from dfd.posing.transforms import Transform
-
-if TYPE_CHECKING:
-    from dfd.editing.deformer import Deformer
-    from dfd.editing.influence.instance_weights import Column
-    from dfd.mesh.mesh import Mesh
-    from dfd.symmetry.plane import SymmetryPlane
+from dfd.symmetry.plane import SymmetryPlane
 
 BATCH = 1 << 14  # vertices at a time, so that no second array is as large as the weights
 

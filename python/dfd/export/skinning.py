@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -14,9 +13,6 @@ from dfd.common.linear_algebra import Float32, Float64
 from dfd.export.influences import Influences, influences_of
 from dfd.export.joints import Joint, Local
 from dfd.export.rig import BATCH, Rig
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 
 @dataclass(frozen=True)

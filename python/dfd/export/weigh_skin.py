@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,10 +16,8 @@ from dfd.export.bones import Bones, bones_of
 from dfd.export.gltf.document import GltfDocument
 from dfd.export.gltf.skin import weigh
 from dfd.export.influences import Influences, heaviest
-
-if TYPE_CHECKING:
-    from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
+from dfd.field.field import Field
+from dfd.mesh.mesh import Mesh
 
 FAR = 0.1  # of the diagonal: weight bleeds where its bone is farther along the surface than the nearest by this
 OUTSIDE = 0.25  # of the diagonal: a bone farther than that from every vertex is outside the mesh

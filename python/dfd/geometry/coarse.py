@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import csr_array, eye_array
@@ -12,9 +11,7 @@ import dfd._core as _core
 from dfd.common.linear_algebra import Float32, Float64, Int32
 from dfd.geometry.surface_graph import surface_graph, surface_links
 from dfd.geometry.topology import first_at_place
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import Mesh
+from dfd.mesh.mesh import Mesh
 
 MOST_NODES = 20_000  # a mesh of more vertices is clustered
 CELLS = 100  # grid cells along the longest side, for clustering

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import io
 import os
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from PIL import Image
 
 from dfd.common.linear_algebra import UInt8
 from dfd.editing.deformer import Deformer
-from dfd.mesh.mesh import as_mesh
+from dfd.mesh.mesh import MeshLike, as_mesh
 from dfd.pictures.picture import picture, save_png
 from dfd.pictures.sheet import session_views
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import MeshLike
 
 
 class Shown:

@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +19,7 @@ from dfd.common.files import atomic_write
 from dfd.common.linear_algebra import Float32, Float64, Int64, UInt8
 from dfd.common.threads import get_num_threads
 from dfd.mesh.appearance import linear, srgb
+from dfd.mesh.mesh import Mesh
 from dfd.mesh.normals import smooth_normals
 from dfd.pictures.colors import CLAY, weight_colors
 from dfd.pictures.labels import draw_axes, draw_labels, draw_marks, draw_numbers
@@ -27,9 +28,6 @@ from dfd.pictures.viewpoint import aim
 from dfd.views.cameras import Camera
 from dfd.views.raycast import Hits, Scene
 from dfd.views.render import surface_points
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import Mesh
 
 SAMPLES = 2  # per pixel, along each side
 LARGEST_RESOLUTION = 8192

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dfd.common import check
 from dfd.common.linear_algebra import Float64
+from dfd.mesh.mesh import Mesh
 from dfd.mesh.normalization import Normalization, box_normalization
 from dfd.views.cameras import Camera, camera_towards
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import Mesh
 
 FIELD_OF_VIEW = 30.0  # degrees, at zoom 1
 ASIDE = 25.0  # degrees: seen a little from the side, a shape shows its depth

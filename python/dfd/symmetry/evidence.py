@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64
+from dfd.field.field import Field
 from dfd.geometry.topology import face_areas, points_on_faces
+from dfd.mesh.mesh import Mesh
 from dfd.mesh.normalization import box_normalization
-
-if TYPE_CHECKING:
-    from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
 
 POINTS = 2_000
 LOOK_ALIKES = 6  # of each point, among those farther away than _APART

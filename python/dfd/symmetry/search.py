@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -11,13 +11,10 @@ from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64
 from dfd.field.field import Field
-from dfd.mesh.mesh import MeshLike, as_mesh
+from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 from dfd.symmetry.evidence import SurfaceFeatures, gather
 from dfd.symmetry.plane import AXES, DEFAULT_BAND, SymmetryPlane, axis_plane
 from dfd.symmetry.plane_search import candidate_planes, mirrored, same_plane
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import Mesh
 
 _SCORED_VERTICES = 4_000  # evenly strided, stand for more: the standard error of the mean is below 1 %
 RELATIVE_THRESHOLD = 0.25

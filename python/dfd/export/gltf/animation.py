@@ -6,17 +6,14 @@ As in the app, positions and scales are interpolated linearly and rotations sphe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dfd.common.linear_algebra import Float32, Float64
 from dfd.export.gltf.document import GltfDocument
 from dfd.export.joints import Local
-
-if TYPE_CHECKING:
-    from dfd.export.key_poses import KeyPose
-    from dfd.mesh.file.gltf.header import Header
+from dfd.export.key_poses import KeyPose
+from dfd.mesh.file.gltf.header import Header
 
 NAME = "dfd key poses"
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +24,7 @@ from dfd.mesh.file.gltf.patch import FLOAT, LIMITS, GltfPatch, GltfSource
 from dfd.mesh.file.primitives import Primitive, UniqueNames
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.file.write import as_glb
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import Mesh
+from dfd.mesh.mesh import Mesh
 
 
 class GltfDocument(GltfPatch):

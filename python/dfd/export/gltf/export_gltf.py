@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from dfd.export.gltf import animation, morph, skin
 from dfd.export.gltf.document import GltfDocument
 from dfd.export.report import RigReport, rig_report
+from dfd.export.rig import Rig
 from dfd.export.skinning import skin_of
-
-if TYPE_CHECKING:
-    from dfd.export.rig import Rig
 
 
 def export_gltf(rig: Rig, target: Path, form: str, most: int | None) -> RigReport:

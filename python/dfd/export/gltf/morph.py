@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,14 +15,12 @@ from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64
 from dfd.editing.edit import Edit
 from dfd.export.gltf.document import GltfDocument
+from dfd.export.rig import Rig
 from dfd.export.skinning import Difference, differences
 from dfd.mesh.file import moved_normals
 from dfd.mesh.file.gltf.header import Header, objects
+from dfd.mesh.file.primitives import Primitive
 from dfd.posing.transforms import Transform
-
-if TYPE_CHECKING:
-    from dfd.export.rig import Rig
-    from dfd.mesh.file.primitives import Primitive
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,6 @@ coordinates of the scene, since a skin ignores node transforms.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from dfd.common.linear_algebra import Float32, Float64, Int64
@@ -15,12 +13,10 @@ from dfd.export.gltf.document import GltfDocument
 from dfd.export.gltf.scene_space import animated_nodes, bring_to_scene, stand_alone
 from dfd.export.influences import Influences
 from dfd.export.joints import Local
+from dfd.export.rig import Rig
 from dfd.mesh.file.gltf.header import Header, objects, parents
-
-if TYPE_CHECKING:
-    from dfd.export.rig import Rig
-    from dfd.mesh.file.primitives import Primitive
-    from dfd.mesh.mesh import Mesh
+from dfd.mesh.file.primitives import Primitive
+from dfd.mesh.mesh import Mesh
 
 MOST_JOINTS = 65_535  # JOINTS_n has 16 bits
 SET = 4  # influences in each pair of attributes

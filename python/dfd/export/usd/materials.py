@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
@@ -11,9 +11,7 @@ from dfd.common.linear_algebra import Float32, Int32, UInt8
 from dfd.export.usd.surfaces import BASE, Picture, Surface, Surfaces
 from dfd.mesh.appearance import Appearance, Material, linear
 from dfd.mesh.file.images import as_png
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import MeshPart
+from dfd.mesh.mesh import MeshPart
 
 _TYPES = {
     "r": Sdf.ValueTypeNames.Float,

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from pxr import Gf, Tf, Usd, UsdSkel, Vt
 
 from dfd.common.linear_algebra import Int64
+from dfd.export.influences import Influences
 from dfd.export.joints import Local
+from dfd.export.rig import Rig
 from dfd.mesh.file.primitives import UniqueNames
-
-if TYPE_CHECKING:
-    from dfd.export.influences import Influences
-    from dfd.export.rig import Rig
 
 RATE = 24.0  # time codes in a second
 Moment = Usd.TimeCode

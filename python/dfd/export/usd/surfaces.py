@@ -7,21 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from dfd.common.linear_algebra import Float32, Float64, UInt8
 from dfd.mesh.appearance import Wrap
+from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import Header, extension, item
 from dfd.mesh.file.gltf.materials import GltfMaterials, coordinates
 from dfd.mesh.file.gltf.read import from_below
 from dfd.mesh.file.images import ImageCache
-
-if TYPE_CHECKING:
-    from dfd.mesh.file.gltf.data import GltfData
-    from dfd.mesh.file.primitives import Primitive
-    from dfd.mesh.mesh import Mesh
+from dfd.mesh.file.primitives import Primitive
+from dfd.mesh.mesh import Mesh
 
 BASE = "st"  # the primvar with the texture coordinates of the base color
 

@@ -5,20 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64, Int32, Int64
 from dfd.mesh.appearance import Appearance
+from dfd.mesh.file.gltf.patch import GltfSource
 from dfd.mesh.file.materials import read_appearance
 from dfd.mesh.file.obj.read import ObjSource
 from dfd.mesh.file.primitives import MeshInstance, Primitive, place, require_finite
 from dfd.mesh.weld import weld
-
-if TYPE_CHECKING:
-    from dfd.mesh.file.gltf.patch import GltfSource
 
 
 @dataclass(frozen=True)
