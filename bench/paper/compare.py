@@ -135,8 +135,7 @@ def deform(name: str, case: Case, ball: float) -> Float64:
     Raises PeerError as `bench.paper.peers.peer.run`.
     """
     if name == "biharmonic" and case.coordinates is not None:
-        moved: Float64 = case.mesh.vertices + case.coordinates @ (case.held_to - case.mesh.vertices[case.held])
-        return moved
+        return case.mesh.vertices + case.coordinates @ (case.held_to - case.mesh.vertices[case.held])
     return run(PEERS[name], case.mesh, [constraints(case, ball)])[0].vertices
 
 

@@ -47,8 +47,7 @@ def silhouettes(mesh: dfd.Mesh, moved: Float64, where: dict[str, Any], *, shaded
     page = new if shaded else np.full_like(new, 255)
     page = np.where(in_new, 0.55 * page + 0.45 * AFTER, page)
     page = np.where(in_old, 0.6 * page + 0.4 * BEFORE, page)
-    image: UInt8 = page.clip(0, 255).astype(np.uint8)
-    return image
+    return page.clip(0, 255).astype(np.uint8)
 
 
 def blank(resolution: int = RESOLUTION) -> UInt8:

@@ -216,8 +216,7 @@ def in_box_of(mesh: dfd.Mesh, other: dfd.Mesh) -> Float64:
     """The vertices of `mesh` scaled, side by side, into the box of `other`."""
     low, high = mesh.bounds
     begin, end = other.bounds
-    points: Float64 = begin + (mesh.vertices - low) / np.maximum(high - low, 1e-12) * (end - begin)
-    return points
+    return begin + (mesh.vertices - low) / np.maximum(high - low, 1e-12) * (end - begin)
 
 
 def fig20(context: Context) -> Page:

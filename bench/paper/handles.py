@@ -201,8 +201,7 @@ def _largest(folder: Path, count: int) -> Float64:
     if (folder / "coef_range.npy").is_file():
         basis = basis * _array(folder / "coef_range.npy", (len(basis), 2))[:, :, None, None]
     ends = basis.reshape(-1, count, 3)
-    largest: Float64 = ends[np.linalg.norm(ends, axis=2).max(axis=1).argmax()]
-    return largest
+    return ends[np.linalg.norm(ends, axis=2).max(axis=1).argmax()]
 
 
 def _array(path: Path, shape: tuple[int, ...] | None) -> Float64:

@@ -36,7 +36,6 @@ class LabelledShape:
     @property
     def labels(self) -> NDArray[np.integer]:
         """(V,) index into the parts' names."""
-        assert self.shape.labels is not None
         return self.shape.labels
 
     @cached_property

@@ -21,8 +21,7 @@ def area_fractions(mesh: dfd.Mesh) -> Float64:
     """(V,) how much of the surface belongs to each vertex, a third of each of its faces; they sum to 1."""
     thirds = np.repeat(face_areas(mesh.vertices, mesh.faces) / 3, 3)
     areas = np.bincount(mesh.faces.ravel(), thirds, minlength=len(mesh.vertices))
-    fractions: Float64 = areas / areas.sum()
-    return fractions
+    return areas / areas.sum()
 
 
 def draw_handles(labels: Labels, each: int, seed: int = 0) -> Int64:

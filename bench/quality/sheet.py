@@ -25,7 +25,6 @@ Picture = tuple[UInt8, str]
 
 def row(bench: Bench, shape: Shape) -> tuple[str, Sequence[Picture]]:
     """Draw one labelled shape: a heading, and pictures with captions."""
-    assert shape.labels is not None
     mesh, labels = shape.mesh, shape.labels
     features = bench.lab.field(shape.name, mesh, seed=bench.seeds[0]).features(mesh)
     chosen = handles(shape, bench.draw.each, bench.draw.seeds[0])
@@ -54,7 +53,6 @@ def worst(bench: Bench, shapes: Sequence[Shape], count: int = 10) -> tuple[str, 
     """Draw the parts, over all `shapes`, whose handles rank them the worst: a heading, and pictures with captions."""
     found = []
     for shape in shapes:
-        assert shape.labels is not None
         features = bench.lab.field(shape.name, shape.mesh, seed=bench.seeds[0]).features(shape.mesh)
         chosen = handles(shape, bench.draw.each, bench.draw.seeds[0])
         weights = dfd.bind(features, chosen)

@@ -47,8 +47,7 @@ def geodesic_voxels(mesh: dfd.Mesh, bones: Bones, joints: NDArray[np.integer]) -
         straight[:, joint] = KDTree(_on_bones(bones, joint)).query(mesh.vertices)[0]
     lost = np.flatnonzero(weights.sum(axis=1) == 0)
     weights[lost, straight[lost].argmin(axis=1)] = 1.0
-    normalized: Float64 = weights / weights.sum(axis=1, keepdims=True)
-    return normalized
+    return weights / weights.sum(axis=1, keepdims=True)
 
 
 def bounded_biharmonic(mesh: dfd.Mesh, bones: Bones, joints: NDArray[np.integer]) -> Float64:
@@ -78,8 +77,7 @@ def _on_bones(bones: Bones, joint: int) -> Float64:
     """(N, 3) points on the bones of a joint."""
     own = bones.joint == joint
     along = np.linspace(0.0, 1.0, SAMPLES)[:, None, None]
-    points: Float64 = ((1.0 - along) * bones.starts[own] + along * bones.ends[own]).reshape(-1, 3)
-    return points
+    return ((1.0 - along) * bones.starts[own] + along * bones.ends[own]).reshape(-1, 3)
 
 
 def _neighbors(cells: NDArray[np.integer], shape: tuple[int, ...]) -> csr_array:

@@ -98,8 +98,6 @@ def compared(path: Path, mesh: dfd.Mesh, bones: Bones, fields: Path | None) -> F
 
 def motions(mesh: dfd.Mesh, bones: Bones) -> list[Float64]:
     """At moments of the animations of a mesh's file, (J, 4, 4) what each joint does to the mesh at rest."""
-    assert mesh.scene is not None
-    assert mesh.scene.gltf is not None
     header, data = mesh.scene.gltf.header, mesh.scene.gltf.data
     nodes = objects(header, "nodes")
     skin = header["skins"][nodes[bones.primitives[0].source[0]]["skin"]]
@@ -127,8 +125,7 @@ def _at(name: str, times: Float64, values: Float64, seconds: float) -> Float64:
     seconds = float(np.clip(seconds, times[0], times[-1]))
     if name != "rotation" or len(times) == 1:
         return np.array([np.interp(seconds, times, column) for column in values.T])
-    turned: Float64 = Slerp(times, Rotation.from_quat(values))(seconds).as_quat()
-    return turned
+    return Slerp(times, Rotation.from_quat(values))(seconds).as_quat()
 
 
 def _off(mesh: dfd.Mesh, bones: Bones, difference: Float64, moves: list[Float64]) -> float:

@@ -24,7 +24,6 @@ class Coordinates:
 
     def prepare(self, body: Body) -> None:
         """Assemble the energy."""
-        assert body.within is not None
         self.body, self.within = body, body.within
         self.energy = bilaplacian(self.within.nodes, self.within.cells)
 
@@ -101,13 +100,11 @@ class OptCtrlPoints(Coordinates):
         system[:count, count:] = self.affine[handles]
         system[count:, :count] = self.affine[handles].T
         solved = np.linalg.lstsq(system, np.eye(count + 4)[:, :count], rcond=1e-12)[0]
-        weights: Float64 = inverse @ (solved[:count] / scale) + self.affine @ solved[count:]
-        return weights
+        return inverse @ (solved[:count] / scale) + self.affine @ solved[count:]
 
 
 def on_nodes(body: Body, held: Int64) -> tuple[Int64, Int64]:
     """The distinct nodes (K,) nearest to vertices (N,), and which of those each node stands for."""
-    assert body.within is not None
     nodes, first = np.unique(body.within.nearest(body.vertices[held]), return_index=True)
     return nodes, first
 
@@ -152,5 +149,4 @@ def _outwards(nodes: Float64, cells: Int64) -> Int64:
     """The cells with corners in the order in which their volume is positive."""
     at = nodes[cells]
     turned = np.linalg.det(at[:, 1:] - at[:, :1]) < 0
-    ordered: Int64 = np.where(turned[:, None], cells[:, [0, 1, 3, 2]], cells)
-    return ordered
+    return np.where(turned[:, None], cells[:, [0, 1, 3, 2]], cells)

@@ -44,7 +44,6 @@ class Bounded:
 
     def prepare(self, body: Body) -> None:
         """Nothing belongs to the shape but its tetrahedra."""
-        assert body.within is not None
         self.body, self.within = body, body.within
 
     def bind(self, held: Int64, group: Int64) -> None:

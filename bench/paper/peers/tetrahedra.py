@@ -34,13 +34,11 @@ class Tetrahedra:
 
     def nearest(self, points: Float64) -> Int64:
         """The node nearest to each of the points (P, 3)."""
-        found: Int64 = KDTree(self.nodes).query(points)[1].astype(np.int64)
-        return found
+        return KDTree(self.nodes).query(points)[1].astype(np.int64)
 
     def on_surface(self, values: Float64) -> Float64:
         """Values (V, D) at the surface's vertices of those at nodes (N, D)."""
-        carried: Float64 = np.einsum("vk,vkd->vd", self.barycentric, values[self.corners])
-        return carried
+        return np.einsum("vk,vkd->vd", self.barycentric, values[self.corners])
 
 
 known: dict[str, Tetrahedra | PeerError] = {}  # several peers and pages ask for one shape's
