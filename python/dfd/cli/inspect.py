@@ -227,9 +227,9 @@ def _unseen(views: int, area: float, components: int, component_count: int) -> s
         return "all of it, for no face has an area"
     if area == 0:
         return f"nothing, in {views} views"
-    share = f"{area:.1%}" if area >= 0.001 else "less than 0.1%"
+    fraction = f"{area:.1%}" if area >= 0.001 else "less than 0.1%"
     wholly = f", {components:,} of {component_count:,} components wholly" if components else ""
-    return f"{share} of the surface{wholly}, in {views} views: it takes the nearest seen features"
+    return f"{fraction} of the surface{wholly}, in {views} views: it takes the nearest seen features"
 
 
 def _shown(value: Any) -> str:

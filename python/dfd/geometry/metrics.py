@@ -47,13 +47,13 @@ def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> SurfaceMetrics:
     faces, areas = faces[areas > 0], areas[areas > 0]
     if len(faces) == 0:
         raise ValueError("surface_metrics: `mesh` must have a face with an area, got none")
-    share = areas / areas.sum()
+    fraction = areas / areas.sum()
     edges = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
     before, after = (np.linalg.norm(each[edges[:, 0]] - each[edges[:, 1]], axis=1) for each in (resting, moved))
     turned = np.abs(_angles(moved, faces) - _angles(resting, faces)).mean(axis=1)
     return SurfaceMetrics(
         area=float(np.abs(face_areas(moved, faces) - areas).sum() / areas.sum()),
-        angle=float(share @ turned),
+        angle=float(fraction @ turned),
         edge_length=float(np.abs(after - before).sum() / before.sum()),
         volume=_volume_change(resting, moved, faces),
         flipped_faces=int((_folded(moved, faces) & ~_folded(resting, faces)).sum()),

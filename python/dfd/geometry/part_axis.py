@@ -302,9 +302,9 @@ def _projected(nodes: Float64, points: Float64, start: Float64) -> Float64:
         high = np.inf if k == len(along) - 1 else 1.0
         some = np.flatnonzero(np.abs(at[k] - start) <= 2 * FARTHEST)
         apart = points[some] - node
-        share = np.clip(apart @ side / squares[k], low, high)
-        level = at[k] + share / len(along)
-        far = np.square(apart - share[:, None] * side).sum(axis=1)
+        fraction = np.clip(apart @ side / squares[k], low, high)
+        level = at[k] + fraction / len(along)
+        far = np.square(apart - fraction[:, None] * side).sum(axis=1)
         better = (far < nearest[some]) & (np.abs(level - start[some]) <= FARTHEST)
         best[some[better]], nearest[some[better]] = level[better], far[better]
     return best

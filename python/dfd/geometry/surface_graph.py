@@ -135,9 +135,9 @@ def _samples(vertices: Float64, faces: Int32, own: Int64, spacing: float) -> tup
     per_side = _capped(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).ravel() / spacing)
     side = np.repeat(np.arange(len(sides)), per_side)
     place = np.arange(len(side)) - (np.cumsum(per_side) - per_side)[side]
-    share = ((place + 0.5) / per_side[side])[:, None]
-    points.append((1 - share) * vertices[sides[side, 0]] + share * vertices[sides[side, 1]])
-    vertex.append(sides[side, (share[:, 0] > 0.5).astype(int)])
+    fraction = ((place + 0.5) / per_side[side])[:, None]
+    points.append((1 - fraction) * vertices[sides[side, 0]] + fraction * vertices[sides[side, 1]])
+    vertex.append(sides[side, (fraction[:, 0] > 0.5).astype(int)])
     face, weights = points_on_faces(_capped(areas / spacing**2))
     points.append(np.einsum("nk,nkd->nd", weights, corners[face]))
     vertex.append(faces[face, weights.argmax(axis=1)])
