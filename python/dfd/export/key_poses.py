@@ -116,8 +116,8 @@ def read_key_poses(path: str | os.PathLike[str]) -> tuple[KeyPose, ...]:
         documents = _POSES.validate_json(text)
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
-        place = ".".join(map(str, first["loc"])) or "the document"
-        raise ValueError(f"read_key_poses: `path` {path}: {place}: {_sentence(first)}") from None
+        where = ".".join(map(str, first["loc"])) or "the document"
+        raise ValueError(f"read_key_poses: `path` {path}: {where}: {_sentence(first)}") from None
     return tuple(_key_pose(document) for document in documents)
 
 

@@ -134,8 +134,8 @@ def _samples(vertices: Float64, faces: Int32, own: Int64, spacing: float) -> tup
     sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     per_side = _capped(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).ravel() / spacing)
     side = np.repeat(np.arange(len(sides)), per_side)
-    place = np.arange(len(side)) - (np.cumsum(per_side) - per_side)[side]
-    fraction = ((place + 0.5) / per_side[side])[:, None]
+    index = np.arange(len(side)) - (np.cumsum(per_side) - per_side)[side]
+    fraction = ((index + 0.5) / per_side[side])[:, None]
     points.append((1 - fraction) * vertices[sides[side, 0]] + fraction * vertices[sides[side, 1]])
     vertex.append(sides[side, (fraction[:, 0] > 0.5).astype(int)])
     face, weights = points_on_faces(_capped(areas / spacing**2))
@@ -155,12 +155,12 @@ def _thinned(points: Float64, label: Int64, cell: float) -> tuple[Int64, Int64]:
     Returned are which (K,), and (C, 2) for each of the other labels of a cell, a point of that label and one that is
     kept there.
     """
-    place = np.floor((points - points.min(axis=0)) / cell).astype(np.int64)
-    span = place.max(axis=0) + 1
+    voxel = np.floor((points - points.min(axis=0)) / cell).astype(np.int64)
+    span = voxel.max(axis=0) + 1
     if np.prod(span.astype(float)) < 2**31:
-        number = (place[:, 0] * span[1] + place[:, 1]) * span[2] + place[:, 2]
+        number = (voxel[:, 0] * span[1] + voxel[:, 1]) * span[2] + voxel[:, 2]
     else:  # cell and label numbers do not fit into one integer
-        number = weld(place.astype(np.float64))[1].astype(np.int64)
+        number = weld(voxel.astype(np.float64))[1].astype(np.int64)
     key, first = np.unique(number * (label.max() + 1) + label, return_index=True)
     cells = key // (label.max() + 1)
     begins = np.flatnonzero(np.concatenate([[True], cells[1:] != cells[:-1]]))

@@ -43,9 +43,9 @@ def weight_colors(weights: ArrayLike) -> Float32:
     Raises ValueError if `weights` is not a row of finite numbers.
     """
     values = check.array("weight_colors", "weights", weights, ("V",), dtype=np.float64)
-    place = values.clip(0, 1) * (len(_HEAT) - 1)
-    before = np.minimum(place.astype(np.int64), len(_HEAT) - 2)
-    part = (place - before)[:, None]
+    position = values.clip(0, 1) * (len(_HEAT) - 1)
+    before = np.minimum(position.astype(np.int64), len(_HEAT) - 2)
+    part = (position - before)[:, None]
     return (_HEAT[before] * (1 - part) + _HEAT[before + 1] * part).astype(np.float32)
 
 
@@ -115,8 +115,8 @@ def _heat_table(size: int = 256) -> Float64:
     """Return sRGB colors (size, 3) along the stops, evenly spaced by how large the steps look."""
     stops = oklab(np.array(HEAT_STOPS))
     walked = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(stops, axis=0), axis=1))])
-    place = np.linspace(0, walked[-1], size)
-    return _from_oklab(np.stack([np.interp(place, walked, axis) for axis in stops.T], axis=1))
+    position = np.linspace(0, walked[-1], size)
+    return _from_oklab(np.stack([np.interp(position, walked, axis) for axis in stops.T], axis=1))
 
 
 _HEAT = _heat_table()

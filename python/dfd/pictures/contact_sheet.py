@@ -110,8 +110,8 @@ def _row(
         row.paste(image, (left, start))
         boxes.append((left, start, image.width, cell))
         for index, words in enumerate(text):
-            place = (left + image.width / 2, start + cell + size // 2 + index * line)
-            draw.text(place, words, GREY, font(size), anchor="ma")
+            corner = (left + image.width / 2, start + cell + size // 2 + index * line)
+            draw.text(corner, words, GREY, font(size), anchor="ma")
         left += image.width + gap
     return row, boxes
 

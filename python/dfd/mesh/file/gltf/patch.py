@@ -89,10 +89,10 @@ class GltfPatch:
             else:
                 moved_to[index] = (0, self._append(data))
         for view in self.header.get("bufferViews", []):
-            for place in (view, *(found for name in MESHOPT if (found := extension(view, name)) is not None)):
-                place["buffer"], start = moved_to[int(place["buffer"])]
-                if start or "byteOffset" in place:
-                    place["byteOffset"] = int(place.get("byteOffset", 0)) + start
+            for owner in (view, *(found for name in MESHOPT if (found := extension(view, name)) is not None)):
+                owner["buffer"], start = moved_to[int(owner["buffer"])]
+                if start or "byteOffset" in owner:
+                    owner["byteOffset"] = int(owner.get("byteOffset", 0)) + start
 
     def _take_pictures(self) -> None:
         pictures = ImageCache()

@@ -140,9 +140,9 @@ def _strip_triangles(strips: _List) -> Int64:
     """Return the triangles (F, 3) of strips; -1 starts a new strip."""
     values = strips.values.astype(np.int64)
     run = np.cumsum(values < 0) + np.repeat(np.arange(len(strips.sizes)), strips.sizes) * (len(values) + 1)
-    place = np.arange(len(values))
+    index = np.arange(len(values))
     new = np.diff(run, prepend=-1) != 0
-    begin = np.maximum.accumulate(np.where(new, place + (values < 0), 0))  # each -1 precedes its run
+    begin = np.maximum.accumulate(np.where(new, index + (values < 0), 0))  # each -1 precedes its run
     first = np.flatnonzero((values[:-2] >= 0) & (run[:-2] == run[2:])) if len(values) > 2 else np.zeros(0, np.int64)
     triangles = values[first[:, None] + np.arange(3)]
     odd = (first - begin[first]) % 2 == 1
