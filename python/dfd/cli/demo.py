@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
 from dfd import samples
+from dfd.common.linear_algebra import Float32, Float64, Int64, UInt8
 from dfd.common.preset import Preset
 from dfd.common.progress import Stages
 from dfd.distillation.distill import distill
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.samples import Sample
 
-Picture = tuple[NDArray[np.uint8], str]
+Picture = tuple[UInt8, str]
 Row = tuple[str, Sequence[Picture]]
 
 
@@ -82,9 +82,7 @@ def run(
     console.print(f"Pictures: {output / 'story.png'}, {output / 'opening.png'}\nMeshes:   {output}")
 
 
-def _distill(
-    sample: Sample, model: Encoder, preset: Preset, stages: Stages
-) -> tuple[Field, NDArray[np.float32], list[Picture]]:
+def _distill(sample: Sample, model: Encoder, preset: Preset, stages: Stages) -> tuple[Field, Float32, list[Picture]]:
     mesh = sample.mesh
     field = distill(mesh, model, progress=stages, cache=False, preset=preset)
     with stages.stage("symmetry"):
@@ -185,13 +183,13 @@ class _Story:
             (self._view(35, vertices=self._moved), ""),
         ]
 
-    def _view(self, azimuth: float, **options: Any) -> NDArray[np.uint8]:
+    def _view(self, azimuth: float, **options: Any) -> UInt8:
         return picture(self._mesh, azimuth=azimuth, frame=[self._mesh.vertices, self._moved], **options)
 
 
-def _lowest(vertices: NDArray[np.float64], among: NDArray[np.int64]) -> int:
+def _lowest(vertices: Float64, among: Int64) -> int:
     return int(among[np.argmin(vertices[among, 1])])
 
 
-def _highest(vertices: NDArray[np.float64], among: NDArray[np.int64]) -> int:
+def _highest(vertices: Float64, among: Int64) -> int:
     return int(among[np.argmax(vertices[among, 1])])

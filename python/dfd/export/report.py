@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from dfd.export.influences import Influences
+from dfd.export.rig import Rig
 from dfd.export.skinning import Difference
-
-if TYPE_CHECKING:
-    from dfd.export.influences import Influences
-    from dfd.export.rig import Rig
 
 
 @dataclass(frozen=True)

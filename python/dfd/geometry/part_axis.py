@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from dfd.common.linear_algebra import unit
+from dfd.common.linear_algebra import Bool, Float64, Int64, unit
 from dfd.geometry.surface_graph import surface_graph
 from dfd.geometry.topology import face_areas, points_on_faces
 from dfd.mesh.mesh import Mesh
@@ -27,8 +27,7 @@ SLENDER = 0.75  # times its width is the least length of a limb
 CARRIED = 0.5  # of the rest of the shape: what is smaller and lies beyond a part goes along with it
 CRUMB = 0.05  # of a region: a smaller connected piece of it has no axis of its own
 
-Float64 = NDArray[np.float64]
-Indices = NDArray[np.int64]
+Indices = Int64
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +127,7 @@ class PartAxes:
         sums = np.bincount(self._mesh.faces.ravel(), areas, minlength=len(self._mesh.vertices))
         return np.asarray(sums, np.float64)
 
-    def of(self, inside: NDArray[np.bool_]) -> list[PartAxis]:
+    def of(self, inside: Bool) -> list[PartAxis]:
         """The axes of the connected pieces of a region `inside` (V,), the largest first; crumbs have none."""
         own = np.flatnonzero(inside)
         piece = connected_components(self._graph[own][:, own], directed=False)[1]
@@ -303,9 +302,9 @@ def _projected(nodes: Float64, points: Float64, start: Float64) -> Float64:
         high = np.inf if k == len(along) - 1 else 1.0
         some = np.flatnonzero(np.abs(at[k] - start) <= 2 * FARTHEST)
         apart = points[some] - node
-        share = np.clip(apart @ side / squares[k], low, high)
-        level = at[k] + share / len(along)
-        far = np.square(apart - share[:, None] * side).sum(axis=1)
+        fraction = np.clip(apart @ side / squares[k], low, high)
+        level = at[k] + fraction / len(along)
+        far = np.square(apart - fraction[:, None] * side).sum(axis=1)
         better = (far < nearest[some]) & (np.abs(level - start[some]) <= FARTHEST)
         best[some[better]], nearest[some[better]] = level[better], far[better]
     return best

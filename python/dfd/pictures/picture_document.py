@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
+from dfd.mesh.mesh import Mesh
 from dfd.views.cameras import Camera
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import Mesh
 
 KEY = "dfd-picture"  # of the PNG file's text
 Vector = tuple[FiniteFloat, FiniteFloat, FiniteFloat]

@@ -8,24 +8,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float64
 from dfd.editing.edit import Edit
 from dfd.export.gltf.document import GltfDocument
+from dfd.export.rig import Rig
 from dfd.export.skinning import Difference, differences
 from dfd.mesh.file import moved_normals
 from dfd.mesh.file.gltf.header import Header, objects
+from dfd.mesh.file.primitives import Primitive
 from dfd.posing.transforms import Transform
-
-if TYPE_CHECKING:
-    from dfd.export.rig import Rig
-    from dfd.mesh.file.primitives import Primitive
-
-Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
