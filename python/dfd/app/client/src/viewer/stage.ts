@@ -4,13 +4,24 @@ import { PerspectiveCamera, Scene as ThreeScene, Vector3, WebGLRenderer } from "
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
 import type { Vec3 } from "../posing/affine";
-import type { Level } from "../store/state";
+import type { Level, View } from "../store/state";
 import { Clock } from "./clock";
 import { Pace, type Drawing } from "./pace";
 import { Rest, type Easel, type Stop } from "./rest";
 import { SHAPE_LAYER, Still, type Drawable } from "./still";
 
 const FIELD_OF_VIEW = 38;
+
+/** From the shape to the camera; straight from above, a camera would not know what is up. */
+export const VIEWS: Record<View, Vec3> = {
+  usual: [0.555, 0.296, 0.777],
+  front: [0, 0, 1],
+  back: [0, 0, -1],
+  right: [1, 0, 0],
+  left: [-1, 0, 0],
+  top: [0, 1, 1e-4],
+  bottom: [0, -1, 1e-4],
+};
 
 /** What is drawn whole or coarse. */
 export interface Subject {
@@ -42,7 +53,6 @@ export class Stage implements Easel {
   /** Where a processor draws, the whole comes bit by bit. */
   private readonly still: Still | null;
   private halvings = 0;
-  private radius = 1;
   width = 1;
   height = 1;
 
@@ -95,24 +105,37 @@ export class Stage implements Easel {
 
   /** Look at a shape about the origin, of that radius, from the front and a little above. */
   frameShape(radius: number): void {
-    this.radius = radius;
     this.camera.near = radius / 100;
     this.camera.far = radius * 60;
-    this.orbit.target.set(0, 0, 0);
     this.orbit.minDistance = radius / 20;
     this.orbit.maxDistance = radius * 20;
-    this.lookFrom(0.62, 0.3);
+    this.frame([0, 0, 0], radius, VIEWS.usual);
   }
 
-  /** From an azimuth and an elevation in radians; the distance shows all of the shape. */
-  lookFrom(azimuth: number, elevation: number): void {
+  /** Show all of a sphere, from a direction or from where it is seen now. */
+  frame(center: Vec3, radius: number, from?: Vec3): void {
     const half = (FIELD_OF_VIEW * Math.PI) / 360;
     const narrow = Math.atan(Math.tan(half) * Math.min(this.camera.aspect, 1));
-    const distance = (1.02 * this.radius) / Math.sin(narrow);
-    const flat = Math.cos(elevation) * distance;
-    this.camera.position
-      .set(flat * Math.sin(azimuth), Math.sin(elevation) * distance, flat * Math.cos(azimuth))
-      .add(this.orbit.target);
+    this.stand(
+      from ? new Vector3(...from) : this.direction,
+      (1.02 * radius) / Math.sin(narrow),
+      new Vector3(...center),
+    );
+  }
+
+  /** Look at the same point from another direction. */
+  lookFrom(from: Vec3): void {
+    this.stand(new Vector3(...from), this.direction.length(), this.orbit.target);
+  }
+
+  /** From what is looked at to the camera. */
+  private get direction(): Vector3 {
+    return this.camera.position.clone().sub(this.orbit.target);
+  }
+
+  private stand(from: Vector3, distance: number, target: Vector3): void {
+    this.orbit.target.copy(target);
+    this.camera.position.copy(from).setLength(distance).add(target);
     this.camera.updateProjectionMatrix();
     this.orbit.update();
     this.invalidate();
