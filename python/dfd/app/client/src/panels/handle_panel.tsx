@@ -165,11 +165,11 @@ function Bend({ handle, transform: { bend, twist, joint }, set }: BendProps) {
       : set({ bend: bend.map((part) => (part * angle) / degrees) as unknown as Transform["bend"] });
   return (
     <div class="bend" role="group" aria-label="Bend and twist">
-      <label class="toggle" title="How far the tip of what is held bends; drag it in the view for any direction">
+      <label class="select" title="How far the tip of what is held bends; drag it in the view for any direction">
         <span>Bend °</span>
         <NumberField label="Bend °" value={degrees} step={1} onChange={bendBy} />
       </label>
-      <label class="toggle" title="How far the tip turns about the part's own axis">
+      <label class="select" title="How far the tip turns about the part's own axis">
         <span>Twist °</span>
         <NumberField label="Twist °" value={twist} step={1} onChange={(angle) => set({ twist: angle })} />
       </label>
