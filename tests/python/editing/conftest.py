@@ -36,7 +36,7 @@ def deformer(mesh, field, features):
 
 @pytest.fixture
 def paper_handles(monkeypatch):
-    """New handles reach and fall off as the paper's; instances have their own pivots and follow as far as they look alike."""
+    """New handles reach and fall off as the paper's; instances have own pivots and follow as far as they look alike."""
     new = replace(PRESETS["default"], reach=1.0, falloff="linear", level=False)
     monkeypatch.setitem(PRESETS, "default", new)
 
