@@ -116,10 +116,9 @@ GRIPS = [
     Grip("legs thicker", "FourLeg/381", (0.62, 0.25, 0.8), {"scale": 1.4}, azimuth=30),
     Grip("horn scaled", "FourLeg/381", (0.88, 1.0, 0.77), {"scale": 1.8}, azimuth=100),
     # Faces, heads, hands.
-    Grip("face scaled", "Bust/301", (0.65, 0.7, 0.93), {"scale": 1.4}, azimuth=20),
+    Grip("face scaled", "Bust/301", (0.85, 0.72, 0.75), {"scale": 1.4}, azimuth=20),
     Grip("head scaled", "human_neutral", (0.5, 0.97, 0.6), {"scale": 1.5}, azimuth=20),
     Grip("hand scaled", "human_neutral", (0.97, 0.8, 0.5), {"scale": 1.6}, azimuth=20),
-    Grip("nose pulled", "Bust/301", (0.545, 0.763, 1.0), {"translation": (0, 0, 0.08)}, azimuth=50),
     Grip("nose pulled", "human_neutral", (0.5, 0.92, 0.906), {"translation": (0, 0, 0.05)}, azimuth=50),
     Grip("belly pulled", "Human/5", (0.5, 0.6, 0.0), {"translation": (0, 0, -0.08)}, azimuth=130),
     Grip("belly pulled", "human_neutral", (0.5, 0.62, 0.8), {"translation": (0, 0, 0.08)}, azimuth=50),
@@ -128,7 +127,7 @@ GRIPS = [
     Grip("tail up", "velociraptor", (0.5, 1.0, 0.0), verb=("bend", 50, {}), azimuth=70),
     # Twelve more.
     Grip("tail bent", "dog", (0.5, 0.6, 0.0), verb=("bend", 60, {}), azimuth=110),
-    Grip("neck bent", "alpaca", (0.5, 0.8, 0.75), verb=("bend", 40, {"towards": "back"}), azimuth=70),
+    Grip("neck bent", "alpaca", (0.5, 0.6, 0.75), verb=("bend", 40, {"towards": "back"}), azimuth=70),
     Grip("tail swung", "kaiju", (0.5, 0.1, 0.0), verb=("bend", 60, {"towards": "left"}), azimuth=150, elevation=40),
     Grip("ear scaled", "Teddy/161", (0.2, 1.0, 0.5), {"scale": 1.6}, azimuth=30),
     Grip("wings bent", "Bird/241", (0.634, 0.861, 1.0), {"rotation": (0, 0, 30)}, azimuth=20, elevation=30),
@@ -138,7 +137,7 @@ GRIPS = [
     Grip("plates scaled", "stegosaurus", (0.5, 1.0, 0.45), {"scale": (1, 1.5, 1)}, azimuth=60),
     Grip("legs longer", "Chair/101", (0.9, 0.02, 0.9), {"scale": (1, 1.4, 1)}, azimuth=30),
     Grip("jaw opened", "anglerfish", (0.5, 0.231, 0.854), verb=("open", 25, {}), azimuth=40),
-    Grip("head scaled", "knight", (0.5, 0.62, 0.7), {"scale": 1.4}, azimuth=30),
+    Grip("head scaled", "knight", (0.5, 1.0, 0.5), {"scale": 1.4}, azimuth=30),
     Grip("sting lifted", "scorpion", (0.5, 1.0, 0.5), {"translation": (0, 0.12, 0)}, azimuth=50),
 ]  # fmt: skip
 
