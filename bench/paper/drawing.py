@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 import dfd
 from dfd.pictures.picture import picture
+from dfd.pictures.sheet import session_views
 from dfd.pictures.viewpoint import azimuth_towards
 
 RESOLUTION = 320
@@ -28,14 +29,10 @@ def aim(mesh: dfd.Mesh, points: Any, *moved: NDArray[np.float64], **more: Any) -
 
 def before_after(deformer: dfd.Deformer, where: dict[str, Any]) -> list[tuple[NDArray[np.uint8], str]]:
     """The weights that a session's vertices follow with, as heat, and the moved shape."""
-    handles = np.array([handle.place.position for handle in deformer.handles]).reshape(-1, 3)
-    fixed = np.array([place.position for place in deformer.fixed]).reshape(-1, 3)
-    landed = np.array([handle.landed for handle in deformer.report().handles]).reshape(-1, 3)
-    heat = deformer.following.max(axis=1, initial=0.0)
-    mesh = deformer.mesh
+    views = session_views(deformer)
     return [
-        (picture(mesh, weights=heat, handles=handles, fixed=fixed, **where), "weights"),
-        (picture(mesh, vertices=deformer.vertices, handles=landed, fixed=fixed, **where), "moved"),
+        (picture(deformer.mesh, **{**views[name], **where}), caption)
+        for name, caption in (("weights", "weights"), ("after", "moved"))
     ]
 
 

@@ -35,12 +35,8 @@ class Shape:
         How the field's coordinates lie: "SAME" as the object's, "Y_UP" as those of a glTF file, which Blender turns
         by a quarter when it imports one, or "AUTO" for whichever of the two the field's shape fits better.
 
-    Raises
-    ------
-    ValueError
-        If the field cannot be read, or is that of a shape of another size or place.
-    OSError
-        If there is no such file.
+    Raises ValueError if the field cannot be read, or is that of a shape of another size or place. Raises OSError if
+    there is no such file.
     """
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray, field: Path, axes: Axes) -> None:

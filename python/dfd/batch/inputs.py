@@ -29,19 +29,12 @@ class Shape:
 def find_shapes(inputs: Sequence[str]) -> list[Shape]:
     """The shapes that `inputs` name, ordered by name.
 
-    Parameters
-    ----------
-    inputs
-        Mesh files and globs, whose names follow from where they lie below the folder that all of them share; or one
-        manifest, CSV or Parquet, with a column `path`, and optionally `name` and `field`. Paths in a manifest are
-        relative to it. Anything may be a URL such as s3://bucket/shapes/*.glb.
+    `inputs` are mesh files and globs, whose names follow from where they lie below the folder that all of them share;
+    or one manifest, CSV or Parquet, with a column `path`, and optionally `name` and `field`. Paths in a manifest are
+    relative to it. Anything may be a URL such as s3://bucket/shapes/*.glb.
 
-    Raises
-    ------
-    ValueError
-        If two shapes have one name, a name cannot be that of a folder, or a manifest lacks a column or a value.
-    OSError
-        If a glob matches nothing, or a manifest cannot be read.
+    Raises ValueError if two shapes have one name, a name cannot be that of a folder, or a manifest lacks a column or a
+    value; OSError if a glob matches nothing, or a manifest cannot be read.
     """
     if not inputs:
         raise ValueError("`MESH` must name a mesh, a glob or a manifest, got none")

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Option
 
-from dfd.cli.arguments import MeshArgument, check_output, shown
+from dfd.cli.arguments import MadeFieldOption, MeshArgument, ResolutionOption, ViewsOption, check_output, shown
 
 if TYPE_CHECKING:
     import numpy as np
@@ -25,26 +26,24 @@ def inspect(
     mesh: MeshArgument,
     field: Annotated[
         Path | None,
-        typer.Option("--field", metavar="FIELD", help="Also look for symmetry planes and suggest handles, with this."),
+        Option("--field", metavar="FIELD", help="Also look for symmetry planes and suggest handles, with this."),
     ] = None,
     against: Annotated[
         Path | None,
-        typer.Option("--against", metavar="MESH", help="Also measure what was done to the surface to make this of it."),
+        Option("--against", metavar="MESH", help="Also measure what was done to the surface to make this of it."),
     ] = None,
-    suggestions: Annotated[
-        int, typer.Option(min=1, max=50, help="With --field: at most so many handles are suggested.")
-    ] = 8,
+    suggestions: Annotated[int, Option(min=1, max=50, help="With --field: at most so many handles are suggested.")] = 8,
     cut: Annotated[
-        bool, typer.Option("--parts", help="With --field: also cut the shape into its parts, as `dfd parts` does.")
+        bool, Option("--parts", help="With --field: also cut the shape into its parts, as `dfd parts` does.")
     ] = False,
     picture: Annotated[
         Path | None,
-        typer.Option(metavar="PNG", help="With --field, --against: draw suggested handles, parts, how areas changed."),
+        Option(metavar="PNG", help="With --field, --against: draw suggested handles, parts, how areas changed."),
     ] = None,
     up: Annotated[
-        str, typer.Option(metavar="DIRECTION", help="Which way is up: auto, file, +y, -z, …, or numbers such as 0,0,1.")
+        str, Option(metavar="DIRECTION", help="Which way is up: auto, file, +y, -z, …, or numbers such as 0,0,1.")
     ] = "auto",
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")] = False,
+    as_json: Annotated[bool, Option("--json", help="Print JSON, for programs.")] = False,
 ) -> None:
     """Say what MESH is made of, what is odd about it, which way is up, and how much of it pictures do not show.
 
@@ -249,12 +248,10 @@ def _plain(value: Any) -> Any:
 
 def parts(
     mesh: MeshArgument,
-    field: Annotated[
-        Path | None, typer.Option(metavar="FIELD", help="The shape's field; without it, it is found or made.")
-    ] = None,
+    field: MadeFieldOption = None,
     output: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             "--output",
             "-o",
             metavar="FILE",
@@ -262,9 +259,9 @@ def parts(
             " part.",
         ),
     ] = None,
-    picture: Annotated[Path | None, typer.Option(metavar="PNG", help="Draw them, numbered.")] = None,
-    views: Annotated[int, typer.Option(min=1, max=36, help="From how many sides, all around.")] = 2,
-    resolution: Annotated[int, typer.Option(min=16, max=8192, help="Pixels along the side of each picture.")] = 768,
+    picture: Annotated[Path | None, Option(metavar="PNG", help="Draw them, numbered.")] = None,
+    views: ViewsOption = 2,
+    resolution: ResolutionOption = 768,
 ) -> None:
     """Cut MESH into its parts: what looks alike, ends at creases, and would move as one."""
     check_output("--output", output, (".json", ".obj", ".glb", ".gltf"))

@@ -81,15 +81,12 @@ def number(
     exclusive: bool = False,
 ) -> float:
     """Return `value` as a finite float within [minimum, maximum] (or strictly above the minimum)."""
+    given = tensors.shared(function, name, value)
     try:
-        result = float(tensors.shared(function, name, value))
-    except TypeError:
-        raise ArgumentError(name, f"must be a number, got {_kind(value)}", function) from None
+        result = float(given)
     except OverflowError:
         raise ArgumentError(name, "must be finite, got a whole number too large for a float", function) from None
-    except ArgumentError:
-        raise
-    except ValueError:
+    except (TypeError, ValueError):
         raise ArgumentError(name, f"must be a number, got {_kind(value)}", function) from None
     if not np.isfinite(result):
         raise ArgumentError(name, f"must be finite, got {result}", function)

@@ -38,12 +38,8 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
         which safetensors has in its metadata: `format`, `version`, `names` (a JSON list of C names), `edit` (its
         document, see `dfd.editing.edit_file`), `field` (its settings) and `mesh` (its `Mesh.content_hash`).
 
-    Raises
-    ------
-    ValueError
-        If the ending is another, or nothing is held.
-    OSError
-        If the file cannot be written; what was there before stays.
+    Raises ValueError if the ending is another, or nothing is held. Raises OSError if the file cannot be written; what
+    was there before stays.
     """
     target = Path(path)
     ending = target.suffix.lower()

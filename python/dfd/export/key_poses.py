@@ -26,28 +26,15 @@ if TYPE_CHECKING:
 class KeyPose:
     """The transforms of a session's handles at a moment.
 
-    Attributes
-    ----------
-    seconds
-        When, at least 0.
-    transforms
-        The transform of each handle, by its id; a handle that is left out rests.
-    name
-        For display; file formats only name whole animations.
-
-    Raises
-    ------
-    ValueError
-        If `seconds` is no number or negative, or `transforms` has another key than an id or another value than a
-        transform.
+    Raises ValueError if `seconds` is no number or negative, or `transforms` has another key than an id or another value
+    than a transform.
     """
 
-    seconds: float
-    transforms: Mapping[int, Transform] = field(default_factory=dict)
-    name: str = ""
+    seconds: float  # at least 0
+    transforms: Mapping[int, Transform] = field(default_factory=dict)  # by the ids of handles; one left out rests
+    name: str = ""  # for display; file formats only name whole animations
 
     def __post_init__(self) -> None:
-        """Check the fields."""
         keep = object.__setattr__
         keep(self, "seconds", check.number("KeyPose", "seconds", self.seconds, minimum=0.0))
         if not isinstance(self.transforms, Mapping):
@@ -143,8 +130,5 @@ def _sentence(error: Any) -> str:
 
 
 def _key_pose(document: _PoseDocument) -> KeyPose:
-    transforms = {}
-    for each in document.transforms:
-        parts = each.model_dump(exclude={"handle"})
-        transforms[each.handle] = Transform(**parts)
+    transforms = {each.handle: Transform(**each.model_dump(exclude={"handle"})) for each in document.transforms}
     return KeyPose(document.seconds, transforms, document.name)

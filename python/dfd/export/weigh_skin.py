@@ -103,12 +103,8 @@ def weigh_skin(mesh: Mesh, field: Field, path: str | os.PathLike[str], *, influe
     influences
         How many joints a vertex follows at most.
 
-    Raises
-    ------
-    ValueError
-        If the ending is another, the mesh has no skin, several, or a broken one, or no bone lies near it.
-    OSError
-        If the file cannot be written; what was there before stays.
+    Raises ValueError if the ending is another, the mesh has no skin, several, or a broken one, or no bone lies near it.
+    Raises OSError if the file cannot be written; what was there before stays.
     """
     target = Path(path)
     if target.suffix.lower() not in (".glb", ".gltf"):

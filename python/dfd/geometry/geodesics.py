@@ -45,10 +45,7 @@ class Geodesics:
         Whether distances cross from one component to another where they touch or nearly touch (see
         `dfd.geometry.surface_graph`). If not, components are apart, as in the paper.
 
-    Raises
-    ------
-    ValueError
-        If `bridges` is not True or False.
+    Raises ValueError if `bridges` is not True or False.
     """
 
     def __init__(self, mesh: MeshLike, *, bridges: bool = True) -> None:
@@ -91,11 +88,8 @@ class Geodesics:
         -------
         (H, V) in [0, 1], 0 at the handle.
 
-        Raises
-        ------
-        ValueError
-            If `handles` has another shape, or holds an index out of range or a coordinate that is not finite, or
-            `separate` lies outside [0, 1].
+        Raises ValueError if `handles` has another shape, or holds an index out of range or a coordinate that is not
+        finite, or `separate` lies outside [0, 1].
         """
         separate = check.number("Geodesics.distances", "separate", separate, minimum=0.0, maximum=1.0)
         chosen = self._handle_vertices(handles)

@@ -34,37 +34,18 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class PartAxis:
-    """The axis of one connected part.
+    """The axis of one connected part."""
 
-    Attributes
-    ----------
-    vertices
-        (N,) those of the part and of what hangs on it, ascending.
-    parameter
-        (N,) where along the axis each is, in [0, 1]: 0 at the base, where the rest of the shape begins, and 1 at the
-        tip. What hangs on a part has that of the place where it hangs.
-    nodes
-        (33, 3) the curve at equal steps of its length, from base to tip, mesh units.
-    radius
-        (33,) root mean squared distance of the surface from the curve, mesh units.
-    border
-        (B, 3) where the part meets the rest of the shape, mesh units; of a part that is all there is, its end.
-    borders
-        In how many places it does.
-    middle
-        (3,) the center of its surface, mesh units.
-    rest
-        (3,) the center of what is around the base and does not belong to the part.
-    """
-
-    vertices: Indices
+    vertices: Indices  # (N,) those of the part and of what hangs on it, ascending
+    # (N,) where along the axis each is, in [0, 1]: 0 at the base, where the rest of the shape begins, and 1 at the tip.
+    # What hangs on a part has that of the place where it hangs.
     parameter: Float64
-    nodes: Float64
-    radius: Float64
-    border: Float64
-    borders: int
-    middle: Float64
-    rest: Float64
+    nodes: Float64  # (33, 3) the curve at equal steps of its length, from base to tip, mesh units
+    radius: Float64  # (33,) root mean squared distance of the surface from the curve, mesh units
+    border: Float64  # (B, 3) where the part meets the rest, mesh units; of a part that is all there is, its end
+    borders: int  # in how many places it does
+    middle: Float64  # (3,) the center of its surface, mesh units
+    rest: Float64  # (3,) the center of what is around the base and does not belong to the part
 
     @property
     def length(self) -> float:

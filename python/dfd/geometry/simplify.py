@@ -18,10 +18,7 @@ def simplify(mesh: Mesh, face_count: int) -> Mesh:
 
     Textures are lost: each vertex of the copy takes the color of the nearest vertex of `mesh`.
 
-    Raises
-    ------
-    ValueError
-        If `face_count` is not at least 4, or all vertices are one point.
+    Raises ValueError if `face_count` is not at least 4, or all vertices are one point.
 
     Source: Garland and Heckbert 1997, through fast-simplification; paper, section 3.2.
     """

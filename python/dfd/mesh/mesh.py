@@ -69,10 +69,7 @@ class Mesh:
         scene
             The file's own scene, which `save` writes again.
 
-        Raises
-        ------
-        ValueError
-            If an array has another shape or type, a coordinate is not finite or an index is out of range.
+        Raises ValueError if an array has another shape or type, a coordinate is not finite or an index is out of range.
         """
         self.vertices = _frozen(check.array("Mesh", "vertices", vertices, ("V", 3), dtype=np.float64))
         if len(self.vertices) < 3:
@@ -300,14 +297,9 @@ def load(
         Of a glTF file with skins or morph targets: ``"rest"``, the shape that viewers show before any animation;
         ``"bind"``, the vertices as they are stored, without skins and morph targets.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be opened, or is a pipe or a device.
-    ValueError
-        If `source` or `pose` is none of these; or the file is empty, malformed, cut off, in an unknown format or
-        compressed in a way that cannot be read; or there are no faces, a face index out of range or a coordinate that
-        is not finite.
+    Raises OSError if the file cannot be opened, or is a pipe or a device. Raises ValueError if `source` or `pose` is
+    none of these; or the file is empty, malformed, cut off, in an unknown format or compressed in a way that cannot be
+    read; or there are no faces, a face index out of range or a coordinate that is not finite.
 
     Warns
     -----

@@ -34,10 +34,7 @@ def contact_sheet(
     cell
         Height that every picture gets, pixels; text and margins follow it.
 
-    Raises
-    ------
-    ValueError
-        If there is no picture, a picture has another type or shape, or `cell` is out of its range.
+    Raises ValueError if there is no picture, a picture has another type or shape, or `cell` is out of its range.
     """
     return lay_out(rows, title=title, cell=cell)[0]
 

@@ -37,12 +37,8 @@ def pick(picture: str | os.PathLike[str], x: float, y: float, mesh: Mesh | None 
     mesh
         What the picture shows; by default it is loaded from where it was when the picture was drawn.
 
-    Raises
-    ------
-    ValueError
-        If the picture does not say how it was taken, `mesh` is another one, or nothing is seen under the pixel.
-    OSError
-        If a file cannot be read.
+    Raises ValueError if the picture does not say how it was taken, `mesh` is another one, or nothing is seen under the
+    pixel. Raises OSError if a file cannot be read.
     """
     document = read_document(picture)
     column, row = check.number("pick", "x", x), check.number("pick", "y", y)

@@ -101,11 +101,8 @@ def picture(
     -------
     (R, R, 3) uint8 sRGB.
 
-    Raises
-    ------
-    ValueError
-        If an array has the wrong shape or is not finite, a vertex index is out of range, both `colors` and `weights`
-        are given, there are not as many `labels` as `handles`, or all points lie in one place.
+    Raises ValueError if an array has the wrong shape or is not finite, a vertex index is out of range, both `colors`
+    and `weights` are given, there are not as many `labels` as `handles`, or all points lie in one place.
     """
     resolution = check.whole("picture", "resolution", resolution, minimum=1, maximum=LARGEST_RESOLUTION)
     drawn = mesh.vertices

@@ -24,29 +24,18 @@ AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 @dataclass(frozen=True)
 class SymmetryPlane:
-    """The plane {p : normal · p = offset} in mesh units, and how alike its two sides look.
+    """The plane {p : normal · p = offset} in mesh units, and how alike its two sides look."""
 
-    Attributes
-    ----------
-    normal
-        (3,) unit vector.
-    offset
-        Signed distance from the origin along `normal`, mesh units.
-    score
-        Mean of ‖Φ(v) − Φ(R v)‖ over the vertices, the quantity that the paper compares with ε; 0 is perfect.
-    relative_score
-        How much features change across the plane over how much they usually do between points so far apart, over the
-        best four fifths of the surface's points that the mirror moves: a part without its like counts little. 0 is
-        perfect, 1 no better than chance.
-    band
-        Half width, mesh units, over which a mirrored deformation passes from one side to the other; 0 switches at
-        the plane, as Eq. 8 does.
-    """
-
-    normal: tuple[float, float, float]
-    offset: float
+    normal: tuple[float, float, float]  # (3,) unit vector
+    offset: float  # signed distance from the origin along `normal`, mesh units
+    # score: mean of ‖Φ(v) − Φ(R v)‖ over the vertices, the quantity that the paper compares with ε; 0 is perfect
     score: float = 0.0
+    # relative_score: how much features change across the plane over how much they usually do between points so far
+    # apart, over the best four fifths of the surface's points that the mirror moves: a part without its like counts
+    # little. 0 is perfect, 1 no better than chance
     relative_score: float = 0.0
+    # band: half width, mesh units, over which a mirrored deformation passes from one side to the other; 0 switches at
+    # the plane, as Eq. 8 does
     band: float = 0.0
 
     def __post_init__(self) -> None:

@@ -24,27 +24,15 @@ _SAME_AXIS = np.cos(np.radians(10.0))
 
 @dataclass(frozen=True)
 class RotationalSymmetry:
-    """Turns by multiples of 360° / `order` about an axis, and how alike a shape looks after one.
+    """Turns by multiples of 360° / `order` about an axis, and how alike a shape looks after one."""
 
-    Attributes
-    ----------
-    axis
-        (3,) unit vector.
-    point
-        (3,) a point on the axis, mesh units.
-    order
-        How many turns make a full one, at least 2.
-    score
-        Mean of ‖Φ(p) − Φ(T p)‖ over points of the surface, for the turn T by 360° / `order`; 0 is perfect.
-    relative_score
-        How much features change over how much they usually do between points so far apart, over the best four fifths
-        of the surface's points that the turn moves; 0 is perfect, 1 no better than chance.
-    """
-
-    axis: tuple[float, float, float]
-    point: tuple[float, float, float]
-    order: int
+    axis: tuple[float, float, float]  # (3,) unit vector
+    point: tuple[float, float, float]  # (3,) a point on the axis, mesh units
+    order: int  # how many turns make a full one, at least 2
+    # score: mean of ‖Φ(p) − Φ(T p)‖ over points of the surface, for the turn T by 360° / `order`; 0 is perfect
     score: float = 0.0
+    # relative_score: how much features change over how much they usually do between points so far apart, over the best
+    # four fifths of the surface's points that the turn moves; 0 is perfect, 1 no better than chance
     relative_score: float = 0.0
 
     def __post_init__(self) -> None:
@@ -79,19 +67,9 @@ def rotational_symmetries(field: Field, mesh: MeshLike, *, threshold: float = TH
     lies best on the surface. Of the orders of one axis the highest is given that is hardly less alike than the best:
     a shape of order 4 is one of order 2 as well.
 
-    Parameters
-    ----------
-    threshold
-        Symmetries with a `relative_score` of at most this are found.
+    Symmetries with a `relative_score` of at most `threshold` are found, one for each axis, the most alike first.
 
-    Returns
-    -------
-    One for each axis, the most alike first; empty when there is none.
-
-    Raises
-    ------
-    ValueError
-        If `field` is not one, or `threshold` is negative or not finite.
+    Raises ValueError if `field` is not one, or `threshold` is negative or not finite.
     """
     check.field("rotational_symmetries", field)
     threshold = check.number("rotational_symmetries", "threshold", threshold, minimum=0.0)

@@ -56,10 +56,8 @@ def symmetry_planes(
     -------
     The planes found, the most alike first, with a band of 3 % of the longest side; empty when there is none.
 
-    Raises
-    ------
-    ValueError
-        If `field` is not one, `threshold` is another word, negative or not finite, or `candidates` is another word.
+    Raises ValueError if `field` is not one, `threshold` is another word, negative or not finite, or `candidates` is
+    another word.
 
     Source: paper, section 3.3.3; planes from pairs of points: Mitra, Guibas and Pauly, "Partial and approximate
     symmetry detection for 3D geometry", 2006.
