@@ -167,10 +167,10 @@ def axis(session: Session, handle: int) -> Answer:
     pivots: dict[PivotAt, Any] = {"point": held.place.position}
     if part is None:
         return AxisMessage(handle=handle, pivots=pivots, auto=held.place.position, base=None, tip=None)
-    places: tuple[PivotAt, ...] = ("base", "middle", "hinge", *(() if edit.symmetry is None else ("plane",)))  # type: ignore[assignment]
+    places: tuple[PivotAt, ...] = ("base", "middle", "hinge", *(() if edit.symmetry is None else ("plane",)))
     pivots |= {place: pivot_on(part, place, held, edit.symmetry)[0] for place in places}
     found = PRESETS[edit.preset].pivot == "auto"
-    base, tip = (tuple(map(float, part.axis.nodes[end])) for end in (0, -1))
+    base, tip = (vector(part.axis.nodes[end]) for end in (0, -1))
     auto = pivot_on(part, None, held, edit.symmetry)[0] if found else held.place.position
     return AxisMessage(handle=handle, pivots=pivots, auto=auto, base=base, tip=tip)
 
