@@ -28,7 +28,7 @@ test("what is rarely needed is folded, and stays open once it is opened", { time
   await shot(page, "folded");
   await page.getByRole("button", { name: "More" }).first().click();
   await locality.waitFor();
-  assert.equal(await page.evaluate(() => localStorage.getItem("dfd-more")), "true");
+  assert.equal(await page.evaluate(() => window.localStorage.getItem("dfd-more")), "true");
   await page.evaluate(() => window.dfd.store.set({ more: false }));
 });
 
