@@ -170,7 +170,7 @@ def axis(session: Session, handle: int) -> Answer:
     places: tuple[PivotAt, ...] = ("base", "middle", "hinge", *(() if edit.symmetry is None else ("plane",)))
     pivots |= {place: pivot_on(part, place, held, edit.symmetry)[0] for place in places}
     found = PRESETS[edit.preset].pivot == "auto"
-    base, tip = (vector(part.axis.nodes[end]) for end in (0, -1))
+    base, tip = (cast("Vector", tuple(part.axis.nodes[end].tolist())) for end in (0, -1))
     auto = pivot_on(part, None, held, edit.symmetry)[0] if found else held.place.position
     return AxisMessage(handle=handle, pivots=pivots, auto=auto, base=base, tip=tip)
 
