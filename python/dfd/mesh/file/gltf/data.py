@@ -243,10 +243,7 @@ class GltfData:
 
 
 def data_uri(uri: str) -> bytes:
-    """Return what a data URI holds.
-
-    Raises ValueError if it is not in base 64.
-    """
+    """Return what a data URI holds; ValueError if it is not in base 64."""
     head, _, body = uri.partition(",")
     if not head.endswith(";base64"):
         raise ValueError(f"{shortened(uri)} is not in base 64")
