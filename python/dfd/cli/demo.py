@@ -131,9 +131,7 @@ def _edit_quadruped(sample: Sample, session: Callable[[], Deformer], output: Pat
     held = bent()
     held.fix(muzzle)
     return [
-        _Story(
-            "One hoof of the quadruped is pulled down: all four legs grow", legs, output / "quadruped_legs", "one hoof"
-        ),
+        _Story("One hoof is pulled down: all four legs grow", legs, output / "quadruped_legs", "one hoof"),
         _Story("One horn is bent: what looks alike follows", bent(), output / "quadruped_horn"),
         _Story("The same with locality 6: it stays near", bent(6.0), output / "quadruped_horn_local"),
         _Story(
