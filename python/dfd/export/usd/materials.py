@@ -137,7 +137,9 @@ class _Preview:
         if surface.occlusion is not None:
             part = surface.occlusion_strength
             rest = 1.0 - part
-            node = self._texture("occlusion", surface.occlusion, "raw", (*[part] * 3, 1.0), (*[rest] * 3, 0.0))
+            node = self._texture(
+                "occlusion", surface.occlusion, "raw", (part, part, part, 1.0), (rest, rest, rest, 0.0)
+            )
             self._connect("occlusion", node, "r")
         self._material.CreateSurfaceOutput().ConnectToSource(self._surface.ConnectableAPI(), "surface")
         return self._material
