@@ -49,11 +49,11 @@ class Shape:
 
         Raises ValueError if `vertex` is none of the mesh, or a number is out of its range.
         """
-        part = self._parts.grip(vertex) if whole_part else None
-        reach = reach if part is None else WITHIN_PART
+        grip = self._parts.grip(vertex) if whole_part else None
+        reach = reach if grip is None else WITHIN_PART
         geodesic = self.geodesics.distances([vertex]) if locality > 0 else None
         column = dfd.bind(self.features, [vertex], reach=reach, falloff=falloff, geodesic=geodesic, locality=locality)
-        return np.ascontiguousarray(column[:, 0] if part is None else column[:, 0] * part)
+        return np.ascontiguousarray(column[:, 0] if grip is None else column[:, 0] * grip.weights)
 
     def parts(self) -> list[np.ndarray]:
         """(N,) vertices of each part that the shape is cut into, see `dfd.parts`."""

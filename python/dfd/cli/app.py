@@ -40,8 +40,7 @@ def app(
     if mesh is None and sample is None and (field or edit):
         raise ValueError(f"MESH must be given: it is what `{'--field' if field else '--edit'}` is for")
     try:
-        from dfd.app.options import OpenedFile, SessionOptions, Source
-        from dfd.app.session.shapes import sample_source
+        from dfd.app.options import OpenedFile, SessionOptions, Source, sample_source
         from dfd.app.web.launch import serve, session_memory
         from dfd.app.web.safety import loopback
     except ImportError as error:

@@ -23,6 +23,7 @@ ENDS = (0.005, 0.995)  # quantiles of the levels, between which the curve runs: 
 ROUNDS = 3  # of fitting the curve and finding anew which point of it is nearest
 FARTHEST = 0.2  # of the length: so far a vertex's nearest point may lie from what the distance to the base says
 SEAM = 0.6  # in radii at the base: over so much of the surface, motion along the axis begins
+NEAR_JOINT = 0.12  # of the length: a joint so near to where the part is held is meant
 SLENDER = 0.75  # times its width is the least length of a limb
 CARRIED = 0.5  # of the rest of the shape: what is smaller and lies beyond a part goes along with it
 CRUMB = 0.05  # of a region: a smaller connected piece of it has no axis of its own
@@ -68,14 +69,17 @@ class PartAxis:
         """(33, 3) directions of length 1 along the curve."""
         return unit(np.gradient(self.nodes, axis=0))
 
-    @property
-    def joint(self) -> float:
+    def joint(self, point: NDArray[np.floating]) -> float:
         """Where in the middle of the axis the part bends already the most, or is the narrowest beside what is around.
 
-        In [0, 1]; a knee, an elbow, the neck of a bottle.
+        In [0, 1]; a knee, an elbow, the neck of a bottle. Near `point` (3,), where that is in the middle itself: who
+        holds a leg by its knee does not mean the ankle.
         """
         at = np.linspace(0.0, 1.0, NODES)
         inner = (at > 0.2) & (at < 0.8)
+        near = inner & (np.abs(at - self.nearest(point)) <= NEAR_JOINT)
+        if near.any():
+            inner = near
         step = NODES // 8
         turn = np.zeros(NODES)
         cosines = (self.tangents[2 * step :] * self.tangents[: -2 * step]).sum(axis=1)

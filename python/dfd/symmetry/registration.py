@@ -28,8 +28,9 @@ def registered(evidence: SurfaceFeatures, vary: Callable[[Float64], Mapping], si
     parameters = np.zeros(size)
     for step in range(_STEPS):
         images = vary(parameters)(evidence.points)
-        distance, nearest = evidence.tree.query(images)
-        near = distance < max(_FIRST_REACH * _SHRINK**step, 2.5 * evidence.spacing)
+        reach = max(_FIRST_REACH * _SHRINK**step, 2.5 * evidence.spacing)
+        distance, nearest = evidence.tree.query(images, distance_upper_bound=reach)
+        near = distance < reach
         if near.sum() < 3 * size:
             break
         tangents = evidence.normals[nearest[near]]

@@ -7,27 +7,25 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
-from trimesh.exchange.gltf import export_glb, export_gltf
-from trimesh.exchange.off import export_off
-from trimesh.exchange.ply import export_ply
-from trimesh.exchange.stl import export_stl
 
 from dfd.common.files import atomic_write
 from dfd.common.linear_algebra import Bool, Float64, Int32
 from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.file import moved_normals
 from dfd.mesh.file.gltf import patch as gltf_patch
-from dfd.mesh.file.in_trimesh import to_trimesh
 from dfd.mesh.file.obj import patch as obj_patch
 from dfd.mesh.file.obj import write as obj_write
 from dfd.mesh.file.primitives import MovedPrimitive, UniqueNames
 from dfd.mesh.file.read import ENDINGS
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.normals import smooth_normals
+
+# trimesh takes a third of a second to import: only by what is not written in the file that it came from.
+if TYPE_CHECKING:
+    import trimesh
 
 
 def write(
@@ -52,8 +50,12 @@ def write(
         vertices = vertices[scene.representative]
     files: dict[str, bytes]
     if ending == ".off":
+        from trimesh.exchange.off import export_off
+
         files = {target.name: export_off(_bare(vertices, faces), digits=17).encode()}
     elif ending == ".stl":
+        from trimesh.exchange.stl import export_stl
+
         files = {target.name: export_stl(_bare(vertices, faces))}
     elif scene is None:
         files = _encode_bare(target, vertices, faces)
@@ -90,18 +92,24 @@ def _write(target: Path, files: dict[str, bytes]) -> None:
 
 
 def _bare(vertices: Float64, faces: Int32) -> trimesh.Trimesh:
+    import trimesh
+
     return trimesh.Trimesh(vertices, faces, process=False)
 
 
 def _encode_bare(target: Path, vertices: Float64, faces: Int32) -> dict[str, bytes]:
     """A mesh without a scene: one part, with smooth normals in formats that would display it faceted."""
+    ending = target.suffix.lower()
+    if ending == ".obj":
+        return {target.name: obj_write.encode(vertices, faces)}
+    import trimesh
+    from trimesh.exchange.ply import export_ply
+
     geometry = _bare(vertices, faces)
-    if target.suffix.lower() in (".glb", ".gltf"):
-        geometry.vertex_normals = smooth_normals(vertices, faces)
-        return _encode_gltf(target, trimesh.Scene({"mesh": geometry}))
-    if target.suffix.lower() == ".ply":
+    if ending == ".ply":
         return {target.name: export_ply(geometry, vertex_normal=False)}
-    return {target.name: obj_write.encode(vertices, faces)}
+    geometry.vertex_normals = smooth_normals(vertices, faces)
+    return _encode_gltf(target, trimesh.Scene({"mesh": geometry}))
 
 
 def _encode_scene(
@@ -123,6 +131,8 @@ def _encode_scene(
 
 
 def _encode_gltf(target: Path, scene: trimesh.Scene) -> dict[str, bytes]:
+    from trimesh.exchange.gltf import export_glb, export_gltf
+
     if target.suffix.lower() == ".glb":
         return {target.name: export_glb(scene)}
     files = export_gltf(scene, merge_buffers=True, embed_buffers=True)
@@ -133,6 +143,10 @@ def _encode_ply(
     vertices: Float64, faces: Int32, appearance: Appearance | None, scene: SceneFile, moved: Sequence[MovedPrimitive]
 ) -> bytes:
     """One part is kept as it is; several parts, and textures, which PLY cannot store, become vertex colors."""
+    from trimesh.exchange.ply import export_ply
+
+    from dfd.mesh.file.in_trimesh import to_trimesh
+
     first = moved[0].primitive
     material = first.geometry.material or Material(is_default=True)
     if len(moved) == 1 and (first.geometry.uv is None or (material.texture is None and not material.is_default)):
@@ -169,6 +183,10 @@ def _move(
 
 def _rebuild(moved: Sequence[MovedPrimitive]) -> trimesh.Scene:
     """Return a scene of the moved primitives; a geometry with several instances is split where they moved."""
+    import trimesh
+
+    from dfd.mesh.file.in_trimesh import to_trimesh
+
     result = trimesh.Scene()
     names, nodes = UniqueNames(), UniqueNames()
     first: dict[int, tuple[MovedPrimitive, str]] = {}

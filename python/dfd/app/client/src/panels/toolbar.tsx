@@ -1,13 +1,24 @@
 import { send } from "../actions/connection";
 import { ready, store } from "../store/state";
 import { useParts } from "../store/use";
-import { IconButton, KeyButton } from "../widgets/controls";
+import { shortcut } from "../actions/keyboard";
+import { IconButton, KeyButton, Menu, type MenuItem } from "../widgets/controls";
 
-const TOOLS = { hold: "H", fix: "X", paint: "B", pivot: "P" } as const;
-const MODES = { translate: "W", rotate: "E", scale: "R" } as const;
+const TOOLS = { hold: "H", fix: "X", paint: "B", box: "M", pivot: "P" } as const;
+const MODES = { translate: "W", rotate: "E", scale: "R", bend: "D" } as const;
+const VIEWS: readonly (readonly MenuItem[])[] = [
+  ["F", "Shift F"],
+  ["Num 1", "Num 3", "Num 7"],
+  ["Ctrl Num 1", "Ctrl Num 3", "Ctrl Num 7"],
+].map((group) =>
+  group.map((keys) => {
+    const [, , label, run] = shortcut(keys) ?? [keys, "View", keys, () => undefined];
+    return [label, keys, () => void run()] as const;
+  }),
+);
 
 export function Toolbar() {
-  const { edit, tool, gizmo, space, snap, comparing, suggestions } = useParts();
+  const { edit, tool, gizmo, space, snap, comparing, suggestions, xray, isolated, selected } = useParts();
   const off = !ready({ edit });
   const compare = (on: boolean) => () => store.set({ comparing: on });
   const keyed = (icon: keyof typeof TOOLS | keyof typeof MODES, keys: string, pressed: boolean) => (
@@ -42,7 +53,9 @@ export function Toolbar() {
           disabled={!edit?.handles.some((handle) => handle.moved)}
           onPress={() => send({ type: "reset" })}
         />
-        <KeyButton icon="frame" keys="F" />
+        <KeyButton icon="xray" keys="V" pressed={xray} />
+        <KeyButton icon="isolate" keys="/" pressed={isolated} disabled={selected === null} />
+        <Menu icon="frame" label="Views" groups={VIEWS} />
       </div>
     </nav>
   );

@@ -44,10 +44,17 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
     exported("PLY", "", "ply"),
     exported("STL", "shape alone", "stl"),
   ];
-  const animated = exported("Animated GLB", moves ? "key poses" : "needs two poses", "animation", moves);
+  const held = (edit?.handles.length ?? 0) > 0;
+  const rigs = [
+    exported("Rig", "GLB, joints", "rig", held),
+    exported("Morph targets", "GLB", "morph", held),
+    exported("USDZ", "joints", "usdz", held),
+    exported("Animated GLB", moves ? "key poses" : "needs two poses", "animation", moves),
+    exported("Weights", "NPZ", "weights", held),
+  ];
   const scripts: MenuItem[] = [
-    ["Copy as Python", "", () => void copyScript("python")],
-    ["Copy as command", "", () => void copyScript("command")],
+    ["Copy as Python", "and its files", () => void copyScript("python")],
+    ["Copy as command", "and its files", () => void copyScript("command")],
   ];
   return (
     <header class="topbar">
@@ -68,7 +75,7 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
       </div>
       <div class="bar-group end">
         <Menu icon="camera" label="Pictures" groups={[pictures]} />
-        <Menu icon="save" label="Export" text="Export" groups={[shapes, [animated], scripts]} />
+        <Menu icon="save" label="Export" text="Export" groups={[shapes, rigs, scripts]} />
         <IconButton icon={themeIcon} label={themeLabel} onPress={() => store.set({ theme: nextTheme })} />
         <KeyButton icon="help" keys="?" />
         <KeyButton icon="inspector" keys="I" pressed={inspector} />
