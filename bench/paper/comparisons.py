@@ -144,12 +144,8 @@ def fig14(context: Context, name: str = "Fig. 14", ball: float | None = None) ->
     """Every pull, other methods given all within the ball."""
     ball = context.ball if ball is None else ball
     given = f"a ball of {ball:g}" if ball else "points alone, without neighbors"
-    look_for = (
-        "Parts that look like the one that is pulled follow it; other methods tilt the shape or draw out a spike."
-    )
-    text = (
-        f"The paper's users found {_chosen(DESIRABLE)} among the best two of six, and {_chosen(REALISTIC)} realistic."
-    )
+    look_for = "Parts that look like the pulled one follow it; other methods tilt the shape or draw out a spike."
+    text = f"The paper's users found {_chosen(DESIRABLE)} among the best 2 of 6, and {_chosen(REALISTIC)} realistic."
     return _page(
         context, f"{name}: one handle, others with {given}", look_for, pulls(context, (2, 10)), text, ball=ball
     )

@@ -176,9 +176,7 @@ def read_meta_handles(folder: Path) -> Case:
         if len(position) != 3 or not np.isfinite(position).all():
             raise ValueError(f"{where}: must read 'v x y z', got {text.strip()[:80]!r}")
         if tree.query(position)[0] > NEAR * mesh.diagonal:
-            raise ValueError(
-                f"{where}: must lie at a vertex of {META_MESH}, got {_point(position)}, which is away from all"
-            )
+            raise ValueError(f"{where}: must lie at a vertex of {META_MESH}, got {_point(position)}, away from all")
         positions.append(position)
     if not positions:
         raise ValueError(f"{folder / KEY_POINTS} must hold control points as 'v x y z', got none")

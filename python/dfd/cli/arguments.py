@@ -226,10 +226,7 @@ def controls(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def chosen_preset(preset: str | None) -> Preset | None:
-    """The preset of that name, or None where none was named.
-
-    Raises ValueError if there is none of that name.
-    """
+    """The preset of that name, or None where none was named; ValueError if there is none of that name."""
     return None if preset is None else check.choice(None, "--preset", preset, Preset)
 
 

@@ -31,9 +31,7 @@ def inspect(
         Option("--against", metavar="MESH", help="Also measure what was done to the surface to make this of it."),
     ] = None,
     suggestions: Annotated[int, Option(min=1, max=50, help="With --field: at most so many handles are suggested.")] = 8,
-    cut: Annotated[
-        bool, Option("--parts", help="With --field: also cut the shape into its parts, as `dfd parts` does.")
-    ] = False,
+    cut: Annotated[bool, Option("--parts", help="With --field: also the parts, as `dfd parts` cuts them.")] = False,
     picture: Annotated[
         Path | None,
         Option(metavar="PNG", help="With --field, --against: draw suggested handles, parts, how areas changed."),

@@ -12,6 +12,7 @@ from dfd.common.linear_algebra import UInt8
 from dfd.pictures.colors import weight_colors
 from dfd.pictures.labels import font, wrapped
 
+Rows = Sequence[tuple[str, Sequence[tuple[UInt8, str]]]]  # a heading, and pictures with their captions
 Box = tuple[int, int, int, int]  # left, top, width, height, pixels
 
 INK, GREY, RULE = (28, 30, 36), (100, 104, 112), (220, 222, 226)
@@ -19,9 +20,7 @@ SMALLEST_CELL, LARGEST_CELL = 16, 8192
 NARROWEST = 96  # pixels that a heading may use however narrow the rows are
 
 
-def contact_sheet(
-    rows: Sequence[tuple[str, Sequence[tuple[UInt8, str]]]], *, title: str = "", cell: int = 320
-) -> Image.Image:
+def contact_sheet(rows: Rows, *, title: str = "", cell: int = 320) -> Image.Image:
     """Set pictures in rows on a white page, below a `title` that may be empty.
 
     `rows` are headings with pictures, uint8 arrays of shape (height, width, 3), and the caption below each; headings
@@ -33,9 +32,7 @@ def contact_sheet(
     return lay_out(rows, title=title, cell=cell)[0]
 
 
-def lay_out(
-    rows: Sequence[tuple[str, Sequence[tuple[UInt8, str]]]], *, title: str = "", cell: int = 320
-) -> tuple[Image.Image, list[list[Box]]]:
+def lay_out(rows: Rows, *, title: str = "", cell: int = 320) -> tuple[Image.Image, list[list[Box]]]:
     """As `contact_sheet`, and where on the page the pictures are: a list for each row that has pictures."""
     cell = check.whole("contact_sheet", "cell", cell, minimum=SMALLEST_CELL, maximum=LARGEST_CELL)
     scaled = [

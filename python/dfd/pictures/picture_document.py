@@ -90,9 +90,7 @@ def read_document(path: str | os.PathLike[str]) -> PictureDocument:
     except (SyntaxError, Image.DecompressionBombError, UnidentifiedImageError) as error:
         raise ValueError(f"{name} is not a PNG file that can be read: {error}") from None
     if not isinstance(text, str):
-        raise ValueError(
-            f"{name}: the picture does not say how it was taken; `dfd show` and `dfd deform` draw such ones"
-        )
+        raise ValueError(f"{name}: the picture does not say how it was taken; `dfd show` and `dfd deform` draw such")
     try:
         return PictureDocument.model_validate_json(text)
     except ValidationError as error:

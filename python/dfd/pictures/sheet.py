@@ -75,9 +75,7 @@ def save_before_after(
     drawn = session_views(deformer, azimuth)
     held, landed = drawn["before"]["handles"], drawn["after"]["handles"]
     target = (held.mean(axis=0) + landed.mean(axis=0)) / 2 if zoom != 1 and len(held) else None
-    views = [
-        ({**options, "elevation": elevation, "zoom": zoom, "target": target}, name) for name, options in drawn.items()
-    ]
+    views = [({**each, "elevation": elevation, "zoom": zoom, "target": target}, name) for name, each in drawn.items()]
     _save(path, deformer.mesh, [("", views)], BEFORE_AFTER_RESOLUTION, legend=True, files=files)
 
 

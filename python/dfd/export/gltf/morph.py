@@ -51,10 +51,8 @@ def targets_of(rig: Rig) -> MorphTargets:
     Raises ValueError if nothing is moved.
     """
     if rig.poses:
-        moments = list(rig.moments())
-        return MorphTargets(
-            [name for name, _ in moments], [rig.posed(edit) for _, edit in moments], np.eye(len(moments))
-        )
+        poses = list(rig.moments())
+        return MorphTargets([name for name, _ in poses], [rig.posed(edit) for _, edit in poses], np.eye(len(poses)))
     names: list[str] = []
     edits: list[tuple[int | None, Edit]] = []
     for joint in rig.joints:

@@ -58,7 +58,7 @@ class ImageCache:
     def _spend(self, width: int, height: int) -> None:
         if width * height > self._left:
             raise ValueError(
-                f"a picture of {width} × {height} texels is more than what is left of the {MOST_TEXELS} of a file"
+                f"a picture of {width} × {height} texels exceeds what is left of the {MOST_TEXELS} of a file"
             )
         self._left -= width * height
 

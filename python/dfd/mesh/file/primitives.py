@@ -136,9 +136,7 @@ def place(instances: Sequence[MeshInstance]) -> tuple[tuple[Primitive, ...], Flo
             _check(each.name, geometry)
             checked.add(id(geometry))
         if each.transform is not IDENTITY and not np.isfinite(each.transform).all():
-            raise ArgumentError(
-                "path", f"must place its parts by finite transforms, got {shortened(each.part)} without"
-            )
+            raise ArgumentError("path", f"must place parts by finite transforms, got {shortened(each.part)} without")
         rows = slice(row_count, row_count + len(geometry.vertices))
         faces = slice(face_count, face_count + size)
         row_count, face_count = rows.stop, faces.stop

@@ -45,9 +45,7 @@ def write(
     if ending not in ENDINGS:
         raise ValueError(f"Mesh.save: `path` must end in {', '.join(ENDINGS)}, got {target}")
     if ending not in (".obj", ".off") and np.abs(vertices).max() > np.finfo(np.float32).max:
-        raise ValueError(
-            f"Mesh.save: `vertices` must fit in 32-bit floats for a {ending} file; .obj and .off have more"
-        )
+        raise ValueError(f"Mesh.save: `vertices` must fit in 32-bit floats for a {ending} file; .obj, .off have more")
     if scene is not None:  # all vertices at one position move with the first of them
         vertices = vertices[scene.representative]
     files: dict[str, bytes]

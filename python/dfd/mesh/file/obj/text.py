@@ -70,10 +70,7 @@ def decoded(data: bytes) -> str:
 
 
 def parse(data: bytes) -> ObjText:
-    """Read the text of an OBJ file.
-
-    Raises ValueError if a line of a vertex or a face is malformed.
-    """
+    """Read the text of an OBJ file; ValueError if a line of a vertex or a face is malformed."""
     data = data.removeprefix(codecs.BOM_UTF8)
     data = data.replace(b"\\\r\n", b"   ").replace(b"\\\n", b"  ")
     if b"\n" not in data:
