@@ -13,7 +13,7 @@ MAKEFLAGS += --jobs=$(JOBS)
 endif
 
 .PHONY: app client validator demo docs links test test-all test-slow test-blender ctest lint bench blender quality gallery \
-  wheel fuzz sanitize clean
+  wheel fuzz sanitize arm64 cross clean
 
 app: $(VENV)/installed
 	$(BIN)/dfd app --sample quadruped
@@ -95,6 +95,7 @@ quality: $(VENV)/installed-bench
 
 gallery: $(VENV)/installed
 	$(BIN)/python docs/gallery.py gallery
+	$(BIN)/python docs/grips.py gallery
 
 # Blender as a Python package opens what is exported; it takes a Python of its own version, and 1 GB.
 BLENDER_PYTHON ?= python3.11
@@ -130,6 +131,18 @@ sanitize: $(VENV)/installed-test
 	for preset in asan tsan; do PATH="$(abspath $(BIN)):$$PATH" sh -c \
 	  "cmake --preset $$preset && cmake --build --preset $$preset && ctest --preset $$preset" || exit 1; done
 	PATH="$(abspath $(BIN)):$$PATH" tests/sanitize/arrays
+
+# The core's own tests on an ARM processor that qemu-user plays, by Debian's g++-aarch64-linux-gnu.
+arm64: $(VENV)/builders
+	PATH="$(abspath $(BIN)):$$PATH" sh -c \
+	  "cmake --preset arm64 && cmake --build --preset arm64 && ctest --preset arm64 --parallel $(JOBS)"
+
+# Whether the core and its tests compile for systems that are not at hand.
+cross: export DFD_PYTHON = $(abspath $(BIN)/python)
+cross: $(VENV)/builders
+	$(INSTALL) ziglang
+	for preset in macos windows; do PATH="$(abspath $(BIN)):$$PATH" sh -c \
+	  "cmake --preset $$preset && cmake --build --preset $$preset" || exit 1; done
 
 # Rebuilt whenever a source that ends up in the package changes.
 SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find cpp python \

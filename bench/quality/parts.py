@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 import dfd
+from dfd.common.linear_algebra import Bool, Int64
 from dfd.mesh.file.gltf.header import objects
 
 # How a rig's joint names fall into the parts that every character has; the first match counts.
@@ -27,49 +27,41 @@ KINDS = (
     ("ear", r"^ear"),
     ("horn", r"horn"),
     ("wing", r"wing|feather"),
-    ("tail", r"tail"),
-    ("fin", r"fin(_|$)"),
-    ("hand", r"hand|wrist|finger|thumb|index|middle|ring|pinky"),
+    ("tail", r"tail|^main6"),
+    ("fin", r"fin([_.]|$)|flipper"),
+    ("hand", r"hand|wrist|finger|thumb|index|middle|ring|pinky|palm|fist"),
     ("foot", r"foot|toe|ball|hoof|^ff|^ik(front|back)leg|leg_tip|leg_._tip"),
     ("torso", r"clavicle|collar|shoulder|pelvis|hip|spine|torso|chest|back$|body|stomach|root|rib"),
+    ("torso", r"abdomen|thorax|belly|^main[2-5]"),
     ("arm", r"arm"),
     ("leg", r"leg|thigh|calf|shin|ankle|knee"),
     ("neck", r"neck"),
-    ("head", r"head|mouth|jaw|chin|nose|eye|tongue|brow|face"),
+    ("head", r"head|mouth|jaw|chin|nose|eye|tongue|brow|face|^main1"),
 )
 FEWEST = 20  # vertices of a kind of part that is judged
 # Shapes of one family: what is learned from some of them is judged on the others only.
 # By words in a file's name; the first one found counts.
 FAMILIES = (
-    ("people", "fisherman"),
-    ("fish", "fish shark whale tuna"),
-    ("four-legged", "alpaca dog fox horse shibainu wolf spot koala quadruped stegosaurus cow bull pig sheep elephant"),
-    (
-        "four-legged",
-        "bear boar bull zebu camel deer donkey giraffe goat hippo lion mastiff rabbit rhino sanga tiger zebra",
-    ),
-    ("four-legged", "wildebeest crocodile"),
-    ("dinosaurs", "kaiju velociraptor"),
-    ("seats", "chair couch bench bed"),
-    ("people", "man knight robot archer axe mage guard mummy pharao prince shaman slave technician thor valk statue"),
-    ("people", "behemoth daemon fakir genie ghost golem initiate intro magician anubis cudgel sphinx totem pilot"),
-    ("people", "sword spear wartime general calvary tribune drake"),
-    ("cabinets", "shelf nightstand oven table chest"),
-    ("lights", "light"),
-    ("plants", "houseplant tree palm pine cact birke baum fir cypress tanne willow mallorn papyrus farn"),
-    ("vehicles", "truck plane boat ship bus dauphin f-15 locomotive tender lcm lha ferry trawler barge carrier humvee"),
-    (
-        "vehicles",
-        "hoskosh ice3 tanker forklift sail airtrain van wagon catapult crossbow ornith aerodrome machine raft",
-    ),
-    ("birds", "bird duck chicken ibis phoenix dragon crow hawk seagull peacock"),
-    ("insects", "wasp scorpion scarab"),
+    ("seats", "chair couch bench bed stool"),
+    ("fish", "fish shark whale"),
+    ("four-legged", "alpaca dog fox horse shibainu wolf spot koala quadruped stegosaurus triceratops _rat"),
+    ("dinosaurs", "kaiju velociraptor parasaurolophus"),
+    ("mechs", "mech cyberpunk_pack_enemy"),
+    ("people", "man robot knightcharacter modular male game_pack_character punk_pack_character"),
+    ("helmets", "helmet skull"),
+    ("people", "knight"),
+    ("insects", "wasp scorpion spider _bee"),
+    ("birds", "bird duck"),
     ("snakes", "snake"),
-    ("houses", "house well apartment tower farm building barn shed office temple palace tent tipi church factory"),
-    ("houses", "pyramid school library smith barrack minaret obelisk techno camp med_bar silo station shop -ba pizza"),
-    ("houses", "industrial foursquare lasnamae medium farm terrace toilet detached walhalla iceberg"),
-    ("buoys", "buoy"),
-    ("vessels", "sink cauldron"),
+    ("plants", "pumpkin"),
+    ("lights", "light lamp lantern candle"),
+    ("streets", "street_pack"),
+    ("plants", "plant tree bush cactus willow hay"),
+    ("vehicles", "truck plane boat ship _car_ _cart tank_pack"),
+    ("cabinets", "shelf nightstand oven table chest cabinet drawer fridge counter machine"),
+    ("graves", "grave coffin plaque crypt"),
+    ("houses", "house_3 houses well building tower sawmill gazebo market archery _port_ farm"),
+    ("vessels", "sink cauldron jar ketchup pot bottle barrel crate dumpster"),
 )
 
 
@@ -93,9 +85,7 @@ def kind_of_part(joint: str) -> str | None:
     return next((kind for kind, pattern in KINDS if re.search(pattern, joint.lower())), None)
 
 
-def without_few(
-    labels: NDArray[np.int64], parts: Sequence[str], fewest: int = FEWEST
-) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+def without_few(labels: Int64, parts: Sequence[str], fewest: int = FEWEST) -> tuple[Int64, tuple[str, ...]]:
     """The same labels (V,) and parts without those of fewer than `fewest` vertices, whose vertices belong to none."""
     size = np.bincount(labels[labels >= 0], minlength=len(parts))
     kept = np.flatnonzero(size >= fewest)
@@ -134,29 +124,18 @@ def strongest_joints(mesh: dfd.Mesh) -> list[str | None]:
     return found
 
 
-def label_vertices(
-    joints: Sequence[str | None], kind: Callable[[str], str | None]
-) -> tuple[NDArray[np.int64], tuple[str, ...]]:
-    """Give every vertex the kind of the joint that moves it the most.
+def label_vertices(joints: Sequence[str | None], kind: Callable[[str], str | None]) -> tuple[Int64, tuple[str, ...]]:
+    """For every vertex the index (V,) of the kind of the joint that moves it the most, and the kinds.
 
-    Parameters
-    ----------
-    joints
-        (V,) see `strongest_joints`.
-    kind
-        From a joint's name to its part; None leaves its vertices without one.
-
-    Returns
-    -------
-    labels, parts
-        (V,) index into `parts`; −1 for none: a sword or a cape is no part of its bearer.
+    `joints` (V,) see `strongest_joints`; `kind` gives a joint's name its part, None leaves its vertices without one.
+    They have −1: a sword or a cape is no part of its bearer.
     """
     kinds = [None if joint is None else kind(joint) for joint in joints]
     parts = tuple(sorted({each for each in kinds if each is not None}))
     return np.array([-1 if each is None else parts.index(each) for each in kinds], np.int64), parts
 
 
-def only(mesh: dfd.Mesh, vertices: NDArray[np.bool_]) -> tuple[dfd.Mesh, NDArray[np.int64]]:
+def only(mesh: dfd.Mesh, vertices: Bool) -> tuple[dfd.Mesh, Int64]:
     """The faces whose corners are all among `vertices` (V,), with their appearance; and the vertices' old indices.
 
     Raises ValueError if no face is left.

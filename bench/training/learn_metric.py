@@ -1,12 +1,9 @@
 """`python -m bench.training.learn_metric`: learn which differences tell parts apart, judged on families left out.
 
 From the rigs in the folder that DFD_MESHES names (its "rigs" and "upright" folders, and skinned characters), +y up, the
-samples of dfd, and every skinned .glb in a folder given with `--also`, whose joints have the names of parts ("other" is
-none). What the encoder sees is kept between runs; a folder that is given with --features is taken as it is. Equal
-features give equal files.
-
-The metric that comes with the package was learned with 52 more models, of Debian's 0ad-data 0.0.26 (CC BY-SA 3.0),
-converted to .glb: 36 animals and 16 people with what they wear and carry. They teach, and are not judged.
+samples of dfd, and the rigs and people in a folder given with `--lessons`. What the encoder sees is kept between runs;
+a folder that is given with --features is taken as it is. Equal features give equal files. docs/learned.md names the
+sources of the metric that comes with the package.
 """
 
 from __future__ import annotations
@@ -14,7 +11,7 @@ from __future__ import annotations
 import argparse
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -27,10 +24,11 @@ import dfd
 from bench.quality import shapes
 from bench.quality.evaluate import Draw, judge
 from bench.quality.measures import area_fractions
-from bench.quality.parts import family_of, label_vertices, strongest_joints, without_few
+from bench.quality.parts import family_of
 from bench.quality.shapes import Shape
 from bench.tables import to_markdown, write_text
 from bench.training.learn_kinds import learn_kinds
+from bench.training.sources import add_lessons
 from bench.training.vertex_features import VertexFeatures, cached_vertex_features
 from dfd.distillation.metric import FOLDER, Metric
 from dfd.encoders.encode import Encoder, load_encoder
@@ -43,7 +41,6 @@ DIRECTIONS = 51  # with the kinds of parts beside them, 64 numbers
 RIDGE = 1.0  # of the mean variance within parts
 THICKNESS = 0.25  # that a band of thickness counts, beside the numbers of a feature of unit length
 POWER = 0.125  # of the ratio of variances that a direction's length is
-NONE = "other"  # a joint of no part
 FEWEST = 5  # vertices of a part that says something
 FACES = 20_000  # of the samples
 DRAW = Draw()
@@ -53,11 +50,10 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Lesson:
-    """A labelled shape with what is seen at its vertices; whether it only teaches, and is not judged."""
+    """A labelled shape with what is seen at its vertices."""
 
     shape: Shape
     seen: VertexFeatures
-    only_teaches: bool = False
 
     @property
     def features(self) -> NDArray[np.float32]:
@@ -78,7 +74,6 @@ class Lesson:
     @property
     def kinds(self) -> list[tuple[str, NDArray[np.float32]]]:
         """The name of each part, and the features (N, D) of its vertices."""
-        assert self.shape.labels is not None
         return [(name, self.features[self.shape.labels == part]) for part, name in enumerate(self.shape.parts)]
 
     @cached_property
@@ -87,7 +82,6 @@ class Lesson:
 
         Parts count alike.
         """
-        assert self.shape.labels is not None
         every = np.concatenate([self.features, np.float32(THICKNESS) * self.seen.thickness], axis=1, dtype=np.float64)
         rows = [every[self.shape.labels == part] for part in range(len(self.shape.parts))]
         rows = [part for part in rows if len(part) >= FEWEST]
@@ -103,16 +97,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--encoder", default=DEFAULT_ENCODER)
     parser.add_argument("--output", type=Path, help="the metric's file; by default where the package looks for it")
     parser.add_argument("--features", type=Path, default=CACHE, help="where what is seen is kept (%(default)s)")
-    parser.add_argument("--also", type=Path, help="a folder of further skinned .glb to learn from, +y up")
+    add_lessons(parser)
     options = parser.parse_args(arguments)
     if not os.environ.get("DFD_MESHES"):
         parser.error("DFD_MESHES must name the folder of meshes to learn from")
     encoder = load_encoder(options.encoder)
     lessons = []
-    judged_ones = [(shape, False) for shape in labelled_shapes(Path(os.environ["DFD_MESHES"]), print)]
-    for shape, only_teaches in [*judged_ones, *((shape, True) for shape in further_rigs(options.also, print))]:
+    for shape in labelled_shapes(Path(os.environ["DFD_MESHES"]), options.lessons, print):
         print(shape.name, flush=True)
-        lessons.append(Lesson(shape, cached_vertex_features(options.features, shape.mesh, encoder), only_teaches))
+        lessons.append(Lesson(shape, cached_vertex_features(options.features, shape.mesh, encoder)))
     output = options.output or FOLDER / f"{options.encoder}.safetensors"
     output.parent.mkdir(parents=True, exist_ok=True)
     learn(lessons, encoder).save(output)
@@ -121,27 +114,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(f"{output}\n{REPORT}")
 
 
-def labelled_shapes(folder: Path, say: Callable[[str], None]) -> list[Shape]:
+def labelled_shapes(folder: Path, lessons: Path | None, say: Callable[[str], None]) -> list[Shape]:
     """Every shape to learn from; characters by the merged names of their parts."""
     found = [*shapes.rigs(folder, say), *shapes.rigs(folder, say, under="upright")]
     found += [shape for shape in shapes.characters(folder, say) if "rig names" not in shape.name]
+    for under in ("rigs", "people") if lessons else ():
+        found += shapes.rigs(lessons, say, under=under)
     return found + shapes.made(FACES)
-
-
-def further_rigs(folder: Path | None, say: Callable[[str], None]) -> Iterator[Shape]:
-    """Every skinned GLB in `folder`, whose joints have the names of parts; what cannot be read is told to `say`."""
-    for path in sorted(folder.glob("*.glb")) if folder else ():
-        try:
-            mesh = dfd.load(path, pose="bind")
-            joints = strongest_joints(mesh)
-        except shapes.UNREADABLE as error:
-            say(f"{path.name}: {error}")
-            continue
-        labels, parts = without_few(*label_vertices(joints, lambda name: None if name == NONE else name))
-        if len(parts) > 1:
-            yield Shape(path.stem, mesh, labels, parts)
-        else:
-            say(f"{path.name}: fewer than two parts, got {', '.join(parts) or 'none'}")
 
 
 def learn(lessons: Sequence[Lesson], encoder: Encoder) -> Metric:
@@ -189,8 +168,8 @@ def report(lessons: Sequence[Lesson], draw: Draw = DRAW) -> str:
         others = [each for each in lessons if each.family != family]
         if not others:
             continue
-        tested = [each for each in lessons if each.family == family and not each.only_teaches]
-        metric = Metric(*discriminants(others), "", 0, learn_kinds(others)) if tested else None
+        tested = [each for each in lessons if each.family == family]
+        metric = Metric(*discriminants(others), "", 0, learn_kinds(others))
         for lesson in tested:
             thickness = lesson.seen.thickness
             mapped = metric.mapped(lesson.features, thickness, np.random.default_rng(0), mean=lesson.mean)

@@ -1,11 +1,8 @@
 """`python -m bench.training.learn_up`: learn which way is up, and judge what was learned on families left out.
 
-From all shapes in the folder that DFD_MESHES names, which stand as they should, +y up, the samples of dfd, and every
-.glb and .obj in the folders of a folder given with `--also`, each of which is a family. Equal folders give equal files.
-
-The probe that comes with the package was learned with 381 more models, converted to .glb, of Debian's megaglest-data
-3.13 and 0ad-data 0.0.26 (both CC BY-SA 3.0), flightgear-data-models 2020.3 (GPL 2 or later) and sweethome3d-furniture
-1.8 (CC BY 3.0 and CC0): people, animals, plants, houses, ships, machines, cars, furniture, lamps, dishes.
+From what is under CC0 in the folder that DFD_MESHES names, the samples of dfd, and a folder given with `--lessons`, all
+of which stand as they should, +y up. Equal folders give equal files. docs/learned.md names the sources of the probe
+that comes with the package.
 """
 
 from __future__ import annotations
@@ -22,9 +19,10 @@ from scipy.spatial.transform import Rotation
 
 import dfd
 from bench.tables import to_markdown, write_text
+from bench.training.sources import add_lessons, upright_files
 from bench.training.up_lessons import (
-    ALSO,
     FRAMES,
+    LESSONS,
     TRUE,
     Lesson,
     Odds,
@@ -42,7 +40,6 @@ from dfd.encoders.learned_file import encoder_identity
 from dfd.field.cache_key import FIELD_VERSION, hash_key
 from dfd.mesh.normalization import normalization
 from dfd.upright import probe_views
-from dfd.upright.candidates import AXES
 from dfd.upright.find_up import CLEAR, EARLY_STOP_CONFIDENCE
 from dfd.upright.probe import FOLDER, UpProbe
 from dfd.upright.probe_views import CORNERS, SIDES, ProbeCameras, ViewTokens
@@ -50,8 +47,6 @@ from dfd.upright.stability import StabilityCues
 
 REPORT = Path(__file__).resolve().parents[1] / "results" / "quality" / "up.md"
 KEPT_VIEWS = REPORT.parent / "views_around"
-LYING = {"plane_holes": "+z"}  # files of DFD_MESHES that do not stand with +y up
-DRAWS = 2  # of axes at random, of a shape in DFD_MESHES; of the others one
 KEPT = 0.99  # of upright files must have pictures that show them upright
 KEPT_OWN = 0.97  # of those in DFD_MESHES and the samples, of which many hardly have an up, by the likeliest axis
 KEPT_UP = 0.985  # of upright files must not be taken for upside down
@@ -66,13 +61,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser("python -m bench.training.learn_up", description=__doc__)
     parser.add_argument("--encoder", default=DEFAULT_ENCODER)
     parser.add_argument("--output", type=Path, help="the probe's file; by default where the package looks for it")
-    parser.add_argument("--also", type=Path, help="a folder of families, folders of .glb and .obj to learn from, +y up")
+    add_lessons(parser)
     options = parser.parse_args(arguments)
     if not os.environ.get("DFD_MESHES"):
         parser.error("DFD_MESHES must name the folder of meshes to learn from")
     encoder = load_encoder(options.encoder)
     lessons = []
-    for name, mesh in upright_shapes(Path(os.environ["DFD_MESHES"]), options.also):
+    for name, mesh in upright_shapes(Path(os.environ["DFD_MESHES"]), options.lessons):
         print(name, flush=True)
         lessons.append(lesson(name, mesh, encoder))
     probe = learn(lessons, encoder)
@@ -84,42 +79,29 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(f"{output}\n{REPORT}")
 
 
-def upright_shapes(folder: Path, also: Path | None = None) -> Iterator[tuple[str, dfd.Mesh]]:
+def upright_shapes(folder: Path, lessons: Path | None = None) -> Iterator[tuple[str, dfd.Mesh]]:
     """Every shape to learn from, by name, standing with +y up."""
-    patterns = [f"{sub}*.{ending}" for sub in ("", "rigs/", "upright/") for ending in ("glb", "obj")]
-    for path in sorted(path for pattern in patterns for path in folder.glob(pattern)):
-        yield f"{path.parent.name}/{path.stem}", raised(dfd.load(path), LYING.get(path.stem, "+y"))
+    for path in upright_files(folder, lessons):
+        known = LESSONS if lessons and path.is_relative_to(lessons) else ""
+        yield f"{known}{path.parent.name}/{path.stem}", dfd.load(path)
     for make in (dfd.samples.chair, dfd.samples.quadruped, dfd.samples.robot):
         yield make.__name__, make().mesh
-    if also is not None:
-        for path in sorted([*also.glob("*/*.glb"), *also.glob("*/*.obj")]):
-            yield f"{ALSO}{path.parent.name}/{path.stem}", dfd.load(path)
-
-
-def raised(mesh: dfd.Mesh, up: str) -> dfd.Mesh:
-    """The same shape with `up`, an axis of the file, turned to +y."""
-    if up == "+y":
-        return mesh
-    rotation = FRAMES[int((FRAMES[:, 1] @ AXES[up]).argmax())]
-    return dfd.Mesh(mesh.vertices @ rotation.T, mesh.faces, appearance=mesh.appearance)
 
 
 def lesson(name: str, mesh: dfd.Mesh, encoder: Encoder) -> Lesson:
     """What there is to learn from one shape."""
     center, scale = normalization(mesh)
     vertices = (mesh.vertices - center) * scale
-    own, standing = not name.startswith(ALSO), StabilityCues(vertices, mesh.faces)
+    standing = StabilityCues(vertices, mesh.faces)
     sides = look_once(mesh, encoder, FRAMES, SIDES)
-    tilted = []
-    for draw in range(DRAWS if own else 1):
-        rotation = Rotation.random(rng=np.random.default_rng([draw, *name.encode()])).as_matrix()
-        seen = look_once(mesh, encoder, FRAMES @ rotation, SIDES)
-        seen = ViewTokens(seen.tokens, seen.axes @ rotation.T)
-        tilted.append(Tilted(seen, rotation, StabilityCues(vertices @ rotation.T, mesh.faces)))
+    rotation = Rotation.random(rng=np.random.default_rng([0, *name.encode()])).as_matrix()
+    seen = look_once(mesh, encoder, FRAMES @ rotation, SIDES)
+    seen = ViewTokens(seen.tokens, seen.axes @ rotation.T)
+    tilted = Tilted(seen, rotation, StabilityCues(vertices @ rotation.T, mesh.faces))
     of_frames = map(ViewTokens, np.split(sides.tokens, len(FRAMES)), np.split(sides.axes, len(FRAMES)))
     corners = look_once(mesh, encoder, FRAMES, CORNERS)
     evidence = np.stack([standing.evidence(frame) for frame in FRAMES])
-    return Lesson(name, tuple(of_frames), corners, tuple(tilted), evidence)
+    return Lesson(name, tuple(of_frames), corners, (tilted,), evidence)
 
 
 def look_once(mesh: dfd.Mesh, encoder: Encoder, frames: NDArray[np.float64], eyes: NDArray[np.float64]) -> ViewTokens:
@@ -151,8 +133,8 @@ def learn(lessons: Sequence[Lesson], encoder: Encoder) -> UpProbe:
 
 
 def own_names(lessons: Sequence[Lesson]) -> set[str]:
-    """Those that are not from `--also`."""
-    return {each.name for each in lessons if not each.name.startswith(ALSO)}
+    """Those that are not from `--lessons`."""
+    return {each.name for each in lessons if not each.name.startswith(LESSONS)}
 
 
 def decided(odds: Odds, up: int, priors: tuple[float, float]) -> tuple[int, int]:
@@ -206,7 +188,7 @@ def report(lessons: Sequence[Lesson]) -> str:
     """How often the right direction is found, each shape judged by what others taught."""
     along = {name: odds.along for name, odds in left_out_odds(tuple(lessons), by_shape).items()}
     priors = least_priors(along, own_names(lessons))
-    own = [each for each in lessons if not each.name.startswith(ALSO)]
+    own = [each for each in lessons if not each.name.startswith(LESSONS)]
     lines = [
         "# Which way is up",
         "",
@@ -223,7 +205,7 @@ def report(lessons: Sequence[Lesson]) -> str:
         for family in [*dict.fromkeys(each.family for each in own), "all"]:
             some = [odds[each.name] for each in own if family in (each.family, "all")]
             rows.append([family, len(some), *_shares(some, priors)])
-        rows.append(["with --also", len(odds), *_shares(list(odds.values()), priors)])
+        rows.append(["with --lessons", len(odds), *_shares(list(odds.values()), priors)])
         wrong = [each.name for each in own if decided(odds[each.name], TRUE, (0.0, 0.0))[0] != TRUE // 2]
         lines += [f"Each judged without {left_out}:", "", *to_markdown(COLUMNS, rows)]
         lines += ["", f"Wrong axis without a prior: {', '.join(wrong)}.", ""]

@@ -20,7 +20,7 @@ from dfd.upright.stability import StabilityCues
 FRAMES = np.stack(axis_frames(np.eye(3)))
 UPS = FRAMES[:, 1]
 TRUE = 2  # +y among them
-ALSO = "also/"
+LESSONS = "lessons/"  # what names of shapes that are not from DFD_MESHES begin with
 RIDGE = 1.0  # of the mean moment of the terms
 SHRINK = 3.0  # of the odds, whose terms have unit spread
 FOLDS = 16
@@ -56,9 +56,8 @@ class Lesson:
 
     @property
     def family(self) -> str:
-        """See `family_of`; of those from further folders the folder they lie in."""
-        folders, _, stem = self.name.rpartition("/")
-        return folders.removeprefix(ALSO) if folders.startswith(ALSO) else family_of(stem)
+        """See `family_of`."""
+        return family_of(self.name.rpartition("/")[2])
 
     @property
     def all_seen(self) -> ViewTokens:

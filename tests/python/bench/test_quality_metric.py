@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
-from skinned_figure import skinned_figure
 
 import dfd
 from bench.quality.evaluate import Draw
-from bench.quality.parts import without_few
 from bench.quality.shapes import Shape
-from bench.training import learn_metric
 from bench.training.learn_kinds import KINDS, learn_kinds
-from bench.training.learn_metric import Lesson, discriminants, further_rigs, judged, report
+from bench.training.learn_metric import Lesson, discriminants, judged, report
 from bench.training.vertex_features import VertexFeatures, cached_vertex_features, vertex_features
 from dfd.distillation.metric import Metric, find_metric
 from dfd.distillation.targets import PointTargets, unit
@@ -122,27 +118,6 @@ def test_the_mean_of_a_surface_does_not_depend_on_how_densely_it_is_meshed() -> 
     split = dfd.samples.chair(16_000)
     fine = Lesson(Shape("chair", split.mesh), looking(split.mesh.vertices[:, :2].astype(np.float32)))
     np.testing.assert_allclose(whole.mean, fine.mean, atol=0.01)
-
-
-def test_what_only_teaches_is_not_judged() -> None:
-    taught = [lesson("chair", 0), lesson("horse", 1), replace(lesson("man", 2), only_teaches=True)]
-    text = report(taught, Draw(each=2, seeds=(0,)))
-    assert "| four-legged | horse |" in text
-    assert "| man |" not in text
-
-
-def test_further_rigs_have_the_names_of_their_joints_for_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "figure.glb").write_bytes(skinned_figure())
-    (tmp_path / "lost.glb").write_bytes(skinned_figure(weights=b""))
-    told: list[str] = []
-    assert list(further_rigs(tmp_path, told.append)) == []  # three vertices are too few for a part
-    assert told[0] == "figure.glb: fewer than two parts, got none"
-    assert told[1].startswith("lost.glb: load:")
-    assert told[1].endswith("accessor 3 has 3 items up to byte 48 of 0")
-    monkeypatch.setattr(learn_metric, "without_few", partial(without_few, fewest=1))
-    (shape,) = further_rigs(tmp_path, told.append)
-    assert (shape.name, shape.parts) == ("figure", ("head", "upperarm.l", "upperarm.r"))
-    assert list(further_rigs(None, told.append)) == []
 
 
 def test_features_are_unit_and_taken_once(

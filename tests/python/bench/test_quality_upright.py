@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from functools import cache
 
 import numpy as np
@@ -12,7 +13,7 @@ from bench.quality.parts import family_of, kind_of_part, without_few
 from bench.quality.shapes import Shape, rigs
 from bench.quality.studies import EUCLIDEAN, FAMILIES_STUDY, TURNS, Row, turned
 from bench.quality.studies import by_family as table
-from bench.training.learn_up import LYING, decided, least_priors, raised, upright_shapes
+from bench.training.learn_up import decided, least_priors, upright_shapes
 from bench.training.up_lessons import (
     FRAMES,
     RIDGE,
@@ -51,6 +52,8 @@ from dfd.upright.stability import EVIDENCE, StabilityCues
         ("mouth_tip", "head"),
         ("back_fin_0_l", "fin"),
         ("handle", "hand"),
+        ("Abdomen", "torso"),
+        ("Main6", "tail"),
         ("cape", None),
     ],
 )
@@ -135,7 +138,7 @@ def test_the_least_priors_keep_whatever_stands():
 
 def test_own_shapes_keep_their_axis_whatever_all_do():
     """One of many may fall; not where it is one of few that count by themselves."""
-    odds = {f"also/{number}": np.array([0, 0, 5.0, 0, 0, 0]) for number in range(200)}
+    odds = {f"lessons/{number}": np.array([0, 0, 5.0, 0, 0, 0]) for number in range(200)}
     odds["own"] = np.array([4.0, 0, 0, 0, 0, 0])
     assert least_priors(odds)[0] == 0
     up, _ = least_priors(odds, {"own"})
@@ -178,14 +181,12 @@ def lessons(count):
         tilted = Tilted(seen(Rotation.random(24, rng=generator).as_matrix(), rotation @ UPS[TRUE]), rotation, standing)
         evidence = generator.normal(size=(len(FRAMES), len(EVIDENCE)))
         evidence[TRUE, EVIDENCE.index("middle")] += 3
-        name = f"also/family{number % 3}/{number}" if number % 2 else f"upright/wolf{number}"
+        name = (
+            f"lessons/rigs/{('fish', 'chair', 'tree')[number % 3]}{number}" if number % 2 else f"upright/wolf{number}"
+        )
         corners = seen(Rotation.random(24, rng=generator).as_matrix(), UPS[TRUE])
         made.append(Lesson(name, around, corners, (tilted,), evidence))
     return tuple(made)
-
-
-def test_families_are_folders_of_further_shapes():
-    assert [each.family for each in lessons(4)] == ["four-legged", "family1", "four-legged", "family0"]
 
 
 def test_rows_say_what_the_votes_of_pictures_are():
@@ -237,17 +238,14 @@ def test_a_tilted_shape_is_judged_by_candidates_near_its_up():
     assert 0 < choice.right.sum() <= len(choice.right) // 2
 
 
-def test_what_lies_in_its_file_is_raised():
-    mesh = robot(4000).mesh
-    assert raised(mesh, "+y") is mesh
-    for up in {"+z", "-x", *LYING.values()}:
-        axis = {"x": 0, "y": 1, "z": 2}[up[1]]
-        assert np.allclose(raised(mesh, up).vertices[:, 1], mesh.vertices[:, axis] * float(f"{up[0]}1"))
-
-
-def test_further_shapes_come_from_folders_of_families(tmp_path):
-    (tmp_path / "own").mkdir()
-    (tmp_path / "also" / "people").mkdir(parents=True)
-    robot(4000).mesh.save(tmp_path / "also" / "people" / "one.glb")
-    names = [name for name, _ in upright_shapes(tmp_path / "own", tmp_path / "also")]
-    assert names == ["chair", "quadruped", "robot", "also/people/one"]
+def test_further_shapes_are_few_of_a_kind_and_have_an_up(tmp_path):
+    (tmp_path / "meshes").mkdir()
+    things = tmp_path / "lessons" / "upright"
+    things.mkdir(parents=True)
+    robot(4000).mesh.save(things / "some_pack_jar1.glb")
+    for name in ("some_pack_jar2", "some_pack_jar3", "some_pack_tree", "other_pack_jar", "a_bone"):
+        shutil.copy(things / "some_pack_jar1.glb", things / f"{name}.glb")
+    shutil.copy(things / "some_pack_jar1.glb", tmp_path / "meshes" / "of_another_license.glb")
+    names = [name for name, _ in upright_shapes(tmp_path / "meshes", tmp_path / "lessons")]
+    further = ("other_pack_jar", "some_pack_jar1", "some_pack_tree")
+    assert names == [*(f"lessons/upright/{each}" for each in further), "chair", "quadruped", "robot"]

@@ -1,0 +1,39 @@
+"""The models that what ships is learned from: under CC0 alone; docs/learned.md names their packs and makers."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+from bench.quality.parts import family_of
+
+OF_MESHES = ("knight.glb", "kaykit_*.obj", "rigs/*.glb", "upright/*.glb")  # what is under CC0 in DFD_MESHES
+OF_LESSONS = ("people/*.glb", "rigs/*.glb", "upright/*.glb")
+MOST_ALIKE = 2  # of a family: a ninth jar teaches nothing
+# Words in the names of things that have no up, hang on walls, or were laid down anyhow.
+WITHOUT_UP = (
+    *("armor", "bone", "book_", "bouncer", "box", "cable", "can_broken", "carpet", "claymore", "club", "compass"),
+    *("crystal", "cyberpunk_pack_ac", "computer", "dart", "flaregun", "glove", "katana", "lever", "match", "mirror"),
+    *("package", "padlock", "pickup", "pillow_a", "scythe", "shield", "shotgun", "shoulderpads", "smoke", "snowflake"),
+    *("spiketrap", "support", "torch", "towel", "trash", "_tv"),
+)
+
+
+def add_lessons(parser: ArgumentParser) -> None:
+    """The option that names the folder of further models."""
+    parser.add_argument(
+        "--lessons", type=Path, help="a folder of CC0 models to learn from besides, +y up, in people, rigs and upright"
+    )
+
+
+def upright_files(meshes: Path, lessons: Path | None) -> Iterator[Path]:
+    """Every file to learn an up from: of DFD_MESHES all, of `lessons` the first few of each family."""
+    for pattern in OF_MESHES:
+        yield from sorted(meshes.glob(pattern))
+    taken: Counter[str] = Counter()
+    for path in sorted(path for pattern in OF_LESSONS for path in (lessons.glob(pattern) if lessons else ())):
+        if taken[family_of(path.stem)] < MOST_ALIKE and not any(word in path.stem for word in WITHOUT_UP):
+            taken[family_of(path.stem)] += 1
+            yield path
