@@ -24,6 +24,8 @@ CREASE = 0.1  # concavity across which e times less is passed on: about six degr
 STEP = 0.15  # difference of features likewise
 ROUNDS = 3  # of smoothing: what one round evens out lets the next tell borders better
 LEAST_AREA, MOST_AREA = 0.002, 0.95  # of the whole surface: of other sizes nothing is a part
+LEAST_FLAT = 0.005  # likewise, of a piece that does not stand out
+LEAST_RAISED = 0.12  # surface in squares of a border's length, of a piece that does: a disc has 0.08, a half ball 0.16
 LEAST_SHOWN = 0.005  # likewise, for a part of the whole cut
 # Pieces so equal, of so similar a size as those of the likeliest part, belong to it where the part of all is as likely.
 EQUAL, SIMILAR, STILL_LIKELY = 0.7, 1.5, 0.4
@@ -108,11 +110,18 @@ class Hierarchy:
         self.cut, self.clear = self._clearest_cut()
 
     def holding(self, patch: int) -> list[int]:
-        """Nodes that hold a patch and are as large as a part may be, from the smallest on; at least one."""
+        """Nodes that hold a patch and that a person may hold, from the smallest on; at least one."""
         path = [patch]
         while self._parent[path[-1]] >= 0:
             path.append(int(self._parent[path[-1]]))
-        return [node for node in path if LEAST_AREA < self.branches[node].area < MOST_AREA] or path[-1:]
+        sized = (node for node in path if LEAST_AREA < self.branches[node].area < MOST_AREA)
+        return [node for node in sized if self._stands_out(node)] or path[-1:]
+
+    def _stands_out(self, node: int) -> bool:
+        """Whether pieces of a node are large, or have much surface inside a short border: a crease has neither."""
+        area = self._pieces(node)[0].mean()
+        whole = self._patches.node_area.sum()
+        return bool(area > LEAST_FLAT or area * whole > LEAST_RAISED * self.around(node) ** 2)
 
     def holdable(self, node: int) -> float:
         """How likely a person who takes hold of the shape in a node means that node, compared with the others there.

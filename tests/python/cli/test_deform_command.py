@@ -99,17 +99,17 @@ def test_a_picture_shows_before_and_after(run):
 
 def test_every_handle_has_the_options_that_follow_it(run, chair):
     first = ("--translate", 0, 1, 0, "--handle", 40, "--reach", "auto", "--falloff=smooth", "--name", "foot")
-    second = ("--handle=top", "--rotate", 0, 0, 90, "--locality", 2, "--instances", "own", "--level")
+    second = ("--handle=top", "--rotate", 0, 0, 90, "--locality", 2, "--instances", "own", "--no-level")
     second += ("--without-instance", 7, "--without-instance=0.1,0.2,0.3")
-    third = ("--handle", 900, "--radius", "20%", "--strength", 0.5, "--within", "y>0", "--axes", "normal", "--no-level")
+    third = ("--handle", 900, "--radius", "20%", "--strength", 0.5, "--within", "y>0", "--axes", "normal", "--level")
     assert worked(run(*DEFORM, *first, *second, "--fix", "1000:0.25", *third, "--save-edit", "edit.json"))
     edit = read_edit("edit.json", chair)
     one, two, three = edit.handles
     assert (one.place.vertex, one.name, one.transform.translation) == (40, "foot", (0, 1, 0))
-    assert (one.controls.reach, one.controls.falloff, one.controls.level) == ("auto", "smooth", False)
+    assert (one.controls.reach, one.controls.falloff, one.controls.level) == ("auto", "smooth", True)
     assert two.place.vertex == chair.vertices[:, 1].argmax()
     assert two.transform.translation == (0, 0, 0)
-    assert (two.controls.locality, two.controls.instances, two.controls.level) == (2, "own", True)
+    assert (two.controls.locality, two.controls.instances, two.controls.level) == (2, "own", False)
     off = [place.vertex for place in two.controls.without_instances]
     assert off == [7, np.linalg.norm(chair.vertices - (0.1, 0.2, 0.3), axis=1).argmin()]
     assert one.controls.without_instances == three.controls.without_instances == ()

@@ -87,7 +87,7 @@ def test_a_skin_that_is_not_pruned_is_what_pose_makes(make, session, tmp_path):
 
 def test_instances_have_joints_of_their_own_in_their_own_frames(tmp_path, make_session):
     session = make_session(dfd.samples.quadruped(4000).mesh)
-    session.add("bottom", rotation=(0, 0, 40), translation=(0.1, 0, 0), name="foot", pivot="point")
+    session.add("bottom", rotation=(0, 0, 40), translation=(0.1, 0, 0), name="foot", pivot="point", reach=0.7)
     columns = session.bound.posing(session.edit)[1]
     count = len(columns)
     assert count > 1
@@ -118,7 +118,7 @@ def test_all_joints_of_a_handle_do_the_same_in_their_frames(tmp_path, session):
 
 def test_four_influences_are_the_heaviest_and_sum_to_one(session, tmp_path):
     for vertex in (40, 300, 500, 700, 900, 1000):
-        session.add(vertex, translation=(0, 0.1, 0), instances="together", reach=0.8)
+        session.add(vertex, translation=(0, 0.1, 0), instances="together", level=False, reach=0.8)
     report = dfd.export_rig(session, tmp_path / "rig.glb")
     glb = Glb(tmp_path / "rig.glb")
     ((_, primitive),) = glb.primitives()

@@ -148,6 +148,33 @@ def test_a_grip_holds_the_part_whole_and_fades_over_a_narrow_seam(chair, chair_p
     assert held[~legs].mean() < 0.05
 
 
+def test_a_trunk_fades_over_a_wider_seam_than_a_limb(chair, chair_parts):
+    """The seat has borders with four legs and a back: pulled by itself it would tear from them."""
+    vertices = chair.mesh.vertices
+    widest = []
+    for name, at in (("leg", foot_of(chair)), ("seat", int(chair.vertices_of("seat")[0]))):
+        inside = chair.labels == chair.parts.index(name)
+        held = chair_parts.grip(at).weights
+        fading = vertices[inside & (held < 0.97)]
+        away = np.linalg.norm(fading[:, None] - vertices[~inside][None], axis=2).min(axis=1)
+        widest.append(away.max() / chair.mesh.diagonal)
+    assert widest[0] < 0.05 < widest[1]
+
+
+def test_a_crease_that_only_looks_different_is_no_part():
+    made = trimesh.creation.icosphere(5)
+    ball = dfd.Mesh(made.vertices, made.faces)
+    x, y, z = made.vertices.T
+    sliver = (np.abs(y) < 0.03) & (np.abs(x) < 0.4) & (z > 0)
+    rows = np.eye(8, dtype=np.float32)[sliver.astype(int)]
+    rows += np.random.default_rng(0).normal(size=rows.shape).astype(np.float32) * 0.05
+    found = Parts(ball, lambda some: rows[some])
+    vertex = int(np.flatnonzero(sliver)[0])
+    assert found.part(vertex).share > 0.05
+    held = found.grip(vertex)
+    assert held is None or (held.weights > 0.5).mean() > 0.05
+
+
 def test_a_handle_on_the_seam_weighs_1(chair, chair_parts):
     held = chair_parts.grip(foot_of(chair)).weights
     on_seam = np.flatnonzero((held > 0.3) & (held < 0.9) & (chair.labels == chair.parts.index("leg")))

@@ -39,7 +39,7 @@ class Columns:
         self._deformer = deformer
         self._numbers: dict[Hashable, int] = {}
         self._sent: set[int] = set()
-        self._complete: set[int] = set()  # columns whose instances were sent as well
+        self._complete: dict[int, Hashable] = {}  # columns whose instances were sent as well, and what they depend on
 
     def of_handle(self, handle: Handle) -> int:
         """The number of a handle's column."""
@@ -83,7 +83,7 @@ class Columns:
                 entries.append(self._handle_entry(number, handle, arrays))
         message = pack(ColumnsMessage, arrays, columns=tuple(entries))
         self._sent |= set(missing)
-        self._complete &= self._sent - set(missing)
+        self._complete = {number: key for number, key in self._complete.items() if number in self._sent - set(missing)}
         return message
 
     def instances_message(self) -> bytes | None:
@@ -92,10 +92,11 @@ class Columns:
         if not pending:
             return None
         number, index = next(iter(pending.items()))
-        self._complete.add(number)  # before computing: a failure is not retried
+        handle = self._deformer.handles[index]
+        self._complete[number] = self._instances_key(handle)  # before computing: a failure is not retried
         arrays: Arrays = {}
         found: list[InstanceEntry] = []
-        for instance, gain in self._acting(self._deformer.handles[index], index):
+        for instance, gain in self._acting(handle, index):
             share = f"share{len(found)}"
             own = np.ones(len(self._deformer.mesh.vertices), np.float32) if instance.share is None else instance.share
             arrays[share] = _packed(own, 1.0)
@@ -118,8 +119,18 @@ class Columns:
 
     def _pending(self) -> dict[int, int]:
         """Column number to handle index, for instances still to be sent."""
-        numbers = {self.of_handle(handle): i for i, handle in enumerate(self._deformer.handles) if _instanced(handle)}
-        return {number: i for number, i in numbers.items() if number in self._sent and number not in self._complete}
+        handles = self._deformer.handles
+        numbers = {self.of_handle(handle): i for i, handle in enumerate(handles) if _instanced(handle)}
+        return {
+            number: i
+            for number, i in numbers.items()
+            if number in self._sent and self._complete.get(number, self) != self._instances_key(handles[i])
+        }
+
+    def _instances_key(self, handle: Handle) -> Hashable:
+        """Everything that a handle's instances depend on besides its column: gains that level them follow weights."""
+        edit = self._deformer.edit
+        return (handle.controls, edit.fixed, edit.arrive) if handle.controls.level else None
 
     def _handle_entry(self, number: int, index: int, arrays: Arrays) -> ColumnEntry:
         """The column of the handle at `index`; its buffers go into `arrays`."""
@@ -147,14 +158,14 @@ class Columns:
         controls = handle.controls
         sources, _, _ = self._deformer.bound.locality(edit, handle)
         kind = column_kind(handle)
-        if kind == "distance" and not controls.level:
-            # Instances depend on features alone, so reach and falloff change without a new column.
+        if kind == "distance":
+            # Reach and falloff are the page's own, and change without a new column.
             instances = None
             if _instanced(handle):
                 axes = handle.transform.axes if handle.transform.along is not None else None
-                instances = (controls.instances, controls.without_instances, edit.symmetry, axes)
+                instances = (controls.instances, controls.level, controls.without_instances, edit.symmetry, axes)
             return (kind, handle.place, sources, edit.bridges, controls.radius, instances)
-        # Weights sent as such, and those at instances, depend on every control.
+        # Weights sent as such depend on every control.
         return (kind, handle.place, sources, edit.bridges, controls, edit.fixed, edit.arrive, edit.symmetry)
 
     def _number(self, key: Hashable) -> int:
