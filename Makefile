@@ -12,14 +12,23 @@ ifeq ($(MAKELEVEL),0)
 MAKEFLAGS += --jobs=$(JOBS)
 endif
 
-.PHONY: app client validator demo test test-all test-slow test-blender ctest lint bench blender quality gallery wheel fuzz \
-  sanitize clean
+.PHONY: app client validator demo docs links test test-all test-slow test-blender ctest lint bench blender quality gallery \
+  wheel fuzz sanitize arm64 cross clean
 
 app: $(VENV)/installed
 	$(BIN)/dfd app --sample quadruped
 
 demo: $(VENV)/installed
 	$(BIN)/dfd demo
+
+# The pages, in build/docs/html. Their code is run and their pictures are drawn by the build; a warning is an error.
+docs: $(VENV)/installed-docs
+	$(BIN)/python -m sphinx -E -W --keep-going -q -b html docs build/docs/html
+	@echo build/docs/html/index.html
+
+# Whether the addresses that the pages name still answer.
+links: $(VENV)/installed-docs
+	$(BIN)/python -m sphinx -q -b linkcheck docs build/docs/links
 
 # A process takes a file at a time, on one thread, in the order of names: the long ones come first. What is marked below
 # waits for test-all, but for one story of the page.
@@ -31,6 +40,7 @@ test: ctest client lint validator
 
 test-all: test
 	$(MAKE) --no-print-directory test-slow
+	$(MAKE) --no-print-directory docs
 	@if command -v $(BLENDER_PYTHON) > /dev/null; then $(MAKE) --no-print-directory test-blender; \
 	else echo "$(BLENDER_PYTHON) was not found: nothing is opened in Blender"; fi
 
@@ -85,6 +95,7 @@ quality: $(VENV)/installed-bench
 
 gallery: $(VENV)/installed
 	$(BIN)/python docs/gallery.py gallery
+	$(BIN)/python docs/grips.py gallery
 
 # Blender as a Python package opens what is exported; it takes a Python of its own version, and 1 GB.
 BLENDER_PYTHON ?= python3.11
@@ -121,6 +132,18 @@ sanitize: $(VENV)/installed-test
 	  "cmake --preset $$preset && cmake --build --preset $$preset && ctest --preset $$preset" || exit 1; done
 	PATH="$(abspath $(BIN)):$$PATH" tests/sanitize/arrays
 
+# The core's own tests on an ARM processor that qemu-user plays, by Debian's g++-aarch64-linux-gnu.
+arm64: $(VENV)/builders
+	PATH="$(abspath $(BIN)):$$PATH" sh -c \
+	  "cmake --preset arm64 && cmake --build --preset arm64 && ctest --preset arm64 --parallel $(JOBS)"
+
+# Whether the core and its tests compile for systems that are not at hand.
+cross: export DFD_PYTHON = $(abspath $(BIN)/python)
+cross: $(VENV)/builders
+	$(INSTALL) ziglang
+	for preset in macos windows; do PATH="$(abspath $(BIN)):$$PATH" sh -c \
+	  "cmake --preset $$preset && cmake --build --preset $$preset" || exit 1; done
+
 # Rebuilt whenever a source that ends up in the package changes.
 SOURCES := pyproject.toml constraints.txt CMakeLists.txt $(shell find cpp python \
 	-path $(CLIENT) -prune -o -name '*.[chp]*' -not -name '*.pyc' -print) $(CLIENT_SOURCES)
@@ -148,6 +171,10 @@ $(VENV)/installed-test: $(SOURCES) $(wildcard tests/cpp/*) $(VENV)/builders | $(
 
 $(VENV)/installed-bench: $(SOURCES) | $(VENV)/bin/python
 	$(INSTALL) ".[app,bench]"
+	touch $(VENV)/installed $@
+
+$(VENV)/installed-docs: $(SOURCES) | $(VENV)/bin/python
+	$(INSTALL) ".[docs]"
 	touch $(VENV)/installed $@
 
 clean:

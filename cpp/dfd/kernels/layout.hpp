@@ -167,12 +167,13 @@ template <class T>
 struct Interleaved {
     static constexpr std::size_t size = lanes<T>;
 
+    // The lambdas capture nothing: clang takes no closure with captures as an argument of a template.
     template <std::size_t Axis>
     static DFD_INLINE Vector<T> axis(Vector<T> a, Vector<T> b, Vector<T> c)
     {
-        const auto early = [](std::size_t i) { return 3 * i + Axis < 2 * size; };  // it lies in a or b
-        constexpr auto from_ab = [=](std::size_t i) { return early(i) ? 3 * i + Axis : 0; };
-        constexpr auto from_c = [=](std::size_t i) { return early(i) ? i : 3 * i + Axis - size; };
+        // What lies before 2 W is in a or b.
+        constexpr auto from_ab = [](std::size_t i) { return 3 * i + Axis < 2 * size ? 3 * i + Axis : 0; };
+        constexpr auto from_c = [](std::size_t i) { return 3 * i + Axis < 2 * size ? i : 3 * i + Axis - size; };
         return shuffle<from_c>(shuffle<from_ab>(a, b), c);
     }
 

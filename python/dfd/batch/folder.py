@@ -26,6 +26,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import psutil
 from pydantic import ValidationError
 
 from dfd.batch.record import Record
@@ -125,30 +126,25 @@ class BatchFolder:
             self.shape(name).rename(away)
             shutil.rmtree(away, ignore_errors=True)
 
-    def exit_note(self, name: str, token: str) -> str:
-        """The note that the guard of an attempt wrote before it ended the process; empty without one."""
-        try:
-            return (self.attempt(name, token) / EXIT_NOTE).read_text("utf-8", "replace")
-        except OSError:
-            return ""
+    def clear_away(self, name: str, token: str) -> tuple[str, float]:
+        """Remove the folder of an attempt that ended early.
 
-    def age(self, name: str, token: str) -> float:
-        """Seconds since an attempt was started; 0 where none was."""
-        try:
-            return max(0.0, time.time() - (self.attempt(name, token) / OWNER).stat().st_mtime)
-        except OSError:
-            return 0.0
-
-    def drop(self, name: str, token: str) -> None:
-        """Remove the folder of an attempt that ended early."""
-        shutil.rmtree(self.attempt(name, token), ignore_errors=True)
+        Returned are the note that its guard wrote before it ended the process, empty without one, and the seconds since
+        it was started.
+        """
+        attempt, note, seconds = self.attempt(name, token), "", 0.0
+        with suppress(OSError):
+            seconds = max(0.0, time.time() - (attempt / OWNER).stat().st_mtime)
+            note = (attempt / EXIT_NOTE).read_text("utf-8", "replace")
+        shutil.rmtree(attempt, ignore_errors=True)
+        return note, seconds
 
     def sweep(self) -> None:
         """Remove the unfinished attempts of dead processes of this machine."""
         for attempt in self.work.glob("*~*"):
             try:
                 process, host = (attempt / OWNER).read_text("utf-8").split(" ", 1)
-                alive = host != socket.gethostname() or _alive(int(process))
+                alive = host != socket.gethostname() or psutil.pid_exists(int(process))
             except (OSError, ValueError):
                 alive = False
             if not alive:
@@ -156,10 +152,7 @@ class BatchFolder:
 
     @contextmanager
     def lock(self, rank: int, world_size: int) -> Iterator[None]:
-        """Hold the folder for one driver of a rank.
-
-        Raises ValueError if another one holds it.
-        """
+        """Hold the folder for one driver of a rank; ValueError if another one holds it."""
         path = self.work / f"rank-{rank}-of-{world_size}.lock"
         with path.open("w") as stream:
             if sys.platform != "win32":
@@ -190,9 +183,3 @@ def read_settings(root: Path) -> BatchSettings | None:
         raise ValueError(
             f"`--output`: {root / SETTINGS} cannot be gone on from: {'.'.join(map(str, first['loc']))}: {first['msg']}"
         ) from None
-
-
-def _alive(process: int) -> bool:
-    import psutil
-
-    return bool(psutil.pid_exists(process))

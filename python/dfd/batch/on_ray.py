@@ -53,15 +53,7 @@ def _answers(address: str) -> None:
 
 
 class RaySlots:
-    """Slots on a Ray cluster.
-
-    Parameters
-    ----------
-    ray
-        The module, connected.
-    limits
-        The processors, bytes and GPUs reserved for a task. Ray starts a task when they are free.
-    """
+    """Slots on a Ray cluster: `ray` is the module, connected. A task is started when what `limits` reserve is free."""
 
     def __init__(self, ray: Any, limits: Limits) -> None:
         self._ray, self._limits = ray, limits
@@ -78,11 +70,9 @@ class RaySlots:
         return len(self._running) < QUEUED * self._places()
 
     def submit(self, job: Job) -> None:
-        """Submit a job to Ray."""
         self._running[self._task.remote(job)] = job
 
     def wait(self, seconds: float) -> list[tuple[Job, Outcome]]:
-        """The jobs that have ended, after at most so many seconds."""
         ended, _ = self._ray.wait(list(self._running), timeout=seconds)
         found = []
         for reference in ended:

@@ -5,25 +5,19 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 from dfd.common import check
+from dfd.common.linear_algebra import UInt8
 from dfd.editing.deformer import Deformer
+from dfd.editing.edit import Edit, Handle
 from dfd.editing.edit_file import read_edit
 from dfd.editing.transfer import transfer
+from dfd.field.field import Field
+from dfd.mesh.mesh import Mesh
 from dfd.pictures.picture import picture
-from dfd.pictures.viewpoint import azimuth_towards
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from dfd.editing.edit import Edit, Handle
-    from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
+from dfd.pictures.sheet import session_views
 
 # Below this confidence a handle has no similar region on the other shape. Without a learned metric, of a chair's leg
 # the legs of other chairs, of a bench, a couch and a nightstand have 0.40 to 0.71, the foot of a pedestal table 0.42,
@@ -75,21 +69,11 @@ def carry(
 ) -> Carried:
     """Transfer an edit to another shape of its class; for its own shape it is unchanged.
 
-    Parameters
-    ----------
-    mesh, field
-        The other shape, and its field, of the same encoder.
-    threshold
-        In [0, 1]: the lowest confidence that is taken; if left out 0.25 for fields with a learned metric, else 0.45.
-    features
-        As `Deformer` takes them.
+    `field` is that of the other shape, by the same encoder; `features` are as `Deformer` takes them. `threshold`, in
+    [0, 1], is the lowest confidence that is taken; if left out 0.25 for fields with a learned metric, else 0.45.
 
-    Raises
-    ------
-    UnlikeError
-        If the confidence of a handle or fixed point is below `threshold`.
-    ValueError
-        As `transfer` and `Deformer`.
+    Raises UnlikeError if the confidence of a handle or fixed point is below `threshold`; ValueError as `transfer` and
+    `Deformer`.
     """
     if threshold is None:
         threshold = SURE_ENOUGH if field.settings.get("metric", "none") == "none" else SURE_ENOUGH_LEARNED
@@ -113,13 +97,11 @@ def carry(
     return Carried(deformer, confidence)
 
 
-def before_and_after(deformer: Deformer, *, resolution: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+def before_and_after(deformer: Deformer, *, resolution: int) -> tuple[UInt8, UInt8]:
     """Two pictures (R, R, 3) of a session's shape with one camera: resting, with its handles, and deformed."""
-    mesh, moved = deformer.mesh, deformer.vertices
-    handles = np.array([handle.place.position for handle in deformer.handles]).reshape(-1, 3)
-    frame = [mesh.vertices, moved]
-    draw = partial(picture, mesh, azimuth=azimuth_towards(mesh, handles), frame=frame, resolution=resolution)
-    return draw(handles=handles), draw(vertices=moved)
+    views = session_views(deformer)
+    before, after = (picture(deformer.mesh, resolution=resolution, **views[name]) for name in ("before", "after"))
+    return before, after
 
 
 def field_path(mesh: Path, folder: Path | None = None) -> Path:

@@ -93,19 +93,10 @@ def _article(folder: BatchFolder, row: dict[str, Any]) -> str:
 
 TABLE = "shapes.parquet"
 PLAIN = {
-    "name": pyarrow.string(),
-    "path": pyarrow.string(),
-    "status": pyarrow.string(),
-    "cause": pyarrow.string(),
-    "message": pyarrow.string(),
-    "sha256": pyarrow.string(),
-    "size": pyarrow.int64(),
+    **dict.fromkeys(("name", "path", "status", "cause", "message", "sha256"), pyarrow.string()),
+    **dict.fromkeys(("size", "seconds", "memory", "attempts"), pyarrow.int64()),
+    **dict.fromkeys(("settings", "host", "finished"), pyarrow.string()),
     "seconds": pyarrow.float64(),
-    "memory": pyarrow.int64(),
-    "attempts": pyarrow.int64(),
-    "settings": pyarrow.string(),
-    "host": pyarrow.string(),
-    "finished": pyarrow.string(),
 }
 AS_JSON = ("files", "warnings", "versions")
 AT_ONCE = 10_000  # records in memory; as rows they take a tenth
@@ -124,10 +115,7 @@ def gather(records: Iterable[Record], settings: BatchSettings) -> pyarrow.Table:
 
 
 def write_table(root: Path, table: pyarrow.Table) -> Path:
-    """Write the table as `shapes.parquet` into the folder of its batch.
-
-    Raises OSError if it cannot be written.
-    """
+    """Write the table as `shapes.parquet` into the folder of its batch; OSError if it cannot be written."""
     path = root / TABLE
     with atomic_write(path) as temporary:
         parquet.write_table(table, temporary)

@@ -41,30 +41,21 @@ class Slots(Protocol):
 
 
 class ProcessSlots:
-    """Slots on this machine.
-
-    Parameters
-    ----------
-    environments
-        A slot for each, with what its processes have in their environment besides ours.
-    """
+    """Slots on this machine, one for each of `environments`: what its processes have in theirs besides ours."""
 
     def __init__(self, environments: Sequence[Mapping[str, str]]) -> None:
         self._idle = [_Slot(dict(each)) for each in environments]
         self._busy: list[_Slot] = []
 
     def free(self) -> bool:
-        """Whether another job can be taken."""
         return bool(self._idle)
 
     def submit(self, job: Job) -> None:
-        """Begin a job in an idle slot."""
         slot = self._idle.pop(0)
         slot.begin(job)
         self._busy.append(slot)
 
     def wait(self, seconds: float) -> list[tuple[Job, Outcome]]:
-        """The jobs that have ended, after at most so many seconds."""
         wait([each for slot in self._busy for each in slot.signs()], seconds)
         ended = []
         for slot in list(self._busy):
@@ -76,7 +67,6 @@ class ProcessSlots:
         return ended
 
     def close(self) -> None:
-        """End all workers at once."""
         for slot in (*self._idle, *self._busy):
             slot.end()
 
@@ -88,56 +78,54 @@ class _Slot:
 
     def __init__(self, environment: dict[str, str]) -> None:
         self._environment = environment
-        self._process: multiprocessing.process.BaseProcess | None = None
-        self._pipe: Connection | None = None
+        self._child: tuple[multiprocessing.process.BaseProcess, Connection] | None = None
 
     def begin(self, job: Job) -> None:
         self.job = job
         for _ in range(2):  # a worker may have been killed while it was idle
-            if self._process is None or not self._process.is_alive():
+            if self._child is None or not self._child[0].is_alive():
                 self.end()
-                self._start()
-            assert self._pipe is not None
+                self._child = self._started()
             with contextlib.suppress(OSError):
-                self._pipe.send(job)
+                self._child[1].send(job)
                 return
 
     def signs(self) -> list[Connection | int]:
         """The objects to wait for."""
-        assert self._process is not None
-        assert self._pipe is not None
-        return [self._pipe, self._process.sentinel]
+        assert self._child is not None
+        process, pipe = self._child
+        return [pipe, process.sentinel]
 
     def outcome(self) -> Outcome | None:
         """The outcome of the job, or None while it runs."""
-        assert self._process is not None
-        assert self._pipe is not None
+        assert self._child is not None
+        process, pipe = self._child
         try:
-            if self._pipe.poll():
-                return self._pipe.recv()
+            if pipe.poll():
+                return pipe.recv()
         except (EOFError, OSError):
-            self._process.join(5.0)
-        if self._process.is_alive():
+            process.join(5.0)
+        if process.is_alive():
             return None
-        code = self._process.exitcode
+        code = process.exitcode
         self.end()
         return WorkerDied(how=_how(code))
 
     def end(self) -> None:
-        if self._process is not None:
-            self._process.kill()
-            self._process.join()
-            self._process.close()
-            self._process = None
-        if self._pipe is not None:
-            self._pipe.close()
-            self._pipe = None
+        if self._child is not None:
+            process, pipe = self._child
+            process.kill()
+            process.join()
+            process.close()
+            pipe.close()
+            self._child = None
 
-    def _start(self) -> None:
-        self._pipe, theirs = SPAWN.Pipe()
-        self._process = SPAWN.Process(target=_serve, args=(theirs, self._environment), daemon=True, name="dfd-batch")
-        self._process.start()
+    def _started(self) -> tuple[multiprocessing.process.BaseProcess, Connection]:
+        pipe, theirs = SPAWN.Pipe()
+        process = SPAWN.Process(target=_serve, args=(theirs, self._environment), daemon=True, name="dfd-batch")
+        process.start()
         theirs.close()  # so that each side learns when the other is gone
+        return process, pipe
 
 
 def _serve(pipe: Connection, environment: Mapping[str, str]) -> None:
@@ -186,19 +174,9 @@ def available_memory() -> int:
 
 
 def slot_environments(workers: int | None, limits: Limits, gpus: int) -> list[dict[str, str]]:
-    """What each slot of this machine has in its environment: as many slots as fit, or the `workers` that are wanted.
+    """What each slot of this machine has in its environment: the `workers` that are wanted, or as many slots as fit.
 
-    Parameters
-    ----------
-    workers
-        None takes as many as processors, memory and GPUs allow.
-    gpus
-        How many this machine has.
-
-    Raises
-    ------
-    ValueError
-        If not even one fits, or not as many as are wanted.
+    `gpus` is how many this machine has. Raises ValueError if not even one fits, or not as many as are wanted.
     """
     if limits.threads > processors():
         raise ValueError(f"`--threads` must be at most the {processors()} processors, got {limits.threads}")

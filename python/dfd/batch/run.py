@@ -87,17 +87,9 @@ def run_batch(
 ) -> Summary:
     """Finish every shape of this rank, each once, and write the table and the page when no rank has one left.
 
-    Parameters
-    ----------
-    shapes
-        Of all ranks, in one order.
-    retry
-        Repeat what failed before.
+    `shapes` are those of all ranks, in one order; `retry` repeats what failed before.
 
-    Raises
-    ------
-    OSError
-        If the folder can no longer be written.
+    Raises OSError if the folder can no longer be written.
     """
     start, summary = time.perf_counter(), Summary()
     mine = shapes[rank::world_size]
@@ -110,7 +102,26 @@ def run_batch(
         else:
             todo.append((shape, 1))
     watcher.begun(len(mine), summary.done + summary.failed)
-    _work_off(todo, settings, folder, slots, limits, watcher, summary)
+    root, running = str(folder.root.resolve()), 0
+    while todo or running:
+        while todo and slots.free():
+            shape, attempt = todo.popleft()
+            if attempt == 1:
+                folder.retire(shape.name)  # of another file, or a failure that is retried
+            slots.submit(Job(root=root, **asdict(shape), attempt=attempt, token=new_token(), limits=limits))
+            running += 1
+        for job, outcome in slots.wait(LOOK_EVERY):
+            running -= 1
+            if isinstance(outcome, Stopped):
+                raise OSError(f"`--output`: {outcome.why}")
+            record = _after_death(job, outcome, settings, folder) if isinstance(outcome, WorkerDied) else outcome
+            if record is None:
+                todo.append((Shape(job.name, job.path, job.field), job.attempt + 1))
+                continue
+            summary.count(record)
+            summary.busy += record.seconds
+            watcher.ended(record)
+        watcher.looked()
     summary.missing = sum(not folder.finished(shape.name) for shape in shapes)
     if summary.missing == 0:
         table = gather((record for shape in shapes if (record := folder.record(shape.name))), settings)
@@ -118,40 +129,6 @@ def run_batch(
         write_page(folder, settings, table)
     summary.seconds = time.perf_counter() - start
     return summary
-
-
-def _work_off(
-    todo: deque[tuple[Shape, int]],
-    settings: BatchSettings,
-    folder: BatchFolder,
-    slots: Slots,
-    limits: Limits,
-    watcher: Watcher,
-    summary: Summary,
-) -> None:
-    running = 0
-    while todo or running:
-        while todo and slots.free():
-            shape, attempt = todo.popleft()
-            if attempt == 1:
-                folder.retire(shape.name)  # of another file, or a failure that is retried
-            root, token = str(folder.root.resolve()), new_token()
-            slots.submit(Job(root=root, **asdict(shape), attempt=attempt, token=token, limits=limits))
-            running += 1
-        for job, outcome in slots.wait(LOOK_EVERY):
-            running -= 1
-            if isinstance(outcome, Stopped):
-                raise OSError(f"`--output`: {outcome.why}")
-            if isinstance(outcome, WorkerDied):
-                found = _after_death(job, outcome, settings, folder)
-                if found is None:
-                    todo.append((Shape(job.name, job.path, job.field), job.attempt + 1))
-                    continue
-                outcome = found
-            summary.count(outcome)
-            summary.busy += outcome.seconds
-            watcher.ended(outcome)
-        watcher.looked()
 
 
 def _stands(record: Record, shape: Shape, settings: BatchSettings, retry: bool) -> bool:
@@ -168,9 +145,8 @@ def _after_death(job: Job, died: WorkerDied, settings: BatchSettings, folder: Ba
     published = folder.record(job.name)  # it may have been published before the worker died
     if published is not None:
         return published
-    known = exit_reason(folder.exit_note(job.name, job.token), job.limits)
-    seconds = folder.age(job.name, job.token)
-    folder.drop(job.name, job.token)
+    note, seconds = folder.clear_away(job.name, job.token)
+    known = exit_reason(note, job.limits)
     if known is None and job.attempt < ATTEMPTS:
         return None
     cause: Cause
@@ -213,7 +189,6 @@ class BatchProgress:
             yield self
 
     def begun(self, total: int, finished: int) -> None:
-        """So many shapes in all, and so many finished by earlier runs."""
         self._total, self._before = total, finished
         self._start = self._told = time.monotonic()
         self._bar.update(self._task, total=total, completed=finished)
@@ -221,7 +196,6 @@ class BatchProgress:
             self._console.print(f"{finished} of {total} shapes were finished before")
 
     def ended(self, record: Record) -> None:
-        """A shape is finished."""
         self._ended += 1
         self._failed += record.status == "failed"
         if record.cause is not None:

@@ -81,10 +81,7 @@ class Work:
 
     @cached_property
     def field(self) -> Field:
-        """The field that the step distill made, or the one that came with the shape.
-
-        Raises ValueError if there is none.
-        """
+        """The field that the step distill made, or the one that came with the shape; ValueError if there is none."""
         if (self.folder / FIELD).exists():
             return Field.load(self.folder / FIELD)
         if self.job.field is None:
@@ -159,11 +156,9 @@ class Work:
                 found = carry(
                     original, self.mesh, self.field, threshold=self.settings.threshold, features=self.session.features
                 )
-            except UnlikeError as error:
-                self.figures |= {f"{name}_confidence": min(error.confidence.values()), f"{name}_refused": str(error)}
-                continue
-            except ValueError as error:  # a part or region that this shape lacks
-                self.figures |= {f"{name}_confidence": 0.0, f"{name}_refused": str(error)}
+            except ValueError as error:  # unlike, or without a part or region of the edit
+                sure = min(error.confidence.values()) if isinstance(error, UnlikeError) else 0.0
+                self.figures |= {f"{name}_confidence": sure, f"{name}_refused": str(error)}
                 continue
             self.figures |= {f"{name}_confidence": min(found.confidence.values()), f"{name}_refused": None}
             self.carried[name] = found.deformer

@@ -13,6 +13,7 @@ import traceback
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -32,12 +33,7 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 
 
 def work(job: Job) -> Record | Stopped:
-    """Do one job and publish its result.
-
-    Returns
-    -------
-    Record, of a shape that is done or was refused; Stopped where the batch's folder cannot be written.
-    """
+    """Do one job and publish its record; Stopped where the batch's folder cannot be written."""
     _use_threads(job.limits.threads)
     try:
         settings = _settings(job.root)
@@ -67,11 +63,9 @@ def _done(job: Job, settings: BatchSettings, attempt: Path, watched: Watched) ->
             task.run(clock)
         except MemoryError as error:
             cause, message = "memory", _one_line(error) or "memory ran out"
-        except OSError as error:
-            if error.errno in FULL:
+        except (OSError, ValueError) as error:
+            if isinstance(error, OSError) and error.errno in FULL:
                 raise
-            cause, message = "input", _one_line(error)
-        except ValueError as error:
             cause, message = "input", _one_line(error)
         except Exception as error:
             frame = traceback.extract_tb(error.__traceback__)[-1]
@@ -128,11 +122,11 @@ def _one_line(error: object) -> str:
     return " ".join(str(error).split())
 
 
+@dataclass
 class Watched:
-    """The largest measured memory of a task, bytes."""
+    """The memory of a task."""
 
-    def __init__(self) -> None:
-        self.highest = 0
+    highest: int = 0  # the most that was measured, bytes
 
 
 @contextmanager

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Option
 
 from dfd.cli.app import app as app_command
 from dfd.cli.arguments import PresetOption, chosen_preset
@@ -47,7 +48,7 @@ def _print_version(wanted: bool) -> None:
 @app.callback()
 def root(
     version: Annotated[  # its only use is its callback
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and leave.")
+        bool, Option("--version", callback=_print_version, is_eager=True, help="Print the version and leave.")
     ] = False,
 ) -> None:
     """Deep Feature Deformation: grab a point of a mesh, and everything that looks alike follows."""
@@ -55,7 +56,7 @@ def root(
 
 @app.command()
 def demo(
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for meshes and pictures.")] = Path("demo"),
+    output: Annotated[Path, Option("--output", "-o", help="Folder for meshes and pictures.")] = Path("demo"),
     preset: PresetOption = None,
 ) -> None:
     """Make shapes, distill them, deform them, and draw the story."""

@@ -6,38 +6,30 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
-from dfd.cli.arguments import PresetOption, chosen_preset
+from dfd.cli.arguments import EncoderOption, MadeFieldOption, PresetOption, chosen_preset
 from dfd.encoders.known import DEFAULT_ENCODER
 
 
 def app(
     mesh: Annotated[
-        Path | None,
-        typer.Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file; none is the start page."),
+        Path | None, Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file; none is the start page.")
     ] = None,
-    field: Annotated[
-        Path | None, typer.Option(metavar="FIELD", help="The shape's field; without it, it is found or made.")
-    ] = None,
-    edit: Annotated[Path | None, typer.Option(metavar="JSON", help="Begin with this edit.")] = None,
-    sample: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Open a made shape: quadruped, chair or robot.")
-    ] = None,
+    field: MadeFieldOption = None,
+    edit: Annotated[Path | None, Option(metavar="JSON", help="Begin with this edit.")] = None,
+    sample: Annotated[str | None, Option(metavar="NAME", help="Open a made shape: quadruped, chair or robot.")] = None,
     preset: PresetOption = None,
-    encoder: Annotated[
-        str, typer.Option(metavar="NAME", help="What makes fields: a known name, a folder, or a hub name.")
-    ] = DEFAULT_ENCODER,
+    encoder: EncoderOption = DEFAULT_ENCODER,
     port: Annotated[
-        int | None, typer.Option(min=0, max=65535, help="Where to listen; by default 8765, or any that is free.")
+        int | None, Option(min=0, max=65535, help="Where to listen; by default 8765 or a free one.")
     ] = None,
-    host: Annotated[
-        str, typer.Option(help="Whom to listen for; any address but the default lets other machines in.")
-    ] = "127.0.0.1",
+    host: Annotated[str, Option(help="Whom to listen for; all but the default let other machines in.")] = "127.0.0.1",
     memory: Annotated[
         float | None,
-        typer.Option(metavar="GB", min=0.5, help="What one tab may take; by default three quarters of all memory."),
+        Option(metavar="GB", min=0.5, help="What one tab may take; by default three quarters of all memory."),
     ] = None,
-    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open a browser.")] = True,
+    browser: Annotated[bool, Option("--browser/--no-browser", help="Open a browser.")] = True,
 ) -> None:
     """Open MESH in a browser: grab it anywhere, and everything alike follows."""
     for option, path in (("MESH", mesh), ("--field", field), ("--edit", edit)):
@@ -48,8 +40,7 @@ def app(
     if mesh is None and sample is None and (field or edit):
         raise ValueError(f"MESH must be given: it is what `{'--field' if field else '--edit'}` is for")
     try:
-        from dfd.app.options import OpenedFile, SessionOptions, Source
-        from dfd.app.session.shapes import sample_source
+        from dfd.app.options import OpenedFile, SessionOptions, Source, sample_source
         from dfd.app.web.launch import serve, session_memory
         from dfd.app.web.safety import loopback
     except ImportError as error:

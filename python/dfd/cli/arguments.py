@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, overload
 
 import typer
+from typer import Argument, Option
 
 from dfd.common import check
 from dfd.common.described import About
@@ -27,10 +28,10 @@ Command = Callable[..., None]
 # What a handle or a fixed point may be, in the help of every command.
 PLACE = "VERTEX|X,Y,Z|top|part:NAME|group:NAME|part@X,Y,Z|…"
 
-MeshArgument = Annotated[Path, typer.Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file.")]
+MeshArgument = Annotated[Path, Argument(metavar="MESH", help="OBJ, PLY, STL, OFF, GLB or glTF file.")]
 FieldOption = Annotated[
     Path,
-    typer.Option(
+    Option(
         "--field",
         metavar="FIELD",
         help="The shape's field, as `dfd distill` wrote it, or an .npy or .pt with another network's rows of vertices.",
@@ -38,17 +39,28 @@ FieldOption = Annotated[
 ]
 PresetOption = Annotated[
     str | None,
-    typer.Option(
+    Option(
         metavar="default|paper",
         help="What nothing else says: dfd's own, or the paper's equations to the letter; by default as --edit has it.",
     ),
 ]
 FixOption = Annotated[
     list[str] | None,
-    typer.Option(
-        metavar="PLACE[:S]", help="Hold this, and what looks like it, by a strength S from 0 to 1; repeatable."
-    ),
+    Option(metavar="PLACE[:S]", help="Hold this, and what looks like it, by a strength S from 0 to 1; repeatable."),
 ]
+
+MadeFieldOption = Annotated[
+    Path | None, Option("--field", metavar="FIELD", help="The shape's field; without it, it is found or made.")
+]
+EncoderOption = Annotated[
+    str, Option(metavar="NAME", help="What makes fields: a known name, a folder with weights, or a hub name.")
+]
+ThresholdOption = Annotated[
+    float | None,
+    Option(min=0.0, max=1.0, help="The least confidence of an edit; by default 0.25 of a learned metric, else 0.45."),
+]
+ViewsOption = Annotated[int, Option(min=1, max=36, help="From how many sides, all around.")]
+ResolutionOption = Annotated[int, Option(min=16, max=8192, help="Pixels along the side of each picture.")]
 
 
 class Places:
@@ -165,9 +177,9 @@ def add_options(command: Command, options: Mapping[str, Any], *, after: str | No
         each for each in signature(command, eval_str=True).parameters.values() if each.kind is not Parameter.VAR_KEYWORD
     ]
     added = [Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=kind) for name, kind in options.items()]
-    place = len(own) if after is None else [each.name for each in own].index(after) + 1
-    keywords = [each.replace(kind=Parameter.KEYWORD_ONLY) for each in own[place:]]
-    parameters = [*own[:place], *added, *keywords]
+    index = len(own) if after is None else [each.name for each in own].index(after) + 1
+    keywords = [each.replace(kind=Parameter.KEYWORD_ONLY) for each in own[index:]]
+    parameters = [*own[:index], *added, *keywords]
     command.__signature__ = signature(command).replace(parameters=parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {each.name: each.annotation for each in parameters}
     return command
@@ -188,11 +200,11 @@ def _option(name: str, about: About) -> Any:
     if new != "none":
         text += f" By itself {new}" + (f", the paper's is {paper}." if paper != new else ".")
     if about.metavar is None:
-        return Annotated[bool | None, typer.Option(f"--{flag}/--no-{flag}", help=text)]
+        return Annotated[bool | None, Option(f"--{flag}/--no-{flag}", help=text)]
     if about.repeated:
-        return Annotated[list[str] | None, typer.Option(f"--{flag[:-1]}", metavar=about.metavar, help=text)]
+        return Annotated[list[str] | None, Option(f"--{flag[:-1]}", metavar=about.metavar, help=text)]
     number = about.minimum is not None and "|" not in about.metavar
-    return Annotated[(float if number else str) | None, typer.Option(f"--{flag}", metavar=about.metavar, help=text)]
+    return Annotated[(float if number else str) | None, Option(f"--{flag}", metavar=about.metavar, help=text)]
 
 
 def shown(value: Any) -> str:
@@ -214,10 +226,7 @@ def controls(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def chosen_preset(preset: str | None) -> Preset | None:
-    """The preset of that name, or None where none was named.
-
-    Raises ValueError if there is none of that name.
-    """
+    """The preset of that name, or None where none was named; ValueError if there is none of that name."""
     return None if preset is None else check.choice(None, "--preset", preset, Preset)
 
 

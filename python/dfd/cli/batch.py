@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
+from dfd.cli.arguments import EncoderOption, ThresholdOption
 from dfd.common import check
 from dfd.encoders.known import DEFAULT_ENCODER
 
@@ -22,68 +24,53 @@ LARGE = 1000  # shapes; more of them have folders in folders
 
 def batch(
     inputs: Annotated[
-        list[str], typer.Argument(metavar="MESH…", help="Meshes, 'globs', or one manifest (.csv, .parquet); or URLs.")
+        list[str], Argument(metavar="MESH…", help="Meshes, 'globs', or one manifest (.csv, .parquet); or URLs.")
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where everything goes.")],
+    output: Annotated[Path, Option("--output", "-o", metavar="FOLDER", help="Where everything goes.")],
     step: Annotated[
         list[str],
-        typer.Option(
+        Option(
             metavar="STEPS", help="inspect, distill, features, symmetry, parts, pictures, edits, exports; repeatable."
         ),
     ] = ["inspect", "distill", "pictures"],  # noqa: B006  # Typer copies it
-    encoder: Annotated[
-        str, typer.Option(metavar="NAME", help="A known name, a folder with weights, or a hub name.")
-    ] = DEFAULT_ENCODER,
-    preset: Annotated[
-        str | None, typer.Option(metavar="default|paper", help="How fields are distilled; edits have their own.")
-    ] = None,
+    encoder: EncoderOption = DEFAULT_ENCODER,
+    preset: Annotated[str | None, Option(metavar="default|paper", help="How fields are distilled, not edits.")] = None,
     distill: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="A setting of `dfd distill`, such as views=12; repeatable."),
+        list[str] | None, Option(metavar="NAME=VALUE", help="A setting of `dfd distill`, such as views=12; repeatable.")
     ] = None,
-    edit: Annotated[
-        list[Path] | None, typer.Option(metavar="JSON", help="Carry this edit to every shape; repeatable.")
-    ] = None,
+    edit: Annotated[list[Path] | None, Option(metavar="JSON", help="An edit for every shape; repeatable.")] = None,
     made_on: Annotated[
         list[Path] | None,
-        typer.Option(
+        Option(
             metavar="MESH",
             help="What each --edit was made on, with its field NAME.field.safetensors beside; where left"
             " out, what the edits say.",
         ),
     ] = None,
-    threshold: Annotated[
-        float | None,
-        typer.Option(
-            min=0.0, max=1.0, help="Carry no edit with less confidence; by default 0.25 of a learned metric, else 0.45."
-        ),
-    ] = None,
+    threshold: ThresholdOption = None,
     export: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             metavar="FORMATS",
             help="glb, obj, ply, stl, off; rig.glb, rig.usdc, rig.usdz; weights.npz, weights.safetensors; repeatable.",
         ),
     ] = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="Shapes at a time; by default as many as processors and memory allow.")
+        int | None, Option(min=1, help="Shapes at a time; by default as many as processors and memory allow.")
     ] = None,
-    threads: Annotated[int, typer.Option(min=1, help="Threads of each.")] = 1,
-    gpus: Annotated[
-        float, typer.Option(min=0.0, help="GPUs of each; 0.25 puts four on one, 0 computes without.")
-    ] = 0.0,
+    threads: Annotated[int, Option(min=1, help="Threads of each.")] = 1,
+    gpus: Annotated[float, Option(min=0.0, help="GPUs of each; 0.25 puts four on one, 0 computes without.")] = 0.0,
     memory: Annotated[
-        float | None,
-        typer.Option(metavar="GIB", help="Memory of each; more ends it. By default 2.5, 1.5 to look only."),
+        float | None, Option(metavar="GIB", help="Memory of each; more ends it. By default 2.5, 1.5 to look only.")
     ] = None,
-    timeout: Annotated[float | None, typer.Option(metavar="SECONDS", help="Give up a shape that takes longer.")] = None,
-    rank: Annotated[int, typer.Option(min=0, help="With --world-size: which part of the shapes is mine.")] = 0,
-    world_size: Annotated[int, typer.Option(min=1, help="Into how many parts the shapes are divided.")] = 1,
-    ray: Annotated[bool, typer.Option("--ray", help="Run on Ray, started on this machine.")] = False,
+    timeout: Annotated[float | None, Option(metavar="SECONDS", help="Give up a shape that takes longer.")] = None,
+    rank: Annotated[int, Option(min=0, help="With --world-size: which part of the shapes is mine.")] = 0,
+    world_size: Annotated[int, Option(min=1, help="Into how many parts the shapes are divided.")] = 1,
+    ray: Annotated[bool, Option("--ray", help="Run on Ray, started on this machine.")] = False,
     ray_address: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Run on the Ray cluster there: auto, HOST:PORT, ray://…")
+        str | None, Option(metavar="ADDRESS", help="Run on the Ray cluster there: auto, HOST:PORT, ray://…")
     ] = None,
-    retry: Annotated[bool, typer.Option("--retry", help="Do anew what failed before.")] = False,
+    retry: Annotated[bool, Option("--retry", help="Do anew what failed before.")] = False,
 ) -> None:
     """Work through a folder or a list of shapes, in parallel; the same command goes on where it was stopped.
 
@@ -94,9 +81,7 @@ def batch(
     if made_on and len(edit or ()) != len(made_on):
         raise ValueError("`--edit` and `--made-on` must be given equally often: each edit was made on a mesh")
     if workers is not None and ray_address is not None:
-        raise ValueError(
-            "`--workers` is for this machine: what runs at a time on `--ray-address` is the cluster's matter"
-        )
+        raise ValueError("`--workers` is for this machine: the cluster of `--ray-address` decides by itself")
     if timeout is not None:
         check.number(None, "--timeout", timeout, minimum=0.0, exclusive=True)
     try:

@@ -6,12 +6,15 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 from dfd.cli.arguments import (
     PLACE,
+    EncoderOption,
     FixOption,
     Places,
     PresetOption,
+    ThresholdOption,
     check_camera,
     check_output,
     chosen_preset,
@@ -22,25 +25,24 @@ from dfd.cli.arguments import (
     with_controls,
 )
 from dfd.cli.deform_many import BatchOptions, deform_many, is_many
-from dfd.cli.handles import handles
+from dfd.cli.handles import handles, with_handle_options
 from dfd.encoders.known import DEFAULT_ENCODER
 
 KEPT = ("output", "picture")
 NOTHING_MOVED = 1  # exit code
 
 
+@with_handle_options
 @with_controls("overlap", "blend", "arrive", "mirrored_locality", "bridges")
 def deform(
     context: typer.Context,
     meshes: Annotated[
         list[str],
-        typer.Argument(
-            metavar="MESH…", help="OBJ, PLY, STL, OFF, GLB or glTF file; with --edit also several, or 'chairs/*.glb'."
-        ),
+        Argument(metavar="MESH…", help="OBJ, PLY, STL, OFF, GLB or glTF file; with --edit several, or 'chairs/*.glb'."),
     ],
     field: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             "--field",
             metavar="FIELD",
             help="The shape's field, as `dfd distill` wrote it, or an .npy or .pt with another network's rows of"
@@ -50,112 +52,44 @@ def deform(
     ] = None,
     handle: Annotated[
         str | None,
-        typer.Option(metavar=PLACE, help="What to take hold of; repeatable, each with the options that follow it."),
-    ] = None,
-    translate: Annotated[
-        tuple[float, float, float] | None, typer.Option(metavar="X Y Z", help="Move the handle, in mesh units.")
-    ] = None,
-    rotate: Annotated[
-        tuple[float, float, float] | None,
-        typer.Option(metavar="X Y Z", help="Turn it: the vector is the axis, its length the angle in degrees."),
-    ] = None,
-    scale: Annotated[
-        str | None, typer.Option(metavar="S | X Y Z", help="Scale it: one factor, or three along the axes.")
-    ] = None,
-    pivot: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X Y Z|base|middle|point|plane|hinge",
-            help="What it turns and scales about; by default the base of a limb, and the middle of anything else.",
-        ),
-    ] = None,
-    axes: Annotated[
-        str | None,
-        typer.Option(
-            metavar="normal|limb",
-            help="The third factor is along the surface's normal there, or along the limb, not z.",
-        ),
-    ] = None,
-    bend: Annotated[
-        float | None,
-        typer.Option(metavar="DEGREES", help="Bend what it holds along its own axis: by so much the tip turns."),
-    ] = None,
-    towards: Annotated[
-        str | None,
-        typer.Option(
-            metavar="up|down|left|right|front|back|X Y Z",
-            help="Where --bend takes the tip; by default up, and to the front where the part runs upright.",
-        ),
-    ] = None,
-    twist: Annotated[
-        float | None, typer.Option(metavar="DEGREES", help="Twist what it holds about its own axis.")
-    ] = None,
-    joint: Annotated[
-        str | None,
-        typer.Option(
-            metavar="spread|auto|here|0…1",
-            help="Where along the axis: over its length, where it bends or narrows already, at the handle, or from base"
-            " (0) to tip (1).",
-        ),
-    ] = None,
-    open_: Annotated[
-        float | None,
-        typer.Option("--open", metavar="DEGREES", help="Turn it about its hinge, away from the rest, as a jaw opens."),
+        Option(metavar=PLACE, help="What to take hold of; repeatable, each with the options that follow it."),
     ] = None,
     preset: PresetOption = None,
-    name: Annotated[str | None, typer.Option(metavar="TEXT", help="What the edit calls the handle.")] = None,
+    name: Annotated[str | None, Option(metavar="TEXT", help="What the edit calls the handle.")] = None,
     fix: FixOption = None,
     symmetry: Annotated[
         str | None,
-        typer.Option(
-            metavar="auto|x|x=0.1|NX,NY,NZ,OFFSET", help="Act mirrored on the other side of this plane as well."
-        ),
+        Option(metavar="auto|x|x=0.1|NX,NY,NZ,OFFSET", help="Act mirrored on the other side of this plane as well."),
     ] = None,
     band: Annotated[
         float | None,
-        typer.Option(metavar="WIDTH", help="Half width of the blend at that plane, mesh units; 0 is a hard cut."),
+        Option(metavar="WIDTH", help="Half width of the blend at that plane, mesh units; 0 is a hard cut."),
     ] = None,
     symmetry_candidates: Annotated[
-        str | None, typer.Option(metavar="any|axes", help="Which planes --symmetry auto looks at: axes is the paper's.")
+        str | None, Option(metavar="any|axes", help="Which planes --symmetry auto looks at: axes is the paper's.")
     ] = None,
     symmetry_threshold: Annotated[
         str | None,
-        typer.Option(
-            metavar="ε|relative", help="How unlike the sides of --symmetry auto may be; by the spread unless given."
-        ),
+        Option(metavar="ε|relative", help="How unlike sides of --symmetry auto may be; by the spread unless given."),
     ] = None,
-    edit: Annotated[
-        Path | None, typer.Option(metavar="JSON", help="Start from an edit with any number of handles.")
-    ] = None,
+    edit: Annotated[Path | None, Option(metavar="JSON", help="Start from an edit with any number of handles.")] = None,
     made_on: Annotated[
-        Path | None,
-        typer.Option(metavar="MESH", help="The shape that --edit was made on, if it is none of several shapes."),
+        Path | None, Option(metavar="MESH", help="The shape that --edit was made on, if it is none of several shapes.")
     ] = None,
-    threshold: Annotated[
-        float | None,
-        typer.Option(
-            min=0.0,
-            max=1.0,
-            help="Of several shapes, leave out those with less confidence; 0.25 of a learned metric, else 0.45.",
-        ),
-    ] = None,
-    encoder: Annotated[
-        str, typer.Option(metavar="NAME", help="What makes the fields of shapes that have none.")
-    ] = DEFAULT_ENCODER,
+    threshold: ThresholdOption = None,
+    encoder: EncoderOption = DEFAULT_ENCODER,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="MESH|FOLDER", help="The mesh to write; of several shapes the folder."),
+        Option("--output", "-o", metavar="MESH|FOLDER", help="The mesh to write; of several shapes the folder."),
     ] = None,
-    picture: Annotated[
-        Path | None, typer.Option(metavar="PNG", help="Draw it before and after; several shapes on one sheet.")
-    ] = None,
+    picture: Annotated[Path | None, Option(metavar="PNG", help="Draw before and after; several on one sheet.")] = None,
     azimuth: Annotated[
         float | None,
-        typer.Option(help="The picture's side, degrees from the front (+z) to +x; by default where handles show."),
+        Option(help="The picture's side, degrees from the front (+z) to +x; by default where handles show."),
     ] = None,
-    elevation: Annotated[float, typer.Option(help="From how high up, degrees.")] = 18.0,
-    zoom: Annotated[float, typer.Option(help="Above 1 nearer, at the handles.")] = 1.0,
-    save_edit: Annotated[Path | None, typer.Option(metavar="JSON", help="Keep the edit, for --edit.")] = None,
+    elevation: Annotated[float, Option(help="From how high up, degrees.")] = 18.0,
+    zoom: Annotated[float, Option(help="Above 1 nearer, at the handles.")] = 1.0,
+    save_edit: Annotated[Path | None, Option(metavar="JSON", help="Keep the edit, for --edit.")] = None,
     **described: Any,
 ) -> None:
     """Deform MESH by handles, from options, an edit, or both; or several shapes by one edit, made on another one.

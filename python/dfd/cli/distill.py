@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin
 
 import typer
+from typer import Option
 
 import dfd
-from dfd.cli.arguments import MeshArgument, add_options, check_output, shown
+from dfd.cli.arguments import EncoderOption, MeshArgument, add_options, check_output, shown
 from dfd.common.interrupts import importing
 from dfd.common.progress import Stages
 from dfd.distillation.distill import distilling, find_distilled
@@ -31,27 +32,21 @@ def _option(name: str) -> Any:
     default, paper = (shown(getattr(DistillSettings(preset=preset), name)) for preset in ("default", "paper"))
     by_itself = default if default == paper or name == "preset" else f"{default}; paper: {paper}"
     choices = "|".join(get_args(field.annotation)) if get_origin(field.annotation) is Literal else None
-    return Annotated[kind | None, typer.Option(metavar=choices, help=field.description, show_default=by_itself)]
+    return Annotated[kind | None, Option(metavar=choices, help=field.description, show_default=by_itself)]
 
 
 @lambda command: add_options(command, {name: _option(name) for name in DistillSettings.model_fields})
 def distill(
     mesh: MeshArgument,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FIELD", help="The .safetensors file to write.")],
-    encoder: Annotated[
-        str, typer.Option(metavar="NAME", help="A known name, a folder with weights, or a hub name.")
-    ] = DEFAULT_ENCODER,
-    device: Annotated[
-        str | None, typer.Option(help="Where torch computes: cpu, cuda, …; by default CUDA when there is one.")
-    ] = None,
+    output: Annotated[Path, Option("--output", "-o", metavar="FIELD", help="The .safetensors file to write.")],
+    encoder: EncoderOption = DEFAULT_ENCODER,
+    device: Annotated[str | None, Option(help="Where torch computes: cpu, cuda, …; CUDA if there is one.")] = None,
     features: Annotated[
         Path | None,
-        typer.Option(metavar="NPY|PT", help="Fit these instead: another network's, a row for each vertex or face."),
+        Option(metavar="NPY|PT", help="Fit these instead: another network's, a row for each vertex or face."),
     ] = None,
-    cache: Annotated[
-        bool, typer.Option("--cache/--no-cache", help="Take it from the cache when it was made before.")
-    ] = True,
-    loss_curve: Annotated[Path | None, typer.Option(metavar="PNG", help="Draw the loss of every step.")] = None,
+    cache: Annotated[bool, Option("--cache/--no-cache", help="Take it from the cache when it was made before.")] = True,
+    loss_curve: Annotated[Path | None, Option(metavar="PNG", help="Draw the loss of every step.")] = None,
     **settings_given: Any,
 ) -> None:
     """Distill an image encoder's features into a field around MESH. Needed once per shape.

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
 from dfd.cli.arguments import FieldOption, MeshArgument, PresetOption, check_output, chosen_preset, file_in
 
@@ -13,10 +14,10 @@ from dfd.cli.arguments import FieldOption, MeshArgument, PresetOption, check_out
 def export(
     mesh: MeshArgument,
     field: FieldOption,
-    edit: Annotated[Path, typer.Option(metavar="JSON", help="The edit whose handles become joints.")],
+    edit: Annotated[Path, Option(metavar="JSON", help="The edit whose handles become joints.")],
     output: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             "--output",
             "-o",
             metavar="FILE",
@@ -25,19 +26,18 @@ def export(
     ] = None,
     form: Annotated[
         str | None,
-        typer.Option(
+        Option(
             "--as",
             metavar="FORM",
             help="skin: joints; morph: targets; baked: the moved shape. By default skin, unless MESH has one already.",
         ),
     ] = None,
     influences: Annotated[
-        str | None,
-        typer.Option(metavar="N|all", help="Joints that a vertex follows; 4 in glTF and all in USD if left out."),
+        str | None, Option(metavar="N|all", help="Joints that a vertex follows; 4 in glTF and all in USD if left out.")
     ] = None,
-    poses: Annotated[Path | None, typer.Option(metavar="JSON", help="Key poses, which become an animation.")] = None,
+    poses: Annotated[Path | None, Option(metavar="JSON", help="Key poses, which become an animation.")] = None,
     weights: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the weights as arrays, to an .npz or .safetensors file.")
+        Path | None, Option(metavar="FILE", help="Write the weights as arrays, to an .npz or .safetensors file.")
     ] = None,
     preset: PresetOption = None,
 ) -> None:
@@ -83,10 +83,10 @@ def export(
 
 
 def rig(
-    character: Annotated[Path, typer.Argument(metavar="CHARACTER", help="GLB or glTF file with a skin.")],
+    character: Annotated[Path, Argument(metavar="CHARACTER", help="GLB or glTF file with a skin.")],
     field: FieldOption,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="GLB", help="The file to write.")],
-    influences: Annotated[int, typer.Option(min=1, help="How many joints a vertex follows at most.")] = 4,
+    output: Annotated[Path, Option("--output", "-o", metavar="GLB", help="The file to write.")],
+    influences: Annotated[int, Option(min=1, help="How many joints a vertex follows at most.")] = 4,
 ) -> None:
     """Weigh the vertices of CHARACTER anew by its bones: what looks alike and is near follows."""
     output = file_in(output, character)

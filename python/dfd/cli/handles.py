@@ -3,20 +3,47 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any
 
+from typer import Option
 from typer.core import TyperCommand
 
-from dfd.cli.arguments import controls, is_number
+from dfd.cli.arguments import Command, add_options, controls, is_number
 from dfd.editing.presets import CONTROLS
 
-TRANSFORM = {"translate": "translation", "rotate": "rotation", "scale": "scale", "pivot": "pivot", "axes": "axes"}
-TRANSFORM |= {name: name for name in ("bend", "towards", "twist", "joint")} | {"open_": "open"}
+# The options of a handle: which argument of `Deformer.add` each is, its type, what stands for its value, and its help.
+TRANSFORM: dict[str, tuple[str, Any, str, str]] = {
+    "translate": ("translation", tuple[float, float, float], "X Y Z", "Move the handle, in mesh units."),
+    "rotate": ("rotation", tuple[float, float, float], "X Y Z",
+               "Turn it: the vector is the axis, its length the angle in degrees."),
+    "scale": ("scale", str, "S | X Y Z", "Scale it: one factor, or three along the axes."),
+    "pivot": ("pivot", str, "X Y Z|base|middle|point|plane|hinge",
+              "What it turns and scales about; by default the base of a limb, and the middle of anything else."),
+    "axes": ("axes", str, "normal|limb",
+             "The third factor is along the surface's normal there, or along the limb, not z."),
+    "bend": ("bend", float, "DEGREES", "Bend what it holds along its own axis: by so much the tip turns."),
+    "towards": ("towards", str, "up|down|left|right|front|back|X Y Z",
+                "Where --bend takes the tip; by default up, and to the front where the part runs upright."),
+    "twist": ("twist", float, "DEGREES", "Twist what it holds about its own axis."),
+    "joint": ("joint", str, "spread|auto|here|0…1",
+              "Where along the axis: over its length, where it bends or narrows already, at the handle, or from base "
+              "(0) to tip (1)."),
+    "open_": ("open", float, "DEGREES", "Turn it about its hinge, away from the rest, as a jaw opens."),
+}  # fmt: skip
 OF_A_HANDLE = ("handle", *TRANSFORM, *CONTROLS, "name")
 COUNTS = {"--scale": (1, 3), "--pivot": (3,), "--towards": (3,)}  # of the numbers of options that may also be a word
 FURTHER = "dfd.further_handles"
 # Stand for what a further handle does not have for itself.
 REST = ["MESH", "--field", "FIELD"]
+
+
+def with_handle_options(command: Command) -> Command:
+    """Give a command, behind `handle`, the options with which a handle is moved."""
+    options = {
+        option: Annotated[kind | None, Option(f"--{name if option == 'open_' else option}", metavar=metavar, help=text)]
+        for option, (name, kind, metavar, text) in TRANSFORM.items()
+    }
+    return add_options(command, options, after="handle")
 
 
 class HandlesCommand(TyperCommand):
@@ -69,7 +96,7 @@ def handles(params: Mapping[str, Any], meta: Mapping[str, Any]) -> list[tuple[st
     """
     found = []
     for each in (params, *meta[FURTHER]):
-        given = {name: each[option] for option, name in TRANSFORM.items() if each[option] is not None}
+        given = {name: each[option] for option, (name, *_) in TRANSFORM.items() if each[option] is not None}
         if "scale" in given:
             given["scale"] = _factors(given["scale"])
         for name in given.keys() & {"pivot", "towards"}:

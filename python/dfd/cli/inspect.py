@@ -8,13 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Option
 
-from dfd.cli.arguments import MeshArgument, check_output, shown
+from dfd.cli.arguments import MadeFieldOption, MeshArgument, ResolutionOption, ViewsOption, check_output, shown
+from dfd.common.linear_algebra import Float64
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
@@ -25,26 +24,22 @@ def inspect(
     mesh: MeshArgument,
     field: Annotated[
         Path | None,
-        typer.Option("--field", metavar="FIELD", help="Also look for symmetry planes and suggest handles, with this."),
+        Option("--field", metavar="FIELD", help="Also look for symmetry planes and suggest handles, with this."),
     ] = None,
     against: Annotated[
         Path | None,
-        typer.Option("--against", metavar="MESH", help="Also measure what was done to the surface to make this of it."),
+        Option("--against", metavar="MESH", help="Also measure what was done to the surface to make this of it."),
     ] = None,
-    suggestions: Annotated[
-        int, typer.Option(min=1, max=50, help="With --field: at most so many handles are suggested.")
-    ] = 8,
-    cut: Annotated[
-        bool, typer.Option("--parts", help="With --field: also cut the shape into its parts, as `dfd parts` does.")
-    ] = False,
+    suggestions: Annotated[int, Option(min=1, max=50, help="With --field: at most so many handles are suggested.")] = 8,
+    cut: Annotated[bool, Option("--parts", help="With --field: also the parts, as `dfd parts` cuts them.")] = False,
     picture: Annotated[
         Path | None,
-        typer.Option(metavar="PNG", help="With --field, --against: draw suggested handles, parts, how areas changed."),
+        Option(metavar="PNG", help="With --field, --against: draw suggested handles, parts, how areas changed."),
     ] = None,
     up: Annotated[
-        str, typer.Option(metavar="DIRECTION", help="Which way is up: auto, file, +y, -z, …, or numbers such as 0,0,1.")
+        str, Option(metavar="DIRECTION", help="Which way is up: auto, file, +y, -z, …, or numbers such as 0,0,1.")
     ] = "auto",
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")] = False,
+    as_json: Annotated[bool, Option("--json", help="Print JSON, for programs.")] = False,
 ) -> None:
     """Say what MESH is made of, what is odd about it, which way is up, and how much of it pictures do not show.
 
@@ -124,7 +119,7 @@ def _found_up(shape: Mesh) -> Up:
     return find_up(shape, encoder)
 
 
-def _moved(shape: Mesh, other: Mesh) -> NDArray[np.float64]:
+def _moved(shape: Mesh, other: Mesh) -> Float64:
     """The vertices of `other`, if it is a moved `shape`."""
     import numpy as np
 
@@ -230,9 +225,9 @@ def _unseen(views: int, area: float, components: int, component_count: int) -> s
         return "all of it, for no face has an area"
     if area == 0:
         return f"nothing, in {views} views"
-    share = f"{area:.1%}" if area >= 0.001 else "less than 0.1%"
+    fraction = f"{area:.1%}" if area >= 0.001 else "less than 0.1%"
     wholly = f", {components:,} of {component_count:,} components wholly" if components else ""
-    return f"{share} of the surface{wholly}, in {views} views: it takes the nearest seen features"
+    return f"{fraction} of the surface{wholly}, in {views} views: it takes the nearest seen features"
 
 
 def _shown(value: Any) -> str:
@@ -249,12 +244,10 @@ def _plain(value: Any) -> Any:
 
 def parts(
     mesh: MeshArgument,
-    field: Annotated[
-        Path | None, typer.Option(metavar="FIELD", help="The shape's field; without it, it is found or made.")
-    ] = None,
+    field: MadeFieldOption = None,
     output: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             "--output",
             "-o",
             metavar="FILE",
@@ -262,9 +255,9 @@ def parts(
             " part.",
         ),
     ] = None,
-    picture: Annotated[Path | None, typer.Option(metavar="PNG", help="Draw them, numbered.")] = None,
-    views: Annotated[int, typer.Option(min=1, max=36, help="From how many sides, all around.")] = 2,
-    resolution: Annotated[int, typer.Option(min=16, max=8192, help="Pixels along the side of each picture.")] = 768,
+    picture: Annotated[Path | None, Option(metavar="PNG", help="Draw them, numbered.")] = None,
+    views: ViewsOption = 2,
+    resolution: ResolutionOption = 768,
 ) -> None:
     """Cut MESH into its parts: what looks alike, ends at creases, and would move as one."""
     check_output("--output", output, (".json", ".obj", ".glb", ".gltf"))

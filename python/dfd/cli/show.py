@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 from dfd.cli.arguments import (
     PLACE,
@@ -15,6 +16,8 @@ from dfd.cli.arguments import (
     MeshArgument,
     Places,
     PresetOption,
+    ResolutionOption,
+    ViewsOption,
     check_camera,
     check_output,
     chosen_preset,
@@ -32,31 +35,25 @@ if TYPE_CHECKING:
 def show(
     context: typer.Context,
     mesh: MeshArgument,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="PNG", help="The picture to write.")],
-    field: Annotated[
-        Path | None, typer.Option(metavar="FIELD", help="The shape's field: colours what looks alike alike.")
-    ] = None,
+    output: Annotated[Path, Option("--output", "-o", metavar="PNG", help="The picture to write.")],
+    field: Annotated[Path | None, Option(metavar="FIELD", help="Its field: colors what looks alike alike.")] = None,
     handle: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar=PLACE, help="Show what would follow a handle here, as heat; without --field, mark it; repeatable."
-        ),
+        Option(metavar=PLACE, help="Show what follows a handle here, as heat; without --field, mark it; repeatable."),
     ] = None,
     preset: PresetOption = None,
     fix: FixOption = None,
-    views: Annotated[int, typer.Option(min=1, max=36, help="From how many sides, all around.")] = 1,
+    views: ViewsOption = 1,
     azimuth: Annotated[
         float | None,
-        typer.Option(
-            help="Where the first side is, degrees from the front (+z) to +x; by default where the handle shows."
-        ),
+        Option(help="Where the first side is, degrees from the front (+z) to +x; by default where the handle shows."),
     ] = None,
-    elevation: Annotated[float, typer.Option(help="From how high up, degrees.")] = 15.0,
-    zoom: Annotated[float, typer.Option(help="Above 1 nearer, at the handle.")] = 1.0,
-    axes: Annotated[bool, typer.Option("--axes", help="Draw the directions of the axes.")] = False,
-    numbers: Annotated[bool, typer.Option("--numbers", help="Write the indices of vertices that are seen.")] = False,
-    legend: Annotated[bool, typer.Option("--legend", help="Draw the scale of the heat beside it.")] = False,
-    resolution: Annotated[int, typer.Option(min=16, max=8192, help="Pixels along the side of each picture.")] = 768,
+    elevation: Annotated[float, Option(help="From how high up, degrees.")] = 15.0,
+    zoom: Annotated[float, Option(help="Above 1 nearer, at the handle.")] = 1.0,
+    axes: Annotated[bool, Option("--axes", help="Draw the directions of the axes.")] = False,
+    numbers: Annotated[bool, Option("--numbers", help="Write the indices of vertices that are seen.")] = False,
+    legend: Annotated[bool, Option("--legend", help="Draw the scale of the heat beside it.")] = False,
+    resolution: ResolutionOption = 768,
     **described: Any,
 ) -> None:
     """Draw MESH: by itself, in the colours of its features, or the weights of handles as heat."""
@@ -145,15 +142,11 @@ def _rows(
 
 
 def pick(
-    picture: Annotated[
-        Path, typer.Argument(metavar="PNG", help="A picture that `dfd show` or `dfd deform --picture` drew.")
-    ],
-    x: Annotated[float, typer.Argument(metavar="X", help="Pixels from its left edge.")],
-    y: Annotated[float, typer.Argument(metavar="Y", help="Pixels from its upper edge.")],
-    mesh: Annotated[
-        Path | None, typer.Argument(metavar="[MESH]", help="What it shows, where that has another name by now.")
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")] = False,
+    picture: Annotated[Path, Argument(metavar="PNG", help="A picture that `dfd show` or `dfd deform --picture` drew.")],
+    x: Annotated[float, Argument(metavar="X", help="Pixels from its left edge.")],
+    y: Annotated[float, Argument(metavar="Y", help="Pixels from its upper edge.")],
+    mesh: Annotated[Path | None, Argument(metavar="[MESH]", help="What it shows, where that was renamed.")] = None,
+    as_json: Annotated[bool, Option("--json", help="Print JSON, for programs.")] = False,
 ) -> None:
     """Say which vertex lies under a pixel of a picture, for --handle and --fix."""
     from dfd import load

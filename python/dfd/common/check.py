@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dfd.common import tensors
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Int64
 
 __all__ = ["array", "choice", "field", "number", "vertex_indices", "warn", "whole"]
 
@@ -81,15 +82,12 @@ def number(
     exclusive: bool = False,
 ) -> float:
     """Return `value` as a finite float within [minimum, maximum] (or strictly above the minimum)."""
+    given = tensors.shared(function, name, value)
     try:
-        result = float(tensors.shared(function, name, value))
-    except TypeError:
-        raise ArgumentError(name, f"must be a number, got {_kind(value)}", function) from None
+        result = float(given)
     except OverflowError:
         raise ArgumentError(name, "must be finite, got a whole number too large for a float", function) from None
-    except ArgumentError:
-        raise
-    except ValueError:
+    except (TypeError, ValueError):
         raise ArgumentError(name, f"must be a number, got {_kind(value)}", function) from None
     if not np.isfinite(result):
         raise ArgumentError(name, f"must be finite, got {result}", function)
@@ -126,9 +124,7 @@ def field(function: str, value: Any) -> Any:
     return value
 
 
-def vertex_indices(
-    function: str | None, name: str, value: Any, vertex_count: int, *, unique: bool = False
-) -> NDArray[np.int64]:
+def vertex_indices(function: str | None, name: str, value: Any, vertex_count: int, *, unique: bool = False) -> Int64:
     """Return `value` as int64 vertex indices, each in [0, `vertex_count`).
 
     Raises ValueError if an index is not a whole number, lies out of range or (with `unique`) occurs twice.

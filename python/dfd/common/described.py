@@ -18,28 +18,16 @@ from dfd.common.errors import ArgumentError
 
 @dataclass(frozen=True)
 class About:
-    """What a field means.
+    """What a field means."""
 
-    Attributes
-    ----------
-    text
-        One sentence for people, wherever the field is named.
-    minimum, maximum, exclusive
-        The bounds of a number; with `exclusive` it lies above the minimum.
-    metavar
-        What the command line shows in the place of its value; None for a switch.
-    repeated
-        Whether the command line takes one of them after the other.
-    label, slider
-        What panels call it, and the ends and the step of a slider: of a length, as parts of the shape's size.
-    """
-
-    text: str
+    text: str  # one sentence for people, wherever the field is named
+    # minimum, maximum, exclusive: the bounds of a number; with `exclusive` it lies above the minimum
     minimum: float | None = None
     maximum: float | None = None
     exclusive: bool = False
-    metavar: str | None = None
-    repeated: bool = False
+    metavar: str | None = None  # what the command line shows in the place of its value; None for a switch
+    repeated: bool = False  # whether the command line takes one of them after the other
+    # label, slider: what panels call it; the ends and the step of a slider, of a length as parts of the shape's size
     label: str | None = None
     slider: tuple[float, float, float] | None = None
 

@@ -14,14 +14,8 @@ Result = TypeVar("Result")
 class ArgumentError(ValueError):
     """An argument cannot be taken: "function: `argument` reason".
 
-    Attributes
-    ----------
-    argument
-        Its name, as the caller knows it.
-    reason
-        What it must be and what was found.
-    function
-        The public function that was called, None where nobody knows it yet.
+    `argument` is its name, as the caller knows it; `reason` what it must be and what was found; `function` the public
+    function that was called, None where nobody knows it yet.
     """
 
     def __init__(self, argument: str, reason: str, function: str | None = None) -> None:

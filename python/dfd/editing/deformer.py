@@ -236,7 +236,7 @@ class Deformer:
         name
             For people.
         **given
-            What follows it, as `dfd.editing.presets.CONTROLS` and docs/controls.md say: `reach`, `falloff`, `locality`,
+            What follows it, as `dfd.editing.presets.CONTROLS` says: `reach`, `falloff`, `locality`,
             `radius`, `strength`, `instances`, `level`, `without_instances`, `within` and `within_width`. What is left
             out, or None, is as the preset has it. `within="part"` is the part that the handle is on.
 

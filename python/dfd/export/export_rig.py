@@ -6,19 +6,17 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
+from dfd.editing.deformer import Deformer
 from dfd.export.gltf.export_gltf import export_gltf
 from dfd.export.gltf.skin import MOST_JOINTS, parts_with_deformers
 from dfd.export.key_poses import KeyPose, checked_poses
 from dfd.export.report import RigReport, rig_report
 from dfd.export.rig import Rig, rig_of
-
-if TYPE_CHECKING:
-    from dfd.editing.deformer import Deformer
-    from dfd.mesh.mesh import Mesh
+from dfd.mesh.mesh import Mesh
 
 Form = Literal["skin", "morph", "baked"]
 GLTF = (".glb", ".gltf")
@@ -67,14 +65,10 @@ def export_rig(
         What was written, with the largest and the mean distance from the result of `dfd.pose`. Where nothing is pruned
         and no weights sum to more than 1, a linear blend differs only by the rounding of 32-bit floats.
 
-    Raises
-    ------
-    ValueError
-        If the ending is another or does not go with `form`, the mesh keeps a skin (for "skin") or morph targets (for
-        "morph"), nothing is held, there are more than 65,535 joints, one of them cannot be inverted, or a key pose is
-        of other handles, not after the one before it, or scales along other axes.
-    OSError
-        If a file cannot be written; what was there before stays.
+    Raises ValueError if the ending is another or does not go with `form`, the mesh keeps a skin (for "skin") or morph
+    targets (for "morph"), nothing is held, there are more than 65,535 joints, one of them cannot be inverted, or a key
+    pose is of other handles, not after the one before it, or scales along other axes. Raises OSError if a file cannot
+    be written; what was there before stays.
     """
     target = Path(path)
     ending = target.suffix.lower()

@@ -5,19 +5,17 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from safetensors.numpy import save as save_safetensors
 
 from dfd.common.errors import ArgumentError
 from dfd.common.files import atomic_write
+from dfd.editing.deformer import Deformer
 from dfd.editing.edit import box_center
 from dfd.editing.edit_file import to_document
 from dfd.mesh.file.primitives import UniqueNames
-
-if TYPE_CHECKING:
-    from dfd.editing.deformer import Deformer
 
 ENDINGS = (".npz", ".safetensors")
 FORMAT = "dfd-weights"
@@ -38,12 +36,8 @@ def export_weights(session: Deformer, path: str | os.PathLike[str]) -> None:
         which safetensors has in its metadata: `format`, `version`, `names` (a JSON list of C names), `edit` (its
         document, see `dfd.editing.edit_file`), `field` (its settings) and `mesh` (its `Mesh.content_hash`).
 
-    Raises
-    ------
-    ValueError
-        If the ending is another, or nothing is held.
-    OSError
-        If the file cannot be written; what was there before stays.
+    Raises ValueError if the ending is another, or nothing is held. Raises OSError if the file cannot be written; what
+    was there before stays.
     """
     target = Path(path)
     ending = target.suffix.lower()

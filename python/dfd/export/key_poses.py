@@ -8,46 +8,30 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
-from dfd.editing.edit import Handle
+from dfd.editing.edit import Edit, Handle
 from dfd.posing.transforms import Transform
-
-if TYPE_CHECKING:
-    from dfd.editing.edit import Edit
 
 
 @dataclass(frozen=True)
 class KeyPose:
     """The transforms of a session's handles at a moment.
 
-    Attributes
-    ----------
-    seconds
-        When, at least 0.
-    transforms
-        The transform of each handle, by its id; a handle that is left out rests.
-    name
-        For display; file formats only name whole animations.
-
-    Raises
-    ------
-    ValueError
-        If `seconds` is no number or negative, or `transforms` has another key than an id or another value than a
-        transform.
+    Raises ValueError if `seconds` is no number or negative, or `transforms` has another key than an id or another value
+    than a transform.
     """
 
-    seconds: float
-    transforms: Mapping[int, Transform] = field(default_factory=dict)
-    name: str = ""
+    seconds: float  #: At least 0
+    transforms: Mapping[int, Transform] = field(default_factory=dict)  #: By the ids of handles; one left out rests
+    name: str = ""  #: For display; file formats only name whole animations
 
     def __post_init__(self) -> None:
-        """Check the fields."""
         keep = object.__setattr__
         keep(self, "seconds", check.number("KeyPose", "seconds", self.seconds, minimum=0.0))
         if not isinstance(self.transforms, Mapping):
@@ -132,8 +116,8 @@ def read_key_poses(path: str | os.PathLike[str]) -> tuple[KeyPose, ...]:
         documents = _POSES.validate_json(text)
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
-        place = ".".join(map(str, first["loc"])) or "the document"
-        raise ValueError(f"read_key_poses: `path` {path}: {place}: {_sentence(first)}") from None
+        where = ".".join(map(str, first["loc"])) or "the document"
+        raise ValueError(f"read_key_poses: `path` {path}: {where}: {_sentence(first)}") from None
     return tuple(_key_pose(document) for document in documents)
 
 
@@ -143,8 +127,5 @@ def _sentence(error: Any) -> str:
 
 
 def _key_pose(document: _PoseDocument) -> KeyPose:
-    transforms = {}
-    for each in document.transforms:
-        parts = each.model_dump(exclude={"handle"})
-        transforms[each.handle] = Transform(**parts)
+    transforms = {each.handle: Transform(**each.model_dump(exclude={"handle"})) for each in document.transforms}
     return KeyPose(document.seconds, transforms, document.name)

@@ -5,59 +5,32 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from dfd.export.influences import Influences
+from dfd.export.rig import Rig
 from dfd.export.skinning import Difference
-
-if TYPE_CHECKING:
-    from dfd.export.influences import Influences
-    from dfd.export.rig import Rig
 
 
 @dataclass(frozen=True)
 class RigReport:
-    """What was written, and its deviation from `dfd.pose`.
+    """What was written, and its deviation from `dfd.pose`."""
 
-    Attributes
-    ----------
-    paths
-        The files, the named one first.
-    form
-        "skin", "morph" or "baked".
-    joints, influences
-        How many joints there are, and the most that a vertex follows; 0 where there is no skin.
-    targets
-        How many morph targets there are.
-    pruned
-        The largest part of a vertex's weight that was pruned, in [0, 1].
-    normalized
-        How many vertices had weights that sum to more than 1, or negative ones, which no format can store.
-    largest, mean
-        Distances between the vertices in the file and those of `dfd.pose`, mesh units, at the edit or key pose where
-        the largest is.
-    at
-        Where that is: "the edit", or the name of a key pose.
-    size
-        The diagonal of the box around the resting shape, mesh units.
-    notes
-        Sentences about other differences between the file and the edit.
-    """
-
-    paths: tuple[Path, ...]
-    form: str
-    joints: int
-    influences: int
-    targets: int
-    pruned: float
-    normalized: int
+    paths: tuple[Path, ...]  # the files, the named one first
+    form: str  # "skin", "morph" or "baked"
+    joints: int  # 0 where there is no skin
+    influences: int  # the most joints that a vertex follows
+    targets: int  # how many morph targets there are
+    pruned: float  # the largest part of a vertex's weight that was pruned, in [0, 1]
+    normalized: int  # vertices whose weights sum to more than 1 or were negative, which no format can store
+    # largest, mean: distances between the vertices in the file and those of `dfd.pose`, mesh units, at the edit or key
+    # pose where the largest is
     largest: float
     mean: float
-    at: str
-    size: float
-    notes: tuple[str, ...]
+    at: str  # where that is: "the edit", or the name of a key pose
+    size: float  # the diagonal of the box around the resting shape, mesh units
+    notes: tuple[str, ...]  # sentences about other differences between the file and the edit
 
     def __str__(self) -> str:
-        """Return one sentence, followed by the notes."""
         what = {
             "skin": f"{self.joints} joints, up to {self.influences} for a vertex",
             "morph": f"{self.targets} morph targets" if self.targets != 1 else "1 morph target",
@@ -73,9 +46,7 @@ class RigReport:
     def _difference(self) -> str:
         if self.largest <= 1e-6 * self.size:
             return "as dfd.pose has it"
-        parts = [
-            f"{distance:.2g} ({100 * distance / (self.size or 1.0):.2g} %)" for distance in (self.largest, self.mean)
-        ]
+        parts = [f"{value:.2g} ({100 * value / (self.size or 1.0):.2g} %)" for value in (self.largest, self.mean)]
         where = "" if self.at == "the edit" else f", most at {self.at}"
         return f"maximum deviation from dfd.pose: {parts[0]}, {parts[1]} on average{where}"
 

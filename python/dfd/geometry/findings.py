@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,101 +25,60 @@ class Finding:
     means: str  # a sentence that says which controls it touches, and how
 
 
+# A count of `Topology`, its name in singular and plural, the finding, and its consequence.
+_ODD = (
+    ("unreferenced_vertices", "vertex is", "vertices are", "{} of no face.",
+     "No picture shows them; they take weights by where they are, and move along."),
+    ("boundary_edges", "edge has", "edges have", "The surface is open: {} one face only.",
+     "Weights and poses do not mind; locality goes around holes, and there is no volume to keep."),
+    ("non_manifold_edges", "edge has", "edges have", "{} more than two faces.",
+     "Weights, poses, locality and symmetry do not mind; other programs may refuse the mesh."),
+    ("degenerate_faces", "face has", "faces have", "{} no area.",
+     "Nothing is seen or measured on them; their corners move with all others."),
+    ("duplicate_faces", "face repeats", "faces repeat", "{} an earlier one.",
+     "They are kept and change no weight; areas count them twice."),
+)  # fmt: skip
+
+
 def findings(mesh: Mesh, topology: Topology | None = None) -> list[Finding]:
     """List the unusual properties of `mesh`, of known or counted `topology`, and what they mean for each control."""
     counts = topology or inspect(mesh)
-    return [*_components(mesh, counts), *_surface(counts), *_shape(mesh)]
+    return [Finding(what, means) for what, means in (*_components(mesh, counts), *_surface(counts), *_shape(mesh))]
 
 
-def _components(mesh: Mesh, counts: Topology) -> list[Finding]:
-    found = []
-    used = np.zeros(len(mesh.vertices), bool)
-    used[mesh.faces] = True
-    if counts.components > 1:
-        labels = connected_components(surface_graph(mesh), directed=False)[1]
-        separate = len(np.unique(labels[used]))
-        what = f"The surface has {counts.components:,} components that no edge connects."
-        if separate == 1:
-            means = "All touch or nearly touch another, so locality and instances reach across the gaps."
-        else:
-            means = (
-                f"Gaps leave {separate:,} groups apart: with locality a handle does not reach another group, "
-                "unless separate groups are given a distance; without it alike parts follow in every group."
-            )
-        found.append(Finding(what, means))
-    return found
+def _components(mesh: Mesh, counts: Topology) -> Iterator[tuple[str, str]]:
+    if counts.components <= 1:
+        return
+    separate = len(np.unique(connected_components(surface_graph(mesh), directed=False)[1][mesh.faces]))
+    means = "All touch or nearly touch another, so locality and instances reach across the gaps."
+    if separate > 1:
+        means = (
+            f"Gaps leave {separate:,} groups apart: with locality a handle does not reach another group, unless "
+            "separate groups are given a distance; without it alike parts follow in every group."
+        )
+    yield f"The surface has {counts.components:,} components that no edge connects.", means
 
 
-# A count of `Topology`, its name in singular and plural, the finding, and its consequence.
-_ODD = (
-    (
-        "unreferenced_vertices",
-        ("vertex is", "vertices are"),
-        "{} of no face.",
-        "No picture shows them; they take weights by where they are, and move along.",
-    ),
-    (
-        "boundary_edges",
-        ("edge has", "edges have"),
-        "The surface is open: {} one face only.",
-        "Weights and poses do not mind; locality goes around holes, and there is no volume to keep.",
-    ),
-    (
-        "non_manifold_edges",
-        ("edge has", "edges have"),
-        "{} more than two faces.",
-        "Weights, poses, locality and symmetry do not mind; other programs may refuse the mesh.",
-    ),
-    (
-        "degenerate_faces",
-        ("face has", "faces have"),
-        "{} no area.",
-        "Nothing is seen or measured on them; their corners move with all others.",
-    ),
-    (
-        "duplicate_faces",
-        ("face repeats", "faces repeat"),
-        "{} an earlier one.",
-        "They are kept and change no weight; areas count them twice.",
-    ),
-)
-
-
-def _surface(counts: Topology) -> list[Finding]:
-    found = []
-    for name, (one, many), what, means in _ODD:
+def _surface(counts: Topology) -> Iterator[tuple[str, str]]:
+    for name, one, many, what, means in _ODD:
         if number := getattr(counts, name):
-            found.append(Finding(what.format(f"{number:,} {one if number == 1 else many}"), means))
-    return found
+            yield what.format(f"{number:,} {one if number == 1 else many}"), means
 
 
-def _shape(mesh: Mesh) -> list[Finding]:
-    found = []
+def _shape(mesh: Mesh) -> Iterator[tuple[str, str]]:
     longest = float(np.max(mesh.extents))
     if longest == 0:
-        return [Finding("All vertices are one point.", "There is nothing to see: no field can be distilled.")]
+        yield "All vertices are one point.", "There is nothing to see: no field can be distilled."
+        return
     if float(np.min(mesh.extents)) < _FLAT * longest:
-        found.append(
-            Finding(
-                "The shape is flat.",
-                "Its own plane is not offered for symmetry, and views along it show next to nothing.",
-            )
-        )
+        means = "Its own plane is not offered for symmetry, and views along it show next to nothing."
+        yield "The shape is flat.", means
     if float(np.abs(mesh.bounds).max()) > _FAR * longest:
-        found.append(
-            Finding(
-                "The shape lies far from the origin for its size.",
-                "Computing is done around its middle, but files that hold float32 keep its details only roughly.",
-            )
-        )
+        means = "Computing is done around its middle, but files that hold float32 keep its details only roughly."
+        yield "The shape lies far from the origin for its size.", means
     corners = mesh.vertices[mesh.faces] / longest
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    typical = float(np.median(edges)) * longest / (np.linalg.norm(mesh.extents / longest) * longest)
+    typical = float(np.median(edges)) / np.linalg.norm(mesh.extents / longest)
     if typical > _COARSE:
-        found.append(
-            Finding(
-                f"Faces are large: a typical edge is {typical:.0%} of the diagonal of the box.",
-                "Weights are exact at the vertices, but what bends between them stays flat: subdivide before editing.",
-            )
-        )
-    return found
+        means = "Weights are exact at the vertices, but what bends between them stays flat: subdivide before editing."
+        yield f"Faces are large: a typical edge is {typical:.0%} of the diagonal of the box.", means

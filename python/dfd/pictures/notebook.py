@@ -4,29 +4,24 @@ from __future__ import annotations
 
 import io
 import os
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from dfd.common.linear_algebra import UInt8
 from dfd.editing.deformer import Deformer
-from dfd.mesh.mesh import as_mesh
+from dfd.mesh.mesh import MeshLike, as_mesh
 from dfd.pictures.picture import picture, save_png
-from dfd.pictures.viewpoint import azimuth_towards
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import MeshLike
+from dfd.pictures.sheet import session_views
 
 
 class Shown:
     """A picture, (R, R, 3) uint8 in `pixels`, that a notebook shows where it is a cell's result."""
 
-    def __init__(self, pixels: NDArray[np.uint8]) -> None:
+    def __init__(self, pixels: UInt8) -> None:
         self.pixels = pixels
 
     def __repr__(self) -> str:
-        """Say how large it is."""
         return f"Shown({self.pixels.shape[1]} x {self.pixels.shape[0]} pixels)"
 
     def _repr_png_(self) -> bytes:
@@ -43,28 +38,11 @@ class Shown:
 
 
 def show(shape: MeshLike | Deformer, **options: Any) -> Shown:
-    """Draw a mesh, or the posed shape of a session with a dot where each handle landed.
+    """Draw a mesh, whatever `dfd.load` makes one of, or a session's posed shape with a dot where each handle landed.
 
-    Parameters
-    ----------
-    shape
-        A mesh, whatever `dfd.load` makes one of, or a `Deformer`.
-    options
-        As `dfd.pictures.picture.picture` takes them; a session is seen from where its handles show.
-
-    Raises
-    ------
-    ValueError
-        As `picture` does.
+    `options` are as `dfd.pictures.picture.picture` takes them; a session is seen from where its handles show. Raises
+    ValueError as `picture` does.
     """
     if not isinstance(shape, Deformer):
         return Shown(picture(as_mesh(shape), **options))
-    held = np.array([handle.place.position for handle in shape.handles]).reshape(-1, 3)
-    given: dict[str, Any] = {
-        "vertices": shape.vertices,
-        "handles": np.array([handle.landed for handle in shape.report().handles]).reshape(-1, 3),
-        "fixed": np.array([fixed.position for fixed in shape.fixed]).reshape(-1, 3),
-        "azimuth": azimuth_towards(shape.mesh, held),
-        "frame": [shape.mesh.vertices],
-    }
-    return Shown(picture(shape.mesh, **{**given, **options}))
+    return Shown(picture(shape.mesh, **{**session_views(shape)["after"], **options}))

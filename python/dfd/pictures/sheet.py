@@ -38,27 +38,12 @@ def save_sheet(
 ) -> None:
     """Draw every row from `views` sides; one picture alone fills the file, several stand on a sheet with titles.
 
-    Parameters
-    ----------
-    rows
-        Each a title and what `picture` draws for it, by the names of its arguments.
-    azimuth
-        Of the first side, degrees; by default from where the row's handles show.
-    elevation, zoom, resolution, options
-        As in `picture`; what is nearer than 1 aims at the row's handles.
-    legend
-        Whether the scale of the heat stands beside the pictures.
-    file
-        That of the mesh, for `dfd.pictures.pick`.
-    advance
-        Called after each picture.
+    `rows` are titles, each with what `picture` draws for it by the names of its arguments. `azimuth` is that of the
+    first side, degrees, by default from where the row's handles show; `elevation`, `zoom`, `resolution` and `options`
+    are as in `picture`, and what is nearer than 1 aims at the row's handles. `legend` puts the scale of the heat beside
+    the pictures; `file` is that of the mesh, for `dfd.pictures.pick`; `advance` is called after each picture.
 
-    Raises
-    ------
-    ValueError
-        As `picture` does.
-    OSError
-        If `path` cannot be written.
+    Raises ValueError as `picture` does. Raises OSError if `path` cannot be written.
     """
     sheet = []
     for title, shown in rows:
@@ -82,23 +67,23 @@ def save_before_after(
 ) -> None:
     """Draw the resting shape with its handles, what follows them, and the deformed shape, all with one camera.
 
-    Dots sit on the vertices by which handles are judged; after the move, where those have landed.
+    `azimuth`, `elevation` and `zoom` are as in `picture`, by default from where the handles show; what is above 1 aims
+    at them. `files` are those of the mesh and of the moved one, for `dfd.pictures.pick`.
 
-    Parameters
-    ----------
-    azimuth
-        As in `picture`; by default from where the handles show.
-    elevation, zoom
-        As in `picture`; what is above 1 aims at the handles.
-    files
-        Those of the mesh and of the moved one, for `dfd.pictures.pick`.
+    Raises ValueError as `picture` does. Raises OSError if `path` cannot be written.
+    """
+    drawn = session_views(deformer, azimuth)
+    held, landed = drawn["before"]["handles"], drawn["after"]["handles"]
+    target = (held.mean(axis=0) + landed.mean(axis=0)) / 2 if zoom != 1 and len(held) else None
+    views = [({**each, "elevation": elevation, "zoom": zoom, "target": target}, name) for name, each in drawn.items()]
+    _save(path, deformer.mesh, [("", views)], BEFORE_AFTER_RESOLUTION, legend=True, files=files)
 
-    Raises
-    ------
-    ValueError
-        As `picture` does.
-    OSError
-        If `path` cannot be written.
+
+def session_views(deformer: Deformer, azimuth: float | None = None) -> dict[str, dict[str, Any]]:
+    """What `picture` draws of a session "before" its edit, as "weights" and "after" it, all with one camera.
+
+    Dots sit on the vertices by which handles are judged; after the move, where those have landed. The camera is where
+    the handles show, unless an `azimuth` is given.
     """
     mesh, moved = deformer.mesh, deformer.vertices
     handles = np.array([handle.place.position for handle in deformer.handles]).reshape(-1, 3)
@@ -106,18 +91,15 @@ def save_before_after(
     shared: dict[str, Any] = {
         "fixed": np.array([place.position for place in deformer.fixed]).reshape(-1, 3),
         "azimuth": azimuth_towards(mesh, handles) if azimuth is None else azimuth,
-        "elevation": elevation,
-        "zoom": zoom,
-        "target": (handles.mean(axis=0) + landed.mean(axis=0)) / 2 if zoom != 1 and len(handles) else None,
         "frame": [mesh.vertices, moved],
     }
-    heat = deformer.following.max(axis=1, initial=0.0)
-    views = [
-        ({**shared, "handles": handles}, "before"),
-        ({**shared, "handles": handles, "weights": heat}, "weights"),
-        ({**shared, "handles": landed, "vertices": moved}, "after"),
-    ]
-    _save(path, mesh, [("", views)], BEFORE_AFTER_RESOLUTION, legend=True, files=files)
+    before = {**shared, "handles": handles}
+    weights = deformer.following.max(axis=1, initial=0.0)
+    return {
+        "before": before,
+        "weights": {**before, "weights": weights},
+        "after": {**shared, "handles": landed, "vertices": moved},
+    }
 
 
 def parts_view(mesh: Mesh, found: Sequence[Part]) -> dict[str, Any]:

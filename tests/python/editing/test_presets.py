@@ -128,7 +128,7 @@ def test_blender_s_handles_start_with_them(monkeypatch):
 
 
 def test_the_documentation_has_the_same_table():
-    text = (ROOT / "docs" / "presets.md").read_text()
+    text = (ROOT / "docs" / "reference" / "presets.md").read_text()
     rows = re.findall(r"^\| `(\w+)` \| (\S+) \| (\S+) \|", text, re.MULTILINE)
     assert [tuple(map(str, row)) for row in rows] == [
         (name, str(getattr(PRESETS["default"], name)), str(getattr(PRESETS["paper"], name)))
@@ -137,7 +137,7 @@ def test_the_documentation_has_the_same_table():
 
 
 def test_the_controls_are_those_of_every_door():
-    text = (ROOT / "docs" / "controls.md").read_text()
+    text = (ROOT / "docs" / "reference" / "controls.md").read_text()
     rows = dict(re.findall(r"^\| `(\w+)` \| (.*) \|$", text, re.MULTILINE))
     assert rows == {name: about.text for name, about in {**CONTROLS, **WHOLE_SHAPE}.items()}
     names = [each.name for each in fields(Controls)]

@@ -1,0 +1,201 @@
+"""The code on the pages is run by the build, and the pictures beside it are what came of it.
+
+In a page, every fence of `python` is run, one after the other in one namespace, and in every fence of `sh` the commands
+that begin with `dfd`; where a command writes a mesh that the Python on the page wrote too, both must be the same. After
+a fence, these lines stand for what the build puts there:
+
+    <!-- output -->        what the fence printed
+    <!-- draw NAME -->     pictures of a variable: a session before, with its weights, and after; or a dict, which has
+                           a caption for each session, picture, or pair of a mesh and what `picture` draws of it
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import shlex
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from sphinx.application import Sphinx
+from sphinx.util import logging
+from typer.testing import CliRunner
+
+import dfd
+from dfd.cli import app as command_line
+from dfd.pictures.picture import picture
+from dfd.pictures.sheet import CAMERA
+from dfd.pictures.viewpoint import azimuth_towards, viewpoint
+from dfd.views.raycast import Scene
+
+BUILD = Path(__file__).resolve().parents[2] / "build" / "docs"
+FILES, PICTURES = BUILD / "files", BUILD / "pictures"
+STEP = re.compile(r"^```(python|sh)\n(.*?)^```$|^<!-- (output|draw)(?: (\w+))? -->$", re.MULTILINE | re.DOTALL)
+RESOLUTION = 360
+TOLERANCE = 1e-4  # of the diagonal: a file has 32-bit floats
+MARGIN = 6  # pixels around what a strip shows
+SHAPES = "how_to/index"  # the page that makes the shapes of all others
+
+Cell = tuple[str, list[NDArray[np.uint8]]]  # a caption, and pictures one below the other
+log = logging.getLogger(__name__)
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Run a page's code when the page is read."""
+    app.connect("builder-inited", _make_shapes)
+    app.connect("source-read", _run_page)
+    return {"parallel_read_safe": False, "parallel_write_safe": True}
+
+
+def _make_shapes(app: Sphinx) -> None:
+    FILES.mkdir(parents=True, exist_ok=True)
+    PICTURES.mkdir(exist_ok=True)
+    if app.builder.name != "linkcheck":
+        _Page(SHAPES).run((Path(app.srcdir) / f"{SHAPES}.md").read_text(encoding="utf-8"))
+
+
+def _run_page(app: Sphinx, name: str, source: list[str]) -> None:
+    if app.builder.name == "linkcheck" or not STEP.search(source[0]):
+        return
+    start = time.perf_counter()
+    source[0] = _Page(name).run(source[0])
+    log.info(" [%.1f s]", time.perf_counter() - start, nonl=True)
+
+
+class _Page:
+    """The code of one page, as it is run."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self.space = name, {"__name__": name}
+        self.printed, self.drawn = "", 0
+        self.began = time.time() - 1
+
+    def run(self, text: str) -> str:
+        """Run all fences of the page, and put in what stands for what came of them."""
+        with contextlib.chdir(FILES):
+            return STEP.sub(self._step, text)
+
+    def _step(self, step: re.Match[str]) -> str:
+        language, code, mark, of = step.groups()
+        try:
+            if language == "python":
+                with contextlib.redirect_stdout(io.StringIO()) as printed, contextlib.redirect_stderr(io.StringIO()):
+                    exec(compile(code, self.name, "exec"), self.space)
+                self.printed = printed.getvalue()
+            elif language == "sh":
+                self.printed = "".join(map(self._command, code.replace("\\\n", "").splitlines()))
+            elif mark == "output":
+                return f"```{{code-block}} text\n:class: output\n\n{self.printed.rstrip()}\n```"
+            else:
+                return self._draw(self.space[of])
+        except Exception as error:
+            log.warning("%r in\n%s", error, step[0], location=self.name)
+        return step[0]
+
+    def _command(self, line: str) -> str:
+        """Run one command, and return what it told."""
+        words = shlex.split(line, comments=True)
+        if not words or words[0] != "dfd":
+            return ""
+        files = [file for file in FILES.glob("*.[go][lb][bj]") if file.stat().st_mtime > self.began]
+        before = {file: (file.stat().st_mtime_ns, dfd.load(file).vertices) for file in files}
+        result = CliRunner().invoke(command_line, words[1:])
+        if result.exit_code:
+            raise RuntimeError(f"exit code {result.exit_code}: {result.output} {result.exception!r}")
+        for file, (written, vertices) in before.items():
+            if file.stat().st_mtime_ns != written:
+                now = dfd.load(file)
+                if np.abs(now.vertices - vertices).max() > TOLERANCE * now.diagonal:
+                    raise RuntimeError(f"{file.name} is another than by Python")
+        return "".join(f"{told}\n" for told in result.output.splitlines() if "━" not in told)
+
+    # --- pictures
+
+    def _draw(self, value: Any) -> str:
+        cells = _before_after(value) if isinstance(value, dfd.Deformer) else _strip(value)
+        inked = np.any([image[..., 3] > 0 for _, images in cells for image in images], axis=0)
+        sides = (np.flatnonzero(inked.any(axis=axis)) for axis in (1, 0))
+        crop = tuple(slice(max(each[0] - MARGIN, 0), each[-1] + MARGIN) for each in sides)
+        count = len(cells)
+        lines = [f"::::{{grid}} 2 {min(3, count)} {count} {count}", ":gutter: 1", ":class-container: strip"]
+        for caption, images in cells:
+            self.drawn += 1
+            path = PICTURES / f"{self.name.replace('/', '-')}-{self.drawn}.png"
+            Image.fromarray(np.concatenate([image[crop] for image in images])).save(path, optimize=True)
+            at = os.path.relpath(path, Path(__file__).parents[1] / Path(self.name).parent)
+            lines += [":::{grid-item}", f"![{caption}]({at})", "", caption, ":::"]
+        return "\n".join([*lines, "::::"])
+
+
+def _before_after(session: dfd.Deformer) -> list[Cell]:
+    """A session at rest, what follows its handles, and what came of it."""
+    where = _camera([session])
+    return [
+        ("before", [_rest(session, where)]),
+        ("what follows", [_rest(session, where, weights=_following(session))]),
+        ("after", [_moved(session, where)]),
+    ]
+
+
+def _strip(cells: dict[str, Any]) -> list[Cell]:
+    """A picture for each caption; of sessions, what follows their handles and what came of it."""
+    sessions = [value for value in cells.values() if isinstance(value, dfd.Deformer)]
+    where = _camera(sessions) if sessions else {}
+    drawn: list[Cell] = []
+    for caption, value in cells.items():
+        if isinstance(value, dfd.Deformer):
+            drawn.append((caption, [_rest(value, where, weights=_following(value)), _moved(value, where)]))
+        elif isinstance(value, np.ndarray):
+            drawn.append((caption, [np.dstack([value, np.full(value.shape[:2], 255, np.uint8)])]))
+        else:
+            mesh, options = value
+            drawn.append((caption, [_transparent(mesh, **options)]))
+    return drawn
+
+
+def _camera(sessions: list[dfd.Deformer]) -> dict[str, Any]:
+    """One camera for all of them, from where the handles show."""
+    mesh = sessions[0].mesh
+    places = np.array([handle.place.position for each in sessions for handle in each.handles]).reshape(-1, 3)
+    # Never from behind: people know a shape by its front.
+    azimuth = float(np.clip((azimuth_towards(mesh, places) + 180) % 360 - 180, -45, 45))
+    return {"azimuth": azimuth, "frame": [mesh.vertices, *(each.vertices for each in sessions)]}
+
+
+def _following(session: dfd.Deformer) -> NDArray[np.floating]:
+    return session.following.max(axis=1, initial=0.0)
+
+
+def _rest(session: dfd.Deformer, where: dict[str, Any], **options: Any) -> NDArray[np.uint8]:
+    places = np.array([handle.place.position for handle in session.handles]).reshape(-1, 3)
+    fixed = np.array([one.position for one in session.fixed]).reshape(-1, 3)
+    return _transparent(session.mesh, handles=places, fixed=fixed, **where, **options)
+
+
+def _moved(session: dfd.Deformer, where: dict[str, Any]) -> NDArray[np.uint8]:
+    landed = np.array([handle.landed for handle in session.report().handles]).reshape(-1, 3)
+    return _transparent(session.mesh, vertices=session.vertices, handles=landed, **where)
+
+
+def _transparent(mesh: dfd.Mesh, **options: Any) -> NDArray[np.uint8]:
+    """What `picture` draws, (R, R, 4), without its white, so that it stands on a dark page as well.
+
+    Opaque is what the shape covers; marks beyond it are as opaque as they are not white.
+    """
+    options = {"resolution": RESOLUTION, **options}
+    image = picture(mesh, **options) / np.float32(255)
+    camera = viewpoint(mesh, **{name: options[name] for name in CAMERA if name in options})
+    side = options["resolution"]
+    scene = Scene(np.asarray(options.get("vertices", mesh.vertices), np.float32), mesh.faces)
+    covered = np.zeros(side * 2 * side * 2, np.float32)
+    covered[scene.cast(camera.position, camera.ray_directions(2 * side)).ray] = 1
+    shape = covered.reshape(side, 2, side, 2).mean(axis=(1, 3))[..., None]
+    alpha = np.maximum(shape, 1 - image.min(axis=2, keepdims=True))
+    color = (image - (1 - alpha)) / np.maximum(alpha, 1e-3)
+    return (np.dstack([color, alpha]).clip(0, 1) * 255 + 0.5).astype(np.uint8)

@@ -1,0 +1,118 @@
+"""Reference pages of what describes itself: `<!-- generated NAME -->` on a page becomes what a function here writes."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+from collections.abc import Iterable
+from typing import Any
+
+import typer
+from sphinx.application import Sphinx
+from typer.cli import get_docs_for_click
+
+import dfd
+from dfd.app.schema import schema as messages_schema
+from dfd.cli import app as commands
+
+MARK = re.compile(r"^<!-- generated (\w+) -->$", re.MULTILINE)
+Schema = dict[str, Any]
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Write what is generated when its page is read."""
+    app.connect("source-read", _put_in)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _put_in(app: Sphinx, name: str, source: list[str]) -> None:
+    source[0] = MARK.sub(lambda mark: globals()[mark[1]](), source[0])
+
+
+def command_line() -> str:
+    """Every command with its options, as `--help` has them."""
+    group = typer.main.get_command(commands)
+    text = get_docs_for_click(obj=group, ctx=typer.Context(group), name="dfd")
+    text = html.unescape(text[text.index("## `dfd ") :])
+    return re.sub(r"^\*\*(\w+)\*\*:$", r"\1:", text, flags=re.MULTILINE)
+
+
+def edit_file() -> str:
+    """The edit file, its own fields first."""
+    schema = dfd.edit_schema()
+    return _object("Edit", schema) + "".join(_object(*each) for each in schema.get("$defs", {}).items())
+
+
+def client_messages() -> str:
+    """What the page asks."""
+    return _messages("Client")
+
+
+def server_messages() -> str:
+    """What the server answers."""
+    return _messages("Server")
+
+
+def message_parts() -> str:
+    """What messages are made of."""
+    definitions = messages_schema()["$defs"]
+    outer = {"Client", "Server", *_alternatives(definitions, "Client"), *_alternatives(definitions, "Server")}
+    return "".join(_object(name, each, "###") for name, each in definitions.items() if name not in outer)
+
+
+def _messages(side: str) -> str:
+    definitions = messages_schema()["$defs"]
+    return "".join(_object(name, definitions[name], "###") for name in _alternatives(definitions, side))
+
+
+def _alternatives(definitions: Schema, side: str) -> list[str]:
+    message = json.dumps(definitions[side]["properties"]["message"])
+    return list(dict.fromkeys(re.findall(r'"\$ref": "#/\$defs/(\w+)"', message)))
+
+
+def _object(name: str, schema: Schema, level: str = "##") -> str:
+    """One definition: a heading, its sentence, and a table of its fields."""
+    text = f"\n{level} {name}\n\n{_sentence(schema)}\n"
+    if fields := schema.get("properties"):
+        text += "\n| field | type | default | what it is |\n|---|---|---|---|\n"
+        required = schema.get("required", ())
+        for field, about in fields.items():
+            default = f"`{json.dumps(about['default'], ensure_ascii=False)}`" if "default" in about else ""
+            default = "required" if field in required else default if len(default) < 40 else "see its type"
+            text += f"| `{field}` | {_type(about)} | {default} | {_sentence(about)} |\n"
+    elif "enum" in schema:
+        text += f"\n{_type(schema)}\n"
+    return text
+
+
+def _sentence(schema: Schema) -> str:
+    first = schema.get("description", "").partition("\n\n")[0]
+    return re.sub(r"\s+", " ", first).replace("|", "\\|")
+
+
+def _type(schema: Schema) -> str:
+    """A type in words."""
+    if "$ref" in schema:
+        name = schema["$ref"].rpartition("/")[2]
+        return f"[{name}](#{name.lower()})"
+    if "const" in schema:
+        return f"`{json.dumps(schema['const'])}`"
+    if "enum" in schema:
+        return _either(f"`{json.dumps(each)}`" for each in schema["enum"])
+    if alternatives := schema.get("anyOf") or schema.get("oneOf"):
+        return _either(map(_type, alternatives))
+    if schema.get("type") == "array":
+        if "prefixItems" in schema:
+            return f"[{', '.join(map(_type, schema['prefixItems']))}]"
+        return f"list of {_type(schema.get('items', {}))}"
+    bounds = [
+        f"{sign} {schema[key]:g}"
+        for key, sign in (("minimum", "≥"), ("exclusiveMinimum", ">"), ("maximum", "≤"), ("exclusiveMaximum", "<"))
+        if key in schema and abs(schema[key]) < 1e15
+    ]
+    return " ".join([schema.get("type", "anything"), *bounds])
+
+
+def _either(types: Iterable[str]) -> str:
+    return ", ".join(dict.fromkeys(types))
