@@ -43,9 +43,9 @@ def distill_pictures(
     up = resolve_up(mesh, encoder, settings.up, stages=stages)
     if smoothing == 0 and up.shared is not None:  # pixels have no common points to stand side by side at
         up = replace(up, shared=None, shares=None, source="found")
-    views = [
-        render(mesh, **settings.of_pictures(), frame=frame, stages=stages) for frame in up.frames
-    ]  # P = B·T, Eq. 2
+    pictures = settings.of_pictures()
+    pictures["views"] = max(settings.views // len(up.frames), 1)  # two ups take no longer than one
+    views = [render(mesh, **pictures, frame=frame, stages=stages) for frame in up.frames]  # P = B·T, Eq. 2
     images, covered = (np.concatenate([getattr(each, name) for each in views]) for name in ("images", "covered"))
     encode = partial(encoder.encode, images, covered=covered, store=store, stages=stages)
     targets: PixelTargets | PointTargets
