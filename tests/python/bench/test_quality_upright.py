@@ -126,7 +126,7 @@ def unsure(along):
 
 
 def test_the_least_priors_keep_whatever_stands():
-    """+y must come first in one's own shapes; in others it may share the pictures."""
+    """+y must come first in one's own shapes; in others it may be one of two."""
     doubtful = np.array([1.0, 0, 0, 0, 0, 0])
     up, down = least_priors({"one": doubtful}, {"one"})
     assert decided(unsure(doubtful), TRUE, (up, down)) == (TRUE // 2, TRUE)
