@@ -7,7 +7,7 @@ import binascii
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 from pydantic import Field
@@ -37,6 +37,7 @@ from dfd.app.protocol.parts import (
     RegionPlace,
     Text,
     Transform,
+    Vector,
     VertexPlace,
 )
 from dfd.app.protocol.requests import Request, call, request
