@@ -8,6 +8,7 @@ import inspect
 import signal
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from dfd.distillation import algorithm
 from dfd.encoders.encode import Encoder
 from dfd.samples import Sample
 from dfd.upright.candidates import Up, axis_frames
-from dfd.views.render import render
+from dfd.views.render import Views, render
 
 # A small but real setting: enough for parts to be told apart, quick enough for every run of the tests.
 SMALL = {"views": 12, "resolution": 280, "steps": 150, "batch": 1024, "progress": False, "cache": False}
@@ -168,10 +169,13 @@ def test_two_likely_ups_have_half_of_the_pictures_each(
     up = Up(frames[0], 0.6, "averaged", frames, np.array([0.6, 0.4]))
     monkeypatch.setattr(algorithm, "resolve_up", lambda *_, **__: up)
     seen = []
-    monkeypatch.setattr(
-        algorithm, "render", lambda *given, **more: (seen.append(more["views"]), render(*given, **more))[1]
-    )
-    some = {"views": 8, "resolution": 64, "steps": 2, "smoothing": smoothing, "progress": False, "cache": False}
+
+    def recorded(mesh: dfd.Mesh, *, views: int, **more: Any) -> Views:
+        seen.append(views)
+        return render(mesh, views=views, **more)
+
+    monkeypatch.setattr(algorithm, "render", recorded)
+    some: dict[str, Any] = {"views": 8, "resolution": 64, "steps": 2, "smoothing": smoothing, "progress": False, "cache": False}
     field = dfd.distill(chair_mesh, encoder, **some)
     assert seen == taken
     assert field.settings["up_source"] == source
