@@ -175,8 +175,8 @@ def test_two_likely_ups_have_half_of_the_pictures_each(
         return render(mesh, views=views, **more)
 
     monkeypatch.setattr(algorithm, "render", recorded)
-    some: dict[str, Any] = {"views": 8, "resolution": 64, "steps": 2, "smoothing": smoothing, "progress": False, "cache": False}
-    field = dfd.distill(chair_mesh, encoder, **some)
+    some: dict[str, Any] = {"views": 8, "resolution": 64, "steps": 2, "smoothing": smoothing}
+    field = dfd.distill(chair_mesh, encoder, progress=False, cache=False, **some)
     assert seen == taken
     assert field.settings["up_source"] == source
     assert field.settings.get("up_shares") == ([0.6, 0.4] if source == "averaged" else None)
