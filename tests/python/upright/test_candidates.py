@@ -189,14 +189,14 @@ def test_a_table_is_found_whichever_way_it_lies(encoder, up):
 
 
 def test_the_prior_decides_where_nothing_else_does(encoder):
-    silent = probe_of(encoder, odds=np.zeros((3, len(TERMS))), file_up=4.0, file_down=2.0, file_z=1.0)
+    silent = probe_of(encoder, odds=np.zeros((3, len(TERMS))), file_up=5.0, file_down=2.0, file_z=1.0)
     found = find_up(table(), encoder, probe=silent)
     assert np.array_equal(found.frame, np.eye(3))
     assert found.source == "file"
-    odds = np.exp([0, 0, 4, 2, 1, 1])
+    odds = np.exp([0, 0, 5, 2, 1, 1])
     assert found.confidence == pytest.approx(odds[2:4].sum() / odds.sum())
     assert found.sentence == f"+y as the file has it, {found.confidence:.0%} sure"
-    assert [prior(silent, frame) for frame in axis_frames(np.eye(3))] == [0, 0, 4, 2, 1, 1]
+    assert [prior(silent, frame) for frame in axis_frames(np.eye(3))] == [0, 0, 5, 2, 1, 1]
 
 
 def tilted_table(seed=0):
