@@ -160,7 +160,7 @@ def sure_at_once(odds: Odds, up: int) -> bool:
 def least_priors(odds: Mapping[str, NDArray[np.float64]], own: Collection[str] = ()) -> tuple[float, float]:
     """Log-odds of the file's +y and −y: the least of +y with which enough shapes keep their upright axis and their up.
 
-    Of all, `KEPT` have their axis among those that share the pictures; of `own`, `KEPT_OWN` have it first; and
+    Of all, `KEPT` have their axis among the two that have pictures; of `own`, `KEPT_OWN` have it first; and
     `KEPT_UP` of all keep their up, for which −y then loses as little as lets them.
     """
     rows = np.stack(list(odds.values()))
@@ -196,7 +196,7 @@ def report(lessons: Sequence[Lesson]) -> str:
         f"file's +y: {priors[0]:.2f}, of −y: {priors[1]:.2f}, of ±z: {Z_SHARE * priors[0]:.2f}. Each cell: how often "
         "the upright axis is right, and in brackets the direction; then how many upright files one look decides, "
         "and for how many tilted ones a first look finds the axis within 20 degrees: the likeliest, and in brackets "
-        "any that share the pictures.",
+        "any of the two that have pictures.",
         "",
     ]
     for left_out, group in (("its family", by_family), ("itself", by_shape)):
@@ -228,7 +228,7 @@ def _shares(odds: Sequence[Odds], priors: tuple[float, float]) -> list[str]:
 
 
 def _found_tilted(odds: NDArray[np.float64], right: NDArray[np.bool_]) -> tuple[bool, bool]:
-    """Whether the likeliest axis is right, and whether one is of those that share the pictures."""
+    """Whether the likeliest axis is right, and whether one is of the two that have pictures."""
     axes = np.logaddexp(odds[::2], odds[1::2])
     either = right[::2] | right[1::2]
     best, second = np.argsort(-axes)[:2]

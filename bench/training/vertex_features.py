@@ -50,8 +50,8 @@ def vertex_features(mesh: dfd.Mesh, encoder: Encoder, **changes: Any) -> VertexF
     `changes` are settings of `dfd.distill` that are not its defaults.
     """
     settings, stages = DistillSettings(up="file", **changes), Stages(show=False)
-    frames = resolve_up(mesh, encoder, settings.up, stages=stages).frames
-    views = render(mesh, **settings.of_pictures(), frame=frames, stages=stages)
+    frame = resolve_up(mesh, encoder, settings.up, stages=stages).frame
+    views = render(mesh, **settings.of_pictures(), frame=frame, stages=stages)
     pixels = PixelTargets(views, encoder.encode(views.images, covered=views.covered))
     targets = smooth_along_surface(views, pixels, smoothing=settings.smoothing, seed=settings.seed, stages=stages)
     vertices = (mesh.vertices - views.center) * views.scale

@@ -30,7 +30,7 @@ def table():
 def probe_of(encoder, **changes):
     """A probe that goes by the surface alone: what stands stably and shows the least of its sides is upright."""
     odds = np.zeros(len(TERMS))
-    odds[[TERMS.index("stable"), TERMS.index("facing up"), TERMS.index("mirrors flat")]] = 10.0, 5.0, 20.0
+    odds[[TERMS.index("stable"), TERMS.index("facing up"), TERMS.index("mirrors flat")]] = 15.0, 7.5, 30.0
     own = encoder.settings()
     plain = UpProbe(
         np.zeros(encoder.dimension, np.float32),

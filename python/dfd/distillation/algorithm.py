@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from dfd.common.progress import Stages
 from dfd.common.threads import beside, one_blas_thread
@@ -12,7 +15,7 @@ from dfd.distillation.fit import fit, fit_component_residuals, widen
 from dfd.distillation.metric import Metric, find_metric
 from dfd.distillation.settings import DistillSettings
 from dfd.distillation.smoothing import build_diffusion, smooth_along_surface
-from dfd.distillation.targets import PixelTargets, PointTargets, TokenGrid
+from dfd.distillation.targets import PixelTargets, PointTargets, TokenGrid, side_by_side
 from dfd.distillation.thickness import thickness_bands
 from dfd.encoders.encode import Encoder, TokenStore
 from dfd.field.field import Field
@@ -38,24 +41,32 @@ def distill_pictures(
     made |= {"metric": "learned", "metric_hash": metric.content_hash} if metric else {"metric": "none"}
 
     up = resolve_up(mesh, encoder, settings.up, stages=stages)
-    views = render(mesh, **settings.of_pictures(), frame=up.frames, stages=stages)  # P = B·T, Eq. 2
+    if smoothing == 0 and up.shared is not None:  # pixels have no common points to stand side by side at
+        up = replace(up, shared=None, shares=None, source="found")
+    pictures = settings.of_pictures()
+    pictures["views"] = max(settings.views // len(up.frames), 1)  # two ups take no longer than one
+    views = [render(mesh, **pictures, frame=frame, stages=stages) for frame in up.frames]  # P = B·T, Eq. 2
+    images, covered = (np.concatenate([getattr(each, name) for each in views]) for name in ("images", "covered"))
+    encode = partial(encoder.encode, images, covered=covered, store=store, stages=stages)
     targets: PixelTargets | PointTargets
     if smoothing == 0:
-        tokens = encoder.encode(views.images, covered=views.covered, store=store, stages=stages)
-        targets = PixelTargets(views, tokens)  # Z of every covered pixel
+        targets = PixelTargets(views[0], encode())  # Z of every covered pixel
     else:
         side = encoder.nearest_resolution(settings.resolution) // encoder.patch
-        grid = TokenGrid(views, side, side)
+        spread = partial(build_diffusion, smoothing=smoothing, seed=seed)
         # Mostly serial, so it runs while the encoder uses the other cores.
-        with beside(partial(build_diffusion, views, grid, smoothing=smoothing, seed=seed)) as problem:
-            tokens = encoder.encode(views.images, covered=views.covered, store=store, stages=stages)
-        pixels = PixelTargets(views, tokens)
-        targets = smooth_along_surface(views, pixels, smoothing=smoothing, seed=seed, stages=stages, problem=problem)
-        if metric:
-            targets = metric.of_targets(targets, thickness_bands(views, targets), seed)
+        with beside(lambda: [spread(each, TokenGrid(each, side, side)) for each in views]) as problems:
+            tokens = np.split(encode(), len(views))
+        seen = []
+        for each, own, problem in zip(views, tokens, problems(), strict=True):
+            smooth = smooth_along_surface(
+                each, PixelTargets(each, own), smoothing=smoothing, seed=seed, stages=stages, problem=problem
+            )
+            seen.append(metric.of_targets(smooth, thickness_bands(each, smooth), seed) if metric else smooth)
+        targets = seen[0] if up.shares is None else side_by_side(seen, up.shares)
 
     # ‖Φ(P) − Z‖², Eq. 3
-    field = fit(targets, settings, center=views.center, scale=views.scale, device=encoder.device, stages=stages)
+    field = fit(targets, settings, center=views[0].center, scale=views[0].scale, device=encoder.device, stages=stages)
     if settings.pieces and isinstance(targets, PointTargets):
         field = fit_component_residuals(field, targets)
     if targets.directions is not None:

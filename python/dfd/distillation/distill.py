@@ -77,7 +77,7 @@ def distill(
     -------
     Field, with all settings and the loss of every step in `field.settings`. These also hold the encoder's block and
     whether it saw the background, and the up direction and its confidence: "up_direction", "up_confidence" and
-    "up_source" ("said" if given, "file", "found", or "averaged" if two uncertain directions share the pictures).
+    "up_source" ("said" if given, "file", "found", or "averaged" if features of two stand side by side).
 
     Raises
     ------

@@ -116,7 +116,7 @@ def smooth_along_surface(
     smoothing: float,
     seed: int,
     stages: Stages,
-    problem: Callable[[], DiffusionProblem] | None = None,
+    problem: DiffusionProblem | None = None,
 ) -> PointTargets:
     """Average tokens at points on the surface and smooth them along it.
 
@@ -129,14 +129,14 @@ def smooth_along_surface(
     seed
         Seed of the random points.
     problem
-        Returns the result of `build_diffusion` for the same arguments, if computed before.
+        The result of `build_diffusion` for the same arguments, if computed before.
 
     Returns
     -------
     Targets in the main directions of the features, at points uniform by area over the surface that diffusion reaches.
     """
     with stages.stage("smooth"), one_blas_thread():
-        on = problem() if problem else build_diffusion(views, pixels.grid, smoothing=smoothing, seed=seed)
+        on = problem or build_diffusion(views, pixels.grid, smoothing=smoothing, seed=seed)
         confidence, generator = on.confidence, on.generator
         tokens = pixels.means_by(on.gathered)  # Ẑ
         directions = _main_directions(tokens, confidence)

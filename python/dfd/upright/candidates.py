@@ -32,25 +32,29 @@ class Up:
         Probability that this axis is upright, up or down, 0 … 1; 1 if given.
     source
         "said" if given; "file" for +y, the likeliest or, with a confidence of 0, the fallback; "found"; "averaged" if
-        uncertain, so that two directions share the pictures.
-    shared
-        (K, 3, 3) the frames that share the pictures, the likeliest first; None if `frame` is the only one.
+        uncertain, so that features of two directions stand side by side.
+    shared, shares
+        (K, 3, 3) the frames that have pictures, the likeliest first, and (K,) their probabilities, of sum 1; None if
+        `frame` is the only one.
     """
 
     frame: NDArray[np.float64]
     confidence: float
     source: Literal["said", "file", "found", "averaged"]
     shared: NDArray[np.float64] | None = None
+    shares: NDArray[np.float64] | None = None
 
     @property
     def frames(self) -> NDArray[np.float64]:
-        """(K, 3, 3) right, up and front of the pictures; see `dfd.views.render.render`."""
+        """(K, 3, 3) right, up and front of each set of pictures; see `dfd.views.render.render`."""
         return self.frame[None] if self.shared is None else self.shared
 
     @property
     def settings(self) -> dict[str, Any]:
         """The entries of a field's settings, JSON values."""
-        shared = {} if self.shared is None else {"up_shared": self.shared[:, 1].tolist()}
+        shared = {}
+        if self.shared is not None and self.shares is not None:
+            shared = {"up_shared": self.shared[:, 1].tolist(), "up_shares": self.shares.tolist()}
         return {
             "up_direction": self.direction.tolist(),
             "up_confidence": self.confidence,
@@ -80,7 +84,7 @@ def up_sentence(settings: Mapping[str, Any]) -> str:
     up, source, sure = _named(settings["up_direction"]), settings["up_source"], settings["up_confidence"]
     if source == "averaged":
         shared = " and ".join(map(_named, settings["up_shared"]))
-        return f"{up} likeliest, {sure:.0%} sure: {shared} share the pictures"
+        return f"{up} likeliest, {sure:.0%} sure: {shared} side by side"
     if source == "said":
         return up
     if source == "found":

@@ -19,9 +19,8 @@ if TYPE_CHECKING:
     from dfd.encoders.encode import Encoder
     from dfd.mesh.mesh import Mesh
 
-# The wrong axis upright costs 0.030 of mean part precision, upside down nothing, and two axes that share the pictures,
-# one of them right, 0.006 (three 0.031): below this probability of the likeliest axis, sharing costs less on average.
-CLEAR = 0.8
+# Below this probability of the likeliest axis, the two likeliest have their own pictures and features, side by side.
+CLEAR = 0.9
 # If four pictures around the file's up, without the prior, give an axis this probability, twenty more pictures hardly
 # ever change it.
 EARLY_STOP_CONFIDENCE = 0.95
@@ -42,7 +41,7 @@ def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stage
 
     The upright axis is decided first, then which of its ends is up: weights suffer from a shape on its side, not from
     one upside down. The file's +y is kept unless another axis is clearly more likely; if none is clear, the two
-    likeliest share the pictures.
+    likeliest each get pictures.
 
     `probe` is the one learned for the encoder's tokens; None takes the package's. Without one, the file's up is kept.
 
@@ -132,5 +131,6 @@ def decide(frames: NDArray[np.float64], odds: NDArray[np.float64]) -> Up:
     ups = [2 * each + int(odds[2 * each + 1] > odds[2 * each]) for each in np.argsort(-of_axes, kind="stable")]
     best, sure = frames[ups[0]], float(of_axes.max())
     if sure < CLEAR:
-        return Up(best, sure, "averaged", frames[ups[:2]])
+        shares = np.sort(of_axes)[::-1][:2]
+        return Up(best, sure, "averaged", frames[ups[:2]], shares / shares.sum())
     return Up(best, sure, "file" if np.allclose(best[1], AXES["+y"]) else "found")

@@ -104,8 +104,7 @@ def render(
         Which points are returned: "barycentric" for those behind all covered pixels, "vertex" for the visible vertices.
     frame
         (3, 3) rotation: the directions, in the mesh's coordinates, that count as right, up and front when cameras are
-        placed; None takes the mesh's own axes. Several, (K, 3, 3): each counts for as many of the pictures; the first
-        one is the `frame` of what is returned.
+        placed; None takes the mesh's own axes.
 
     Raises
     ------
@@ -130,8 +129,9 @@ def render(
         scene = Scene(vertices, mesh.faces)
         shading = Shading(scene, mesh, vertices)
         used = used_vertices(vertices, mesh.faces)
-        frames = np.reshape(np.eye(3) if frame is None else frame, (-1, 3, 3))
-        cameras = _cameras(views, used, frames, framing=framing, mirrored=mirrored)
+        axes = np.eye(3) if frame is None else frame
+        placed = place_cameras(views, used @ axes.T, framing=framing, mirrored=mirrored)
+        cameras = [camera.in_mesh(axes) for camera in placed]
         images = np.empty((views, resolution, resolution, 3), np.uint8)
         covered = np.zeros((views, resolution, resolution), bool)
         met = np.zeros(views, bool)  # pictures in which some ray met the surface
@@ -161,27 +161,8 @@ def render(
     if not met.any() or len(points) == 0:
         raise ValueError("render: no camera ray hits `mesh`: all its faces are without area, or smaller than a pixel")
     return Views(
-        images, covered, cameras, points, view, row, column, face, vertices, mesh.faces, center, scale, frames[0], scene
+        images, covered, cameras, points, view, row, column, face, vertices, mesh.faces, center, scale, axes, scene
     )
-
-
-def _cameras(
-    count: int,
-    points: NDArray[np.float32],  # (N, 3)
-    frames: NDArray[np.float64],  # (K, 3, 3)
-    *,
-    framing: Framing,
-    mirrored: bool,
-) -> list[Camera]:
-    """`count` cameras that see `points`, upright in one frame after the other."""
-    cameras = []
-    # Cameras come in fours that mirror each other: the same number modulo a quarter.
-    groups = max(count // 4, 1) if mirrored else count
-    for index, axes in enumerate(frames):
-        placed = place_cameras(count, points @ axes.T, framing=framing, mirrored=mirrored)
-        own = [camera for number, camera in enumerate(placed) if number % groups % len(frames) == index]
-        cameras += [camera.in_mesh(axes) for camera in own]
-    return cameras
 
 
 def used_vertices(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float32]:

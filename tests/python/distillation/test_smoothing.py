@@ -102,7 +102,7 @@ def test_ground_that_was_laid_before_gives_the_same() -> None:
     pixels = colored(views, np.abs(views.points) + 0.1)
     points, targets = spread(views, pixels, smoothing=0.2, seed=3)
     problem = smoothing.build_diffusion(views, pixels.grid, smoothing=0.2, seed=3)
-    again = spread(views, pixels, smoothing=0.2, seed=3, problem=lambda: problem)
+    again = spread(views, pixels, smoothing=0.2, seed=3, problem=problem)
     np.testing.assert_array_equal(points, again[0])
     np.testing.assert_array_equal(targets, again[1])
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 import dfd
-from dfd.distillation.targets import PixelTargets, PointTargets, unit
+from dfd.distillation.targets import PixelTargets, PointTargets, side_by_side, unit
 from dfd.views.render import Views
 
 
@@ -94,3 +94,17 @@ def test_draws_keep_points_and_targets_together(views: Views, tokens: np.ndarray
     rows = np.eye(4, dtype=np.float32)
     points, targets = PointTargets(views.points, rows, rows).draw(64, torch.Generator().manual_seed(0))
     torch.testing.assert_close(targets.argmax(dim=1), (points[:, 0] / 3).long())
+
+
+def test_squared_distances_side_by_side_are_means_by_share() -> None:
+    generator = np.random.default_rng(0)
+    points = generator.normal(size=(50, 3)).astype(np.float32)
+    angle = generator.normal(size=(2, 50))
+    seen = [np.stack([np.cos(each), np.sin(each), *np.zeros((2, 50))], axis=1).astype(np.float32) for each in angle]
+    one, other = PointTargets(points, seen[0]), PointTargets(points[:49], seen[1][:49])
+    assert side_by_side([one], [1.0]) is one
+    both = side_by_side([one, other], [0.75, 0.25])
+    assert both.points is points
+    assert both.dimension == 4
+    first, second, pairs = (np.square(rows[:20] - rows[20:40]).sum(axis=1) for rows in (*seen, both.targets))
+    np.testing.assert_allclose(pairs, 0.75 * first + 0.25 * second, atol=1e-5)
