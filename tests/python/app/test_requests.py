@@ -115,7 +115,7 @@ def test_a_preset_is_one_step_and_stays_when_all_is_cleared(new_page: Page) -> N
         "paper",
         {"reach": 1, "falloff": "linear"},
     )
-    assert (state["handles"][0]["reach"], state["preset"], state["posing"]) == (1, "paper", "server")
+    assert (state["handles"][0]["reach"], state["preset"], state["overlap"]) == (1, "paper", "paper")
     page.ask("undo")
     assert (page.last("state")["preset"], page.last("state")["handles"][0]["reach"]) == ("default", 0.4)
     page.ask("redo")

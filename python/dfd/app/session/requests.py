@@ -7,7 +7,7 @@ import binascii
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 from pydantic import Field
@@ -37,6 +37,7 @@ from dfd.app.protocol.parts import (
     RegionPlace,
     Text,
     Transform,
+    Vector,
     VertexPlace,
 )
 from dfd.app.protocol.requests import Request, call, request
@@ -167,10 +168,10 @@ def axis(session: Session, handle: int) -> Answer:
     pivots: dict[PivotAt, Any] = {"point": held.place.position}
     if part is None:
         return AxisMessage(handle=handle, pivots=pivots, auto=held.place.position, base=None, tip=None)
-    places: tuple[PivotAt, ...] = ("base", "middle", "hinge", *(() if edit.symmetry is None else ("plane",)))  # type: ignore[assignment]
+    places: tuple[PivotAt, ...] = ("base", "middle", "hinge", *(() if edit.symmetry is None else ("plane",)))
     pivots |= {place: pivot_on(part, place, held, edit.symmetry)[0] for place in places}
     found = PRESETS[edit.preset].pivot == "auto"
-    base, tip = (tuple(map(float, part.axis.nodes[end])) for end in (0, -1))
+    base, tip = (cast("Vector", tuple(part.axis.nodes[end].tolist())) for end in (0, -1))
     auto = pivot_on(part, None, held, edit.symmetry)[0] if found else held.place.position
     return AxisMessage(handle=handle, pivots=pivots, auto=auto, base=base, tip=tip)
 

@@ -1,21 +1,10 @@
 import { send } from "../actions/connection";
 import { ready, store } from "../store/state";
 import { useParts } from "../store/use";
-import { shortcut } from "../actions/keyboard";
-import { IconButton, KeyButton, Menu, type MenuItem } from "../widgets/controls";
+import { IconButton, KeyButton } from "../widgets/controls";
 
 const TOOLS = { hold: "H", fix: "X", paint: "B", box: "M", pivot: "P" } as const;
 const MODES = { translate: "W", rotate: "E", scale: "R", bend: "D" } as const;
-const VIEWS: readonly (readonly MenuItem[])[] = [
-  ["F", "Shift F"],
-  ["Num 1", "Num 3", "Num 7"],
-  ["Ctrl Num 1", "Ctrl Num 3", "Ctrl Num 7"],
-].map((group) =>
-  group.map((keys) => {
-    const [, , label, run] = shortcut(keys) ?? [keys, "View", keys, () => undefined];
-    return [label, keys, () => void run()] as const;
-  }),
-);
 
 export function Toolbar() {
   const { edit, tool, gizmo, space, snap, comparing, suggestions, xray, isolated, selected } = useParts();
@@ -55,7 +44,7 @@ export function Toolbar() {
         />
         <KeyButton icon="xray" keys="V" pressed={xray} />
         <KeyButton icon="isolate" keys="/" pressed={isolated} disabled={selected === null} />
-        <Menu icon="frame" label="Views" groups={VIEWS} />
+        <KeyButton icon="frame" keys="F" />
       </div>
     </nav>
   );

@@ -1,6 +1,6 @@
 import { send } from "../actions/connection";
 import { chooseFiles, copyScript, exportAs } from "../actions/files";
-import { LOOKS } from "../actions/keyboard";
+import { LOOKS, shortcut } from "../actions/keyboard";
 import type { Export } from "../protocol/messages";
 import { ready, store, type Theme } from "../store/state";
 import { useParts } from "../store/use";
@@ -20,6 +20,17 @@ const exported = (text: string, hint: string, format: Export["format"], possible
   hint,
   possible ? () => void exportAs(format) : null,
 ];
+
+const VIEWS: readonly (readonly MenuItem[])[] = [
+  ["F", "Shift F"],
+  ["Num 1", "Num 3", "Num 7"],
+  ["Ctrl Num 1", "Ctrl Num 3", "Ctrl Num 7"],
+].map((group) =>
+  group.map((keys) => {
+    const [, , label, run] = shortcut(keys) ?? [keys, "View", keys, () => undefined];
+    return [label, keys, () => void run()] as const;
+  }),
+);
 
 export function Topbar({ viewer }: { readonly viewer: Viewer }) {
   const { edit, mesh, look, wireframe, quality, theme, inspector } = useParts();
@@ -70,6 +81,7 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
       </div>
       <div class="bar-group middle">
         <Segmented label="Look" value={look} options={LOOKS} onChange={(value) => store.set({ look: value })} />
+        <Menu icon="views" label="Views" groups={VIEWS} />
         <KeyButton icon="wire" keys="Z" pressed={wireframe} />
         <KeyButton icon="quality" keys="Q" pressed={quality === "full"} />
       </div>

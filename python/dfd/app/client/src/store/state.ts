@@ -199,8 +199,10 @@ export function ready({ edit }: Pick<State, "edit">): boolean {
   return edit?.field.status === "ready";
 }
 
-/** How many colors handles have, which the style sheets know by their numbers. */
-export const HANDLE_COLORS = 8;
+/** The color of a handle: hues of the golden angle lie apart however many there are. */
+export function handleColor(handle: number): string {
+  return `hsl(${(228 + 137.5 * (handle - 1)) % 360} 60% 50%)`;
+}
 
 export function handleName({ name, handle }: HandleState): string {
   return name ?? `Handle ${handle}`;

@@ -5,7 +5,7 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 
-import { launch, open, openTab, PATIENCE, shot, state, until } from "./page.mjs";
+import { hold, launch, open, openTab, PATIENCE, shot, state, until } from "./page.mjs";
 
 const MARKUP = `"><img src=x onerror=alert(1)><svg onload=alert(2)>'&lt;{{7*7}}`;
 const dialogs = [];
@@ -55,8 +55,9 @@ test("so is what a shape is called", { timeout: PATIENCE }, async () => {
   await assertOnlyText();
 });
 
-test("so is what a person calls a pose", { timeout: PATIENCE }, async () => {
+test("so is what a person calls a pose", { timeout: 2 * PATIENCE }, async () => {
   await until(page, (s) => s.edit?.field.status === "ready");
+  await hold(page, null, 1);
   await page.keyboard.press("t");
   await page.keyboard.press("k");
   await until(page, (s) => s.edit.poses.length === 1);

@@ -30,7 +30,9 @@ export async function openTab(browser, options = {}) {
   const page = await context.newPage();
   await page.addInitScript(installHook);
   // What the inspector folds away is there unless a story is about that.
-  await page.addInitScript(() => localStorage.getItem("dfd-more") ?? localStorage.setItem("dfd-more", "true"));
+  await page.addInitScript(
+    () => window.localStorage.getItem("dfd-more") ?? window.localStorage.setItem("dfd-more", "true"),
+  );
   page.setDefaultTimeout(PATIENCE);
   const problems = [];
   page.on("pageerror", (error) => problems.push(error.message));

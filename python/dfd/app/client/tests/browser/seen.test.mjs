@@ -28,7 +28,7 @@ test("what is rarely needed is folded, and stays open once it is opened", { time
   await shot(page, "folded");
   await page.getByRole("button", { name: "More" }).first().click();
   await locality.waitFor();
-  assert.equal(await page.evaluate(() => localStorage.getItem("dfd-more")), "true");
+  assert.equal(await page.evaluate(() => window.localStorage.getItem("dfd-more")), "true");
   await page.evaluate(() => window.dfd.store.set({ more: false }));
 });
 
@@ -76,8 +76,8 @@ test("a moment of the timeline is seen and exported as it is, bent halfway", { t
   await page.waitForTimeout(800);
   await shot(page, "moment");
   const toolbar = page.getByRole("navigation", { name: "Tools" });
-  await toolbar.getByRole("button", { name: "Views" }).scrollIntoViewIfNeeded();
-  assert.ok(await toolbar.getByRole("button", { name: "Views" }).isVisible());
+  await toolbar.getByRole("button", { name: "Frame what is held" }).scrollIntoViewIfNeeded();
+  assert.ok(await toolbar.getByRole("button", { name: "Frame what is held" }).isVisible());
   const seen = await page.evaluate(() => {
     const positions = window.dfd.positions();
     const { mesh } = window.dfd.store.get();

@@ -9,8 +9,8 @@ export interface Mark {
   readonly label: string;
   readonly selected?: boolean;
   readonly off?: boolean;
-  /** The number of its handle's color. */
-  readonly color?: number;
+  /** Its handle's. */
+  readonly color?: string;
   readonly press?: () => void;
 }
 
@@ -106,7 +106,7 @@ export class Markers {
       element.title = mark.label;
       element.setAttribute("aria-label", mark.label);
     }
-    if (mark.color !== undefined) element.dataset.color = String(mark.color);
+    if (mark.color) element.style.setProperty("--own", mark.color);
     if (mark.press) element.onclick = mark.press;
   }
 }
