@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from PIL import Image
 
 from bench.tables import to_csv, to_markdown, write_text
+from dfd.common.files import plain
 from dfd.common.linear_algebra import UInt8
 from dfd.pictures.contact_sheet import contact_sheet
 from dfd.pictures.picture import save_png
@@ -79,12 +79,8 @@ def write(page: Page, name: str, folder: Path, notes: Sequence[str], settings: M
             tables[section.heading] = [dict(zip(section.table.columns, row, strict=True)) for row in section.table.rows]
             lines += ["", *to_markdown(section.table.columns, section.table.rows)]
     document = {"page": name, "title": page.title, **settings, "tables": tables, **page.facts}
-    write_text(folder / f"{name}.json", json.dumps(document, indent=2, default=_plain) + "\n")
+    write_text(folder / f"{name}.json", json.dumps(document, indent=2, default=plain) + "\n")
     for other, text in page.files.items():
         write_text(folder / other, text)
     write_text(folder / f"{name}.md", "\n".join(lines) + "\n")
     return folder / f"{name}.md"
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist() if isinstance(value, np.generic | np.ndarray) else str(value)

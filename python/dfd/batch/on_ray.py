@@ -67,7 +67,8 @@ class RaySlots:
 
     def free(self) -> bool:
         """Whether another job can be taken: the cluster may have grown since the last one."""
-        return len(self._running) < QUEUED * self._places()
+        cpus = self._ray.cluster_resources().get("CPU", 1.0)
+        return len(self._running) < QUEUED * max(1, int(cpus // self._limits.threads))
 
     def submit(self, job: Job) -> None:
         self._running[self._task.remote(job)] = job
@@ -88,10 +89,6 @@ class RaySlots:
         for reference in self._running:
             self._ray.cancel(reference, force=True)
         self._ray.shutdown()
-
-    def _places(self) -> int:
-        cpus = self._ray.cluster_resources().get("CPU", 1.0)
-        return max(1, int(cpus // self._limits.threads))
 
     def _check(self, promised: dict[str, Any]) -> None:
         """Refuse requirements that the cluster never meets: Ray would wait forever.

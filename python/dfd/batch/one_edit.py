@@ -11,7 +11,7 @@ from typing import Any
 from dfd.common import check
 from dfd.common.linear_algebra import UInt8
 from dfd.editing.deformer import Deformer
-from dfd.editing.edit import Edit, Handle
+from dfd.editing.edit import Edit
 from dfd.editing.edit_file import read_edit
 from dfd.editing.transfer import transfer
 from dfd.field.field import Field
@@ -78,7 +78,8 @@ def carry(
     if threshold is None:
         threshold = SURE_ENOUGH if field.settings.get("metric", "none") == "none" else SURE_ENOUGH_LEARNED
     lowest = check.number("carry", "threshold", threshold, minimum=0.0, maximum=1.0)
-    edit, names = original.edit, [_name(handle) for handle in original.edit.handles]
+    edit = original.edit
+    names = [handle.name or f"handle {handle.id}" for handle in edit.handles]
     names += [f"fixed {number}" for number in range(1, 1 + len(edit.fixed))]
     sure = [1.0] * len(names)
     if mesh.content_hash != original.mesh.content_hash:
@@ -107,7 +108,3 @@ def before_and_after(deformer: Deformer, *, resolution: int) -> tuple[UInt8, UIn
 def field_path(mesh: Path, folder: Path | None = None) -> Path:
     """The default path of a mesh file's field: next to it or in `folder`, with the mesh's name."""
     return (mesh.parent if folder is None else folder) / f"{mesh.stem}.field.safetensors"
-
-
-def _name(handle: Handle) -> str:
-    return handle.name or f"handle {handle.id}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 from itertools import islice
 from pathlib import Path
@@ -59,7 +59,9 @@ def write_page(folder: BatchFolder, settings: BatchSettings, table: pyarrow.Tabl
             stream.write(HEAD.format(title=escape(title)) + f"<h1>{escape(title)}</h1>\n")
             stream.write(f"<p>Steps: {', '.join(settings.steps)}. <a href='shapes.parquet'>shapes.parquet</a></p>\n")
             if len(starts) > 1:
-                stream.write("<nav>" + "".join(_links(len(starts), number)) + "</nav>\n")
+                pages = [f"<a href='{_page_name(each)}'>{each}</a>" for each in range(1, len(starts) + 1)]
+                pages[number - 1] = f"<b>{number}</b>"
+                stream.write(f"<nav>{''.join(pages)}</nav>\n")
             stream.write("<main>\n")
             stream.writelines(_article(folder, row) for row in ordered.slice(start, ON_A_PAGE).to_pylist())
             stream.write("</main>\n</html>\n")
@@ -68,11 +70,6 @@ def write_page(folder: BatchFolder, settings: BatchSettings, table: pyarrow.Tabl
 
 def _page_name(number: int) -> str:
     return PAGE if number == 1 else f"index-{number}.html"
-
-
-def _links(count: int, here: int) -> Iterator[str]:
-    for number in range(1, count + 1):
-        yield f"<b>{number}</b>" if number == here else f"<a href='{_page_name(number)}'>{number}</a>"
 
 
 def _article(folder: BatchFolder, row: dict[str, Any]) -> str:
@@ -109,7 +106,8 @@ def gather(records: Iterable[Record], settings: BatchSettings) -> pyarrow.Table:
     `versions` as JSON. The settings are in its metadata under `dfd-batch`.
     """
     steps = ("read", *settings.steps)
-    parts = [_rows(part, steps) for part in _parts(iter(records))] or [_rows([], steps)]
+    remaining = iter(records)
+    parts = [_rows(part, steps) for part in iter(lambda: list(islice(remaining, AT_ONCE)), [])] or [_rows([], steps)]
     table = pyarrow.concat_tables(parts, promote_options="permissive")
     return table.replace_schema_metadata({"dfd-batch": settings.model_dump_json()})
 
@@ -120,11 +118,6 @@ def write_table(root: Path, table: pyarrow.Table) -> Path:
     with atomic_write(path) as temporary:
         parquet.write_table(table, temporary)
     return path
-
-
-def _parts(records: Iterator[Record]) -> Iterator[list[Record]]:
-    while part := list(islice(records, AT_ONCE)):
-        yield part
 
 
 def _rows(records: Sequence[Record], steps: Sequence[str]) -> pyarrow.Table:

@@ -19,7 +19,7 @@ from dfd.batch.inputs import is_remote
 from dfd.batch.one_edit import Original, UnlikeError, before_and_after, carry
 from dfd.batch.record import FAILED_EXPORT, Figure, Job
 from dfd.batch.settings import MOVED, RIGS, WEIGHTS, BatchSettings
-from dfd.common.files import atomic_write
+from dfd.common.files import atomic_write, plain
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
 from dfd.editing.deformer import Deformer
@@ -191,7 +191,7 @@ class Work:
     def write_json(self, name: str, value: Any) -> None:
         """Write a file of the shape's folder."""
         with atomic_write(self.folder / name) as temporary:
-            temporary.write_text(json.dumps(value, indent=2, default=_plain) + "\n", "utf-8")
+            temporary.write_text(json.dumps(value, indent=2, default=plain) + "\n", "utf-8")
 
 
 @lru_cache(maxsize=1)
@@ -213,10 +213,6 @@ def loaded_original(root: str, name: str, mesh: str) -> Original:
 def source_of(folder: Path, name: str, mesh: str) -> tuple[Path, Path, Path]:
     """The mesh, the edit and the field of an edit in a batch's folder."""
     return folder / mesh, folder / f"{name}.edit.json", folder / f"{name}.field.safetensors"
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
 WRITERS: dict[str, Callable[[Path, Deformer], object]] = {

@@ -42,7 +42,8 @@ def work(job: Job) -> Record | Stopped:
         with guarded(attempt / EXIT_NOTE, job.limits) as watched:
             record = _done(job, settings, attempt, watched)
         if record.status == "failed":
-            _clear(attempt)
+            for path in [each for each in attempt.iterdir() if each.name not in (OWNER, EXIT_NOTE)]:
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
         return folder.publish(attempt, record)
     except OSError as error:
         return Stopped(why=f"{job.root} cannot be used: {error.strerror or error}")
@@ -110,12 +111,6 @@ def _use_threads(count: int) -> None:
     if torch is not None:
         torch.set_num_threads(count)
     threadpool_limits(count)  # BLAS
-
-
-def _clear(attempt: Path) -> None:
-    for path in attempt.iterdir():
-        if path.name not in (OWNER, EXIT_NOTE):
-            shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
 def _one_line(error: object) -> str:

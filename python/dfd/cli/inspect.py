@@ -52,6 +52,7 @@ def inspect(
     check_output("--picture", picture, (".png",))
 
     from dfd import Field, load, symmetry_planes
+    from dfd.common.files import plain
     from dfd.geometry import topology
     from dfd.geometry.findings import findings
     from dfd.upright.candidates import check_up, explicit_up
@@ -101,7 +102,7 @@ def inspect(
 
         save_sheet(picture, shape, rows, views=2, azimuth=25.0, file=mesh, resolution=640)
     if as_json:
-        typer.echo(json.dumps(report, indent=2, default=_plain))
+        typer.echo(json.dumps(report, indent=2, default=plain))
     else:
         _print_table(report)
 
@@ -231,15 +232,10 @@ def _unseen(views: int, area: float, components: int, component_count: int) -> s
 
 
 def _shown(value: Any) -> str:
-    value = _plain(value) if hasattr(value, "tolist") else value
+    value = value.tolist() if hasattr(value, "tolist") else value
     if isinstance(value, list | tuple):
         return ", ".join(map(_shown, value)) or "none"
     return f"{value:,}" if isinstance(value, int) and not isinstance(value, bool) else shown(value)
-
-
-def _plain(value: Any) -> Any:
-    """Arrays and paths as JSON has them."""
-    return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
 def parts(

@@ -48,7 +48,9 @@ class Written:
         """That of the type in files; arrays are written as lists."""
         from pydantic_core import core_schema
 
-        plain = core_schema.plain_serializer_function_ser_schema(_plain)
+        plain = core_schema.plain_serializer_function_ser_schema(
+            lambda value: value.tolist() if isinstance(value, np.ndarray) else value
+        )
         return {**handler.generate_schema(self.written), "serialization": plain}
 
 
@@ -63,10 +65,6 @@ class Tagged:
         from pydantic import Field
 
         return handler.generate_schema(Annotated[source, Field(discriminator=self.name)])
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 @cache

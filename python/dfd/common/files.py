@@ -11,6 +11,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 _WRITERS = 16  # of one file at the same time; more of them get names that are never reused
 _LONGEST_ENDING = 32  # bytes of an ending that the temporary file keeps
@@ -26,6 +27,11 @@ def cache_directory() -> Path:
 
     named = os.environ.get("DFD_CACHE")
     return Path(named).expanduser() if named else platformdirs.user_cache_path("dfd", appauthor=False)
+
+
+def plain(value: Any) -> Any:
+    """Arrays, numbers of NumPy and paths as JSON has them: the `default` of `json.dumps`."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
 @contextmanager

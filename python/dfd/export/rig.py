@@ -102,7 +102,10 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
     default = len(joints) - 1
     of_column: list[int] = []
     mirrored: list[bool] = []
-    moves = {handle.id: _moves(handle, poses) for handle in edit.handles}
+    moves = {
+        handle.id: [handle.transform, *(pose.transforms[handle.id] for pose in poses if handle.id in pose.transforms)]
+        for handle in edit.handles
+    }
     for number, column in enumerate(columns):
         handle = edit.handles[column.handle]
         name = handle.name or f"handle {handle.id}"
@@ -130,10 +133,6 @@ def rig_of(session: Deformer, poses: Sequence[KeyPose] = ()) -> Rig:
         sides,
         mixing,
     )
-
-
-def _moves(handle: Handle, poses: Sequence[KeyPose]) -> list[Transform]:
-    return [handle.transform, *(pose.transforms[handle.id] for pose in poses if handle.id in pose.transforms)]
 
 
 def _frame(transforms: Sequence[Transform]) -> Float64:

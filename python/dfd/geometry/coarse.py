@@ -39,7 +39,9 @@ class Nodes:
         self.ends = np.cumsum(size)
         self.starts = self.ends - size
         self.center = _centers(vertices, self.of_vertex)  # (N, 3)
-        self.component = _components(mesh)[self.members[self.starts]]  # (N,) of the surface without bridges
+        first = first_at_place(mesh)
+        component = _core.components(len(first), first[mesh.faces], np.zeros((0, 2), np.int32))[first]
+        self.component = component[self.members[self.starts]]  # (N,) of the surface without bridges
         self._blend = None if coarse else _interpolation(vertices, self)
 
     def shares(self, parts: Float64) -> list[Share]:
@@ -55,12 +57,6 @@ class Nodes:
             return lambda some: np.asarray((blend if some == slice(None) else blend[some]) @ row / total[some])
 
         return [share(row) for row in rows]
-
-
-def _components(mesh: Mesh) -> Int32:
-    """(V,) the connected component of each vertex."""
-    first = first_at_place(mesh)
-    return _core.components(len(first), first[mesh.faces], np.zeros((0, 2), np.int32))[first]
 
 
 def _gathered(mesh: Mesh, links: Int32) -> Int32:

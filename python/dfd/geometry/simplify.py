@@ -25,7 +25,9 @@ def simplify(mesh: Mesh, face_count: int) -> Mesh:
     face_count = check.whole("simplify", "face_count", face_count, minimum=4)
     if len(mesh.faces) <= face_count:
         return mesh
-    faces = _faces_with_area(mesh)
+    first, second, third = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
+    # Around faces without area every collapse counts as a fold.
+    faces = mesh.faces[np.cross(second - first, third - first).any(axis=1)]
     if len(faces) == 0:
         return mesh
     # Quadrics hold squared coordinates: at the origin and with size 1, rounding is least.
@@ -38,12 +40,6 @@ def simplify(mesh: Mesh, face_count: int) -> Mesh:
     vertices = np.clip(vertices, normalized.min(axis=0), normalized.max(axis=0))
     vertices = frame.invert(vertices)
     return Mesh(vertices, faces, appearance=_nearest_colors(mesh, vertices, faces))
-
-
-def _faces_with_area(mesh: Mesh) -> Int32:
-    """Return a copy of the faces that have an area: around others every collapse counts as a fold."""
-    first, second, third = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
-    return mesh.faces[np.cross(second - first, third - first).any(axis=1)]
 
 
 def _nearest_colors(mesh: Mesh, vertices: Float64, faces: Int32) -> Appearance | None:

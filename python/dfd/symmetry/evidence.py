@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64
+from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
 from dfd.field.field import Field
 from dfd.geometry.topology import face_areas, points_on_faces
 from dfd.mesh.mesh import Mesh
@@ -117,7 +117,9 @@ def _change_with_distance(points: Float64, features: Float32) -> tuple[Float64, 
 def _look_alikes(points: Float64, features: Float32) -> Int64:
     """Return pairs (P, 2) of points, each with those farther away whose features are nearest."""
     likeness = features @ features.T
-    likeness[~_far(points)] = -np.inf
+    squared = (points**2).sum(axis=1)
+    apart = squared[:, None] + squared - 2 * points @ points.T
+    likeness[apart <= _APART**2] = -np.inf  # what is near looks alike anyhow
     count = min(LOOK_ALIKES, len(points) - 1)
     if count < 1:
         return np.zeros((0, 2), np.int64)
@@ -125,9 +127,3 @@ def _look_alikes(points: Float64, features: Float32) -> Int64:
     own = np.repeat(np.arange(len(points)), count)
     pairs = np.column_stack([own, best.ravel()])
     return pairs[np.isfinite(likeness[pairs[:, 0], pairs[:, 1]])]
-
-
-def _far(points: Float64) -> Bool:
-    """Return whether each two of `points` (N, 3) are farther apart than what looks alike anyhow, (N, N)."""
-    squared = (points**2).sum(axis=1)
-    return squared[:, None] + squared - 2 * points @ points.T > _APART**2

@@ -40,8 +40,10 @@ class GltfDocument(GltfPatch):
             self.vertex = mesh.scene.vertex.astype(np.int64)
             source = mesh.scene.gltf
         else:
-            source = _source_of(as_glb(mesh.vertices, mesh.faces, mesh.scene))
-            instances = gltf_read.read(source.header, source.data, AssetFolder(Path("mesh.glb")))
+            text, embedded = glb.split(as_glb(mesh.vertices, mesh.faces, mesh.scene))
+            header, assets = gltf_header.read(text, glb=True), AssetFolder(Path("mesh.glb"))
+            source = GltfSource(text, header, GltfData(header, embedded, assets))
+            instances = gltf_read.read(header, source.data, assets)
             self.scene = SceneFile.of(None, instances, gltf=source)
             self.vertex = _rows_of(self.scene, mesh)
         super().__init__(source)
@@ -110,13 +112,6 @@ class GltfDocument(GltfPatch):
         data = self.encode(binary=target.suffix.lower() == ".glb")
         with atomic_write(target) as temporary:
             temporary.write_bytes(data)
-
-
-def _source_of(data: bytes) -> GltfSource:
-    """The source for rewriting a GLB file that we encoded."""
-    text, embedded = glb.split(data)
-    header = gltf_header.read(text, glb=True)
-    return GltfSource(text, header, GltfData(header, embedded, AssetFolder(Path("mesh.glb"))))
 
 
 def _rows_of(written: SceneFile, mesh: Mesh) -> Int64:

@@ -73,7 +73,8 @@ def targets_of(rig: Rig) -> MorphTargets:
 def add_targets(document: GltfDocument, rig: Rig, targets: MorphTargets) -> list[int]:
     """Add the targets to all displayed nodes, which have none yet, at the weights of the edit; return the nodes."""
     rest = _at_rows(document, rig.mesh.vertices)
-    normals = [_normals(document, rest, _at_rows(document, shape)) for shape in targets.shapes]
+    moved = [_at_rows(document, shape) for shape in targets.shapes]
+    normals = [moved_normals.follow(each, rest, (each != rest).any(axis=1), document.scene) for each in moved]
     before = [each.normals for each in document.scene.primitives]
     number_of = {id(each): number for number, each in enumerate(document.scene.primitives)}
     nodes = []
@@ -137,8 +138,3 @@ def _at_rows(document: GltfDocument, vertices: Float64) -> Float64:
     known = (scene.vertex >= 0) & (document.vertex >= 0)
     result[scene.vertex[known]] = vertices[document.vertex[known]]
     return result
-
-
-def _normals(document: GltfDocument, rest: Float64, moved: Float64) -> list[Float64 | None]:
-    """Normals of each primitive on a moved surface, in its own coordinates."""
-    return moved_normals.follow(moved, rest, (moved != rest).any(axis=1), document.scene)

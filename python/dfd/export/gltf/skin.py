@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dfd.common.linear_algebra import Float32, Float64, Int64
+from dfd.common.linear_algebra import Float32, Int64
 from dfd.export.gltf.document import GltfDocument
 from dfd.export.gltf.scene_space import animated_nodes, bring_to_scene, stand_alone
 from dfd.export.influences import Influences
@@ -57,7 +57,7 @@ def add_joints(document: GltfDocument, rig: Rig, locals_: list[Local]) -> list[i
         node: Header = {"name": joint.name}
         if joint is not rig.joints[0]:
             parts = (("translation", local.translation), ("rotation", local.rotation), ("scale", local.scale))
-            node |= {name: _plain(values) for name, values in parts}
+            node |= {name: values.tolist() for name, values in parts}
         numbers.append(document.append("nodes", node))
     if numbers[1:]:
         document.header["nodes"][numbers[0]]["children"] = numbers[1:]
@@ -118,7 +118,3 @@ def _at(influences: Influences, vertex: Int64, default: int) -> tuple[Int64, Flo
     joints[~there, 0] = default
     weights[~there, 0] = 1.0
     return joints, weights
-
-
-def _plain(values: Float64) -> list[float]:
-    return [float(value) for value in values]
