@@ -5,16 +5,46 @@
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
+#include <exception>
+#include <functional>
+#include <thread>
+#include <vector>
 
 #ifdef DFD_OPENMP
 #include <omp.h>
-#else
-#include <system_error>
-#include <thread>
-#include <vector>
 #endif
 
 namespace dfd {
+
+/// Starts `count` threads that call `run(1)`, `run(2)`, …, or as many as the system has room for. `run` must not throw.
+template <class Run>
+std::vector<std::thread> start_threads(std::size_t count, const Run& run)
+{
+    std::vector<std::thread> threads;
+    threads.reserve(count);
+    try {
+        while (threads.size() < count) threads.emplace_back(std::cref(run), threads.size() + 1);
+    } catch (const std::exception&) {  // std::system_error or std::bad_alloc
+    }
+    return threads;
+}
+
+#ifdef DFD_OPENMP
+/// As many of `workers` threads as can be had, this one among them. OpenMP ends the process where it cannot start one of
+/// a team, so a team larger than any that this thread had before is tried with threads that are ended again.
+inline std::size_t available_workers(std::size_t workers)
+{
+    static thread_local std::size_t had = 1;
+    if (workers <= had) return workers;
+    std::atomic<bool> tried = false;
+    std::vector<std::thread> others =
+        start_threads(workers - had, [&](std::size_t) { tried.wait(false); });  // all of them at the same time
+    tried = true;
+    tried.notify_all();
+    for (std::thread& other : others) other.join();
+    return had += others.size();
+}
+#endif
 
 /// Calls `work(worker, task)` for each task of 0 … `count` on an OpenMP team of `workers` threads, this one being worker
 /// 0; the team may be smaller than was asked for. `work` must not throw. Built without OpenMP, threads are started for
@@ -23,7 +53,7 @@ template <class Work>
 void parallel_for(std::size_t count, std::size_t workers, const Work& work)
 {
 #ifdef DFD_OPENMP
-#pragma omp parallel num_threads(static_cast<int>(workers))
+#pragma omp parallel num_threads(static_cast<int>(available_workers(workers)))
     {
         const auto worker = static_cast<std::size_t>(omp_get_thread_num());
 #pragma omp for schedule(dynamic) nowait
@@ -34,12 +64,7 @@ void parallel_for(std::size_t count, std::size_t workers, const Work& work)
     const auto take_tasks = [&](std::size_t worker) {
         for (std::size_t task; (task = next.fetch_add(1, std::memory_order_relaxed)) < count;) work(worker, task);
     };
-    std::vector<std::thread> others;
-    others.reserve(workers - 1);
-    try {
-        for (std::size_t worker = 1; worker < workers; ++worker) others.emplace_back(take_tasks, worker);
-    } catch (const std::system_error&) {  // those that have started, and this one, do the work
-    }
+    std::vector<std::thread> others = start_threads(workers - 1, take_tasks);
     take_tasks(0);
     for (std::thread& other : others) other.join();
 #endif

@@ -22,11 +22,9 @@ def app(
     preset: PresetOption = None,
     encoder: EncoderOption = DEFAULT_ENCODER,
     port: Annotated[
-        int | None, Option(min=0, max=65535, help="Where to listen; by default 8765, or any that is free.")
+        int | None, Option(min=0, max=65535, help="Where to listen; by default 8765 or a free one.")
     ] = None,
-    host: Annotated[
-        str, Option(help="Whom to listen for; any address but the default lets other machines in.")
-    ] = "127.0.0.1",
+    host: Annotated[str, Option(help="Whom to listen for; all but the default let other machines in.")] = "127.0.0.1",
     memory: Annotated[
         float | None,
         Option(metavar="GB", min=0.5, help="What one tab may take; by default three quarters of all memory."),

@@ -31,8 +31,9 @@ def read_features(path: Path, named: str) -> NDArray[Any]:
     if path.suffix.lower() == ".pt":
         return _read_tensor(path, named)
     try:
-        # mapped, a header that promises more than the file holds is refused before any memory is asked for
-        return np.array(np.lib.format.open_memmap(path, mode="r"))
+        # Not mapped: a map of a file that its owner is writing anew ends the process.
+        with path.open("rb") as stream:
+            return np.lib.format.read_array(stream, allow_pickle=False)
     except OSError:
         raise
     except Exception as error:  # of the header's text: SyntaxError, TokenError, TypeError and more

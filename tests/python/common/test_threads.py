@@ -77,6 +77,27 @@ def test_default_is_at_most_what_the_process_may_use(setting, monkeypatch):
     assert 1 <= threads._default_threads() <= (os.cpu_count() or 1)
 
 
+@linux_only
+def test_fewer_threads_where_there_is_no_room_for_more():
+    code = """
+import resource
+import numpy as np
+import dfd
+features = np.random.default_rng(0).random((60_000, 16), dtype=np.float32)
+few, many = np.empty((60_000, 2), np.float32), np.empty((60_000, 2), np.float32)
+dfd.set_num_threads(1)
+dfd.bind(features, features[:2], out=few)
+mapped = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (mapped + (40 << 20),) * 2)  # stacks of 8 MiB each
+dfd.set_num_threads(64)
+dfd.bind(features, features[:2], out=many)
+assert (few == many).all()
+print(2 <= dfd._core.team_size(64) < 64)
+"""
+    done = python(code, OMP_STACKSIZE="8M")
+    assert (done.returncode, done.stdout) == (0, "True\n"), done.stderr
+
+
 def loaded_runtimes(code, **environment):
     """The paths of OpenMP runtimes that a process has loaded after `code`."""
     code += """

@@ -7,21 +7,15 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
-from numpy.typing import NDArray
-from trimesh.exchange.gltf import export_glb, export_gltf
-from trimesh.exchange.off import export_off
-from trimesh.exchange.ply import export_ply
-from trimesh.exchange.stl import export_stl
 
 from dfd.common.files import atomic_write
+from dfd.common.linear_algebra import Bool, Float64, Int32
 from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.file import moved_normals
 from dfd.mesh.file.gltf import patch as gltf_patch
-from dfd.mesh.file.in_trimesh import to_trimesh
 from dfd.mesh.file.obj import patch as obj_patch
 from dfd.mesh.file.obj import write as obj_write
 from dfd.mesh.file.primitives import MovedPrimitive, UniqueNames
@@ -29,11 +23,15 @@ from dfd.mesh.file.read import ENDINGS
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.normals import smooth_normals
 
+# trimesh takes a third of a second to import: only by what is not written in the file that it came from.
+if TYPE_CHECKING:
+    import trimesh
+
 
 def write(
     path: str | os.PathLike[str],
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.int32],
+    vertices: Float64,
+    faces: Int32,
     *,
     appearance: Appearance | None = None,
     scene: SceneFile | None = None,
@@ -47,15 +45,17 @@ def write(
     if ending not in ENDINGS:
         raise ValueError(f"Mesh.save: `path` must end in {', '.join(ENDINGS)}, got {target}")
     if ending not in (".obj", ".off") and np.abs(vertices).max() > np.finfo(np.float32).max:
-        raise ValueError(
-            f"Mesh.save: `vertices` must fit in 32-bit floats for a {ending} file; .obj and .off have more"
-        )
+        raise ValueError(f"Mesh.save: `vertices` must fit in 32-bit floats for a {ending} file; .obj, .off have more")
     if scene is not None:  # all vertices at one position move with the first of them
         vertices = vertices[scene.representative]
     files: dict[str, bytes]
     if ending == ".off":
+        from trimesh.exchange.off import export_off
+
         files = {target.name: export_off(_bare(vertices, faces), digits=17).encode()}
     elif ending == ".stl":
+        from trimesh.exchange.stl import export_stl
+
         files = {target.name: export_stl(_bare(vertices, faces))}
     elif scene is None:
         files = _encode_bare(target, vertices, faces)
@@ -64,7 +64,7 @@ def write(
     _write(target, files)
 
 
-def as_glb(vertices: NDArray[np.float64], faces: NDArray[np.int32], scene: SceneFile | None) -> bytes:
+def as_glb(vertices: Float64, faces: Int32, scene: SceneFile | None) -> bytes:
     """Return the GLB file of a mesh at rest whose `scene` is that of no glTF file.
 
     Each primitive is a node with a mesh of its own: in the order of the scene's, by the names that `UniqueNames` makes
@@ -91,27 +91,29 @@ def _write(target: Path, files: dict[str, bytes]) -> None:
         raise first from first.__cause__
 
 
-def _bare(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> trimesh.Trimesh:
+def _bare(vertices: Float64, faces: Int32) -> trimesh.Trimesh:
+    import trimesh
+
     return trimesh.Trimesh(vertices, faces, process=False)
 
 
-def _encode_bare(target: Path, vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> dict[str, bytes]:
+def _encode_bare(target: Path, vertices: Float64, faces: Int32) -> dict[str, bytes]:
     """A mesh without a scene: one part, with smooth normals in formats that would display it faceted."""
+    ending = target.suffix.lower()
+    if ending == ".obj":
+        return {target.name: obj_write.encode(vertices, faces)}
+    import trimesh
+    from trimesh.exchange.ply import export_ply
+
     geometry = _bare(vertices, faces)
-    if target.suffix.lower() in (".glb", ".gltf"):
-        geometry.vertex_normals = smooth_normals(vertices, faces)
-        return _encode_gltf(target, trimesh.Scene({"mesh": geometry}))
-    if target.suffix.lower() == ".ply":
+    if ending == ".ply":
         return {target.name: export_ply(geometry, vertex_normal=False)}
-    return {target.name: obj_write.encode(vertices, faces)}
+    geometry.vertex_normals = smooth_normals(vertices, faces)
+    return _encode_gltf(target, trimesh.Scene({"mesh": geometry}))
 
 
 def _encode_scene(
-    target: Path,
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.int32],
-    appearance: Appearance | None,
-    scene: SceneFile,
+    target: Path, vertices: Float64, faces: Int32, appearance: Appearance | None, scene: SceneFile
 ) -> dict[str, bytes]:
     changed = (vertices != scene.vertices).any(axis=1)
     normals = moved_normals.follow(vertices, scene.vertices, changed, scene)
@@ -129,6 +131,8 @@ def _encode_scene(
 
 
 def _encode_gltf(target: Path, scene: trimesh.Scene) -> dict[str, bytes]:
+    from trimesh.exchange.gltf import export_glb, export_gltf
+
     if target.suffix.lower() == ".glb":
         return {target.name: export_glb(scene)}
     files = export_gltf(scene, merge_buffers=True, embed_buffers=True)
@@ -136,13 +140,13 @@ def _encode_gltf(target: Path, scene: trimesh.Scene) -> dict[str, bytes]:
 
 
 def _encode_ply(
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.int32],
-    appearance: Appearance | None,
-    scene: SceneFile,
-    moved: Sequence[MovedPrimitive],
+    vertices: Float64, faces: Int32, appearance: Appearance | None, scene: SceneFile, moved: Sequence[MovedPrimitive]
 ) -> bytes:
     """One part is kept as it is; several parts, and textures, which PLY cannot store, become vertex colors."""
+    from trimesh.exchange.ply import export_ply
+
+    from dfd.mesh.file.in_trimesh import to_trimesh
+
     first = moved[0].primitive
     material = first.geometry.material or Material(is_default=True)
     if len(moved) == 1 and (first.geometry.uv is None or (material.texture is None and not material.is_default)):
@@ -162,10 +166,7 @@ def _encode_ply(
 
 
 def _move(
-    vertices: NDArray[np.float64],
-    changed: NDArray[np.bool_],
-    normals: Sequence[NDArray[np.float64] | None],
-    scene: SceneFile,
+    vertices: Float64, changed: Bool, normals: Sequence[Float64 | None], scene: SceneFile
 ) -> list[MovedPrimitive]:
     """Convert positions to each primitive's coordinates; unmoved ones are kept bit for bit."""
     result = []
@@ -182,6 +183,10 @@ def _move(
 
 def _rebuild(moved: Sequence[MovedPrimitive]) -> trimesh.Scene:
     """Return a scene of the moved primitives; a geometry with several instances is split where they moved."""
+    import trimesh
+
+    from dfd.mesh.file.in_trimesh import to_trimesh
+
     result = trimesh.Scene()
     names, nodes = UniqueNames(), UniqueNames()
     first: dict[int, tuple[MovedPrimitive, str]] = {}
