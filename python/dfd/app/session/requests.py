@@ -390,8 +390,8 @@ def export(
     """
     deformer, poses = session.require_deformer(), session.view_state.poses
     with _posed_by(session, transforms):
-        url, name = exports.export(deformer, format, session.name, session.folder, poses, session.source)
-    return DownloadMessage(url=url, name=name)
+        url, name, said = exports.export(deformer, format, session.name, session.folder, poses, session.source)
+    return DownloadMessage(url=url, name=name, said=said)
 
 
 @request
