@@ -121,7 +121,7 @@ def test_a_name_with_quotes_stays_one_word(deformer: Deformer) -> None:
 def test_an_export_is_the_kernels_shape(kind: Kind, deformer: Deformer, tmp_path: Path) -> None:
     several(deformer)
     folder = tmp_path / ("0" * 32)
-    url, name = export(deformer, kind, "chair.glb", folder)
+    url, name, _ = export(deformer, kind, "chair.glb", folder)
     assert name == f"chair_edited.{kind}"
     (file,) = (folder / "exports" / url.rsplit("/", 1)[1]).iterdir()
     made = dfd.load(file)
@@ -130,11 +130,12 @@ def test_an_export_is_the_kernels_shape(kind: Kind, deformer: Deformer, tmp_path
 
 
 def test_rigs_targets_and_weights_are_written_beside_the_shapes(deformer: Deformer, tmp_path: Path) -> None:
-    deformer.add(5, translation=(0, -0.3, 0.1))
+    deformer.add(5, translation=(0, -0.3, 0.1), bend=30)
     kinds: tuple[Kind, ...] = ("rig", "morph", "weights")
     headers = []
     for kind, ending in zip(kinds, ("_rig.glb", "_morph.glb", "_weights.npz"), strict=True):
-        url, name = export(deformer, kind, "chair.glb", tmp_path / ("0" * 32))
+        url, name, said = export(deformer, kind, "chair.glb", tmp_path / ("0" * 32))
+        assert ("bent or twisted is not in a skin" in said) == (kind == "rig")
         assert name == f"chair{ending}"
         file = tmp_path / ("0" * 32) / "exports" / url.rsplit("/", 1)[1] / name
         headers.append(file.read_bytes())
@@ -148,7 +149,7 @@ def test_rigs_targets_and_weights_are_written_beside_the_shapes(deformer: Deform
 def test_usdz_is_one_of_the_formats(deformer: Deformer, tmp_path: Path) -> None:
     pytest.importorskip("pxr")
     deformer.add(5, translation=(0, -0.3, 0.1))
-    _, name = export(deformer, "usdz", "chair.glb", tmp_path / ("0" * 32))
+    _, name, _ = export(deformer, "usdz", "chair.glb", tmp_path / ("0" * 32))
     assert name == "chair_rig.usdz"
 
 
@@ -157,7 +158,7 @@ def test_the_files_of_a_command_are_all_that_it_needs(
 ) -> None:
     regions(deformer)
     source = Source(name="chair.glb", path=shape.mesh)
-    url, name = export(deformer, "files", "chair.glb", tmp_path / ("0" * 32), source=source)
+    url, name, _ = export(deformer, "files", "chair.glb", tmp_path / ("0" * 32), source=source)
     assert name == "chair_files.zip"
     with zipfile.ZipFile(tmp_path / ("0" * 32) / "exports" / url.rsplit("/", 1)[1] / name) as archive:
         archive.extractall(tmp_path)
@@ -172,7 +173,7 @@ def test_edit_and_field_can_be_taken_along(deformer: Deformer, tmp_path: Path) -
     several(deformer)
     folder = tmp_path / ("0" * 32)
     for kind, ending in (("edit", "_edit.json"), ("field", ".field.safetensors")):
-        url, name = export(deformer, kind, "../../chair.glb", folder)
+        url, name, _ = export(deformer, kind, "../../chair.glb", folder)
         assert name == f"chair{ending}"
         (file,) = (folder / "exports" / url.rsplit("/", 1)[1]).iterdir()
         if kind == "edit":
@@ -189,7 +190,7 @@ def test_key_poses_become_an_animation(deformer: Deformer, tmp_path: Path) -> No
     )
     gone = PoseTransform(handle=99, translation=(9, 9, 9), rotation=(0, 0, 0), scale=(1, 1, 1))
     poses = [KeyPose(name="a", seconds=0, transforms=(rest, gone)), KeyPose(name="b", seconds=2, transforms=(up,))]
-    url, name = export(deformer, "animation", "chair.glb", tmp_path / "session", poses)
+    url, name, _ = export(deformer, "animation", "chair.glb", tmp_path / "session", poses)
     assert name == "chair_poses.glb"
     (file,) = (tmp_path / "session" / "exports" / url.rsplit("/", 1)[1]).iterdir()
     data = file.read_bytes()
@@ -213,7 +214,7 @@ def test_a_shape_on_joints_of_its_own_moves_by_morph_targets(tmp_path: Path) -> 
         )
         for seconds in (0, 1)
     ]
-    url, _ = export(deformer, "animation", "figure.glb", tmp_path / "session", poses)
+    url, _, said = export(deformer, "animation", "figure.glb", tmp_path / "session", poses)
     (file,) = (tmp_path / "session" / "exports" / url.rsplit("/", 1)[1]).iterdir()
     data = file.read_bytes()
     header = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
@@ -221,6 +222,7 @@ def test_a_shape_on_joints_of_its_own_moves_by_morph_targets(tmp_path: Path) -> 
     moved = any("targets" in primitive for each in header["meshes"] for primitive in each["primitives"])
     assert moved, "the shape moves by targets, and keeps its joints"
     assert "skins" in header
+    assert said.startswith("3 morph targets")
 
 
 def test_an_animation_needs_two_poses_at_two_moments(deformer: Deformer, tmp_path: Path) -> None:

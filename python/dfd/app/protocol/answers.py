@@ -227,6 +227,7 @@ class DownloadMessage(Answer):
     type: Literal["download"] = "download"
     url: str
     name: str
+    said: str = ""  # of the file, where it is not all that is seen
 
 
 class ScriptMessage(Answer):

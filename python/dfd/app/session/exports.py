@@ -30,8 +30,10 @@ def export(
     folder: Path,
     poses: Sequence[parts.KeyPose] = (),
     source: Source | None = None,
-) -> tuple[str, str]:
+) -> tuple[str, str, str]:
     """Write a file of the format `kind` (see the protocol); return its URL, relative to the page, and its name.
+
+    The third is what is to be said of a rig: how it differs from what is seen.
 
     `name` is the shape's, which came from `source`, `folder` the session's, `poses` are those of the timeline.
 
@@ -41,7 +43,7 @@ def export(
     number = secrets.token_hex(16)
     directory = folder / EXPORTS / number
     directory.mkdir(parents=True)
-    stem = file_stem(name)
+    stem, said = file_stem(name), ""
     try:
         if kind == "edit":
             path = _edit(deformer, directory, stem)
@@ -49,12 +51,12 @@ def export(
             path = _field(deformer, directory, stem)
         elif kind == "animation":
             path = directory / f"{stem}_poses.glb"
-            _animation(deformer, path, poses)
+            said = _animation(deformer, path, poses)
         elif kind in ("rig", "morph", "usdz"):
             from dfd.export.export_rig import export_rig
 
             path = directory / (f"{stem}_rig.usdz" if kind == "usdz" else f"{stem}_{kind}.glb")
-            export_rig(deformer, path, form="morph" if kind == "morph" else None)
+            said = str(export_rig(deformer, path, form="morph" if kind == "morph" else None))
         elif kind == "weights":
             from dfd.export.export_weights import export_weights
 
@@ -68,7 +70,7 @@ def export(
     except BaseException:
         shutil.rmtree(directory, ignore_errors=True)
         raise
-    return f"download/{folder.name}/{number}", path.name
+    return f"download/{folder.name}/{number}", path.name, said
 
 
 def _edit(deformer: Deformer, directory: Path, stem: str) -> Path:
@@ -111,8 +113,8 @@ def file_stem(name: str) -> str:
     return re.sub(r"[^\w-]+", "_", stem)[:LONGEST_STEM].strip("_") or "mesh"
 
 
-def _animation(deformer: Deformer, path: Path, poses: Sequence[parts.KeyPose]) -> None:
-    """An animation through the poses: a skin, or morph targets if the mesh has a skin already."""
+def _animation(deformer: Deformer, path: Path, poses: Sequence[parts.KeyPose]) -> str:
+    """An animation through the poses: a skin, or morph targets if something bends or the mesh has a skin already."""
     from dfd.export.export_rig import export_rig
     from dfd.export.key_poses import KeyPose
 
@@ -131,11 +133,12 @@ def _animation(deformer: Deformer, path: Path, poses: Sequence[parts.KeyPose]) -
         )
         for pose in poses
     ]
+    bends = any(each.bends for pose in key_poses for each in pose.transforms.values())
     try:
-        export_rig(deformer, path, form="skin", poses=key_poses)
+        return str(export_rig(deformer, path, form="morph" if bends else "skin", poses=key_poses))
     except ValueError as skin_error:
         try:
-            export_rig(deformer, path, form="morph", poses=key_poses)
+            return str(export_rig(deformer, path, form="morph", poses=key_poses))
         except ValueError:
             raise skin_error from None
 

@@ -7,7 +7,7 @@ import binascii
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -37,7 +37,6 @@ from dfd.app.protocol.parts import (
     RegionPlace,
     Text,
     Transform,
-    Vector,
     VertexPlace,
 )
 from dfd.app.protocol.requests import Request, call, request
@@ -55,7 +54,7 @@ from dfd.editing.points import place_on
 from dfd.editing.presets import PRESETS, BlendRule
 from dfd.editing.suggestions import suggest_handles
 from dfd.posing.pose import Overlap
-from dfd.posing.transforms import PivotAt
+from dfd.posing.transforms import PivotAt, Vector, vector
 from dfd.symmetry.plane import SymmetryPlane
 
 NO_TRANSFORM, NO_CONTROLS = Transform(), Controls()
@@ -165,14 +164,16 @@ def axis(session: Session, handle: int) -> Answer:
     edit = deformer.edit
     held = edit.handle(handle)
     part = next(iter(deformer.bound.held_parts(edit, held)), None)
-    pivots: dict[PivotAt, Any] = {"point": held.place.position}
+    auto = held.place.position
+    pivots: dict[PivotAt, Vector] = {"point": auto}
     if part is None:
-        return AxisMessage(handle=handle, pivots=pivots, auto=held.place.position, base=None, tip=None)
-    places: tuple[PivotAt, ...] = ("base", "middle", "hinge", *(() if edit.symmetry is None else ("plane",)))
-    pivots |= {place: pivot_on(part, place, held, edit.symmetry)[0] for place in places}
-    found = PRESETS[edit.preset].pivot == "auto"
-    base, tip = (cast("Vector", tuple(part.axis.nodes[end].tolist())) for end in (0, -1))
-    auto = pivot_on(part, None, held, edit.symmetry)[0] if found else held.place.position
+        return AxisMessage(handle=handle, pivots=pivots, auto=auto, base=None, tip=None)
+    pivots.update({place: pivot_on(part, place, held, edit.symmetry)[0] for place in ("base", "middle", "hinge")})
+    if edit.symmetry is not None:
+        pivots["plane"] = pivot_on(part, "plane", held, edit.symmetry)[0]
+    if PRESETS[edit.preset].pivot == "auto":
+        auto = pivot_on(part, None, held, edit.symmetry)[0]
+    base, tip = (vector("axis", part.axis.nodes[end]) for end in (0, -1))
     return AxisMessage(handle=handle, pivots=pivots, auto=auto, base=base, tip=tip)
 
 
@@ -389,8 +390,8 @@ def export(
     """
     deformer, poses = session.require_deformer(), session.view_state.poses
     with _posed_by(session, transforms):
-        url, name = exports.export(deformer, format, session.name, session.folder, poses, session.source)
-    return DownloadMessage(url=url, name=name)
+        url, name, said = exports.export(deformer, format, session.name, session.folder, poses, session.source)
+    return DownloadMessage(url=url, name=name, said=said)
 
 
 @request

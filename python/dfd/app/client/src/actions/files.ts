@@ -47,7 +47,9 @@ export function chooseFiles(): void {
 export async function exportAs(format: Export["format"]): Promise<void> {
   const received = await ask({ type: "export", format, transforms: seenTransforms() });
   if (received?.message.type !== "download") return;
-  save(new URL(received.message.url, location.href).href, received.message.name);
+  const { url, name, said } = received.message;
+  save(new URL(url, location.href).href, name);
+  if (said) note(`${name}: ${said}`);
 }
 
 export async function copyScript(as: "python" | "command"): Promise<void> {

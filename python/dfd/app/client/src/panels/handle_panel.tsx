@@ -46,27 +46,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
     />
   );
   const verb = {
-    translate: (
-      <Triple
-        key="translate"
-        label="Move"
-        hint="How far, in the shape's own units"
-        value={transform.translation}
-        step={step}
-        onChange={(translation) => set({ translation })}
-      />
-    ),
-    rotate: (
-      <Triple
-        key="rotate"
-        label="Rotate °"
-        hint="An axis times an angle; about one axis alone, its angle"
-        value={transform.rotation}
-        step={1}
-        onChange={(rotation) => set({ rotation })}
-      />
-    ),
-    scale: <Scale key="scale" value={transform.scale} onChange={(scale) => set({ scale })} />,
+    ...motionFields(transform, step, set),
     bend: <Bend key="bend" handle={id} transform={transform} set={set} />,
   };
   const others = (Object.keys(verb) as GizmoMode[]).filter((name) => name !== state.gizmo);
@@ -120,6 +100,37 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
       </More>
     </Panel>
   );
+}
+
+/** Fields of what is done to a handle, or to the rest of the shape, by the verb. */
+export function motionFields(now: Transform, step: number, set: (part: Partial<Transform>) => void, of = "") {
+  const angles = "An axis times an angle; about one axis alone, its angle";
+  const far = "How far, in the shape's own units";
+  return {
+    translate: (
+      <Triple
+        key="translate"
+        label="Move"
+        of={of}
+        hint={far}
+        value={now.translation}
+        step={step}
+        onChange={(translation) => set({ translation })}
+      />
+    ),
+    rotate: (
+      <Triple
+        key="rotate"
+        label="Rotate °"
+        of={of}
+        hint={angles}
+        value={now.rotation}
+        step={1}
+        onChange={(rotation) => set({ rotation })}
+      />
+    ),
+    scale: <Scale key="scale" of={of} value={now.scale} onChange={(scale) => set({ scale })} />,
+  };
 }
 
 const PIVOTS: Record<PivotAt, string> = {

@@ -6,21 +6,9 @@ import { niceStep, REST, type Transform } from "../posing/affine";
 import type { FixedState, StateMessage } from "../protocol/messages";
 import { handleName, placeName, ready, selectedHandle, store } from "../store/state";
 import { useParts } from "../store/use";
-import {
-  Button,
-  Facts,
-  IconButton,
-  More,
-  Panel,
-  percent,
-  Scale,
-  Select,
-  Slider,
-  titled,
-  Triple,
-} from "../widgets/controls";
+import { Button, Facts, IconButton, More, Panel, percent, Select, Slider, titled } from "../widgets/controls";
 import { HandleList } from "./handle_list";
-import { HandlePanel } from "./handle_panel";
+import { HandlePanel, motionFields } from "./handle_panel";
 import { SymmetryPanel } from "./symmetry_panel";
 
 export function Inspector() {
@@ -128,7 +116,7 @@ function FixedPanel({ fixed }: { readonly fixed: readonly FixedState[] }) {
 /** D₀ of Eq. 1: what happens to what no handle holds. */
 function DefaultPanel({ known }: { readonly known: StateMessage }) {
   const size = useParts().mesh?.diagonal ?? 1;
-  const now = known.default ?? REST;
+  const now = { ...REST, ...known.default };
   const set = (part: Partial<Transform>) => setDefault({ ...now, ...part });
   const reset = (
     <IconButton
@@ -140,21 +128,7 @@ function DefaultPanel({ known }: { readonly known: StateMessage }) {
   );
   return (
     <Panel title="The rest of the shape" action={reset}>
-      <Triple
-        label="Move"
-        of=" the rest"
-        value={now.translation}
-        step={niceStep(size / 100)}
-        onChange={(translation) => set({ translation })}
-      />
-      <Triple
-        label="Rotate °"
-        of=" the rest"
-        value={now.rotation}
-        step={1}
-        onChange={(rotation) => set({ rotation })}
-      />
-      <Scale of=" the rest" value={now.scale} onChange={(scale) => set({ scale })} />
+      {Object.values(motionFields(now, niceStep(size / 100), set, " the rest"))}
     </Panel>
   );
 }

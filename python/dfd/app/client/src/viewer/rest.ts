@@ -85,6 +85,7 @@ export class Rest {
     this.draw(WHOLE);
   }
 
+  /** Somebody takes hold of what moves, or lets go. */
   hold(on: boolean): void {
     this.held = on;
     if (!on && this.state === "coarse") this.pause();

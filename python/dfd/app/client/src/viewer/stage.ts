@@ -48,7 +48,8 @@ export class Stage implements Easel {
   saw: (seen: Level | "loading") => void = () => undefined;
   /** Called after every picture, for what lies over the canvas. */
   drawn: () => void = () => undefined;
-  private readonly rest: Rest;
+  /** What leads from a change to the whole picture of it. */
+  readonly rest: Rest;
   private readonly clock: Clock;
   /** Where a processor draws, the whole comes bit by bit. */
   private readonly still: Still | null;
@@ -69,8 +70,8 @@ export class Stage implements Easel {
     this.camera.layers.enable(SHAPE_LAYER);
     this.orbit = new OrbitControls(this.camera, canvas);
     this.orbit.addEventListener("change", () => this.invalidate());
-    this.orbit.addEventListener("start", () => this.hold(true));
-    this.orbit.addEventListener("end", () => this.hold(false));
+    this.orbit.addEventListener("start", () => this.rest.hold(true));
+    this.orbit.addEventListener("end", () => this.rest.hold(false));
     this.orbit.zoomToCursor = true;
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => this.rest.renew());
@@ -83,24 +84,9 @@ export class Stage implements Easel {
     this.rest.ask();
   }
 
-  /** Draw what has been asked for. */
-  drawNext(): void {
-    this.rest.frame();
-  }
-
   /** Draw the whole now. */
   draw(): void {
     this.rest.drawWhole();
-  }
-
-  /** Whether nothing is left to be drawn. */
-  get rests(): boolean {
-    return this.rest.state === "whole";
-  }
-
-  /** Somebody takes hold of what moves, or lets go. */
-  hold(on: boolean): void {
-    this.rest.hold(on);
   }
 
   /** Look at a shape about the origin, of that radius, from the front and a little above. */

@@ -96,7 +96,7 @@ export class Viewer {
     );
     store.on("dragging", (dragging) => {
       stage.orbit.enabled = !dragging;
-      stage.hold(dragging);
+      stage.rest.hold(dragging);
     });
     stage.pace.quality = store.get().quality;
     store.on("quality", (quality) => {

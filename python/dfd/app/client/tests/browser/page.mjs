@@ -101,7 +101,7 @@ function installHook() {
         group.visible = true;
       },
       /** Draw now what the next frame would be. */
-      drawNext: () => stage.drawNext(),
+      drawNext: () => stage.rest.frame(),
       /** Have the page believe that the whole takes so long to draw. */
       pretend(milliseconds) {
         const { pace } = stage;
@@ -111,7 +111,7 @@ function installHook() {
         for (let i = 0; i < 2; i++) pace.measured(milliseconds);
       },
       /** Whether nothing is left to be drawn. */
-      rests: () => stage.rests,
+      rests: () => stage.rest.state === "whole",
       /** Triangles of the newest picture, with those of the gizmo and what else is drawn. */
       triangles: () => stage.renderer.info.render.triangles,
       /** Pictures drawn a second, over that many, when each asks for the next. */
