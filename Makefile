@@ -95,6 +95,7 @@ quality: $(VENV)/installed-bench
 
 gallery: $(VENV)/installed
 	$(BIN)/python docs/gallery.py gallery
+	$(BIN)/python docs/grips.py gallery
 
 # Blender as a Python package opens what is exported; it takes a Python of its own version, and 1 GB.
 BLENDER_PYTHON ?= python3.11

@@ -27,7 +27,7 @@ extensions = [
     "tools.generated",
 ]
 exclude_patterns = ["tools"]
-suppress_warnings = ["config.cache"]
+suppress_warnings = ["toc.empty_glob"]
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3

@@ -68,8 +68,7 @@ class Tab:
         self.bytes_in += len(data)
         if isinstance(data, bytes):
             data = data[4 : 4 + int.from_bytes(data[:4], "little")].decode()
-        message: dict[str, Any] = json.loads(data)
-        return message
+        return json.loads(data)
 
     def until(self, **wanted: Any) -> dict[str, Any]:
         """The next message that has these."""

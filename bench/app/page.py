@@ -58,8 +58,7 @@ def _page(app: RunningApp, before: list[str], *, drag: bool) -> dict[str, Any]:
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60 * MINUTES, check=False)
     if done.returncode != 0:
         raise RuntimeError(done.stderr[-2000:])
-    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
-    return found
+    return json.loads(done.stdout.splitlines()[-1])
 
 
 def _drag(table: Table, name: str, found: dict[str, Any]) -> None:

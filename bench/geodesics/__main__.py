@@ -14,13 +14,13 @@ from pathlib import Path
 import numpy as np
 import pygeodesic.geodesic
 import trimesh
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
 import dfd
 from bench.geodesics.heat import heat_seconds, shortest_seconds
 from bench.quality.baselines import PeerError, in_child
+from dfd.common.linear_algebra import Float64
 
 MESHES = (("spot.obj", 0), ("koala.obj", 0), ("scorpion.obj", 0), ("koala.obj", 2))
 COLUMNS = (
@@ -85,7 +85,7 @@ def _measure(path: Path, rounds: int, handle_count: int, repeats: int, limit: fl
 
 
 @cache
-def _exact(path: Path, handles: tuple[int, ...]) -> NDArray[np.float64]:
+def _exact(path: Path, handles: tuple[int, ...]) -> Float64:
     mesh = dfd.load(path)
     size = float(mesh.extents.max())  # the library is at ease with a size of about 1
     solver = pygeodesic.geodesic.PyGeodesicAlgorithmExact((mesh.vertices - mesh.bounds[0]) / size, mesh.faces)

@@ -6,12 +6,12 @@ import time
 import timeit
 from collections.abc import Callable
 
-import numpy as np
 import potpourri3d
-from numpy.typing import NDArray
+
+from dfd.common.linear_algebra import Float64, Int32
 
 
-def heat_seconds(vertices: NDArray[np.float64], faces: NDArray[np.int32], handle: int) -> tuple[float, float]:
+def heat_seconds(vertices: Float64, faces: Int32, handle: int) -> tuple[float, float]:
     """The seconds that factoring takes, and the shortest of a solve."""
     started = time.perf_counter()
     solver = potpourri3d.MeshHeatMethodDistanceSolver(vertices, faces)

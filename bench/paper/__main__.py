@@ -75,8 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def make(name: str, context: Context) -> Page:
     """The page called `name`; ValueError or OSError if it cannot be made."""
-    made: Page = getattr(import_module(f"bench.paper.{PAGES[name][0]}"), name)(context)
-    return made
+    return getattr(import_module(f"bench.paper.{PAGES[name][0]}"), name)(context)
 
 
 def _radius(text: str) -> float:

@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
@@ -21,11 +20,11 @@ from bench.paper.peers.peer import Job, run
 from bench.paper.report import Row as Drawn
 from bench.paper.report import Table
 from bench.quality.baselines import PeerError
+from dfd.common.linear_algebra import Float64, Int64, UInt8
 from dfd.common.preset import Preset
 from dfd.geometry.metrics import SurfaceMetrics, surface_metrics
 from dfd.pictures.picture import picture
 
-Float64 = NDArray[np.float64]
 Methods = Mapping[str, Callable[[], Float64]]
 
 COMPARED = ("ARAP", "biharmonic", "BBW", "NeuralMLS")  # OptCtrlPoints has the weights of the second one
@@ -136,8 +135,7 @@ def deform(name: str, case: Case, ball: float) -> Float64:
     Raises PeerError as `bench.paper.peers.peer.run`.
     """
     if name == "biharmonic" and case.coordinates is not None:
-        moved: Float64 = case.mesh.vertices + case.coordinates @ (case.held_to - case.mesh.vertices[case.held])
-        return moved
+        return case.mesh.vertices + case.coordinates @ (case.held_to - case.mesh.vertices[case.held])
     return run(PEERS[name], case.mesh, [constraints(case, ball)])[0].vertices
 
 
@@ -148,7 +146,7 @@ def constraints(case: Case, ball: float) -> Job:
     its neighbors are one group, fixed points none.
     """
     offsets = case.held_to - case.mesh.vertices[case.held]
-    corners: NDArray[np.int64] = np.unique(case.mesh.faces).astype(np.int64)
+    corners: Int64 = np.unique(case.mesh.faces).astype(np.int64)
     radius = 0.0 if case.dense else ball * float(case.mesh.extents.max())
     distance, nearest = KDTree(case.mesh.vertices[case.held]).query(case.mesh.vertices[corners])
     near = distance <= radius
@@ -193,7 +191,7 @@ def cameras_of(case: Case, moved: Sequence[Float64]) -> tuple[dict[str, Any], li
     return where, [where if fit else aim(case.mesh, source, each) for each, fit in zip(moved, fits, strict=True)]
 
 
-def marked(case: Case, where: Mapping[str, object], image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def marked(case: Case, where: Mapping[str, object], image: UInt8) -> UInt8:
     """The picture with the handles' places in blue and their targets in green, whatever lies before them."""
     bare = picture(case.mesh, **where).astype(int)
     image = image.copy()

@@ -8,25 +8,13 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bench.paper.compare import (
-    LEGEND,
-    Float64,
-    Row,
-    cameras_of,
-    compare,
-    drawn,
-    marked,
-    methods_of,
-    pulled,
-    solve,
-    table,
-)
+from bench.paper.compare import LEGEND, Row, cameras_of, compare, drawn, marked, methods_of, pulled, solve, table
 from bench.paper.context import PRESETS, BoxHandle, Context, Shape, named
 from bench.paper.drawing import silhouettes
 from bench.paper.handles import Case, find
 from bench.paper.report import Page, Section, Table
+from dfd.common.linear_algebra import Float64, Int64
 from dfd.pictures.picture import picture
 
 # A handle, how far it goes, and what other methods hold.
@@ -126,7 +114,7 @@ def _stretched(shape: Shape, by: float) -> Case:
     return Case(mesh, held[[handle]], held_to[[handle]], np.empty(0, np.int64), held, held_to, dense=True)
 
 
-def farthest(points: Float64, count: int) -> NDArray[np.int64]:
+def farthest(points: Float64, count: int) -> Int64:
     """Rows of `points` (N, 3) that lie as far apart as can be, one after the other, the first at the far end of x."""
     chosen = [int(points[:, 0].argmin())]
     distance = np.linalg.norm(points - points[chosen[0]], axis=1)
@@ -156,12 +144,8 @@ def fig14(context: Context, name: str = "Fig. 14", ball: float | None = None) ->
     """Every pull, other methods given all within the ball."""
     ball = context.ball if ball is None else ball
     given = f"a ball of {ball:g}" if ball else "points alone, without neighbors"
-    look_for = (
-        "Parts that look like the one that is pulled follow it; other methods tilt the shape or draw out a spike."
-    )
-    text = (
-        f"The paper's users found {_chosen(DESIRABLE)} among the best two of six, and {_chosen(REALISTIC)} realistic."
-    )
+    look_for = "Parts that look like the pulled one follow it; other methods tilt the shape or draw out a spike."
+    text = f"The paper's users found {_chosen(DESIRABLE)} among the best 2 of 6, and {_chosen(REALISTIC)} realistic."
     return _page(
         context, f"{name}: one handle, others with {given}", look_for, pulls(context, (2, 10)), text, ball=ball
     )

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 import dfd
 from dfd.batch.inputs import MESH_ENDINGS
+from dfd.common.linear_algebra import Float32
 from dfd.common.preset import Preset
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
@@ -125,7 +125,7 @@ def session(
     *,
     fixed: Sequence[Any] = (),
     symmetric: bool = False,
-    features: NDArray[np.float32] | None = None,
+    features: Float32 | None = None,
 ) -> dfd.Deformer:
     """A session with `handles`, each what `Deformer.add` takes by name, and `fixed` points.
 
@@ -145,27 +145,13 @@ def session(
 
 @dataclass
 class Context:
-    """Settings of a run, and what its pages share.
+    """Settings of a run, and what its pages share."""
 
-    Attributes
-    ----------
-    folder
-        Where meshes are looked for first; None for `DFD_MESHES` alone.
-    quick
-        Fewer and smaller pictures, fewer shapes.
-    encoder
-        Name, folder or loaded encoder.
-    ball
-        In which the methods that need constraints are given the neighbors of a handle too, of the longest side.
-    settings
-        Further keywords of `dfd.distill`, over those of either preset.
-    """
-
-    folder: Path | None = None
-    quick: bool = False
-    encoder: str | Path = DEFAULT_ENCODER
-    ball: float = BALL
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    folder: Path | None = None  # where meshes are looked for first; None for `DFD_MESHES` alone
+    quick: bool = False  # fewer and smaller pictures, fewer shapes
+    encoder: str | Path = DEFAULT_ENCODER  # a name or a folder
+    ball: float = BALL  # of the longest side, in which other methods are given the neighbors of a handle too
+    settings: Mapping[str, Any] = field(default_factory=dict)  # further keywords of `dfd.distill`, over the presets'
     say: Callable[[str], None] = lambda line: None
     fields: dict[tuple[Any, ...], dfd.Field] = field(default_factory=dict)
     encoders: dict[tuple[str, int | None, bool], Encoder] = field(default_factory=dict)

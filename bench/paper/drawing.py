@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import dfd
+from dfd.common.linear_algebra import Float64, UInt8
 from dfd.pictures.picture import picture
 from dfd.pictures.sheet import session_views
 from dfd.pictures.viewpoint import azimuth_towards
@@ -17,7 +18,7 @@ RESOLUTION = 320
 BEFORE, AFTER = np.array([64, 112, 216]), np.array([52, 168, 83])  # as in the paper: blue before, green after
 
 
-def aim(mesh: dfd.Mesh, points: Any, *moved: NDArray[np.float64], **more: Any) -> dict[str, Any]:
+def aim(mesh: dfd.Mesh, points: Any, *moved: Float64, **more: Any) -> dict[str, Any]:
     """Options of `picture` that show `points` (N, 3) from outside, with room for all of `moved` (V, 3)."""
     return {
         "azimuth": azimuth_towards(mesh, points),
@@ -27,7 +28,7 @@ def aim(mesh: dfd.Mesh, points: Any, *moved: NDArray[np.float64], **more: Any) -
     }
 
 
-def before_after(deformer: dfd.Deformer, where: dict[str, Any]) -> list[tuple[NDArray[np.uint8], str]]:
+def before_after(deformer: dfd.Deformer, where: dict[str, Any]) -> list[tuple[UInt8, str]]:
     """The weights that a session's vertices follow with, as heat, and the moved shape."""
     views = session_views(deformer)
     return [
@@ -36,9 +37,7 @@ def before_after(deformer: dfd.Deformer, where: dict[str, Any]) -> list[tuple[ND
     ]
 
 
-def silhouettes(
-    mesh: dfd.Mesh, moved: NDArray[np.float64], where: dict[str, Any], *, shaded: bool = True
-) -> NDArray[np.uint8]:
+def silhouettes(mesh: dfd.Mesh, moved: Float64, where: dict[str, Any], *, shaded: bool = True) -> UInt8:
     """The outlines before (blue) and after (green) over each other, see-through, as in the paper's Fig. 8 and 23.
 
     With `shaded` the moved shape is seen through them.
@@ -48,15 +47,14 @@ def silhouettes(
     page = new if shaded else np.full_like(new, 255)
     page = np.where(in_new, 0.55 * page + 0.45 * AFTER, page)
     page = np.where(in_old, 0.6 * page + 0.4 * BEFORE, page)
-    image: NDArray[np.uint8] = page.clip(0, 255).astype(np.uint8)
-    return image
+    return page.clip(0, 255).astype(np.uint8)
 
 
-def blank(resolution: int = RESOLUTION) -> NDArray[np.uint8]:
+def blank(resolution: int = RESOLUTION) -> UInt8:
     """A white square, where there is nothing to show."""
     return np.full((resolution, resolution, 3), 255, np.uint8)
 
 
-def heat(mesh: dfd.Mesh, weights: NDArray[np.floating], at: Sequence[int], **where: Any) -> NDArray[np.uint8]:
+def heat(mesh: dfd.Mesh, weights: NDArray[np.floating], at: Sequence[int], **where: Any) -> UInt8:
     """Weights (V,) as heat, with dots at the vertices `at`."""
     return picture(mesh, weights=weights, handles=mesh.vertices[list(at)], **where)

@@ -12,6 +12,7 @@ from bench.paper.context import PRESETS, Context, Shape, named, session
 from bench.paper.drawing import aim, heat
 from bench.paper.report import Page, Section, Table
 from bench.quality.measures import area_fractions
+from dfd.common.linear_algebra import Float64
 from dfd.common.preset import Preset
 from dfd.geometry.metrics import surface_metrics
 from dfd.pictures.picture import picture
@@ -112,7 +113,7 @@ def missing(absent: dict[str, str]) -> str:
     return "\n\nNot available here: " + ", ".join(absent) + f". The first one: {next(iter(absent.values()))}"
 
 
-def correlation(first: NDArray[np.floating], second: NDArray[np.floating], areas: NDArray[np.float64]) -> float:
+def correlation(first: NDArray[np.floating], second: NDArray[np.floating], areas: Float64) -> float:
     """Pearson's correlation of weights (V,) over a surface whose vertices have `areas` (V,) that sum to 1."""
     a, b = (values - areas @ values for values in (first.astype(float), second.astype(float)))
     return float(areas @ (a * b) / max(np.sqrt((areas @ a**2) * (areas @ b**2)), 1e-12))

@@ -6,7 +6,6 @@ import time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 import dfd
@@ -15,6 +14,7 @@ from bench.paper.drawing import aim, before_after, blank, heat
 from bench.paper.measures import roughness, subdivided
 from bench.paper.report import Page, Section, Table
 from bench.quality.measures import area_fractions
+from dfd.common.linear_algebra import Float64
 from dfd.common.preset import Preset
 from dfd.geometry.simplify import simplify
 from dfd.pictures.colors import feature_colors
@@ -212,12 +212,11 @@ def turned(shape: Shape, degrees: float) -> dfd.Mesh:
     return dfd.Mesh(refined.vertices @ rotation.T, refined.faces)
 
 
-def in_box_of(mesh: dfd.Mesh, other: dfd.Mesh) -> NDArray[np.float64]:
+def in_box_of(mesh: dfd.Mesh, other: dfd.Mesh) -> Float64:
     """The vertices of `mesh` scaled, side by side, into the box of `other`."""
     low, high = mesh.bounds
     begin, end = other.bounds
-    points: NDArray[np.float64] = begin + (mesh.vertices - low) / np.maximum(high - low, 1e-12) * (end - begin)
-    return points
+    return begin + (mesh.vertices - low) / np.maximum(high - low, 1e-12) * (end - begin)
 
 
 def fig20(context: Context) -> Page:

@@ -30,10 +30,10 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 import dfd
+from dfd.common.linear_algebra import Float64, Int64
 
 USER, FIXED = "user_single_keypoints.txt", "constraint_single_keypoints.txt"
 APAP_MESH, META_MESH, KEY_POINTS = "mesh.obj", "manifold.obj", "key_point_50.obj"
@@ -46,12 +46,12 @@ class Case:
     """One shape and what is to be done to it."""
 
     mesh: dfd.Mesh
-    handles: NDArray[np.int64]  # (H,) vertices
-    targets: NDArray[np.float64]  # (H, 3) where they are to be, mesh units
-    fixed: NDArray[np.int64]  # (K,) vertices that stay
-    held: NDArray[np.int64]  # (C,) vertices that methods with constraints are given
-    held_to: NDArray[np.float64]  # (C, 3) where those are to be, mesh units
-    coordinates: NDArray[np.float64] | None = None  # (V, C) biharmonic coordinates of the set's own
+    handles: Int64  # (H,) vertices
+    targets: Float64  # (H, 3) where they are to be, mesh units
+    fixed: Int64  # (K,) vertices that stay
+    held: Int64  # (C,) vertices that methods with constraints are given
+    held_to: Float64  # (C, 3) where those are to be, mesh units
+    coordinates: Float64 | None = None  # (V, C) biharmonic coordinates of the set's own
     dense: bool = False  # whether `held` is enough as it is, without the neighbors of its points
 
 
@@ -114,9 +114,7 @@ def read_apap(path: Path, texts: Path) -> Case:
     return Case(mesh, handles, targets, fixed, held, np.concatenate([targets, mesh.vertices[fixed]]))
 
 
-def _read_text(
-    path: Path, mesh: dfd.Mesh, taken: dict[int, str]
-) -> tuple[NDArray[np.int64], NDArray[np.float64], list[int]]:
+def _read_text(path: Path, mesh: dfd.Mesh, taken: dict[int, str]) -> tuple[Int64, Float64, list[int]]:
     """Vertices (N,), their positions (N, 3) and the lines; `taken` says what vertices already are."""
     used = np.zeros(len(mesh.vertices), bool)
     used[mesh.faces] = True
@@ -178,9 +176,7 @@ def read_meta_handles(folder: Path) -> Case:
         if len(position) != 3 or not np.isfinite(position).all():
             raise ValueError(f"{where}: must read 'v x y z', got {text.strip()[:80]!r}")
         if tree.query(position)[0] > NEAR * mesh.diagonal:
-            raise ValueError(
-                f"{where}: must lie at a vertex of {META_MESH}, got {_point(position)}, which is away from all"
-            )
+            raise ValueError(f"{where}: must lie at a vertex of {META_MESH}, got {_point(position)}, away from all")
         positions.append(position)
     if not positions:
         raise ValueError(f"{folder / KEY_POINTS} must hold control points as 'v x y z', got none")
@@ -193,7 +189,7 @@ def read_meta_handles(folder: Path) -> Case:
     return Case(mesh, held[[chosen]], held_to[[chosen]], np.empty(0, np.int64), held, held_to, coordinates, dense=True)
 
 
-def _largest(folder: Path, count: int) -> NDArray[np.float64]:
+def _largest(folder: Path, count: int) -> Float64:
     """(K, 3) offsets of the basis vector, at the end of its range, that takes a control point the farthest."""
     path = folder / "basis.npy"
     basis = _array(path, None)
@@ -203,11 +199,10 @@ def _largest(folder: Path, count: int) -> NDArray[np.float64]:
     if (folder / "coef_range.npy").is_file():
         basis = basis * _array(folder / "coef_range.npy", (len(basis), 2))[:, :, None, None]
     ends = basis.reshape(-1, count, 3)
-    largest: NDArray[np.float64] = ends[np.linalg.norm(ends, axis=2).max(axis=1).argmax()]
-    return largest
+    return ends[np.linalg.norm(ends, axis=2).max(axis=1).argmax()]
 
 
-def _array(path: Path, shape: tuple[int, ...] | None) -> NDArray[np.float64]:
+def _array(path: Path, shape: tuple[int, ...] | None) -> Float64:
     try:
         with path.open("rb") as stream:
             values = np.lib.format.read_array(stream, allow_pickle=False).astype(np.float64)
@@ -220,5 +215,5 @@ def _array(path: Path, shape: tuple[int, ...] | None) -> NDArray[np.float64]:
     return values
 
 
-def _point(position: NDArray[np.float64]) -> str:
+def _point(position: Float64) -> str:
     return "(" + ", ".join(f"{each:.4g}" for each in position) + ")"

@@ -11,12 +11,13 @@ from scipy.spatial import KDTree
 
 import dfd
 from bench.quality.baselines import components_of
+from dfd.common.linear_algebra import Int64
 from dfd.geometry.topology import face_areas, face_components, first_at_place
 
 NEAR = 0.005  # of the diagonal: vertices of two components as near as that belong together
 
 
-def edges(faces: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def edges(faces: NDArray[np.integer]) -> tuple[Int64, Int64]:
     """The distinct edges (E, 2) of faces (F, 3) that have three different corners, and how many faces each has (E,)."""
     proper = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)].astype(np.int64)
     ends = np.sort(proper[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
@@ -31,8 +32,8 @@ class Defects:
 
     non_manifold: int  # edges of more than two faces, and vertices around which faces do not form one fan
     holes: int
-    boundary: NDArray[np.int64]  # (B, 2) edges of one face
-    crowded: NDArray[np.int64]  # (N, 2) edges of more than two faces
+    boundary: Int64  # (B, 2) edges of one face
+    crowded: Int64  # (N, 2) edges of more than two faces
 
 
 def defects(mesh: dfd.Mesh) -> Defects:
@@ -54,7 +55,7 @@ def holes(boundary: NDArray[np.integer]) -> int:
     return int(components_of(number.reshape(-1, 2), len(used)).max()) + 1
 
 
-def _split_vertices(faces: NDArray[np.integer], ends: NDArray[np.int64], uses: NDArray[np.int64]) -> int:
+def _split_vertices(faces: NDArray[np.integer], ends: Int64, uses: Int64) -> int:
     """How many vertices have faces in more than one fan, faces being of one fan when an edge at the vertex joins them.
 
     Vertices of an edge of more than two faces are left to that edge.

@@ -13,14 +13,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from bench.tables import to_csv, to_markdown, write_text
+from dfd.common.linear_algebra import UInt8
 from dfd.pictures.contact_sheet import contact_sheet
 from dfd.pictures.picture import save_png
 
-Row = tuple[str, Sequence[tuple[NDArray[np.uint8], str]]]  # a heading, and pictures with their captions
+Row = tuple[str, Sequence[tuple[UInt8, str]]]  # a heading, and pictures with their captions
 CELL = 320
 
 

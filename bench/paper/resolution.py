@@ -107,9 +107,8 @@ def fig10(context: Context) -> Page:
         for name in dict.fromkeys(row[2] for row in rows)
     }
     look_for = "Preprocessing hardly grows with the number of faces; bind and pose grow no faster than it does."
-    return Page(
-        "Fig. 10: method timing", look_for, [Section("Seconds", text, table=Table(columns, rows), image=plot(series))]
-    )
+    section = Section("Seconds", text, table=Table(columns, rows), image=plot(series))
+    return Page("Fig. 10: method timing", look_for, [section])
 
 
 def _dfd_seconds(context: Context, shape: Shape, preset: Preset) -> list[float]:

@@ -79,9 +79,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if "methods" in chosen:
         say("[bold]pictures[/bold]")
         pages = [sheet.row(bench, shape) for shape in labelled]
-        save_png(
-            options.output / "quality.png", contact_sheet(pages, title="The best and the worst part of each shape")
-        )
+        save_png(options.output / "quality.png", contact_sheet(pages, title="Best and worst part of each shape"))
     if "families" in chosen and animals:
         heading, pictures = sheet.worst(bench, animals)
         save_png(options.output / "worst.png", contact_sheet([("", pictures)], title=heading))
@@ -157,15 +155,11 @@ def _write(output: Path, rows: Sequence[Row], bench: Bench, quick: bool) -> None
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("python -m bench.quality", description=__doc__)
-    parser.add_argument(
-        "--quick", action="store_true", help="smaller pictures, fewer handles, one seed: about a minute"
-    )
+    parser.add_argument("--quick", action="store_true", help="smaller pictures, fewer handles, one seed: a minute")
     parser.add_argument("--output", type=Path, default=OUTPUT, help="folder to write to (%(default)s)")
     parser.add_argument("--study", action="append", default=[], help="only this study; may be repeated")
     parser.add_argument("--seeds", type=int, help="fits that each number is the mean of")
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="NAME=VALUE", help="a setting of all distillations"
-    )
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="a setting of all fields")
     parser.add_argument(
         "--variant",
         action="append",

@@ -13,6 +13,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 import dfd
+from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
 
 PATIENCE = 120.0  # seconds that a peer gets for one shape
 
@@ -21,18 +22,18 @@ class PeerError(RuntimeError):
     """A peer gave no usable weights; the message says why."""
 
 
-def euclidean(vertices: NDArray[np.floating], handles: NDArray[np.integer]) -> NDArray[np.float64]:
+def euclidean(vertices: NDArray[np.floating], handles: NDArray[np.integer]) -> Float64:
     """1 − distance through space, of the farthest vertex's: (V, H)."""
     distance = np.linalg.norm(vertices[:, None] - vertices[handles], axis=2)
     return 1 - distance / np.maximum(distance.max(axis=0), 1e-300)
 
 
-def geodesic(geodesics: dfd.Geodesics, handles: NDArray[np.integer]) -> NDArray[np.float32]:
+def geodesic(geodesics: dfd.Geodesics, handles: NDArray[np.integer]) -> Float32:
     """1 − distance along the surface, of the farthest vertex's: (V, H)."""
     return 1 - geodesics.distances(handles).T
 
 
-def rounds(labels: NDArray[np.integer], handles: NDArray[np.integer]) -> list[NDArray[np.int64]]:
+def rounds(labels: NDArray[np.integer], handles: NDArray[np.integer]) -> list[Int64]:
     """Columns of `handles` in rounds of one handle a part, the way a person would place them."""
     count: dict[int, int] = {}
     found: dict[int, list[int]] = {}
@@ -43,9 +44,7 @@ def rounds(labels: NDArray[np.integer], handles: NDArray[np.integer]) -> list[ND
     return [np.array(columns) for columns in found.values()]
 
 
-def biharmonic(
-    mesh: dfd.Mesh, labels: NDArray[np.integer], handles: NDArray[np.integer], *, bounded: bool
-) -> NDArray[np.float64]:
+def biharmonic(mesh: dfd.Mesh, labels: NDArray[np.integer], handles: NDArray[np.integer], *, bounded: bool) -> Float64:
     """Biharmonic weights (V, H) over the surface by libigl; `bounded` ones by its quadratic program (BBW).
 
     Such weights fall off towards the other handles: each round of one handle a part is solved by itself, 1 at the
@@ -103,7 +102,7 @@ def _answer(connection: Connection) -> None:
     connection.send(answer)
 
 
-def components_of(corners: NDArray[np.integer], count: int) -> NDArray[np.int32]:
+def components_of(corners: NDArray[np.integer], count: int) -> Int32:
     """The number (count,) of the connected component of elements (E, K), such as faces, that each vertex is of."""
     edges = corners[:, [[a, a + 1] for a in range(corners.shape[1] - 1)]].reshape(-1, 2)
     graph = coo_array((np.ones(len(edges), bool), (edges[:, 0], edges[:, 1])), shape=(count, count))
@@ -126,9 +125,7 @@ def libigl() -> Any:
     return igl
 
 
-def bounded_weights(
-    vertices: NDArray[np.float64], cells: NDArray[np.int64], known: NDArray[np.int64], values: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def bounded_weights(vertices: Float64, cells: Int64, known: Int64, values: Float64) -> Float64:
     """Bounded biharmonic weights (V, K), over faces or in tetrahedra, that have `values` (P, K) at `known` (P,)."""
     solved = np.asarray(libigl().bbw(vertices, cells, known, np.ascontiguousarray(values)))
     if solved.shape != (len(vertices), values.shape[1]) or not np.isfinite(solved).all():
@@ -136,9 +133,7 @@ def bounded_weights(
     return solved
 
 
-def _solve(
-    vertices: NDArray[np.float64], faces: NDArray[np.int64], handle_sets: list[NDArray[np.int64]], bounded: bool
-) -> list[NDArray[np.float64]]:
+def _solve(vertices: Float64, faces: Int64, handle_sets: list[Int64], bounded: bool) -> list[Float64]:
     every = [(handles, np.eye(len(handles))) for handles in handle_sets]
     if bounded:
         return [bounded_weights(vertices, faces, *each) for each in every]

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from bench.quality.measures import difference, dirichlet_energy, draw_handles, part_precision, spread
 from bench.quality.shapes import Shape
+from dfd.common.linear_algebra import Int64
 
-Method = Callable[[NDArray[np.int64]], NDArray[np.floating]]  # handles (H,) to weights (V, H)
+Method = Callable[[Int64], NDArray[np.floating]]  # handles (H,) to weights (V, H)
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ def judge(shape: Shape, method: Method, draw: Draw, *, mirrored: Method | None =
     return mean(verdicts)
 
 
-def handles(shape: Shape, each: int, seed: int) -> NDArray[np.int64]:
+def handles(shape: Shape, each: int, seed: int) -> Int64:
     """Handles of every part; of a shape without labels twice as many from all of it."""
     if shape.labels is None:
         return draw_handles(np.zeros(len(shape.mesh.vertices), np.int64), 2 * each, seed)
@@ -44,7 +45,7 @@ def mean(verdicts: Sequence[dict[str, float]]) -> dict[str, float]:
     return {measure: float(np.mean([verdict[measure] for verdict in verdicts])) for measure in verdicts[0]}
 
 
-def _once(shape: Shape, method: Method, chosen: NDArray[np.int64], mirrored: Method | None) -> dict[str, float]:
+def _once(shape: Shape, method: Method, chosen: Int64, mirrored: Method | None) -> dict[str, float]:
     weights = method(chosen)
     verdict = {}
     if shape.labels is not None:

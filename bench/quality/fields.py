@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 import dfd
+from dfd.common.linear_algebra import Bool, Float32, UInt8
 from dfd.common.progress import Stages
 from dfd.distillation.settings import LENGTHS, DistillSettings
 from dfd.encoders.encode import Encoder, TokenStore, load_encoder
@@ -71,17 +69,13 @@ class Lab:
 
 def remembering(encoder: Encoder) -> Encoder:
     """Let `encoder` keep the tokens of the pictures that it saw last, for fits of other lengths and seeds."""
-    kept: dict[str, NDArray[np.float32]] = {}
+    kept: dict[str, Float32] = {}
     look = encoder.encode
 
     # With what `dfd.distill` asks for and no more: whatever else tokens depend on would belong to the key.
     def encode(
-        images: NDArray[np.uint8],
-        *,
-        covered: NDArray[np.bool_],
-        store: TokenStore | None = None,
-        stages: Stages | None = None,
-    ) -> NDArray[np.float32]:
+        images: UInt8, *, covered: Bool, store: TokenStore | None = None, stages: Stages | None = None
+    ) -> Float32:
         key = hash_arrays(images, covered)
         if key not in kept:
             kept[key] = look(images, covered=covered, store=store, stages=stages)

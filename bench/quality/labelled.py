@@ -26,6 +26,7 @@ from bench.quality.measures import draw_handles, handle_precision
 from bench.quality.report import timed
 from bench.quality.sheet import heat
 from bench.tables import to_csv, to_markdown, write_text
+from dfd.common.linear_algebra import Bool, Float32, Int64
 from dfd.pictures.contact_sheet import contact_sheet
 from dfd.pictures.picture import save_png
 from dfd.segmentation.parts import Parts
@@ -36,7 +37,7 @@ NEAR = 0.05  # of the diagonal: an instance that near to a landmark is on it
 FOLLOWS = 0.35  # of the handle's own weight: an instance that follows less is no like of it to people
 WORST = 10  # parts that are drawn
 
-Mask = NDArray[np.bool_]
+Mask = Bool
 Verdict = dict[str, float]
 
 LEGEND = {
@@ -135,13 +136,7 @@ GRIPS: Mapping[str, Mapping[str, Any]] = {
 }
 
 
-def _grip(
-    on: LabelledShape,
-    field: dfd.Field,
-    features: NDArray[np.float32],
-    handles: NDArray[np.int64],
-    how: Mapping[str, Any],
-) -> Verdict:
+def _grip(on: LabelledShape, field: dfd.Field, features: Float32, handles: Int64, how: Mapping[str, Any]) -> Verdict:
     """What a handle holds of its label, and beyond it."""
     settings = dict(how)
     session = dfd.Deformer(on.shape.mesh, field, preset=settings.pop("preset", "default"), features=features)
@@ -156,7 +151,7 @@ def _grip(
     return dict(zip(("grip", "coverage", "leak"), values, strict=True))
 
 
-def _counterparts(on: LabelledShape, field: dfd.Field, features: NDArray[np.float32]) -> Verdict:
+def _counterparts(on: LabelledShape, field: dfd.Field, features: Float32) -> Verdict:
     """Whether the instances of a handle on a landmark are where its counterparts are; nothing where there are none."""
     mesh, hits, wrong = on.shape.mesh, [], []
     session = dfd.Deformer(mesh, field, features=features)
@@ -187,7 +182,7 @@ def threshold_iou(on: LabelledShape, weights: NDArray[np.floating], truth: Mask)
     return float((inside / (on.areas[truth].sum() + outside)).max())
 
 
-def _mean(on: LabelledShape, handles: NDArray[np.int64], values: Sequence[float] | NDArray[np.floating]) -> float:
+def _mean(on: LabelledShape, handles: Int64, values: Sequence[float] | NDArray[np.floating]) -> float:
     """Of one number a handle, over those of each label and over the labels."""
     own, known = on.labels[handles], np.asarray(values, np.float64)
     return float(
@@ -219,14 +214,8 @@ def _write(path: Path, found: Sequence[Judged]) -> None:
         half = [each for each in found if judged in (None, each.on.judged)]
         if half:
             table = [[category, *_row(row, names)] for category, row in by_category(half).items()]
-            lines += [
-                f"## {heading}",
-                "",
-                f"{len(half)} shapes.",
-                "",
-                *to_markdown(["category", *names], table, ".3f"),
-                "",
-            ]
+            lines += [f"## {heading}", "", f"{len(half)} shapes.", ""]
+            lines += [*to_markdown(["category", *names], table, ".3f"), ""]
     lines += ["## What the words mean", "", *(f"- **{word}**: {meaning}." for word, meaning in LEGEND.items())]
     path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path.with_suffix(".csv"), to_csv(["category", "shape", "half", *names], cells))

@@ -19,46 +19,32 @@ import dfd
 from bench.quality.baselines import components_of
 from bench.quality.measures import area_fractions
 from bench.quality.shapes import Shape
+from dfd.common.linear_algebra import Float64, Int32, Int64
 from dfd.geometry.topology import face_areas
 
 
 @dataclass(frozen=True, eq=False)
 class LabelledShape:
-    """A mesh with the parts that people see in it.
+    """A mesh with the parts that people see in it."""
 
-    Attributes
-    ----------
-    category
-        Its kind, such as "Ant".
-    judged
-        Whether constants are never chosen on it: half of each category.
-    shape
-        Mesh, and labels of vertices: of the faces around one the most, by area.
-    landmarks
-        (L,) vertices, −1 where one is missing.
-    counterparts
-        Groups of numbers of landmarks that mirror one another.
-    """
-
-    category: str
-    judged: bool
-    shape: Shape
-    landmarks: NDArray[np.int64]
-    counterparts: tuple[tuple[int, ...], ...]
+    category: str  # its kind, such as "Ant"
+    judged: bool  # whether constants are never chosen on it: half of each category
+    shape: Shape  # mesh, and labels of vertices: of the faces around one the most, by area
+    landmarks: Int64  # (L,) vertices, −1 where one is missing
+    counterparts: tuple[tuple[int, ...], ...]  # groups of numbers of landmarks that mirror one another
 
     @property
     def labels(self) -> NDArray[np.integer]:
         """(V,) index into the parts' names."""
-        assert self.shape.labels is not None
         return self.shape.labels
 
     @cached_property
-    def areas(self) -> NDArray[np.float64]:
+    def areas(self) -> Float64:
         """(V,) how much of the surface belongs to each vertex."""
         return area_fractions(self.shape.mesh)
 
     @cached_property
-    def instances(self) -> NDArray[np.int32]:
+    def instances(self) -> Int32:
         """(V,) the connected component of its part that each vertex is on: one leg of all legs."""
         sides = self.shape.mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
         return components_of(sides[self.labels[sides[:, 0]] == self.labels[sides[:, 1]]], len(self.labels))
@@ -95,7 +81,7 @@ def _read(path: Path, *, judged: bool) -> LabelledShape:
     return LabelledShape(path.parent.name, judged, shape, landmarks, _counterparts(path.parent / "counterparts.info"))
 
 
-def _face_labels(path: Path, count: int) -> tuple[tuple[str, ...], NDArray[np.int64]]:
+def _face_labels(path: Path, count: int) -> tuple[tuple[str, ...], Int64]:
     """The parts' names, and (F,) which of them each face has."""
     lines = [line.strip() for line in path.read_text("utf-8").splitlines() if line.strip()]
     labels = np.full(count, -1)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 import dfd
+from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.geometry.topology import face_areas
 
 MOVES = 0.01  # a vertex of less weight stays where it is, as far as anyone can see
@@ -16,22 +17,21 @@ Labels = NDArray[np.integer]  # (V,) the part of each vertex, −1 for none
 Handles = NDArray[np.integer]  # (H,) vertices
 
 
-def area_fractions(mesh: dfd.Mesh) -> NDArray[np.float64]:
+def area_fractions(mesh: dfd.Mesh) -> Float64:
     """(V,) how much of the surface belongs to each vertex, a third of each of its faces; they sum to 1."""
     thirds = np.repeat(face_areas(mesh.vertices, mesh.faces) / 3, 3)
     areas = np.bincount(mesh.faces.ravel(), thirds, minlength=len(mesh.vertices))
-    fractions: NDArray[np.float64] = areas / areas.sum()
-    return fractions
+    return areas / areas.sum()
 
 
-def draw_handles(labels: Labels, each: int, seed: int = 0) -> NDArray[np.int64]:
+def draw_handles(labels: Labels, each: int, seed: int = 0) -> Int64:
     """Vertices to grab: `each` of every part, or all of a smaller part; part after part."""
     generator = np.random.default_rng(seed)
     parts = [np.flatnonzero(labels == part) for part in range(labels.max() + 1)]
     return np.concatenate([generator.choice(part, min(each, len(part)), replace=False) for part in parts])
 
 
-def average_precision(scores: NDArray[np.floating], relevant: NDArray[np.bool_]) -> float:
+def average_precision(scores: NDArray[np.floating], relevant: Bool) -> float:
     """Area under precision against recall when vertices are ranked by `scores`; equal scores count as one step."""
     order = np.argsort(-scores, kind="stable")
     hits = np.cumsum(relevant[order])
@@ -40,7 +40,7 @@ def average_precision(scores: NDArray[np.floating], relevant: NDArray[np.bool_])
     return float((np.diff(found, prepend=0) * found / ranked).sum() / hits[-1])
 
 
-def handle_precision(weights: Weights, labels: Labels, handles: Handles) -> NDArray[np.float64]:
+def handle_precision(weights: Weights, labels: Labels, handles: Handles) -> Float64:
     """Average precision (H,) with which each handle's column ranks its own kind of part first.
 
     Neither the handle itself nor vertices without a part count; NaN where a part is nothing but its handle.
@@ -77,7 +77,7 @@ def spread(weights: Weights, labels: Labels, handles: Handles) -> tuple[float, f
     return float(np.median(ratios)) if ratios else float("nan"), float(np.mean(moving))
 
 
-def mirror_image(vertices: NDArray[np.floating]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def mirror_image(vertices: NDArray[np.floating]) -> tuple[Float64, Float64]:
     """The image (V, 3) of every vertex across x, and its distance (V,) to a vertex, of the longest side of the box."""
     center = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
     image = (vertices - center) * [-1, 1, 1] + center

@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 import dfd
+from dfd.common.linear_algebra import Bool, Int64
 from dfd.mesh.file.gltf.header import objects
 
 # How a rig's joint names fall into the parts that every character has; the first match counts.
@@ -85,9 +85,7 @@ def kind_of_part(joint: str) -> str | None:
     return next((kind for kind, pattern in KINDS if re.search(pattern, joint.lower())), None)
 
 
-def without_few(
-    labels: NDArray[np.int64], parts: Sequence[str], fewest: int = FEWEST
-) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+def without_few(labels: Int64, parts: Sequence[str], fewest: int = FEWEST) -> tuple[Int64, tuple[str, ...]]:
     """The same labels (V,) and parts without those of fewer than `fewest` vertices, whose vertices belong to none."""
     size = np.bincount(labels[labels >= 0], minlength=len(parts))
     kept = np.flatnonzero(size >= fewest)
@@ -126,29 +124,18 @@ def strongest_joints(mesh: dfd.Mesh) -> list[str | None]:
     return found
 
 
-def label_vertices(
-    joints: Sequence[str | None], kind: Callable[[str], str | None]
-) -> tuple[NDArray[np.int64], tuple[str, ...]]:
-    """Give every vertex the kind of the joint that moves it the most.
+def label_vertices(joints: Sequence[str | None], kind: Callable[[str], str | None]) -> tuple[Int64, tuple[str, ...]]:
+    """For every vertex the index (V,) of the kind of the joint that moves it the most, and the kinds.
 
-    Parameters
-    ----------
-    joints
-        (V,) see `strongest_joints`.
-    kind
-        From a joint's name to its part; None leaves its vertices without one.
-
-    Returns
-    -------
-    labels, parts
-        (V,) index into `parts`; −1 for none: a sword or a cape is no part of its bearer.
+    `joints` (V,) see `strongest_joints`; `kind` gives a joint's name its part, None leaves its vertices without one.
+    They have −1: a sword or a cape is no part of its bearer.
     """
     kinds = [None if joint is None else kind(joint) for joint in joints]
     parts = tuple(sorted({each for each in kinds if each is not None}))
     return np.array([-1 if each is None else parts.index(each) for each in kinds], np.int64), parts
 
 
-def only(mesh: dfd.Mesh, vertices: NDArray[np.bool_]) -> tuple[dfd.Mesh, NDArray[np.int64]]:
+def only(mesh: dfd.Mesh, vertices: Bool) -> tuple[dfd.Mesh, Int64]:
     """The faces whose corners are all among `vertices` (V,), with their appearance; and the vertices' old indices.
 
     Raises ValueError if no face is left.

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 import dfd
 from bench.quality.measures import mirror_image
 from bench.quality.parts import kind_of_part, label_vertices, merged, only, sides_as_one, strongest_joints, without_few
+from dfd.common.linear_algebra import Float64
 
 # A shape is its own mirror image when so many vertices have another one that near to their images, of the longest side:
 # the surface may be the same on both sides where the triangles are not.
@@ -30,7 +31,7 @@ class Shape:
     parts: tuple[str, ...] = ()
 
     @property
-    def image(self) -> NDArray[np.float64]:
+    def image(self) -> Float64:
         """(V, 3) the mirror image of every vertex across the middle of x."""
         return self._mirror[0]
 
@@ -40,7 +41,7 @@ class Shape:
         return bool(np.quantile(self._mirror[1], MOST) < NEAR)
 
     @cached_property
-    def _mirror(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _mirror(self) -> tuple[Float64, Float64]:
         return mirror_image(self.mesh.vertices)
 
 

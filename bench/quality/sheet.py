@@ -13,18 +13,18 @@ from bench.quality.evaluate import handles
 from bench.quality.measures import handle_precision
 from bench.quality.shapes import Shape
 from bench.quality.studies import Bench
+from dfd.common.linear_algebra import Bool, Float64, Int64, UInt8
 from dfd.pictures.colors import feature_colors
 from dfd.pictures.contact_sheet import heat_bar
 from dfd.pictures.picture import picture
 
 RESOLUTION = 320
 
-Picture = tuple[NDArray[np.uint8], str]
+Picture = tuple[UInt8, str]
 
 
 def row(bench: Bench, shape: Shape) -> tuple[str, Sequence[Picture]]:
     """Draw one labelled shape: a heading, and pictures with captions."""
-    assert shape.labels is not None
     mesh, labels = shape.mesh, shape.labels
     features = bench.lab.field(shape.name, mesh, seed=bench.seeds[0]).features(mesh)
     chosen = handles(shape, bench.draw.each, bench.draw.seeds[0])
@@ -53,7 +53,6 @@ def worst(bench: Bench, shapes: Sequence[Shape], count: int = 10) -> tuple[str, 
     """Draw the parts, over all `shapes`, whose handles rank them the worst: a heading, and pictures with captions."""
     found = []
     for shape in shapes:
-        assert shape.labels is not None
         features = bench.lab.field(shape.name, shape.mesh, seed=bench.seeds[0]).features(shape.mesh)
         chosen = handles(shape, bench.draw.each, bench.draw.seeds[0])
         weights = dfd.bind(features, chosen)
@@ -70,13 +69,13 @@ def worst(bench: Bench, shapes: Sequence[Shape], count: int = 10) -> tuple[str, 
     return f"The {len(pictures)} parts that weights tell apart the least", pictures
 
 
-def _typical(precision: NDArray[np.float64], among: NDArray[np.bool_]) -> int:
+def _typical(precision: Float64, among: Bool) -> int:
     """The column of `among` whose precision is nearest to their mean: neither a lucky nor an unlucky handle."""
     columns = np.flatnonzero(among & ~np.isnan(precision))
     return int(columns[np.abs(precision[columns] - precision[columns].mean()).argmin()])
 
 
-def heat(mesh: dfd.Mesh, weights: NDArray[np.floating], handle: NDArray[np.int64]) -> NDArray[np.uint8]:
+def heat(mesh: dfd.Mesh, weights: NDArray[np.floating], handle: Int64) -> UInt8:
     """Draw weights of one handle, seen from the side that it is on."""
     x, _, z = mesh.normals[handle[0]]
     azimuth = float(np.degrees(np.arctan2(x, z))) if np.hypot(x, z) > 0.3 else 35.0

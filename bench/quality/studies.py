@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import dfd
@@ -19,6 +18,7 @@ from bench.quality.measures import difference
 from bench.quality.parts import family_of
 from bench.quality.shapes import Shape
 from bench.tables import to_markdown
+from dfd.common.linear_algebra import Float64
 from dfd.encoders.known import KNOWN_ENCODERS
 
 Settings = Mapping[str, Any]  # by their names in `dfd.distill`, and those of `bench.quality.fields`
@@ -27,7 +27,7 @@ TEXTURED, GRAY = "textured", "gray"
 FAMILIES_STUDY = "families"
 EUCLIDEAN, GEODESIC, BIHARMONIC = "Euclidean distance", "geodesic distance", "biharmonic (libigl)"
 Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-TURNS: Mapping[str, NDArray[np.float64]] = {
+TURNS: Mapping[str, Float64] = {
     "z up": Z_UP,
     **{f"turned {seed}": Rotation.random(rng=np.random.default_rng(seed)).as_matrix() for seed in range(3)},
 }
@@ -173,13 +173,13 @@ COMPARED: Mapping[str, Callable[[Lab], Mapping[str, Settings]]] = {
 # --- by family: as files come, and the same shapes turned, in gray, and by distance alone
 
 
-def turned(shape: Shape, rotation: NDArray[np.float64]) -> Shape:
+def turned(shape: Shape, rotation: Float64) -> Shape:
     """The same shape, its vertices turned by `rotation` (3, 3); its appearance and parts stay."""
     mesh = dfd.Mesh(shape.mesh.vertices @ rotation.T, shape.mesh.faces, appearance=shape.mesh.appearance)
     return replace(shape, mesh=mesh)
 
 
-def families(bench: Bench, shapes: Sequence[Shape], *, turns: Mapping[str, NDArray[np.float64]] = TURNS) -> list[Row]:
+def families(bench: Bench, shapes: Sequence[Shape], *, turns: Mapping[str, Float64] = TURNS) -> list[Row]:
     """Every labelled shape as it comes, turned, turned with the file's up taken for granted, gray, and by distances."""
     rows = []
     for shape in shapes:

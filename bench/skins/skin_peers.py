@@ -14,14 +14,13 @@ from scipy.spatial import KDTree
 import dfd
 from bench.paper.peers.tetrahedra import boundary, fill
 from bench.quality.baselines import PeerError, bounded_weights, in_child
+from dfd.common.linear_algebra import Float64, Int64
 from dfd.export.bones import Bones
 
 CELLS = 96  # along the longest side of the voxels' grid
 SAMPLES = 32  # points on a bone
 EDGE = 0.04  # of the diagonal: the length of tetrahedra's edges
 PATIENCE = 900.0  # seconds for one rig
-
-Float64 = NDArray[np.float64]
 
 
 def geodesic_voxels(mesh: dfd.Mesh, bones: Bones, joints: NDArray[np.integer]) -> Float64:
@@ -48,8 +47,7 @@ def geodesic_voxels(mesh: dfd.Mesh, bones: Bones, joints: NDArray[np.integer]) -
         straight[:, joint] = KDTree(_on_bones(bones, joint)).query(mesh.vertices)[0]
     lost = np.flatnonzero(weights.sum(axis=1) == 0)
     weights[lost, straight[lost].argmin(axis=1)] = 1.0
-    normalized: Float64 = weights / weights.sum(axis=1, keepdims=True)
-    return normalized
+    return weights / weights.sum(axis=1, keepdims=True)
 
 
 def bounded_biharmonic(mesh: dfd.Mesh, bones: Bones, joints: NDArray[np.integer]) -> Float64:
@@ -69,7 +67,7 @@ def bounded_biharmonic(mesh: dfd.Mesh, bones: Bones, joints: NDArray[np.integer]
     return weights / weights.sum(axis=1, keepdims=True)
 
 
-def _skin(mesh: dfd.Mesh, bones: Bones) -> tuple[Float64, NDArray[np.int64]]:
+def _skin(mesh: dfd.Mesh, bones: Bones) -> tuple[Float64, Int64]:
     """The vertices and faces of the parts that have the skin."""
     used, faces = np.unique(np.concatenate([mesh.faces[each.faces] for each in bones.primitives]), return_inverse=True)
     return mesh.vertices[used], faces.reshape(-1, 3).astype(np.int64)
@@ -79,8 +77,7 @@ def _on_bones(bones: Bones, joint: int) -> Float64:
     """(N, 3) points on the bones of a joint."""
     own = bones.joint == joint
     along = np.linspace(0.0, 1.0, SAMPLES)[:, None, None]
-    points: Float64 = ((1.0 - along) * bones.starts[own] + along * bones.ends[own]).reshape(-1, 3)
-    return points
+    return ((1.0 - along) * bones.starts[own] + along * bones.ends[own]).reshape(-1, 3)
 
 
 def _neighbors(cells: NDArray[np.integer], shape: tuple[int, ...]) -> csr_array:
@@ -102,7 +99,7 @@ def _neighbors(cells: NDArray[np.integer], shape: tuple[int, ...]) -> csr_array:
     return half + half.T
 
 
-def _bounded(points: Float64, faces: NDArray[np.int64], samples: list[Float64], vertices: Float64) -> Float64:
+def _bounded(points: Float64, faces: Int64, samples: list[Float64], vertices: Float64) -> Float64:
     """(V, J) weights at `vertices`, of bones that are points (N, 3) each; in a process of its own."""
     nodes, tetrahedra = fill(points, faces, EDGE)
     tree = KDTree(nodes)

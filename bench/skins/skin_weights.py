@@ -17,14 +17,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 import dfd
 from bench.quality.baselines import PeerError
 from bench.skins.skin_peers import bounded_biharmonic, geodesic_voxels
+from dfd.common.linear_algebra import Float64
 from dfd.export.bone_weights import BoneDistances, bone_weights, straight_weights
 from dfd.export.bones import Bones, bones_of
+from dfd.export.gltf.skin import parts_with_deformers
 from dfd.export.influences import heaviest
 from dfd.export.weigh_skin import bleed
 from dfd.mesh.file.gltf.header import objects
@@ -34,8 +35,6 @@ from dfd.mesh.file.gltf.rest import inverse_binds
 MOMENTS = 8  # of every animation
 INFLUENCES = 4
 METHODS = ("artist", "distance to bones", "geodesic voxels", "bounded biharmonic", "dfd rig")
-
-Float64 = NDArray[np.float64]
 
 
 def main() -> None:
@@ -55,11 +54,12 @@ def main() -> None:
         if options.rigs and path.stem not in options.rigs:
             continue
         mesh = dfd.load(path, pose="bind")
+        if not options.rigs and parts_with_deformers(mesh)[0] is None:  # without a skin
+            continue
         try:
             bones = bones_of(mesh)
         except ValueError as error:
-            if options.rigs or "got none" not in str(error):
-                print(f"{path.stem}: {error}", file=sys.stderr, flush=True)
+            print(f"{path.stem}: {error}", file=sys.stderr, flush=True)
             continue
         rows.append(compared(path, mesh, bones, options.fields))
         print(f"| {path.stem} | " + " | ".join(map(_shown, rows[-1])) + " |", flush=True)
@@ -98,8 +98,6 @@ def compared(path: Path, mesh: dfd.Mesh, bones: Bones, fields: Path | None) -> F
 
 def motions(mesh: dfd.Mesh, bones: Bones) -> list[Float64]:
     """At moments of the animations of a mesh's file, (J, 4, 4) what each joint does to the mesh at rest."""
-    assert mesh.scene is not None
-    assert mesh.scene.gltf is not None
     header, data = mesh.scene.gltf.header, mesh.scene.gltf.data
     nodes = objects(header, "nodes")
     skin = header["skins"][nodes[bones.primitives[0].source[0]]["skin"]]
@@ -127,8 +125,7 @@ def _at(name: str, times: Float64, values: Float64, seconds: float) -> Float64:
     seconds = float(np.clip(seconds, times[0], times[-1]))
     if name != "rotation" or len(times) == 1:
         return np.array([np.interp(seconds, times, column) for column in values.T])
-    turned: Float64 = Slerp(times, Rotation.from_quat(values))(seconds).as_quat()
-    return turned
+    return Slerp(times, Rotation.from_quat(values))(seconds).as_quat()
 
 
 def _off(mesh: dfd.Mesh, bones: Bones, difference: Float64, moves: list[Float64]) -> float:

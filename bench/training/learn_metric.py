@@ -74,7 +74,6 @@ class Lesson:
     @property
     def kinds(self) -> list[tuple[str, NDArray[np.float32]]]:
         """The name of each part, and the features (N, D) of its vertices."""
-        assert self.shape.labels is not None
         return [(name, self.features[self.shape.labels == part]) for part, name in enumerate(self.shape.parts)]
 
     @cached_property
@@ -83,7 +82,6 @@ class Lesson:
 
         Parts count alike.
         """
-        assert self.shape.labels is not None
         every = np.concatenate([self.features, np.float32(THICKNESS) * self.seen.thickness], axis=1, dtype=np.float64)
         rows = [every[self.shape.labels == part] for part in range(len(self.shape.parts))]
         rows = [part for part in rows if len(part) >= FEWEST]

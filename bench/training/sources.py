@@ -11,12 +11,13 @@ from bench.quality.parts import family_of
 
 OF_MESHES = ("knight.glb", "kaykit_*.obj", "rigs/*.glb", "upright/*.glb")  # what is under CC0 in DFD_MESHES
 OF_LESSONS = ("people/*.glb", "rigs/*.glb", "upright/*.glb")
-MOST_ALIKE = 2  # of a family in a pack: a ninth jar teaches nothing
-# Words in the names of things that have no up, or whose makers laid them down anyhow.
+MOST_ALIKE = 2  # of a family: a ninth jar teaches nothing
+# Words in the names of things that have no up, hang on walls, or were laid down anyhow.
 WITHOUT_UP = (
-    *("armor", "bone", "book_", "box_", "cable", "can_broken", "claymore", "club", "compass", "crystal", "dart"),
-    *("flaregun", "glove", "katana", "match", "package", "padlock", "pillow_a", "scythe", "shield", "shotgun"),
-    *("shoulderpads", "smoke", "snowflake", "torch", "towel", "trash"),
+    *("armor", "bone", "book_", "bouncer", "box", "cable", "can_broken", "carpet", "claymore", "club", "compass"),
+    *("crystal", "cyberpunk_pack_ac", "computer", "dart", "flaregun", "glove", "katana", "lever", "match", "mirror"),
+    *("package", "padlock", "pickup", "pillow_a", "scythe", "shield", "shotgun", "shoulderpads", "smoke", "snowflake"),
+    *("spiketrap", "support", "torch", "towel", "trash", "_tv"),
 )
 
 
@@ -28,12 +29,11 @@ def add_lessons(parser: ArgumentParser) -> None:
 
 
 def upright_files(meshes: Path, lessons: Path | None) -> Iterator[Path]:
-    """Every file to learn an up from: of DFD_MESHES all, of `lessons` the first few of each family of a pack."""
+    """Every file to learn an up from: of DFD_MESHES all, of `lessons` the first few of each family."""
     for pattern in OF_MESHES:
         yield from sorted(meshes.glob(pattern))
-    taken: Counter[tuple[str, ...]] = Counter()
+    taken: Counter[str] = Counter()
     for path in sorted(path for pattern in OF_LESSONS for path in (lessons.glob(pattern) if lessons else ())):
-        alike = *path.stem.split("_")[:2], family_of(path.stem)
-        if taken[alike] < MOST_ALIKE and not any(word in path.stem for word in WITHOUT_UP):
-            taken[alike] += 1
+        if taken[family_of(path.stem)] < MOST_ALIKE and not any(word in path.stem for word in WITHOUT_UP):
+            taken[family_of(path.stem)] += 1
             yield path

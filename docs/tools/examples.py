@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 from sphinx.application import Sphinx
-from sphinx.errors import ExtensionError
 from sphinx.util import logging
 from typer.testing import CliRunner
 
@@ -37,7 +36,7 @@ from dfd.views.raycast import Scene
 
 BUILD = Path(__file__).resolve().parents[2] / "build" / "docs"
 FILES, PICTURES = BUILD / "files", BUILD / "pictures"
-STEP = re.compile(r"^```(python|sh)\n(.*?)^```$|^<!-- (output|draw) ?(.*?) -->$", re.MULTILINE | re.DOTALL)
+STEP = re.compile(r"^```(python|sh)\n(.*?)^```$|^<!-- (output|draw)(?: (\w+))? -->$", re.MULTILINE | re.DOTALL)
 RESOLUTION = 360
 TOLERANCE = 1e-4  # of the diagonal: a file has 32-bit floats
 MARGIN = 6  # pixels around what a strip shows
@@ -96,7 +95,7 @@ class _Page:
             else:
                 return self._draw(self.space[of])
         except Exception as error:
-            raise ExtensionError(f"{self.name}: {error!r} in\n{step[0]}") from error
+            log.warning("%r in\n%s", error, step[0], location=self.name)
         return step[0]
 
     def _command(self, line: str) -> str:

@@ -58,27 +58,28 @@ def message_parts() -> str:
     """What messages are made of."""
     definitions = messages_schema()["$defs"]
     outer = {"Client", "Server", *_alternatives(definitions, "Client"), *_alternatives(definitions, "Server")}
-    return "".join(_object(name, each) for name, each in definitions.items() if name not in outer)
+    return "".join(_object(name, each, "###") for name, each in definitions.items() if name not in outer)
 
 
 def _messages(side: str) -> str:
     definitions = messages_schema()["$defs"]
-    return "".join(_object(name, definitions[name]) for name in _alternatives(definitions, side))
+    return "".join(_object(name, definitions[name], "###") for name in _alternatives(definitions, side))
 
 
 def _alternatives(definitions: Schema, side: str) -> list[str]:
-    return [each["$ref"].rpartition("/")[2] for each in definitions[side]["properties"]["message"]["oneOf"]]
+    message = json.dumps(definitions[side]["properties"]["message"])
+    return list(dict.fromkeys(re.findall(r'"\$ref": "#/\$defs/(\w+)"', message)))
 
 
-def _object(name: str, schema: Schema) -> str:
+def _object(name: str, schema: Schema, level: str = "##") -> str:
     """One definition: a heading, its sentence, and a table of its fields."""
-    text = f"\n## {name}\n\n{_sentence(schema)}\n"
+    text = f"\n{level} {name}\n\n{_sentence(schema)}\n"
     if fields := schema.get("properties"):
         text += "\n| field | type | default | what it is |\n|---|---|---|---|\n"
         required = schema.get("required", ())
         for field, about in fields.items():
-            default = "required" if field in required else f"`{json.dumps(about.get('default'), ensure_ascii=False)}`"
-            default = default if len(default) < 40 else "see its type"
+            default = f"`{json.dumps(about['default'], ensure_ascii=False)}`" if "default" in about else ""
+            default = "required" if field in required else default if len(default) < 40 else "see its type"
             text += f"| `{field}` | {_type(about)} | {default} | {_sentence(about)} |\n"
     elif "enum" in schema:
         text += f"\n{_type(schema)}\n"

@@ -20,10 +20,7 @@ MANIFEST = "blender_manifest.toml"
 
 
 def main(folder: Path) -> Path:
-    """Return the path of the zip.
-
-    Raises FileNotFoundError if the folder holds no wheel of dfd.
-    """
+    """Return the path of the zip; FileNotFoundError if the folder holds no wheel of dfd."""
     wheels = sorted(folder.glob("dfd-*.whl"), key=lambda path: path.stat().st_mtime)
     if not wheels:
         raise FileNotFoundError(f"{folder} holds no wheel of dfd: `make wheel` makes one")

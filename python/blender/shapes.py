@@ -23,17 +23,9 @@ SAME_BOX = 1e-3  # of the longest side: boxes of one shape, once simplified, dif
 class Shape:
     """A mesh and the field that was distilled from it.
 
-    Parameters
-    ----------
-    vertices
-        (V, 3) in the object's own coordinates.
-    triangles
-        (F, 3) vertex indices.
-    field
-        Path of a `.field.safetensors`.
-    axes
-        How the field's coordinates lie: "SAME" as the object's, "Y_UP" as those of a glTF file, which Blender turns
-        by a quarter when it imports one, or "AUTO" for whichever of the two the field's shape fits better.
+    `vertices` (V, 3) are in the object's own coordinates, `field` is the path of a `.field.safetensors`. `axes` says
+    how the field's coordinates lie: "SAME" as the object's, "Y_UP" as those of a glTF file, which Blender turns by a
+    quarter when it imports one, or "AUTO" for whichever of the two the field's shape fits better.
 
     Raises ValueError if the field cannot be read, or is that of a shape of another size or place. Raises OSError if
     there is no such file.
@@ -57,11 +49,11 @@ class Shape:
 
         Raises ValueError if `vertex` is none of the mesh, or a number is out of its range.
         """
-        part = self._parts.grip(vertex) if whole_part else None
-        reach = reach if part is None else WITHIN_PART
+        grip = self._parts.grip(vertex) if whole_part else None
+        reach = reach if grip is None else WITHIN_PART
         geodesic = self.geodesics.distances([vertex]) if locality > 0 else None
         column = dfd.bind(self.features, [vertex], reach=reach, falloff=falloff, geodesic=geodesic, locality=locality)
-        return np.ascontiguousarray(column[:, 0] if part is None else column[:, 0] * part)
+        return np.ascontiguousarray(column[:, 0] if grip is None else column[:, 0] * grip.weights)
 
     def parts(self) -> list[np.ndarray]:
         """(N,) vertices of each part that the shape is cut into, see `dfd.parts`."""

@@ -6,15 +6,12 @@ Wang et al., "Linear Subspace Design for Real-Time Shape Deformation", 2015; Kim
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 
 from bench.paper.peers.peer import Body
 from bench.quality.baselines import PeerError, components_of
-
-Float64 = NDArray[np.float64]
-Int64 = NDArray[np.int64]
+from dfd.common.linear_algebra import Float64, Int64
 
 # The tetrahedron's corners but one, seen counterclockwise from outside.
 SIDES = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))
@@ -27,7 +24,6 @@ class Coordinates:
 
     def prepare(self, body: Body) -> None:
         """Assemble the energy."""
-        assert body.within is not None
         self.body, self.within = body, body.within
         self.energy = bilaplacian(self.within.nodes, self.within.cells)
 
@@ -104,13 +100,11 @@ class OptCtrlPoints(Coordinates):
         system[:count, count:] = self.affine[handles]
         system[count:, :count] = self.affine[handles].T
         solved = np.linalg.lstsq(system, np.eye(count + 4)[:, :count], rcond=1e-12)[0]
-        weights: Float64 = inverse @ (solved[:count] / scale) + self.affine @ solved[count:]
-        return weights
+        return inverse @ (solved[:count] / scale) + self.affine @ solved[count:]
 
 
 def on_nodes(body: Body, held: Int64) -> tuple[Int64, Int64]:
     """The distinct nodes (K,) nearest to vertices (N,), and which of those each node stands for."""
-    assert body.within is not None
     nodes, first = np.unique(body.within.nearest(body.vertices[held]), return_index=True)
     return nodes, first
 
@@ -155,5 +149,4 @@ def _outwards(nodes: Float64, cells: Int64) -> Int64:
     """The cells with corners in the order in which their volume is positive."""
     at = nodes[cells]
     turned = np.linalg.det(at[:, 1:] - at[:, :1]) < 0
-    ordered: Int64 = np.where(turned[:, None], cells[:, [0, 1, 3, 2]], cells)
-    return ordered
+    return np.where(turned[:, None], cells[:, [0, 1, 3, 2]], cells)

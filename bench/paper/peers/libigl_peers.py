@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bench.paper.peers.biharmonic import on_nodes
 from bench.paper.peers.peer import Body
 from bench.quality.baselines import bounded_weights, check_components, libigl
-
-Float64 = NDArray[np.float64]
-Int64 = NDArray[np.int64]
+from dfd.common.linear_algebra import Float64, Int64
 
 ITERATIONS = 100
 
@@ -24,7 +21,7 @@ class Arap:
         """Nothing belongs to the shape alone."""
         self.body = body
 
-    def bind(self, held: NDArray[np.int64], group: NDArray[np.int64]) -> None:
+    def bind(self, held: Int64, group: Int64) -> None:
         """Factor the Laplacian without the held vertices."""
         igl = libigl()
         check_components(self.body.faces, len(self.body.vertices), held)
@@ -32,7 +29,7 @@ class Arap:
         self.data.max_iter = ITERATIONS
         igl.arap_precomputation(self.body.vertices, self.body.faces, 3, held.astype(np.int32), self.data)
 
-    def deform(self, targets: NDArray[np.float64]) -> NDArray[np.float64]:
+    def deform(self, targets: Float64) -> Float64:
         """Alternate between rotations and positions."""
         return np.asarray(libigl().arap_solve(np.ascontiguousarray(targets), self.data, self.body.vertices))
 
@@ -47,7 +44,6 @@ class Bounded:
 
     def prepare(self, body: Body) -> None:
         """Nothing belongs to the shape but its tetrahedra."""
-        assert body.within is not None
         self.body, self.within = body, body.within
 
     def bind(self, held: Int64, group: Int64) -> None:

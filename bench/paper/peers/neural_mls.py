@@ -9,11 +9,10 @@ from __future__ import annotations
 import time
 from itertools import pairwise
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from bench.paper.peers.peer import Body
+from dfd.common.linear_algebra import Float64, Int64
 
 WIDTH, HIDDEN = 256, 3
 STEPS, RATE = 1_000, 1e-3
@@ -34,7 +33,7 @@ class NeuralMLS:
         self.center, self.scale = (low + high) / 2, 2 / (high - low).max()
         self.points = torch.from_numpy(self._scaled(body.vertices))
 
-    def bind(self, held: NDArray[np.int64], group: NDArray[np.int64]) -> None:
+    def bind(self, held: Int64, group: Int64) -> None:
         """Train the network on the control points, and ask it for the weights of all vertices."""
         self.control = self.points[held]
         with torch.random.fork_rng():
@@ -57,7 +56,7 @@ class NeuralMLS:
             answers = [network(some.float()).softmax(dim=1) for some in self.points.split(AT_ONCE)]
         self.weights = torch.cat(answers)
 
-    def deform(self, targets: NDArray[np.float64]) -> NDArray[np.float64]:
+    def deform(self, targets: Float64) -> Float64:
         """Move every vertex by the rigid motion that fits the control points best, weighted as it is."""
         wanted = torch.from_numpy(self._scaled(targets))
         pairs = (self.control[:, :, None] * wanted[:, None]).reshape(-1, 9)
@@ -73,5 +72,5 @@ class NeuralMLS:
             moved.append(torch.einsum("vd,vde->ve", points - before, left @ right) + after)
         return torch.cat(moved).numpy() / self.scale + self.center
 
-    def _scaled(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _scaled(self, positions: Float64) -> Float64:
         return (positions - self.center) * self.scale

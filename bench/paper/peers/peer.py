@@ -8,16 +8,13 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 import dfd
 from bench.paper.peers.tetrahedra import MOST_FACES, Tetrahedra, tetrahedra
 from bench.quality.baselines import PeerError, in_child
+from dfd.common.linear_algebra import Float64, Int64
 
 PATIENCE = 300.0  # seconds for all that one peer does with one shape
-
-Float64 = NDArray[np.float64]
-Int64 = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

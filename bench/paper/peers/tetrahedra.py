@@ -11,18 +11,15 @@ from pathlib import Path
 
 import fast_simplification
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from bench.quality.baselines import PeerError, in_child
+from dfd.common.linear_algebra import Float64, Int64
 
 EDGE = 0.05  # of the diagonal: the length of tetrahedra's edges
 MOST_FACES = 6_000  # of the surface that is filled: fTetWild takes minutes beyond on two cores
 AWAY = 0.08  # of the diagonal: a surface that is farther from the tetrahedra was not filled
 PATIENCE = 900.0
-
-Float64 = NDArray[np.float64]
-Int64 = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -37,13 +34,11 @@ class Tetrahedra:
 
     def nearest(self, points: Float64) -> Int64:
         """The node nearest to each of the points (P, 3)."""
-        found: Int64 = KDTree(self.nodes).query(points)[1].astype(np.int64)
-        return found
+        return KDTree(self.nodes).query(points)[1].astype(np.int64)
 
     def on_surface(self, values: Float64) -> Float64:
         """Values (V, D) at the surface's vertices of those at nodes (N, D)."""
-        carried: Float64 = np.einsum("vk,vkd->vd", self.barycentric, values[self.corners])
-        return carried
+        return np.einsum("vk,vkd->vd", self.barycentric, values[self.corners])
 
 
 known: dict[str, Tetrahedra | PeerError] = {}  # several peers and pages ask for one shape's

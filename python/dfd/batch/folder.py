@@ -152,10 +152,7 @@ class BatchFolder:
 
     @contextmanager
     def lock(self, rank: int, world_size: int) -> Iterator[None]:
-        """Hold the folder for one driver of a rank.
-
-        Raises ValueError if another one holds it.
-        """
+        """Hold the folder for one driver of a rank; ValueError if another one holds it."""
         path = self.work / f"rank-{rank}-of-{world_size}.lock"
         with path.open("w") as stream:
             if sys.platform != "win32":

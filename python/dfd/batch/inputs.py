@@ -57,10 +57,7 @@ def has_magic(pattern: str) -> bool:
 
 
 def local_matches(pattern: str) -> list[Path]:
-    """The meshes that a pattern matches here, in order.
-
-    Raises FileNotFoundError if there is none.
-    """
+    """The meshes that a pattern matches here, in order; FileNotFoundError if there is none."""
     found = [Path(path) for path in sorted(glob.glob(pattern, recursive=True))]  # noqa: PTH207  # also absolute ones
     meshes = [path for path in found if path.suffix.lower() in MESH_ENDINGS]
     if not meshes:
@@ -133,10 +130,7 @@ def _of_manifest(manifest: str) -> list[Shape]:
 
 
 def _rows(manifest: str) -> list[dict[str, Any]]:
-    """The rows of a CSV or Parquet file.
-
-    Raises ValueError if it is no such file, or lacks the column `path`.
-    """
+    """The rows of a CSV or Parquet file; ValueError if it is no such file, or lacks the column `path`."""
     data = _read(manifest)
     if manifest.lower().endswith(".csv"):
         try:
@@ -167,10 +161,7 @@ def _read(path: str) -> bytes:
 
 
 def _fsspec() -> Any:
-    """fsspec, with its own way of finding what reads a kind of URL.
-
-    Raises ValueError if it is not installed.
-    """
+    """fsspec, with its own way of finding what reads a kind of URL; ValueError if it is not installed."""
     try:
         import fsspec
     except ImportError:

@@ -6,22 +6,18 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from dfd.common import check
+from dfd.common.linear_algebra import UInt8
 from dfd.editing.deformer import Deformer
+from dfd.editing.edit import Edit, Handle
 from dfd.editing.edit_file import read_edit
 from dfd.editing.transfer import transfer
+from dfd.field.field import Field
+from dfd.mesh.mesh import Mesh
 from dfd.pictures.picture import picture
 from dfd.pictures.sheet import session_views
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from dfd.editing.edit import Edit, Handle
-    from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
 
 # Below this confidence a handle has no similar region on the other shape. Without a learned metric, of a chair's leg
 # the legs of other chairs, of a bench, a couch and a nightstand have 0.40 to 0.71, the foot of a pedestal table 0.42,
@@ -101,7 +97,7 @@ def carry(
     return Carried(deformer, confidence)
 
 
-def before_and_after(deformer: Deformer, *, resolution: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+def before_and_after(deformer: Deformer, *, resolution: int) -> tuple[UInt8, UInt8]:
     """Two pictures (R, R, 3) of a session's shape with one camera: resting, with its handles, and deformed."""
     views = session_views(deformer)
     before, after = (picture(deformer.mesh, resolution=resolution, **views[name]) for name in ("before", "after"))

@@ -115,10 +115,7 @@ def gather(records: Iterable[Record], settings: BatchSettings) -> pyarrow.Table:
 
 
 def write_table(root: Path, table: pyarrow.Table) -> Path:
-    """Write the table as `shapes.parquet` into the folder of its batch.
-
-    Raises OSError if it cannot be written.
-    """
+    """Write the table as `shapes.parquet` into the folder of its batch; OSError if it cannot be written."""
     path = root / TABLE
     with atomic_write(path) as temporary:
         parquet.write_table(table, temporary)

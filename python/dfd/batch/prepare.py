@@ -72,10 +72,7 @@ def describe_edits(edits: Sequence[EditFiles]) -> tuple[EditSource, ...]:
 
 
 def place_edits(folder: BatchFolder, edits: Sequence[EditFiles], sources: Sequence[EditSource]) -> None:
-    """Copy what `describe_edits` read into the batch's folder.
-
-    Raises OSError if it cannot be written.
-    """
+    """Copy what `describe_edits` read into the batch's folder; OSError if it cannot be written."""
     if sources:
         folder.edits.mkdir(exist_ok=True)
     for (edit, mesh, field), source in zip(edits, sources, strict=True):

@@ -152,10 +152,8 @@ def exit_reason(words: str, limits: Limits) -> tuple[Cause, str] | None:
         had = int(words.split()[1])
         return "memory", f"needed more than the {(limits.memory or 0) / 2**30:.2g} GiB of a task, {had / 2**30:.2g} GiB"
     if words.startswith("Timeout"):
-        frames = re.findall(
-            r'File "[^"]*?((?:dfd/)?[^"/]+/[^"/]+)", line (\d+) in (\S+)', words.rpartition("Thread")[2]
-        )
-        where = next((each for each in frames if each[0].startswith("dfd/")), frames[0] if frames else None)
+        calls = re.findall(r'File "[^"]*?((?:dfd/)?[^"/]+/[^"/]+)", line (\d+) in (\S+)', words.rpartition("Thread")[2])
+        where = next((each for each in calls if each[0].startswith("dfd/")), calls[0] if calls else None)
         at = f", in {where[2]} ({where[0]}, line {where[1]})" if where else ""
         return "timeout", f"took longer than {limits.timeout:g} s{at}"
     return None

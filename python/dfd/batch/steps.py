@@ -81,10 +81,7 @@ class Work:
 
     @cached_property
     def field(self) -> Field:
-        """The field that the step distill made, or the one that came with the shape.
-
-        Raises ValueError if there is none.
-        """
+        """The field that the step distill made, or the one that came with the shape; ValueError if there is none."""
         if (self.folder / FIELD).exists():
             return Field.load(self.folder / FIELD)
         if self.job.field is None:

@@ -22,11 +22,9 @@ def app(
     preset: PresetOption = None,
     encoder: EncoderOption = DEFAULT_ENCODER,
     port: Annotated[
-        int | None, Option(min=0, max=65535, help="Where to listen; by default 8765, or any that is free.")
+        int | None, Option(min=0, max=65535, help="Where to listen; by default 8765 or a free one.")
     ] = None,
-    host: Annotated[
-        str, Option(help="Whom to listen for; any address but the default lets other machines in.")
-    ] = "127.0.0.1",
+    host: Annotated[str, Option(help="Whom to listen for; all but the default let other machines in.")] = "127.0.0.1",
     memory: Annotated[
         float | None,
         Option(metavar="GB", min=0.5, help="What one tab may take; by default three quarters of all memory."),
@@ -42,8 +40,7 @@ def app(
     if mesh is None and sample is None and (field or edit):
         raise ValueError(f"MESH must be given: it is what `{'--field' if field else '--edit'}` is for")
     try:
-        from dfd.app.options import OpenedFile, SessionOptions, Source
-        from dfd.app.session.shapes import sample_source
+        from dfd.app.options import OpenedFile, SessionOptions, Source, sample_source
         from dfd.app.web.launch import serve, session_memory
         from dfd.app.web.safety import loopback
     except ImportError as error:

@@ -177,9 +177,9 @@ def add_options(command: Command, options: Mapping[str, Any], *, after: str | No
         each for each in signature(command, eval_str=True).parameters.values() if each.kind is not Parameter.VAR_KEYWORD
     ]
     added = [Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=kind) for name, kind in options.items()]
-    place = len(own) if after is None else [each.name for each in own].index(after) + 1
-    keywords = [each.replace(kind=Parameter.KEYWORD_ONLY) for each in own[place:]]
-    parameters = [*own[:place], *added, *keywords]
+    index = len(own) if after is None else [each.name for each in own].index(after) + 1
+    keywords = [each.replace(kind=Parameter.KEYWORD_ONLY) for each in own[index:]]
+    parameters = [*own[:index], *added, *keywords]
     command.__signature__ = signature(command).replace(parameters=parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {each.name: each.annotation for each in parameters}
     return command
@@ -226,10 +226,7 @@ def controls(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def chosen_preset(preset: str | None) -> Preset | None:
-    """The preset of that name, or None where none was named.
-
-    Raises ValueError if there is none of that name.
-    """
+    """The preset of that name, or None where none was named; ValueError if there is none of that name."""
     return None if preset is None else check.choice(None, "--preset", preset, Preset)
 
 

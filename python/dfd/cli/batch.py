@@ -34,15 +34,11 @@ def batch(
         ),
     ] = ["inspect", "distill", "pictures"],  # noqa: B006  # Typer copies it
     encoder: EncoderOption = DEFAULT_ENCODER,
-    preset: Annotated[
-        str | None, Option(metavar="default|paper", help="How fields are distilled; edits have their own.")
-    ] = None,
+    preset: Annotated[str | None, Option(metavar="default|paper", help="How fields are distilled, not edits.")] = None,
     distill: Annotated[
         list[str] | None, Option(metavar="NAME=VALUE", help="A setting of `dfd distill`, such as views=12; repeatable.")
     ] = None,
-    edit: Annotated[
-        list[Path] | None, Option(metavar="JSON", help="Carry this edit to every shape; repeatable.")
-    ] = None,
+    edit: Annotated[list[Path] | None, Option(metavar="JSON", help="An edit for every shape; repeatable.")] = None,
     made_on: Annotated[
         list[Path] | None,
         Option(
@@ -85,9 +81,7 @@ def batch(
     if made_on and len(edit or ()) != len(made_on):
         raise ValueError("`--edit` and `--made-on` must be given equally often: each edit was made on a mesh")
     if workers is not None and ray_address is not None:
-        raise ValueError(
-            "`--workers` is for this machine: what runs at a time on `--ray-address` is the cluster's matter"
-        )
+        raise ValueError("`--workers` is for this machine: the cluster of `--ray-address` decides by itself")
     if timeout is not None:
         check.number(None, "--timeout", timeout, minimum=0.0, exclusive=True)
     try:

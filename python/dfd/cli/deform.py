@@ -38,9 +38,7 @@ def deform(
     context: typer.Context,
     meshes: Annotated[
         list[str],
-        Argument(
-            metavar="MESH…", help="OBJ, PLY, STL, OFF, GLB or glTF file; with --edit also several, or 'chairs/*.glb'."
-        ),
+        Argument(metavar="MESH…", help="OBJ, PLY, STL, OFF, GLB or glTF file; with --edit several, or 'chairs/*.glb'."),
     ],
     field: Annotated[
         Path | None,
@@ -72,9 +70,7 @@ def deform(
     ] = None,
     symmetry_threshold: Annotated[
         str | None,
-        Option(
-            metavar="ε|relative", help="How unlike the sides of --symmetry auto may be; by the spread unless given."
-        ),
+        Option(metavar="ε|relative", help="How unlike sides of --symmetry auto may be; by the spread unless given."),
     ] = None,
     edit: Annotated[Path | None, Option(metavar="JSON", help="Start from an edit with any number of handles.")] = None,
     made_on: Annotated[
@@ -86,9 +82,7 @@ def deform(
         Path | None,
         Option("--output", "-o", metavar="MESH|FOLDER", help="The mesh to write; of several shapes the folder."),
     ] = None,
-    picture: Annotated[
-        Path | None, Option(metavar="PNG", help="Draw it before and after; several shapes on one sheet.")
-    ] = None,
+    picture: Annotated[Path | None, Option(metavar="PNG", help="Draw before and after; several on one sheet.")] = None,
     azimuth: Annotated[
         float | None,
         Option(help="The picture's side, degrees from the front (+z) to +x; by default where handles show."),

@@ -167,9 +167,7 @@ def _original(files: Sequence[Path], options: BatchOptions) -> Original:
         _, mesh, field = find_files(options.edit)
         shape = dfd.load(mesh)
         return Original.read(options.edit, shape, dfd.Field.load(field, mesh=shape))
-    raise ValueError(
-        f"`--made-on` must name the mesh that {options.edit} was made on: it is none of the {len(files)} shapes"
-    )
+    raise ValueError(f"`--made-on` must name the mesh that {options.edit} was made on: it is none of the shapes")
 
 
 def _recorded(edit: Path) -> str | None:

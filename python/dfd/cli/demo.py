@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
 from dfd import samples
+from dfd.common.linear_algebra import Float32, Float64, Int64, UInt8
 from dfd.common.preset import Preset
 from dfd.common.progress import Stages
 from dfd.distillation.distill import distill
@@ -23,6 +23,7 @@ from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.pictures.colors import feature_colors
 from dfd.pictures.contact_sheet import contact_sheet, heat_bar
 from dfd.pictures.picture import picture, save_png
+from dfd.pictures.sheet import session_views
 from dfd.symmetry.plane import axis_name
 from dfd.symmetry.search import symmetry_planes
 from dfd.views.render import render
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from dfd.field.field import Field
     from dfd.samples import Sample
 
-Picture = tuple[NDArray[np.uint8], str]
+Picture = tuple[UInt8, str]
 Row = tuple[str, Sequence[Picture]]
 
 
@@ -82,9 +83,7 @@ def run(
     console.print(f"Pictures: {output / 'story.png'}, {output / 'opening.png'}\nMeshes:   {output}")
 
 
-def _distill(
-    sample: Sample, model: Encoder, preset: Preset, stages: Stages
-) -> tuple[Field, NDArray[np.float32], list[Picture]]:
+def _distill(sample: Sample, model: Encoder, preset: Preset, stages: Stages) -> tuple[Field, Float32, list[Picture]]:
     mesh = sample.mesh
     field = distill(mesh, model, progress=stages, cache=False, preset=preset)
     with stages.stage("symmetry"):
@@ -133,9 +132,7 @@ def _edit_quadruped(sample: Sample, session: Callable[[], Deformer], output: Pat
     held = bent()
     held.fix(muzzle)
     return [
-        _Story(
-            "One hoof of the quadruped is pulled down: all four legs grow", legs, output / "quadruped_legs", "one hoof"
-        ),
+        _Story("One hoof is pulled down: all four legs grow", legs, output / "quadruped_legs", "one hoof"),
         _Story("One horn is bent: what looks alike follows", bent(), output / "quadruped_horn"),
         _Story("The same with locality 6: it stays near", bent(6.0), output / "quadruped_horn_local"),
         _Story(
@@ -155,43 +152,28 @@ class _Story:
 
     def __init__(self, title: str, deformer: Deformer, stem: Path, opens: str = "") -> None:
         self.title, self.opens = title, opens
-        self._mesh, self._moved = deformer.mesh, deformer.vertices
-        self._mesh.save(stem.with_suffix(".glb"), self._moved)
+        deformer.mesh.save(stem.with_suffix(".glb"), deformer.vertices)
         deformer.save(stem.with_suffix(".json"))
-        self._marks = {
-            "handles": np.array([handle.place.position for handle in deformer.handles]),
-            "fixed": np.array([place.position for place in deformer.fixed]).reshape(-1, 3),
-            "weights": deformer.weights[:, 0],
-        }
+        self._mesh, self._views = deformer.mesh, session_views(deformer, 35.0)
 
     def row(self) -> Row:
         """Weights, before and after, from both sides."""
-        return (
-            self.title,
-            [
-                (self._view(35, **self._marks), "weights"),
-                (self._view(215, **self._marks), "weights, behind"),
-                (heat_bar(512), ""),
-                (self._view(35), "before"),
-                (self._view(35, vertices=self._moved), "after"),
-                (self._view(215, vertices=self._moved), "after, behind"),
-            ],
-        )
+        shown = [("weights", 35.0, "weights"), ("weights", 215.0, "weights, behind"), ("before", 35.0, "before")]
+        shown += [("after", 35.0, "after"), ("after", 215.0, "after, behind")]
+        cells = [(self._view(name, azimuth), caption) for name, azimuth, caption in shown]
+        return self.title, [*cells[:2], (heat_bar(512), ""), *cells[2:]]
 
     def opening(self) -> list[Picture]:
         """Weights and what came of them."""
-        return [
-            (self._view(35, **self._marks), f"{self.opens} held: weights"),
-            (self._view(35, vertices=self._moved), ""),
-        ]
+        return [(self._view("weights"), f"{self.opens} held: weights"), (self._view("after"), "")]
 
-    def _view(self, azimuth: float, **options: Any) -> NDArray[np.uint8]:
-        return picture(self._mesh, azimuth=azimuth, frame=[self._mesh.vertices, self._moved], **options)
+    def _view(self, name: str, azimuth: float = 35.0) -> UInt8:
+        return picture(self._mesh, **{**self._views[name], "azimuth": azimuth})
 
 
-def _lowest(vertices: NDArray[np.float64], among: NDArray[np.int64]) -> int:
+def _lowest(vertices: Float64, among: Int64) -> int:
     return int(among[np.argmin(vertices[among, 1])])
 
 
-def _highest(vertices: NDArray[np.float64], among: NDArray[np.int64]) -> int:
+def _highest(vertices: Float64, among: Int64) -> int:
     return int(among[np.argmax(vertices[among, 1])])

@@ -40,9 +40,7 @@ def distill(
     mesh: MeshArgument,
     output: Annotated[Path, Option("--output", "-o", metavar="FIELD", help="The .safetensors file to write.")],
     encoder: EncoderOption = DEFAULT_ENCODER,
-    device: Annotated[
-        str | None, Option(help="Where torch computes: cpu, cuda, …; by default CUDA when there is one.")
-    ] = None,
+    device: Annotated[str | None, Option(help="Where torch computes: cpu, cuda, …; CUDA if there is one.")] = None,
     features: Annotated[
         Path | None,
         Option(metavar="NPY|PT", help="Fit these instead: another network's, a row for each vertex or face."),

@@ -11,11 +11,9 @@ import typer
 from typer import Option
 
 from dfd.cli.arguments import MadeFieldOption, MeshArgument, ResolutionOption, ViewsOption, check_output, shown
+from dfd.common.linear_algebra import Float64
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
@@ -33,9 +31,7 @@ def inspect(
         Option("--against", metavar="MESH", help="Also measure what was done to the surface to make this of it."),
     ] = None,
     suggestions: Annotated[int, Option(min=1, max=50, help="With --field: at most so many handles are suggested.")] = 8,
-    cut: Annotated[
-        bool, Option("--parts", help="With --field: also cut the shape into its parts, as `dfd parts` does.")
-    ] = False,
+    cut: Annotated[bool, Option("--parts", help="With --field: also the parts, as `dfd parts` cuts them.")] = False,
     picture: Annotated[
         Path | None,
         Option(metavar="PNG", help="With --field, --against: draw suggested handles, parts, how areas changed."),
@@ -123,7 +119,7 @@ def _found_up(shape: Mesh) -> Up:
     return find_up(shape, encoder)
 
 
-def _moved(shape: Mesh, other: Mesh) -> NDArray[np.float64]:
+def _moved(shape: Mesh, other: Mesh) -> Float64:
     """The vertices of `other`, if it is a moved `shape`."""
     import numpy as np
 
@@ -229,9 +225,9 @@ def _unseen(views: int, area: float, components: int, component_count: int) -> s
         return "all of it, for no face has an area"
     if area == 0:
         return f"nothing, in {views} views"
-    share = f"{area:.1%}" if area >= 0.001 else "less than 0.1%"
+    fraction = f"{area:.1%}" if area >= 0.001 else "less than 0.1%"
     wholly = f", {components:,} of {component_count:,} components wholly" if components else ""
-    return f"{share} of the surface{wholly}, in {views} views: it takes the nearest seen features"
+    return f"{fraction} of the surface{wholly}, in {views} views: it takes the nearest seen features"
 
 
 def _shown(value: Any) -> str:

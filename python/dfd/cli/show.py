@@ -36,14 +36,10 @@ def show(
     context: typer.Context,
     mesh: MeshArgument,
     output: Annotated[Path, Option("--output", "-o", metavar="PNG", help="The picture to write.")],
-    field: Annotated[
-        Path | None, Option(metavar="FIELD", help="The shape's field: colours what looks alike alike.")
-    ] = None,
+    field: Annotated[Path | None, Option(metavar="FIELD", help="Its field: colors what looks alike alike.")] = None,
     handle: Annotated[
         list[str] | None,
-        Option(
-            metavar=PLACE, help="Show what would follow a handle here, as heat; without --field, mark it; repeatable."
-        ),
+        Option(metavar=PLACE, help="Show what follows a handle here, as heat; without --field, mark it; repeatable."),
     ] = None,
     preset: PresetOption = None,
     fix: FixOption = None,
@@ -149,9 +145,7 @@ def pick(
     picture: Annotated[Path, Argument(metavar="PNG", help="A picture that `dfd show` or `dfd deform --picture` drew.")],
     x: Annotated[float, Argument(metavar="X", help="Pixels from its left edge.")],
     y: Annotated[float, Argument(metavar="Y", help="Pixels from its upper edge.")],
-    mesh: Annotated[
-        Path | None, Argument(metavar="[MESH]", help="What it shows, where that has another name by now.")
-    ] = None,
+    mesh: Annotated[Path | None, Argument(metavar="[MESH]", help="What it shows, where that was renamed.")] = None,
     as_json: Annotated[bool, Option("--json", help="Print JSON, for programs.")] = False,
 ) -> None:
     """Say which vertex lies under a pixel of a picture, for --handle and --fix."""

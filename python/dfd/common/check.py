@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dfd.common import tensors
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Int64
 
 __all__ = ["array", "choice", "field", "number", "vertex_indices", "warn", "whole"]
 
@@ -123,9 +124,7 @@ def field(function: str, value: Any) -> Any:
     return value
 
 
-def vertex_indices(
-    function: str | None, name: str, value: Any, vertex_count: int, *, unique: bool = False
-) -> NDArray[np.int64]:
+def vertex_indices(function: str | None, name: str, value: Any, vertex_count: int, *, unique: bool = False) -> Int64:
     """Return `value` as int64 vertex indices, each in [0, `vertex_count`).
 
     Raises ValueError if an index is not a whole number, lies out of range or (with `unique`) occurs twice.

@@ -1,4 +1,4 @@
-"""Vectors of length 1."""
+"""Arrays by the type of their numbers, for annotations; vectors of length 1."""
 
 from __future__ import annotations
 
@@ -7,8 +7,15 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+Bool = NDArray[np.bool_]
+Float32 = NDArray[np.float32]
+Float64 = NDArray[np.float64]
+Int32 = NDArray[np.int32]
+Int64 = NDArray[np.int64]
+UInt8 = NDArray[np.uint8]
 
-def unit(rows: NDArray[np.floating], *, least: float = 0.0) -> NDArray[np.float64]:
+
+def unit(rows: NDArray[np.floating], *, least: float = 0.0) -> Float64:
     """The rows (N, D) at length 1; those no longer than `least`, whose direction says nothing, become 0."""
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     return np.divide(rows, lengths, out=np.zeros(np.shape(rows)), where=lengths > least, casting="same_kind")

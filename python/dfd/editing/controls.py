@@ -40,7 +40,7 @@ class Controls:
     radius: Annotated[float | None, CONTROLS["radius"]] = None
     strength: Annotated[float, CONTROLS["strength"]] = 1.0
     instances: Annotated[Instances, CONTROLS["instances"]] = DEFAULTS.instances
-    level: Annotated[bool, CONTROLS["level"]] = False
+    level: Annotated[bool, CONTROLS["level"]] = DEFAULTS.level
     without_instances: Annotated[tuple[Place, ...], CONTROLS["without_instances"]] = ()
     within: Annotated[Annotated[Region, Tagged("kind")] | None, CONTROLS["within"]] = None
     within_width: Annotated[float, CONTROLS["within_width"]] = 0.0

@@ -54,11 +54,11 @@ A vertex counts where it lies at `position` (or where there is none and `mesh` f
 does not, the position does, and it is a point of space there. A handle has the keys of its place, its transform and its
 controls side by side; otherwise a document is what pydantic makes of the fields of `Edit`.
 
-What a version 3 document leaves out of a handle of the preset "default" is as `VERSION_3` says. A version 2 document
-has none of `preset`, `mirrored_locality` and `bridges`, and what it leaves out is what `VERSION_2` says. A version 1
-document has none of `hash`, `bounds`, `region`, `axes`, `along`, `reach`, `falloff`, `radius`, `strength`, `instances`,
-`level`, `without_instances`, `within`, `within_width`, `overlap`, `blend` and `arrive` either. It is read as one of
-version 2, but for `arrive`, which is false there: fixed points shortened the move.
+What a version 3 document of the preset "default" leaves out is as `VERSION_3` says. A version 2 document has none of
+`preset`, `mirrored_locality` and `bridges`, and what it leaves out is what `VERSION_2` says. A version 1 document has
+none of `hash`, `bounds`, `region`, `axes`, `along`, `reach`, `falloff`, `radius`, `strength`, `instances`, `level`,
+`without_instances`, `within`, `within_width`, `overlap`, `blend` and `arrive` either. It is read as one of version 2,
+but for `arrive`, which is false there: fixed points shortened the move.
 """
 
 from __future__ import annotations
@@ -96,10 +96,11 @@ if TYPE_CHECKING:
 
 FORMAT = "dfd-edit"
 VERSION = 4
-VERSION_3 = {"reach": 0.7}  # what a handle of the preset "default" meant there by saying nothing
+# What a handle and a shape of the preset "default" meant in version 3 by saying nothing.
+VERSION_3: dict[str, dict[str, Any]] = {"handle": {"reach": 0.7, "level": False}, "shape": {"blend": "linear"}}
 # What versions 1 and 2 meant by a handle, a plane and a shape of which they said nothing more.
 VERSION_2: dict[str, dict[str, Any]] = {
-    "handle": {"reach": 1.0, "falloff": "linear", "instances": "together"},
+    "handle": {"reach": 1.0, "falloff": "linear", "instances": "together", "level": False},
     "shape": {"overlap": "add", "blend": "linear", "arrive": True, "mirrored_locality": True, "bridges": True},
 }
 # Two resolutions of one shape have boxes whose corners are nearer than this part of the diagonal.
@@ -320,8 +321,9 @@ def _completed(document: dict[str, Any], mesh: Mesh | None = None) -> dict[str, 
     known: Preset = document["preset"] if document.get("preset") in tuple(PRESETS) else "default"
     meant = VERSION_2
     if version >= 3:
-        handle = PRESETS[known].handle | (VERSION_3 if version == 3 and known == "default" else {})
-        meant = {"handle": handle, "shape": PRESETS[known].whole_shape}
+        before = VERSION_3 if version == 3 and known == "default" else {}
+        own = {"handle": PRESETS[known].handle, "shape": PRESETS[known].whole_shape}
+        meant = {each: own[each] | before.get(each, {}) for each in own}
     whole = {**meant["shape"], **({"arrive": False} if version == 1 else {}), **document, "version": VERSION}
     handles, fixed, plane = (whole.get(key) for key in ("handles", "fixed", "symmetry"))
     if isinstance(handles, list):

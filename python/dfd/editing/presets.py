@@ -60,7 +60,10 @@ CONTROLS = {
         metavar="own|together|only",
         label="Look-alikes",
     ),
-    "level": About("Let all instances follow fully, however alike.", label="Look-alikes follow in full"),
+    "level": About(
+        "Look-alikes follow in full; off: as much as they are alike. What is hardly alike never does.",
+        label="Look-alikes follow in full",
+    ),
     "without_instances": About("A place on an instance that does not move along.", metavar="PLACE", repeated=True),
     "within": About(
         "Nothing follows beyond: part:NAME, group:NAME, 'x>0', ball:x,y,z,r or box:x,y,z,x,y,z.", metavar="REGION"
@@ -94,7 +97,7 @@ class Defaults:
 
     Attributes
     ----------
-    reach, falloff, instances
+    reach, falloff, instances, level
         Of a new handle, as in `Deformer.add`; its other controls change nothing unless they are given.
     pivot
         About what a handle turns and scales that says nothing of it: as `Deformer.add` has it, or the point held.
@@ -107,13 +110,15 @@ class Defaults:
     """
 
     # By what pictures and people's labels say: any one number is too wide for an ear and too narrow for a leg, and with
-    # a linear falloff what is pulled has a point. Wheels turn about their own axles, and legs grow where they stand.
+    # a linear falloff what is pulled has a point. Wheels turn about their own axles, legs grow where they stand, and by
+    # as much as the leg that is held, so that nothing tips over.
     reach: Reach = "part"
     falloff: Falloff = "smooth"
     instances: Instances = "own"
+    level: bool = True
     pivot: Literal["auto", "point"] = "auto"
     overlap: Overlap = "add"
-    blend: BlendRule = "linear"
+    blend: BlendRule = "auto"
     arrive: bool = True
     mirrored_locality: bool = True
     bridges: bool = True
@@ -124,7 +129,7 @@ class Defaults:
     @property
     def handle(self) -> dict[str, Any]:
         """What of it holds for a handle, by the names of `Controls`."""
-        return {name: getattr(self, name) for name in ("reach", "falloff", "instances")}
+        return {name: getattr(self, name) for name in ("reach", "falloff", "instances", "level")}
 
     @property
     def whole_shape(self) -> dict[str, Any]:
@@ -139,8 +144,10 @@ PRESETS: dict[Preset, Defaults] = {
         reach=1.0,
         falloff="linear",
         instances="together",
+        level=False,
         pivot="point",
         overlap="paper",
+        blend="linear",
         arrive=False,
         mirrored_locality=False,
         bridges=False,

@@ -188,5 +188,6 @@ def _on_part(edit: Edit, weights: HandleWeights, handle: int, given: GivenMotion
     if "bend" in found:
         part["bend"] = bend_vector(own, found["bend"], found.get("towards"))
     if joint is not None:
-        part["joint"] = own.axis.joint if joint == "auto" else own.axis.nearest(np.asarray(held.place.position))
+        find = own.axis.joint if joint == "auto" else own.axis.nearest
+        part["joint"] = find(np.asarray(held.place.position))
     return edit.replaced(replace(held, transform=transform.changed(**part)))

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import dijkstra
 
+from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.editing.influence.handle_features import HandleFeatures
+from dfd.export.bones import Bones
+from dfd.field.field import Field
 from dfd.geometry.surface_graph import surface_graph
 from dfd.mesh.mesh import Mesh
 from dfd.weights.bind import bind
-
-if TYPE_CHECKING:
-    from dfd.export.bones import Bones
-    from dfd.field.field import Field
 
 # Chosen on five rigs, four of them animals, to match the artists' weights best.
 POWER = 6  # of inverse distance
@@ -23,8 +19,6 @@ ALONG = 0.2  # factor of the surface distance, which is added to the straight on
 SIMILARITY_POWER = 2  # of the weight of Eq. 5
 FLOOR = 1e-3  # added to distances in diagonals and to similarities
 MOST_SAMPLES = 256  # vertices whose features stand for those around a bone
-
-Float64 = NDArray[np.float64]
 
 
 class BoneDistances:
@@ -34,7 +28,7 @@ class BoneDistances:
     """
 
     straight: Float64  # (V, J) through space, to the nearest of a joint's bones
-    surface: list[NDArray[np.int64]]  # (J) for each joint, the nearer half of the vertices nearest to it
+    surface: list[Int64]  # (J) for each joint, the nearer half of the vertices nearest to it
     along: Float64  # (V, J) along the surface, from those
 
     def __init__(self, bones: Bones) -> None:
@@ -55,7 +49,7 @@ class BoneDistances:
         self.along = np.stack(along, axis=1)
         self.along = np.where(np.isinf(self.along), 1.0 + self.straight, self.along)
 
-    def _around(self, nearest: NDArray[np.int64], joint: int) -> NDArray[np.int64]:
+    def _around(self, nearest: Int64, joint: int) -> Int64:
         distance = self.straight[:, joint]
         own = np.flatnonzero((nearest == joint) & self._skinned)
         if len(own) == 0:
@@ -63,7 +57,7 @@ class BoneDistances:
         return own[distance[own] <= np.median(distance[own])]
 
 
-def bone_weights(mesh: Mesh, field: Field, distances: BoneDistances, joints: NDArray[np.int64]) -> Float64:
+def bone_weights(mesh: Mesh, field: Field, distances: BoneDistances, joints: Int64) -> Float64:
     """(V, J) weights of `joints`, and 0 of all others; the rows sum to 1.
 
     A joint's feature is the mean over the surface around its bones; vertices follow it by similarity (Eq. 5) and by
@@ -77,18 +71,18 @@ def bone_weights(mesh: Mesh, field: Field, distances: BoneDistances, joints: NDA
     return _spread(weights, joints, distances)
 
 
-def straight_weights(distances: BoneDistances, joints: NDArray[np.int64]) -> Float64:
+def straight_weights(distances: BoneDistances, joints: Int64) -> Float64:
     """(V, J) weights by the distance to bones through space alone: the baseline."""
     return _spread(1.0 / np.power(distances.straight[:, joints] + FLOOR, POWER), joints, distances)
 
 
-def _spread(weights: Float64, joints: NDArray[np.int64], distances: BoneDistances) -> Float64:
+def _spread(weights: Float64, joints: Int64, distances: BoneDistances) -> Float64:
     result = np.zeros_like(distances.straight)
     result[:, joints] = weights / weights.sum(axis=1, keepdims=True)
     return result
 
 
-def _feature(mesh: Mesh, field: Field, around: NDArray[np.int64]) -> NDArray[np.float32]:
+def _feature(mesh: Mesh, field: Field, around: Int64) -> Float32:
     """(D,) the normalized mean feature of the vertices `around`."""
     some = around[np.linspace(0, len(around) - 1, min(len(around), MOST_SAMPLES)).astype(np.int64)]
     mean = np.asarray(field(mesh.vertices[some]), np.float64).mean(axis=0)

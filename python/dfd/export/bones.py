@@ -6,23 +6,18 @@ The format: Khronos Group, "glTF 2.0 Specification", 2021, section 3.7.3.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.mesh.file.gltf.header import Header, is_index, objects, parents
 from dfd.mesh.file.gltf.read import world_transforms
 from dfd.mesh.file.gltf.rest import inverse_binds, joints_and_weights
+from dfd.mesh.file.primitives import Primitive
 from dfd.mesh.mesh import Mesh
 
-if TYPE_CHECKING:
-    from dfd.mesh.file.primitives import Primitive
-
 LEAF = 0.5  # of the parent bone: the length of a bone that ends in no joint
-
-Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +28,9 @@ class Bones:
     names: tuple[str, ...]  # (J) of the joints' nodes
     starts: Float64  # (B, 3) lines in mesh units, from a joint to the next ones below it
     ends: Float64  # (B, 3)
-    joint: NDArray[np.int64]  # (B,) the joint of each line
+    joint: Int64  # (B,) the joint of each line
     weights: Float64  # (V, J) the file's weights; 0 for vertices of parts without the skin
-    skinned: NDArray[np.bool_]  # (V,) which vertices are of parts with the skin
+    skinned: Bool  # (V,) which vertices are of parts with the skin
     primitives: tuple[Primitive, ...]  # those parts
 
 
@@ -106,7 +101,7 @@ def _parents(header: Header, joints: list[int]) -> list[int]:
     return found
 
 
-def _lines(positions: Float64, parents: list[int]) -> tuple[Float64, Float64, NDArray[np.int64]]:
+def _lines(positions: Float64, parents: list[int]) -> tuple[Float64, Float64, Int64]:
     """The bones: from each joint to its children; one without children extends its parent bone."""
     lines = [(parent, positions[parent], positions[child]) for child, parent in enumerate(parents) if parent >= 0]
     ends = set(range(len(positions))) - set(parents)

@@ -5,25 +5,22 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dfd.common.errors import ArgumentError
 from dfd.common.files import atomic_write
+from dfd.common.linear_algebra import Int64
 from dfd.export.gltf.document import GltfDocument
 from dfd.mesh.file.gltf.header import MODES_READ, Header, objects
 from dfd.mesh.file.gltf.read import triangles
 from dfd.mesh.file.obj.write import encode_groups
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import Mesh
-    from dfd.segmentation.parts import Part
+from dfd.mesh.mesh import Mesh
+from dfd.segmentation.parts import Part
 
 ENDINGS = (".obj", ".glb", ".gltf")
 
-Labels = NDArray[np.int64]
+Labels = Int64
 
 
 def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]) -> None:
@@ -47,14 +44,13 @@ def export_parts(mesh: Mesh, parts: Sequence[Part], path: str | os.PathLike[str]
         groups = [(f"part_{number + 1}", np.flatnonzero(of_face == number)) for number in range(len(parts))]
         appearance = mesh.appearance
         uv = None if appearance is None or appearance.uv is None else (appearance.uv, appearance.corner_faces)
-        data = encode_groups(mesh.vertices, mesh.faces, uv, groups)
+        with atomic_write(target) as temporary:
+            temporary.write_bytes(encode_groups(mesh.vertices, mesh.faces, uv, groups))
     else:
         document = GltfDocument(mesh)
         for node, _ in document.parts():
             _split(document, node, of_vertex)
-        data = document.encode(binary=ending == ".glb")
-    with atomic_write(target) as temporary:
-        temporary.write_bytes(data)
+        document.write(target)
 
 
 def _most(corners: Labels) -> Labels:

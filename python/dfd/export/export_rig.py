@@ -6,19 +6,17 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
+from dfd.editing.deformer import Deformer
 from dfd.export.gltf.export_gltf import export_gltf
 from dfd.export.gltf.skin import MOST_JOINTS, parts_with_deformers
 from dfd.export.key_poses import KeyPose, checked_poses
 from dfd.export.report import RigReport, rig_report
 from dfd.export.rig import Rig, rig_of
-
-if TYPE_CHECKING:
-    from dfd.editing.deformer import Deformer
-    from dfd.mesh.mesh import Mesh
+from dfd.mesh.mesh import Mesh
 
 Form = Literal["skin", "morph", "baked"]
 GLTF = (".glb", ".gltf")

@@ -5,19 +5,17 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from safetensors.numpy import save as save_safetensors
 
 from dfd.common.errors import ArgumentError
 from dfd.common.files import atomic_write
+from dfd.editing.deformer import Deformer
 from dfd.editing.edit import box_center
 from dfd.editing.edit_file import to_document
 from dfd.mesh.file.primitives import UniqueNames
-
-if TYPE_CHECKING:
-    from dfd.editing.deformer import Deformer
 
 ENDINGS = (".npz", ".safetensors")
 FORMAT = "dfd-weights"

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from dfd.export.rig import Rig
+from dfd.common.linear_algebra import Float32, Float64, Int64
+from dfd.export.rig import Rig
 
 # A sum of weights above 1 by more is not the rounding of 24 bits.
 ABOVE = 1e-5
@@ -20,8 +18,8 @@ class Influences:
     """The joints and weights of each vertex."""
 
     # (V, K) joints of each vertex, the heaviest first, no joint twice; 0 where the weight is 0
-    joints: NDArray[np.int64]
-    weights: NDArray[np.float32]  # (V, K) float32, descending; rows sum to 1 within 1e-6
+    joints: Int64
+    weights: Float32  # (V, K) float32, descending; rows sum to 1 within 1e-6
     pruned: float  # the largest part of a vertex's weight that was left out, in [0, 1]
     normalized: int  # how many vertices had weights that sum to more than 1, or negative ones, and have others here
 
@@ -46,7 +44,7 @@ def influences_of(rig: Rig, most: int | None) -> Influences:
     )
 
 
-def heaviest(weights: NDArray[np.float64], most: int) -> tuple[NDArray[np.int64], NDArray[np.float32], float]:
+def heaviest(weights: Float64, most: int) -> tuple[Int64, Float32, float]:
     """The heaviest joints (N, most) of weights (N, J), their weights scaled to sum 1, and the least part kept of a row.
 
     No weight is negative, and every row has one.
@@ -59,7 +57,7 @@ def heaviest(weights: NDArray[np.float64], most: int) -> tuple[NDArray[np.int64]
     return order, single, float(remaining.min())
 
 
-def _summing_to_one(weights: NDArray[np.float64]) -> NDArray[np.float32]:
+def _summing_to_one(weights: Float64) -> Float32:
     """Weights in 24 bits whose rows sum to 1: the first, the heaviest, absorbs the rounding of the others."""
     single = weights.astype(np.float32)
     single[single < np.finfo(np.float32).tiny] = 0.0  # some readers treat denormal numbers as 0

@@ -10,15 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from dfd.common.linear_algebra import Float64
 from dfd.posing.transforms import Transform, Vector, rotation_matrix
 
 # Of the factors of a scale: off-diagonal entries below are rounding.
 SHEAR = 1e-9
-
-Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

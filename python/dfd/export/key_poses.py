@@ -8,18 +8,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
-from dfd.editing.edit import Handle
+from dfd.editing.edit import Edit, Handle
 from dfd.posing.transforms import Transform
-
-if TYPE_CHECKING:
-    from dfd.editing.edit import Edit
 
 
 @dataclass(frozen=True)
@@ -30,9 +27,9 @@ class KeyPose:
     than a transform.
     """
 
-    seconds: float  # at least 0
-    transforms: Mapping[int, Transform] = field(default_factory=dict)  # by the ids of handles; one left out rests
-    name: str = ""  # for display; file formats only name whole animations
+    seconds: float  #: At least 0
+    transforms: Mapping[int, Transform] = field(default_factory=dict)  #: By the ids of handles; one left out rests
+    name: str = ""  #: For display; file formats only name whole animations
 
     def __post_init__(self) -> None:
         keep = object.__setattr__
@@ -119,8 +116,8 @@ def read_key_poses(path: str | os.PathLike[str]) -> tuple[KeyPose, ...]:
         documents = _POSES.validate_json(text)
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
-        place = ".".join(map(str, first["loc"])) or "the document"
-        raise ValueError(f"read_key_poses: `path` {path}: {place}: {_sentence(first)}") from None
+        where = ".".join(map(str, first["loc"])) or "the document"
+        raise ValueError(f"read_key_poses: `path` {path}: {where}: {_sentence(first)}") from None
     return tuple(_key_pose(document) for document in documents)
 
 

@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from dfd.export.influences import Influences
+from dfd.export.rig import Rig
 from dfd.export.skinning import Difference
-
-if TYPE_CHECKING:
-    from dfd.export.influences import Influences
-    from dfd.export.rig import Rig
 
 
 @dataclass(frozen=True)
@@ -49,9 +46,7 @@ class RigReport:
     def _difference(self) -> str:
         if self.largest <= 1e-6 * self.size:
             return "as dfd.pose has it"
-        parts = [
-            f"{distance:.2g} ({100 * distance / (self.size or 1.0):.2g} %)" for distance in (self.largest, self.mean)
-        ]
+        parts = [f"{value:.2g} ({100 * value / (self.size or 1.0):.2g} %)" for value in (self.largest, self.mean)]
         where = "" if self.at == "the edit" else f", most at {self.at}"
         return f"maximum deviation from dfd.pose: {parts[0]}, {parts[1]} on average{where}"
 

@@ -4,28 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
+from dfd.editing.deformer import Deformer
 from dfd.editing.edit import Edit, Handle, box_center
+from dfd.editing.influence.instance_weights import Column
 from dfd.editing.shape import PosedShape
 from dfd.export.joints import Joint
 from dfd.export.key_poses import KeyPose, posed_edit
 from dfd.mesh.file.primitives import UniqueNames
+from dfd.mesh.mesh import Mesh
 from dfd.posing.overlap import interpolating
 from dfd.posing.transforms import Transform
-
-if TYPE_CHECKING:
-    from dfd.editing.deformer import Deformer
-    from dfd.editing.influence.instance_weights import Column
-    from dfd.mesh.mesh import Mesh
-    from dfd.symmetry.plane import SymmetryPlane
+from dfd.symmetry.plane import SymmetryPlane
 
 BATCH = 1 << 14  # vertices at a time, so that no second array is as large as the weights
-
-Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +35,9 @@ class Rig:
     default: int  # the joint that receives 1 minus the sum of the weights: the root, or D₀
     poses: tuple[KeyPose, ...]  # key poses, ordered by time
     _session: Deformer
-    _weights: NDArray[np.float32]  # (V, C)
-    _column: NDArray[np.int64]  # (J − first,) the column of each joint of a handle
-    _mirrored: NDArray[np.bool_]  # (J − first,) whether it acts on the side of the plane opposite to its handle
+    _weights: Float32  # (V, C)
+    _column: Int64  # (J − first,) the column of each joint of a handle
+    _mirrored: Bool  # (J − first,) whether it acts on the side of the plane opposite to its handle
     _mixing: Float64 | None  # (C, C)
 
     def weights(self) -> Iterator[tuple[slice, Float64]]:

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from dfd.common.linear_algebra import Float32, Float64
 from dfd.export.influences import Influences, influences_of
 from dfd.export.joints import Joint, Local
 from dfd.export.rig import BATCH, Rig
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,45 +5,33 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
-from dfd.common.files import atomic_write
+from dfd.common.linear_algebra import Float64
 from dfd.export.bone_weights import BoneDistances, bone_weights
 from dfd.export.bones import Bones, bones_of
 from dfd.export.gltf.document import GltfDocument
 from dfd.export.gltf.skin import weigh
 from dfd.export.influences import Influences, heaviest
-
-if TYPE_CHECKING:
-    from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
+from dfd.field.field import Field
+from dfd.mesh.mesh import Mesh
 
 FAR = 0.1  # of the diagonal: weight bleeds where its bone is farther along the surface than the nearest by this
 OUTSIDE = 0.25  # of the diagonal: a bone farther than that from every vertex is outside the mesh
 
-Float64 = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Bleed:
-    """Defects of skin weights.
+    """Defects of skin weights."""
 
-    Attributes
-    ----------
-    far
-        The part of all weight, in [0, 1], on vertices whose distance along the surface from the region around its bone
-        exceeds that from the region around their nearest bone by more than 10 % of the diagonal of the skinned parts.
-    unweighted
-        How many vertices follow no joint.
-    """
-
+    # far: the part of all weight, in [0, 1], on vertices whose distance along the surface from the region around its
+    # bone exceeds that from the region around their nearest bone by more than 10 % of the diagonal of the skinned
+    # parts
     far: float
-    unweighted: int
+    unweighted: int  # how many vertices follow no joint
 
     def __str__(self) -> str:
         """Return it in a few words."""
@@ -53,28 +41,15 @@ class Bleed:
 
 @dataclass(frozen=True)
 class SkinReport:
-    """What was written.
+    """What was written."""
 
-    Attributes
-    ----------
-    path
-        The file.
-    joints
-        How many joints have weights.
-    left_out
-        The names of joints that have none, since they lie outside the mesh.
-    before, after
-        Defects of the file's weights, and of those that were written.
-    changed
-        How much of a vertex's weight went to other joints on average, in [0, 1].
-    """
-
-    path: Path
-    joints: int
-    left_out: tuple[str, ...]
+    path: Path  # the file
+    joints: int  # how many joints have weights
+    left_out: tuple[str, ...]  # the names of joints that have none, since they lie outside the mesh
+    # before, after: defects of the file's weights, and of those that were written
     before: Bleed
     after: Bleed
-    changed: float
+    changed: float  # how much of a vertex's weight went to other joints on average, in [0, 1]
 
     def __str__(self) -> str:
         """Return one sentence."""
@@ -92,16 +67,8 @@ def weigh_skin(mesh: Mesh, field: Field, path: str | os.PathLike[str], *, influe
     Joints that no vertex of the file follows, such as targets of inverse kinematics, get no weight, unless none has
     any: then all get some.
 
-    Parameters
-    ----------
-    mesh
-        From a .glb or .gltf file with a skin.
-    field
-        The shape's feature field.
-    path
-        The .glb or .gltf file to write.
-    influences
-        How many joints a vertex follows at most.
+    `mesh` is from a .glb or .gltf file with a skin, and `path` of such an ending; `influences` is how many joints a
+    vertex follows at most.
 
     Raises ValueError if the ending is another, the mesh has no skin, several, or a broken one, or no bone lies near it.
     Raises OSError if the file cannot be written; what was there before stays.
@@ -153,6 +120,4 @@ def _write(mesh: Mesh, bones: Bones, influences: Influences, target: Path) -> No
     for node, primitives in document.parts():
         if node in skinned:
             weigh(document, node, primitives, influences, len(bones.names), 0)
-    data = document.encode(binary=target.suffix.lower() == ".glb")
-    with atomic_write(target) as temporary:
-        temporary.write_bytes(data)
+    document.write(target)

@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array, eye_array
 
 import dfd._core as _core
+from dfd.common.linear_algebra import Float32, Float64, Int32
 from dfd.geometry.surface_graph import surface_graph, surface_links
 from dfd.geometry.topology import first_at_place
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import Mesh
+from dfd.mesh.mesh import Mesh
 
 MOST_NODES = 20_000  # a mesh of more vertices is clustered
 CELLS = 100  # grid cells along the longest side, for clustering
 RUN = 1 << 17  # faces or vertices processed at once, to bound temporary memory
 
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
 Share = Callable[[slice], Float32]  # from a slice of the vertices to their weights in [0, 1]
 
 
@@ -62,13 +57,13 @@ class Nodes:
         return [share(row) for row in rows]
 
 
-def _components(mesh: Mesh) -> NDArray[np.int32]:
+def _components(mesh: Mesh) -> Int32:
     """(V,) the connected component of each vertex."""
     first = first_at_place(mesh)
     return _core.components(len(first), first[mesh.faces], np.zeros((0, 2), np.int32))[first]
 
 
-def _gathered(mesh: Mesh, links: NDArray[np.int32]) -> NDArray[np.int32]:
+def _gathered(mesh: Mesh, links: Int32) -> Int32:
     """(V,) the node of each vertex: the connected regions within the cells of a grid."""
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     cell = float((high - low).max()) / CELLS
@@ -80,7 +75,7 @@ def _gathered(mesh: Mesh, links: NDArray[np.int32]) -> NDArray[np.int32]:
     return _core.components(len(key), np.zeros((0, 3), np.int32), np.concatenate(inside))
 
 
-def _contracted(mesh: Mesh, links: NDArray[np.int32], of_vertex: NDArray[np.int32]) -> csr_array:
+def _contracted(mesh: Mesh, links: Int32, of_vertex: Int32) -> csr_array:
     """The graph (N, N) between nodes, with the distances between their centers."""
     center = _centers(mesh.vertices, of_vertex)
     found = [np.zeros(0, np.int64)]
@@ -97,14 +92,14 @@ def _contracted(mesh: Mesh, links: NDArray[np.int32], of_vertex: NDArray[np.int3
     return graph
 
 
-def _edges(mesh: Mesh, links: NDArray[np.int32]) -> Iterator[NDArray[np.int32]]:
+def _edges(mesh: Mesh, links: Int32) -> Iterator[Int32]:
     """Yield the ends (E, 2) of the sides of faces, a batch of faces at a time, then `links`."""
     for start in range(0, len(mesh.faces), RUN):
         yield mesh.faces[start : start + RUN, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     yield links
 
 
-def _centers(vertices: Float64, of_vertex: NDArray[np.int32]) -> Float64:
+def _centers(vertices: Float64, of_vertex: Int32) -> Float64:
     """(N, 3) mean positions of the vertices of each node."""
     size = np.bincount(of_vertex)
     return np.stack([np.bincount(of_vertex, axis) / size for axis in vertices.T], axis=1)

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 import dfd._core as _core
 from dfd.common import check
+from dfd.common.linear_algebra import Float32, Int32, Int64
 from dfd.common.threads import get_num_threads
 from dfd.geometry.refine import split_long_edges
 from dfd.geometry.surface_graph import bridges
@@ -27,7 +27,7 @@ _LONGEST_EDGE = 1.5  # in sample spacings: longer edges are split
 @dataclass(frozen=True)
 class _Prepared:
     solver: _core.Geodesics
-    vertex: NDArray[np.int32]  # (V,) the vertex of the solver at each vertex's position
+    vertex: Int32  # (V,) the vertex of the solver at each vertex's position
     distinct: int  # vertices of the solver that stand for vertices of the mesh; others follow them
     half: float  # half the longest side of the box, mesh units: 1 in the solver's units
 
@@ -74,7 +74,7 @@ class Geodesics:
                 self._result = _prepared(self._mesh, self._bridges)
             return self._result
 
-    def distances(self, handles: Any, *, separate: float = 1.0) -> NDArray[np.float32]:
+    def distances(self, handles: Any, *, separate: float = 1.0) -> Float32:
         """Return how far every vertex is from each handle along the surface, as a fraction of `extent`.
 
         Parameters
@@ -99,7 +99,7 @@ class Geodesics:
         prepared.solver.distances(sources, separate, result, get_num_threads())
         return result if prepared.distinct == len(prepared.vertex) else result[:, prepared.vertex]
 
-    def _handle_vertices(self, handles: Any) -> NDArray[np.int64]:
+    def _handle_vertices(self, handles: Any) -> Int64:
         if np.ndim(handles) == 2:
             points = check.array("Geodesics.distances", "handles", handles, ("H", 3), dtype=np.float64)
             if self._tree is None:

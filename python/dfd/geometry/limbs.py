@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float64
 from dfd.geometry.topology import face_areas
 from dfd.mesh.mesh import Mesh
 
@@ -27,7 +28,7 @@ MOST_FACES = 200_000
 class Limb(NamedTuple):
     """The direction of a limb at a point."""
 
-    direction: NDArray[np.float64]  # (3,) of length 1, away from the rest of the limb
+    direction: Float64  # (3,) of length 1, away from the rest of the limb
     at_end: bool  # whether most of the limb is on one side, so that the sign of the direction is known
 
 

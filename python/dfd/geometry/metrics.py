@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dfd.common import check
+from dfd.common.linear_algebra import Bool, Float64
 from dfd.geometry.topology import face_areas, first_at_place
 from dfd.mesh.mesh import Mesh
 
@@ -46,13 +47,13 @@ def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> SurfaceMetrics:
     faces, areas = faces[areas > 0], areas[areas > 0]
     if len(faces) == 0:
         raise ValueError("surface_metrics: `mesh` must have a face with an area, got none")
-    share = areas / areas.sum()
+    fraction = areas / areas.sum()
     edges = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
     before, after = (np.linalg.norm(each[edges[:, 0]] - each[edges[:, 1]], axis=1) for each in (resting, moved))
     turned = np.abs(_angles(moved, faces) - _angles(resting, faces)).mean(axis=1)
     return SurfaceMetrics(
         area=float(np.abs(face_areas(moved, faces) - areas).sum() / areas.sum()),
-        angle=float(share @ turned),
+        angle=float(fraction @ turned),
         edge_length=float(np.abs(after - before).sum() / before.sum()),
         volume=_volume_change(resting, moved, faces),
         flipped_faces=int((_folded(moved, faces) & ~_folded(resting, faces)).sum()),
@@ -61,7 +62,7 @@ def surface_metrics(mesh: Mesh, vertices: ArrayLike) -> SurfaceMetrics:
     )
 
 
-def area_ratios(mesh: Mesh, vertices: ArrayLike) -> NDArray[np.float64]:
+def area_ratios(mesh: Mesh, vertices: ArrayLike) -> Float64:
     """(V,) how many times larger the faces around each vertex have become; 1 where none has an area.
 
     Raises ValueError if `vertices` is not finite or has another shape than those of the mesh.
@@ -76,7 +77,7 @@ def area_ratios(mesh: Mesh, vertices: ArrayLike) -> NDArray[np.float64]:
     return np.divide(after, before, out=np.ones(len(welded)), where=before > 0)
 
 
-def _angles(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> NDArray[np.float64]:
+def _angles(vertices: Float64, faces: NDArray[np.integer]) -> Float64:
     """(F, 3) angles at the corners, degrees; 0 where an edge has no length."""
     corners = vertices[faces]
     one, other = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
@@ -85,9 +86,7 @@ def _angles(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> NDArra
     return np.degrees(np.arctan2(sine, cosine))
 
 
-def _volume_change(
-    resting: NDArray[np.float64], moved: NDArray[np.float64], faces: NDArray[np.integer]
-) -> float | None:
+def _volume_change(resting: Float64, moved: Float64, faces: NDArray[np.integer]) -> float | None:
     directed = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     forth, uses = np.unique(directed, axis=0, return_counts=True)
     back = np.unique(directed[:, ::-1], axis=0)
@@ -97,7 +96,7 @@ def _volume_change(
     return None if abs(before) < 1e-12 else float(after / before - 1)
 
 
-def _folded(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> NDArray[np.bool_]:
+def _folded(vertices: Float64, faces: NDArray[np.integer]) -> Bool:
     """(F,) which faces look away from the mean of the faces across their edges."""
     corners = vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -109,7 +108,7 @@ def _folded(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> NDArra
     return (others * normals).sum(axis=1) < FOLD
 
 
-def _self_intersecting(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> int | None:
+def _self_intersecting(vertices: Float64, faces: NDArray[np.integer]) -> int | None:
     if len(faces) > MOST_TESTED:
         return None
     try:

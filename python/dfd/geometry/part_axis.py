@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from dfd.common.linear_algebra import unit
+from dfd.common.linear_algebra import Bool, Float64, Int64, unit
 from dfd.geometry.surface_graph import surface_graph
 from dfd.geometry.topology import face_areas, points_on_faces
 from dfd.mesh.mesh import Mesh
@@ -23,19 +23,17 @@ ENDS = (0.005, 0.995)  # quantiles of the levels, between which the curve runs: 
 ROUNDS = 3  # of fitting the curve and finding anew which point of it is nearest
 FARTHEST = 0.2  # of the length: so far a vertex's nearest point may lie from what the distance to the base says
 SEAM = 0.6  # in radii at the base: over so much of the surface, motion along the axis begins
+NEAR_JOINT = 0.12  # of the length: a joint so near to where the part is held is meant
 SLENDER = 0.75  # times its width is the least length of a limb
 CARRIED = 0.5  # of the rest of the shape: what is smaller and lies beyond a part goes along with it
 CRUMB = 0.05  # of a region: a smaller connected piece of it has no axis of its own
-
-Float64 = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
 class PartAxis:
     """The axis of one connected part."""
 
-    vertices: Indices  # (N,) those of the part and of what hangs on it, ascending
+    vertices: Int64  # (N,) those of the part and of what hangs on it, ascending
     # (N,) where along the axis each is, in [0, 1]: 0 at the base, where the rest of the shape begins, and 1 at the tip.
     # What hangs on a part has that of the place where it hangs.
     parameter: Float64
@@ -71,14 +69,17 @@ class PartAxis:
         """(33, 3) directions of length 1 along the curve."""
         return unit(np.gradient(self.nodes, axis=0))
 
-    @property
-    def joint(self) -> float:
+    def joint(self, point: NDArray[np.floating]) -> float:
         """Where in the middle of the axis the part bends already the most, or is the narrowest beside what is around.
 
-        In [0, 1]; a knee, an elbow, the neck of a bottle.
+        In [0, 1]; a knee, an elbow, the neck of a bottle. Near `point` (3,), where that is in the middle itself: who
+        holds a leg by its knee does not mean the ankle.
         """
         at = np.linspace(0.0, 1.0, NODES)
         inner = (at > 0.2) & (at < 0.8)
+        near = inner & (np.abs(at - self.nearest(point)) <= NEAR_JOINT)
+        if near.any():
+            inner = near
         step = NODES // 8
         turn = np.zeros(NODES)
         cosines = (self.tangents[2 * step :] * self.tangents[: -2 * step]).sum(axis=1)
@@ -128,7 +129,7 @@ class PartAxes:
         sums = np.bincount(self._mesh.faces.ravel(), areas, minlength=len(self._mesh.vertices))
         return np.asarray(sums, np.float64)
 
-    def of(self, inside: NDArray[np.bool_]) -> list[PartAxis]:
+    def of(self, inside: Bool) -> list[PartAxis]:
         """The axes of the connected pieces of a region `inside` (V,), the largest first; crumbs have none."""
         own = np.flatnonzero(inside)
         piece = connected_components(self._graph[own][:, own], directed=False)[1]
@@ -137,7 +138,7 @@ class PartAxes:
         found = [self._of_piece(own[piece == k]) for k in order if area[k] > CRUMB * area[order[0]]]
         return [axis for axis in found if axis is not None]
 
-    def _of_piece(self, own: Indices) -> PartAxis | None:
+    def _of_piece(self, own: Int64) -> PartAxis | None:
         mesh, graph = self._mesh, self._graph
         inside = np.zeros(len(mesh.vertices), bool)
         inside[own] = True
@@ -182,7 +183,7 @@ class PartAxes:
         vertices, parameter = self._with_hanging(own, parameter, hanging, group)
         return PartAxis(vertices, parameter, nodes, radius, mesh.vertices[seeds], borders, middle, rest)
 
-    def _end(self, local: csr_matrix, own: Indices) -> Indices:
+    def _end(self, local: csr_matrix, own: Int64) -> Int64:
         """Which vertices of a part that nothing surrounds are its base: those at the end nearer to the whole shape."""
         some = dijkstra(local, indices=0)
         one = int(np.where(np.isfinite(some), some, -1).argmax())
@@ -194,7 +195,7 @@ class PartAxes:
         near = dijkstra(local, indices=start)
         return np.flatnonzero(near <= 0.05 * near[np.isfinite(near)].max())
 
-    def _curve(self, own: Indices, number: Indices, away: Float64) -> tuple[Float64, Float64, Float64] | None:
+    def _curve(self, own: Int64, number: Int64, away: Float64) -> tuple[Float64, Float64, Float64] | None:
         """The curve (33, 3), its radius (33,), and where along it the vertices (N,) of a part are.
 
         A principal curve (Hastie and Stuetzle 1989) that begins with the levels of the distances `away` from the base:
@@ -230,9 +231,7 @@ class PartAxes:
         radius = np.sqrt(_fitted(at, level, squares[:, None], weight, WIDTH, straight=False)[:, 0])
         return nodes, radius, own_level
 
-    def _with_hanging(
-        self, own: Indices, parameter: Float64, hanging: Indices, group: Indices
-    ) -> tuple[Indices, Float64]:
+    def _with_hanging(self, own: Int64, parameter: Float64, hanging: Int64, group: Int64) -> tuple[Int64, Float64]:
         """The part's vertices and `parameter`, with what hangs on it: as one, but for what is near the part."""
         if len(hanging) == 0:
             return own, parameter
@@ -303,9 +302,9 @@ def _projected(nodes: Float64, points: Float64, start: Float64) -> Float64:
         high = np.inf if k == len(along) - 1 else 1.0
         some = np.flatnonzero(np.abs(at[k] - start) <= 2 * FARTHEST)
         apart = points[some] - node
-        share = np.clip(apart @ side / squares[k], low, high)
-        level = at[k] + share / len(along)
-        far = np.square(apart - share[:, None] * side).sum(axis=1)
+        fraction = np.clip(apart @ side / squares[k], low, high)
+        level = at[k] + fraction / len(along)
+        far = np.square(apart - fraction[:, None] * side).sum(axis=1)
         better = (far < nearest[some]) & (np.abs(level - start[some]) <= FARTHEST)
         best[some[better]], nearest[some[better]] = level[better], far[better]
     return best

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float64, Int32, Int64
 from dfd.geometry.topology import face_sizes
 
 _ROUNDS = 16  # of halving the longest edges
 
 
-def split_long_edges(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32], longest: float, *, most: int
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def split_long_edges(vertices: Float64, faces: Int32, longest: float, *, most: int) -> tuple[Float64, Int32]:
     """Halve edges until none is longer than `longest`, above 0; faces that share an edge share its middle.
 
     About `most` vertices are added, behind the given ones (V, 3); where more would be needed, longer edges stay. The
@@ -31,15 +29,13 @@ def split_long_edges(
     return vertices, faces
 
 
-def _needed(lengths: NDArray[np.float64], longest: float) -> float:
+def _needed(lengths: Float64, longest: float) -> float:
     """Return roughly how many vertices it takes to halve the sides of faces whose longest have such `lengths`."""
     parts = lengths / longest
     return float((parts + parts**2 / 2).sum())
 
 
-def _halved(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32], longest: float
-) -> tuple[NDArray[np.float64], NDArray[np.int32]] | None:
+def _halved(vertices: Float64, faces: Int32, longest: float) -> tuple[Float64, Int32] | None:
     """Return the mesh with every edge longer than `longest` halved; None if there is none."""
     ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
     long = np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1) > longest
@@ -54,7 +50,7 @@ def _halved(
     return points, _cut(points, faces.astype(np.int64), middle).astype(np.int32)
 
 
-def _cut(points: NDArray[np.float64], faces: NDArray[np.int64], middle: NDArray[np.int64]) -> NDArray[np.int64]:
+def _cut(points: Float64, faces: Int64, middle: Int64) -> Int64:
     """Return faces (G, 3) that fill `faces` (F, 3) with corners at the sides' middles (F, 3), -1 where uncut."""
     count = (middle >= 0).sum(axis=1)
     result = [faces[count == 0]]

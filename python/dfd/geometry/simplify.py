@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import fast_simplification
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from dfd.common import check
+from dfd.common.linear_algebra import Float64, Int32
 from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.normalization import normalization
@@ -40,13 +40,13 @@ def simplify(mesh: Mesh, face_count: int) -> Mesh:
     return Mesh(vertices, faces, appearance=_nearest_colors(mesh, vertices, faces))
 
 
-def _faces_with_area(mesh: Mesh) -> NDArray[np.int32]:
+def _faces_with_area(mesh: Mesh) -> Int32:
     """Return a copy of the faces that have an area: around others every collapse counts as a fold."""
     first, second, third = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
     return mesh.faces[np.cross(second - first, third - first).any(axis=1)]
 
 
-def _nearest_colors(mesh: Mesh, vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> Appearance | None:
+def _nearest_colors(mesh: Mesh, vertices: Float64, faces: Int32) -> Appearance | None:
     """Color other vertices (V, 3), corners of `faces` (F, 3), like the nearest of `mesh`; None where that has none."""
     if mesh.appearance is None:
         return None

@@ -9,6 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 import dfd._core as _core
+from dfd.common.linear_algebra import Bool, Float64, Int32, Int64
 from dfd.geometry.topology import face_sizes, first_at_place, points_on_faces
 from dfd.mesh.mesh import Mesh
 from dfd.mesh.weld import weld
@@ -40,7 +41,7 @@ def surface_graph(mesh: Mesh) -> csr_matrix:
     return graph
 
 
-def surface_links(mesh: Mesh) -> NDArray[np.int32]:
+def surface_links(mesh: Mesh) -> Int32:
     """Return what joins the vertices of `surface_graph` besides the sides of faces, as pairs (L, 2) of vertices.
 
     Those are links between vertices at one position, and bridges across small gaps; they take a fraction of the
@@ -59,7 +60,7 @@ def surface_links(mesh: Mesh) -> NDArray[np.int32]:
     return np.concatenate([links, bridges(scaled, mesh.faces, component).astype(np.int32)])
 
 
-def edge_graph(vertices: NDArray[np.float64], ends: NDArray[np.integer]) -> csr_matrix:
+def edge_graph(vertices: Float64, ends: NDArray[np.integer]) -> csr_matrix:
     """Return the lengths, (V, V) symmetric and above 0, of edges between `ends` (E, 2), repeated ones counted once."""
     there, back = ends[ends[:, 0] != ends[:, 1]].T
     pattern = coo_array((np.ones(len(there), bool), (there, back)), shape=(len(vertices), len(vertices))).tocsr()
@@ -78,9 +79,7 @@ def _size(mesh: Mesh) -> float:
     return size
 
 
-def bridges(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32], component: NDArray[np.integer]
-) -> NDArray[np.int64]:
+def bridges(vertices: Float64, faces: Int32, component: NDArray[np.integer]) -> Int64:
     """Return pairs (B, 2) of vertices on the two sides of each small gap between components.
 
     `vertices` (V, 3) are positions, `faces` (F, 3) their corners, `component` (V,) the component of each vertex.
@@ -105,16 +104,14 @@ def bridges(
     return np.concatenate(found)
 
 
-def _renumbered(component: NDArray[np.integer], used: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _renumbered(component: NDArray[np.integer], used: Bool) -> Int64:
     """Return component numbers counted from 0 over used vertices; -1 at the others."""
     label = np.full(len(component), -1, np.int64)
     label[used] = np.unique(component[used], return_inverse=True)[1]
     return label
 
 
-def _across(
-    points: NDArray[np.float64], vertex: NDArray[np.int64], label: NDArray[np.int64], gap: float
-) -> NDArray[np.int64]:
+def _across(points: Float64, vertex: Int64, label: Int64, gap: float) -> Int64:
     """Return pairs (B, 2) of vertices of different labels where their `points` (N, 3) come within `gap`."""
     kept, crowded = _thinned(points, label[vertex], gap / 2)
     pairs = kept[cKDTree(points[kept]).query_pairs(gap, output_type="ndarray")]
@@ -124,9 +121,7 @@ def _across(
     return np.stack(np.divmod(keys, len(label)), axis=1)
 
 
-def _samples(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32], own: NDArray[np.int64], spacing: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _samples(vertices: Float64, faces: Int32, own: Int64, spacing: float) -> tuple[Float64, Int64]:
     """Return points (N, 3) about `spacing` apart all over the surface, and the vertex (N,) that each stands for.
 
     Those are the vertices themselves, and points on edges and faces that are longer than `spacing`.
@@ -139,35 +134,33 @@ def _samples(
     sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     per_side = _capped(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).ravel() / spacing)
     side = np.repeat(np.arange(len(sides)), per_side)
-    place = np.arange(len(side)) - (np.cumsum(per_side) - per_side)[side]
-    share = ((place + 0.5) / per_side[side])[:, None]
-    points.append((1 - share) * vertices[sides[side, 0]] + share * vertices[sides[side, 1]])
-    vertex.append(sides[side, (share[:, 0] > 0.5).astype(int)])
+    index = np.arange(len(side)) - (np.cumsum(per_side) - per_side)[side]
+    fraction = ((index + 0.5) / per_side[side])[:, None]
+    points.append((1 - fraction) * vertices[sides[side, 0]] + fraction * vertices[sides[side, 1]])
+    vertex.append(sides[side, (fraction[:, 0] > 0.5).astype(int)])
     face, weights = points_on_faces(_capped(areas / spacing**2))
     points.append(np.einsum("nk,nkd->nd", weights, corners[face]))
     vertex.append(faces[face, weights.argmax(axis=1)])
     return np.concatenate(points), np.concatenate(vertex).astype(np.int64)
 
 
-def _capped(wanted: NDArray[np.float64]) -> NDArray[np.int64]:
+def _capped(wanted: Float64) -> Int64:
     """Return whole numbers of points, at least one each, in all not many more than `_MOST_POINTS`."""
     return np.ceil(wanted * min(1.0, _MOST_POINTS / max(float(wanted.sum()), 1.0))).astype(np.int64)
 
 
-def _thinned(
-    points: NDArray[np.float64], label: NDArray[np.int64], cell: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _thinned(points: Float64, label: Int64, cell: float) -> tuple[Int64, Int64]:
     """Choose one of `points` (N, 3) for each label in every cell of a grid, of few labels where it holds many.
 
     Returned are which (K,), and (C, 2) for each of the other labels of a cell, a point of that label and one that is
     kept there.
     """
-    place = np.floor((points - points.min(axis=0)) / cell).astype(np.int64)
-    span = place.max(axis=0) + 1
+    voxel = np.floor((points - points.min(axis=0)) / cell).astype(np.int64)
+    span = voxel.max(axis=0) + 1
     if np.prod(span.astype(float)) < 2**31:
-        number = (place[:, 0] * span[1] + place[:, 1]) * span[2] + place[:, 2]
+        number = (voxel[:, 0] * span[1] + voxel[:, 1]) * span[2] + voxel[:, 2]
     else:  # cell and label numbers do not fit into one integer
-        number = weld(place.astype(np.float64))[1].astype(np.int64)
+        number = weld(voxel.astype(np.float64))[1].astype(np.int64)
     key, first = np.unique(number * (label.max() + 1) + label, return_index=True)
     cells = key // (label.max() + 1)
     begins = np.flatnonzero(np.concatenate([[True], cells[1:] != cells[:-1]]))
@@ -176,7 +169,7 @@ def _thinned(
     return first[few], np.column_stack([first[head[~few]], first[~few]])
 
 
-def _joined(label: NDArray[np.int64], pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+def _joined(label: Int64, pairs: Int64) -> Int64:
     """Return the labels after `pairs` of vertices have been joined."""
     count = int(label.max()) + 1
     ends = label[pairs]
@@ -185,7 +178,7 @@ def _joined(label: NDArray[np.int64], pairs: NDArray[np.int64]) -> NDArray[np.in
     return np.where(label >= 0, merged[label], -1)
 
 
-def _to_strays(vertices: NDArray[np.float64], used: NDArray[np.bool_], gap: float) -> NDArray[np.int64]:
+def _to_strays(vertices: Float64, used: Bool, gap: float) -> Int64:
     """Return pairs (B, 2) of vertices that no face uses and the vertex of a face nearest to each, if within `gap`."""
     stray, own = np.flatnonzero(~used), np.flatnonzero(used)
     if len(stray) == 0:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import dfd._core as _core
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64
 from dfd.common.threads import get_num_threads
 from dfd.mesh.weld import weld
 
@@ -61,13 +62,13 @@ def inspect(mesh: Mesh) -> Topology:
     )
 
 
-def first_at_place(mesh: Mesh) -> NDArray[np.int32]:
+def first_at_place(mesh: Mesh) -> Int32:
     """Return for each vertex (V,) the first vertex that has its position."""
     first, vertex = weld(mesh.vertices)
     return first.astype(np.int32)[vertex]
 
 
-def face_components(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+def face_components(faces: Int32) -> Int32:
     """Return for each face (F, 3) the number of the connected component it belongs to."""
     if len(faces) == 0:
         return np.zeros(0, np.int32)
@@ -75,9 +76,7 @@ def face_components(faces: NDArray[np.int32]) -> NDArray[np.int32]:
     return np.unique(numbers[faces[:, 0]], return_inverse=True)[1].astype(np.int32)
 
 
-def face_sizes(
-    vertices: NDArray[np.floating], faces: NDArray[np.int32]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def face_sizes(vertices: NDArray[np.floating], faces: Int32) -> tuple[Float64, Float64]:
     """Return the longest side and the area of every face, (F,) each, in units of `vertices` (V, 3) and their square."""
     sizes = np.empty((len(faces), 2))
     points, corners = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int32)
@@ -85,17 +84,17 @@ def face_sizes(
     return sizes[:, 0], sizes[:, 1]
 
 
-def face_areas(vertices: NDArray[np.floating], faces: NDArray[np.int32]) -> NDArray[np.float64]:
+def face_areas(vertices: NDArray[np.floating], faces: Int32) -> Float64:
     """Return the area of every face (F,), in squared units of `vertices` (V, 3)."""
     return face_sizes(vertices, faces)[1]
 
 
-def _three_corners(faces: NDArray[np.int32]) -> NDArray[np.bool_]:
+def _three_corners(faces: Int32) -> Bool:
     a, b, c = faces.T
     return (a != b) & (b != c) & (c != a)
 
 
-def _has_area(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.bool_]:
+def _has_area(vertices: Float64, faces: Int32) -> Bool:
     """Return whether each face has an area above the rounding of its coordinates."""
     size = np.abs(vertices).max(initial=0.0)
     corners = vertices[faces] / (size if size > 0 else 1.0)  # no square over- or underflows
@@ -104,11 +103,11 @@ def _has_area(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArra
     # the rounding of coordinates of size s may move the area of a sliver of length l by about s · l · epsilon
     size = np.abs(corners).max(axis=(1, 2))
     length = np.maximum(np.abs(along).max(axis=1), np.abs(aside).max(axis=1))
-    large: NDArray[np.bool_] = np.abs(crossed).max(axis=1) > 4 * np.finfo(np.float64).eps * size * length
+    large: Bool = np.abs(crossed).max(axis=1) > 4 * np.finfo(np.float64).eps * size * length
     return _three_corners(faces) & large
 
 
-def _edge_uses(faces: NDArray[np.int32]) -> NDArray[np.int64]:
+def _edge_uses(faces: Int32) -> Int64:
     """Return how many faces each edge has."""
     ends = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
     key = np.sort(ends.min(axis=1) << 32 | ends.max(axis=1))
@@ -116,13 +115,13 @@ def _edge_uses(faces: NDArray[np.int32]) -> NDArray[np.int64]:
     return np.diff(starts, append=len(key))
 
 
-def _repeats_earlier(faces: NDArray[np.int32]) -> NDArray[np.bool_]:
+def _repeats_earlier(faces: Int32) -> Bool:
     """Return whether each face has the corners of an earlier one."""
     first, number = weld(np.sort(faces, axis=1).astype(np.float64))
     return first[number] != np.arange(len(faces))
 
 
-def points_on_faces(counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+def points_on_faces(counts: Int64) -> tuple[Int64, Float32]:
     """Spread points over faces, `counts` (F,) of them on each.
 
     Returned are the face (N,) of each point, ascending, and its barycentric coordinates (N, 3); the first point of a
@@ -134,7 +133,7 @@ def points_on_faces(counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArr
     return face, spread_in_triangle(index)
 
 
-def spread_in_triangle(index: NDArray[np.int64]) -> NDArray[np.float32]:
+def spread_in_triangle(index: Int64) -> Float32:
     """Barycentric coordinates (N, 3) that fill a triangle evenly as `index` (N,) counts up from its center, 0.
 
     Source: the additive sequence of Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018.

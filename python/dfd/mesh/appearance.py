@@ -8,6 +8,8 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float32, Float64, Int32, Int64, UInt8
+
 GREY = 0.8  # display-referred color of a surface without a material
 
 Wrap = Literal["repeat", "mirror", "clamp"]
@@ -22,7 +24,7 @@ class Material:
     """A surface material; colors are display-referred (sRGB) in [0, 1]."""
 
     color: tuple[float, float, float, float] = (GREY, GREY, GREY, 1.0)  # multiplies texture and vertex colors
-    texture: NDArray[np.uint8] | None = None  # (rows, columns, 4) RGBA, first row on top
+    texture: UInt8 | None = None  # (rows, columns, 4) RGBA, first row on top
     wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")  # addressing outside [0, 1] along u and v
     alpha_mode: Literal["OPAQUE", "MASK", "BLEND"] = "OPAQUE"
     alpha_cutoff: float = 0.5  # in mode MASK, lower alpha is transparent, the rest opaque
@@ -41,19 +43,19 @@ class Appearance:
     Texture coordinates and vertex colors are stored by row; a vertex on a seam has several rows.
     """
 
-    corners: NDArray[np.int32]  # (R,) the vertex each row is at, -1 for a row that no face uses
-    corner_faces: NDArray[np.int32]  # (F, 3) rows of each face's corners
-    face_material: NDArray[np.int32]  # (F,) index into `materials`
+    corners: Int32  # (R,) the vertex each row is at, -1 for a row that no face uses
+    corner_faces: Int32  # (F, 3) rows of each face's corners
+    face_material: Int32  # (F,) index into `materials`
     materials: tuple[Material, ...]
-    uv: NDArray[np.float32] | None = None  # (R, 2) texture coordinates, v upwards
-    colors: NDArray[np.float32] | None = None  # (R, 4) display-referred RGBA in [0, 1]
+    uv: Float32 | None = None  # (R, 2) texture coordinates, v upwards
+    colors: Float32 | None = None  # (R, 4) display-referred RGBA in [0, 1]
 
-    def albedo(self, faces: NDArray[np.integer], barycentric: NDArray[np.floating]) -> NDArray[np.float32]:
+    def albedo(self, faces: NDArray[np.integer], barycentric: NDArray[np.floating]) -> Float32:
         """Return the display-referred RGBA (N, 4) in [0, 1] of points on `faces` (N,) at `barycentric` (N, 3)."""
         rows = self.corner_faces[faces]
         weights = barycentric.astype(np.float32, copy=False)
         material = self.face_material[faces]
-        result: NDArray[np.float32] = np.array([each.color for each in self.materials], np.float32)[material]
+        result: Float32 = np.array([each.color for each in self.materials], np.float32)[material]
         for index, each in enumerate(self.materials):
             if each.texture is not None and self.uv is not None:
                 here = slice(None) if len(self.materials) == 1 else np.flatnonzero(material == index)
@@ -64,14 +66,14 @@ class Appearance:
         np.clip(result, 0, 1, out=result)
         return result
 
-    def row_colors(self) -> NDArray[np.float32]:
+    def row_colors(self) -> Float32:
         """Return the `albedo` (R, 4) at every row, white at rows that no face uses."""
         colors = np.ones((len(self.corners), 4), np.float32)
         used, where = np.unique(self.corner_faces, return_index=True)
         colors[used] = self.albedo(where // 3, np.eye(3, dtype=np.float32)[where % 3])
         return colors
 
-    def _apply_alpha_modes(self, result: NDArray[np.float32], material: NDArray[np.int32]) -> None:
+    def _apply_alpha_modes(self, result: Float32, material: Int32) -> None:
         for index, each in enumerate(self.materials):
             if each.alpha_mode != "BLEND":
                 here = slice(None) if len(self.materials) == 1 else material == index
@@ -91,32 +93,32 @@ class Appearance:
                 digest.update(np.ascontiguousarray(values).tobytes())
 
 
-def srgb(linear: NDArray[np.floating]) -> NDArray[np.float32]:
+def srgb(linear: NDArray[np.floating]) -> Float32:
     """Return display-referred values (IEC 61966-2-1) of linear ones in [0, 1]."""
     values = np.clip(np.asarray(linear, np.float64), 0, 1)
     encoded = np.where(values <= 0.0031308, 12.92 * values, 1.055 * values ** (1 / 2.4) - 0.055)
     return encoded.astype(np.float32)
 
 
-def linear(encoded: NDArray[np.floating]) -> NDArray[np.float64]:
+def linear(encoded: NDArray[np.floating]) -> Float64:
     """Return linear values of display-referred ones in [0, 1]; the inverse of `srgb`."""
     values = np.clip(np.asarray(encoded, np.float64), 0, 1)
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
 def blend(
-    values: NDArray[np.float32],  # (R, K)
-    rows: NDArray[np.int32],  # (N, 3)
-    weights: NDArray[np.float32],  # (N, 3)
-) -> NDArray[np.float32]:
+    values: Float32,  # (R, K)
+    rows: Int32,  # (N, 3)
+    weights: Float32,  # (N, 3)
+) -> Float32:
     """Return the values of three rows blended at each point, (N, K): those of a face's corners, B·T."""
-    blended: NDArray[np.float32] = weights[:, :1] * values.take(rows[:, 0], axis=0)
+    blended: Float32 = weights[:, :1] * values.take(rows[:, 0], axis=0)
     blended += weights[:, 1:2] * values.take(rows[:, 1], axis=0)
     blended += weights[:, 2:] * values.take(rows[:, 2], axis=0)
     return blended
 
 
-def _sample(material: Material, uv: NDArray[np.float32]) -> NDArray[np.float32]:
+def _sample(material: Material, uv: Float32) -> Float32:
     """Return the texture's RGBA (N, 4) in [0, 1] at `uv` (N, 2), blended between the four nearest texels."""
     texture = material.texture
     assert texture is not None
@@ -129,9 +131,7 @@ def _sample(material: Material, uv: NDArray[np.float32]) -> NDArray[np.float32]:
     return _mix(upper, lower, down) / np.float32(255)
 
 
-def _texels(
-    coordinate: NDArray[np.float32], size: int, wrap: Wrap
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:
+def _texels(coordinate: Float32, size: int, wrap: Wrap) -> tuple[Int64, Int64, Float32]:
     """Return the texels before and after a coordinate (N,) and the fraction (N, 1) between them."""
     if wrap == "repeat":
         coordinate = coordinate - np.floor(coordinate)  # first, so that far repeats stay exact
@@ -152,8 +152,6 @@ def _texels(
     return np.clip(first, 0, size - 1), np.clip(second, 0, size - 1), fraction
 
 
-def _mix(
-    a: NDArray[np.uint8] | NDArray[np.float32], b: NDArray[np.uint8] | NDArray[np.float32], part: NDArray[np.float32]
-) -> NDArray[np.float32]:
+def _mix(a: UInt8 | Float32, b: UInt8 | Float32, part: Float32) -> Float32:
     start = a.astype(np.float32, copy=False)
     return start + part * (b.astype(np.float32, copy=False) - start)

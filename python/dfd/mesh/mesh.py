@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from dfd.common import check, tensors
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
 from dfd.mesh.appearance import Appearance
 from dfd.mesh.file.obj.read import face_groups
 from dfd.mesh.file.read import of_trimesh, read
@@ -33,7 +34,7 @@ class MeshPart:
 
     name: str  # no other part of the mesh has it
     faces: slice  # its faces, which follow each other, among those of the mesh
-    vertices: NDArray[np.int64]  # (N,) the vertices that its faces use, ascending; parts that touch share some
+    vertices: Int64  # (N,) the vertices that its faces use, ascending; parts that touch share some
 
 
 class Mesh:
@@ -47,9 +48,9 @@ class Mesh:
     there; `representative` tells which one that is for the others.
     """
 
-    vertices: NDArray[np.float64]  # (V, 3) positions in the file's units
-    faces: NDArray[np.int32]  # (F, 3) corners as indices into `vertices`
-    representative: NDArray[np.int32]  # (V,) the vertex whose index faces have for each vertex's position
+    vertices: Float64  # (V, 3) positions in the file's units
+    faces: Int32  # (F, 3) corners as indices into `vertices`
+    representative: Int32  # (V,) the vertex whose index faces have for each vertex's position
     appearance: Appearance | None  # what colors the surface; None where nothing is known
     source: Path | None  # the file it was read from
 
@@ -88,7 +89,7 @@ class Mesh:
         return f"Mesh({name}{len(self.vertices)} vertices, {len(self.faces)} faces{parts})"
 
     @cached_property
-    def bounds(self) -> NDArray[np.float64]:
+    def bounds(self) -> Float64:
         """(2, 3) smallest and largest coordinates; vertices of a file that no face uses do not count."""
         places = self.vertices
         if self._scene is not None:  # of arrays, unused vertices count too
@@ -98,7 +99,7 @@ class Mesh:
         return _frozen(np.stack([places.min(axis=0), places.max(axis=0)]))
 
     @cached_property
-    def extents(self) -> NDArray[np.float64]:
+    def extents(self) -> Float64:
         """(3,) lengths of the sides of the box around the mesh."""
         return _frozen(self.bounds[1] - self.bounds[0])
 
@@ -118,7 +119,7 @@ class Mesh:
             for name, start, stop in found
         )
 
-    def _corners_of(self, faces: slice) -> NDArray[np.int64]:
+    def _corners_of(self, faces: slice) -> Int64:
         """(N,) ascending, the vertices of some of the faces."""
         corners = self.faces[faces].ravel()
         if len(corners) < len(self.vertices):  # sorting a few corners is cheaper than marking all vertices
@@ -144,7 +145,7 @@ class Mesh:
             return ("mesh",)
         return tuple(dict.fromkeys(each.part for each in self._scene.primitives))
 
-    def part_vertices(self, name: str) -> NDArray[np.int64]:
+    def part_vertices(self, name: str) -> Int64:
         """(N,) ascending, the vertices that the faces of the part of that name use.
 
         A glTF file's geometries and materials may be named too, wherever they are.
@@ -177,7 +178,7 @@ class Mesh:
         """The names of the face groups of an OBJ file: of its `g`, `o` and `usemtl` lines, in this order."""
         return tuple(self._groups)
 
-    def group_vertices(self, name: str) -> NDArray[np.int64]:
+    def group_vertices(self, name: str) -> Int64:
         """(N,) ascending, the vertices that the faces of a group of an OBJ file use.
 
         Every word of a `g` line names a group, as does the line as a whole, an `o` and a `usemtl` line; where two kinds
@@ -196,7 +197,7 @@ class Mesh:
         raise ArgumentError("name", problem, "Mesh.group_vertices")
 
     @cached_property
-    def _groups(self) -> dict[str, NDArray[np.int64]]:
+    def _groups(self) -> dict[str, Int64]:
         """The file's own vertices of each group; its text is parsed again when first asked for."""
         if self._scene is None or self._scene.obj is None:
             return {}
@@ -208,7 +209,7 @@ class Mesh:
         return float(np.linalg.norm(self.extents))
 
     @cached_property
-    def normals(self) -> NDArray[np.float32]:
+    def normals(self) -> Float32:
         """(V, 3) smooth unit normals, faces weighted by area; zero where no face with an area is."""
         return _frozen(smooth_normals(self.vertices, self.faces)[self.representative])
 
@@ -255,12 +256,12 @@ class Mesh:
             result.visual.vertex_colors = np.rint(self.vertex_colors() * 255).astype(np.uint8)
         return result
 
-    def _moved(self, function: str, vertices: Any | None) -> NDArray[np.float64]:
+    def _moved(self, function: str, vertices: Any | None) -> Float64:
         if vertices is None:
             return self.vertices
         return check.array(function, "vertices", vertices, self.vertices.shape, dtype=np.float64)
 
-    def vertex_colors(self) -> NDArray[np.float32]:
+    def vertex_colors(self) -> Float32:
         """Return the display-referred RGBA (V, 4) in [0, 1] of the surface at each vertex.
 
         A vertex on a seam takes that of one of its sides; white where no face is or nothing is known.
@@ -336,7 +337,7 @@ def as_mesh(source: MeshLike) -> Mesh:
     return source if isinstance(source, Mesh) else load(source)
 
 
-def _checked_faces(faces: Any, vertex_count: int) -> NDArray[np.int32]:
+def _checked_faces(faces: Any, vertex_count: int) -> Int32:
     indices = np.asarray(tensors.shared("Mesh", "faces", faces))
     if indices.dtype.kind not in "iu" or indices.ndim != 2 or indices.shape[1] != 3:
         raise ValueError(

@@ -2,31 +2,31 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import Mesh
+from dfd.common.linear_algebra import Float64
+from dfd.mesh.mesh import Mesh
 
 
 class Normalization(NamedTuple):
     """The map of a shape into the cube [−1, 1]³: subtract `center`, multiply by `scale`."""
 
-    center: NDArray[np.float64]  # (3,) middle of the box around the shape, in its units
+    center: Float64  # (3,) middle of the box around the shape, in its units
     scale: float  # 1 / half the longest side of the box
 
-    def apply(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
+    def apply(self, points: NDArray[np.floating]) -> Float64:
         """Return points (…, 3) of the shape's units in the cube."""
         return (points - self.center) * self.scale
 
-    def invert(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
+    def invert(self, points: NDArray[np.floating]) -> Float64:
         """Return points (…, 3) of the cube in the shape's units."""
         return points / self.scale + self.center
 
 
-def box_normalization(low: NDArray[np.float64], high: NDArray[np.float64]) -> Normalization | None:
+def box_normalization(low: Float64, high: Float64) -> Normalization | None:
     """Return the map of a box to [−1, 1] along its longest side; None where it is a single point.
 
     `low` and `high` are its corners (3,).

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
+
+from dfd.common.linear_algebra import Float32, Float64, Int32
 
 _FACES_AT_ONCE = 1 << 20  # to bound memory
 
 
-def smooth_normals(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float32]:
+def smooth_normals(vertices: Float64, faces: Int32) -> Float32:
     """Return unit normals (V, 3), each the sum of its faces' normals weighted by area; zero where they cancel out."""
     span = float((vertices.max(axis=0) - vertices.min(axis=0)).max()) or 1.0
     # Edges of at most unit length: neither a huge shape's products overflow nor a tiny one's vanish.
@@ -32,7 +33,7 @@ def smooth_normals(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> N
     return np.where(known, summed / np.where(known, length, 1), 0).T.astype(np.float32, order="C")
 
 
-def _around(faces: NDArray[np.int32], count: int) -> csr_array:
+def _around(faces: Int32, count: int) -> csr_array:
     """(V, F) how often each face has each of `count` vertices as a corner."""
     face = np.repeat(np.arange(len(faces), dtype=np.int32), 3)
     return csr_array(coo_array((np.ones(3 * len(faces)), (faces.ravel(), face)), shape=(count, len(faces))))

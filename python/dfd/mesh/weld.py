@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Bool, Float64, Int32, Int64
 
-def weld(positions: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+
+def weld(positions: Float64) -> tuple[Int64, Int32]:
     """Return the first row (V,) of each distinct position of `positions` (N, 3), and which of them each row is, (N,).
 
     First rows are ascending: distinct rows keep the order in which they came. Positions, which are finite, are the same
@@ -25,7 +27,7 @@ def weld(positions: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.
     return first[by_first], vertex
 
 
-def _groups(rows: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _groups(rows: Float64) -> tuple[Int64, Int64]:
     """Return an order (N,) in which equal rows are neighbors, and the index (V,) at which each run of them starts."""
     key = _hash(rows)
     order = np.argsort(key)
@@ -37,7 +39,7 @@ def _groups(rows: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.in
     return order, np.flatnonzero(distinct)
 
 
-def _hash(rows: NDArray[np.float64]) -> NDArray[np.uint64]:
+def _hash(rows: Float64) -> NDArray[np.uint64]:
     """Return a 64-bit hash (N,) of the bits of every row."""
     bits = rows.view(np.uint64)
     key = np.zeros(len(rows), np.uint64)
@@ -48,7 +50,7 @@ def _hash(rows: NDArray[np.float64]) -> NDArray[np.uint64]:
     return key
 
 
-def _differs(values: NDArray[Any]) -> NDArray[np.bool_]:
+def _differs(values: NDArray[Any]) -> Bool:
     """Return, for every row, whether it differs from the one before; the first does."""
     begins = np.ones(len(values), bool)
     changed = values[1:] != values[:-1]

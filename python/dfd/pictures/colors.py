@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dfd.common import check
+from dfd.common.linear_algebra import Float32, Float64
 from dfd.mesh.appearance import linear, srgb
 
 CLAY = (0.85, 0.84, 0.82)  # sRGB of a surface without data; also of weight 0
@@ -34,7 +35,7 @@ _TO_LAB = np.array(
 )
 
 
-def weight_colors(weights: ArrayLike) -> NDArray[np.float32]:
+def weight_colors(weights: ArrayLike) -> Float32:
     """Return the heat map's sRGB colors (V, 3) in [0, 1] of `weights` (V,): clay at 0, amber, red, dark violet at 1.
 
     Equal steps of weight look equally large. Weights outside [0, 1] take the color of the nearer end.
@@ -42,13 +43,13 @@ def weight_colors(weights: ArrayLike) -> NDArray[np.float32]:
     Raises ValueError if `weights` is not a row of finite numbers.
     """
     values = check.array("weight_colors", "weights", weights, ("V",), dtype=np.float64)
-    place = values.clip(0, 1) * (len(_HEAT) - 1)
-    before = np.minimum(place.astype(np.int64), len(_HEAT) - 2)
-    part = (place - before)[:, None]
+    position = values.clip(0, 1) * (len(_HEAT) - 1)
+    before = np.minimum(position.astype(np.int64), len(_HEAT) - 2)
+    part = (position - before)[:, None]
     return (_HEAT[before] * (1 - part) + _HEAT[before + 1] * part).astype(np.float32)
 
 
-def ratio_colors(ratios: ArrayLike) -> NDArray[np.float32]:
+def ratio_colors(ratios: ArrayLike) -> Float32:
     """Return sRGB colors (V, 3) in [0, 1] of `ratios` (V,), at least 0: blue at a half or less, clay at 1, red at 2.
 
     Raises ValueError if `ratios` is not a row of finite numbers.
@@ -59,7 +60,7 @@ def ratio_colors(ratios: ArrayLike) -> NDArray[np.float32]:
     return (np.array(CLAY) + np.abs(octaves) * (ends - np.array(CLAY))).astype(np.float32)
 
 
-def feature_colors(features: ArrayLike) -> NDArray[np.float32]:
+def feature_colors(features: ArrayLike) -> Float32:
     """Return sRGB colors (V, 3) in [0, 1] of `features` (V, D): their three main directions as red, green and blue.
 
     Each direction is stretched so that all but its outermost hundredths fill the range; its sign makes the largest
@@ -85,7 +86,7 @@ def feature_colors(features: ArrayLike) -> NDArray[np.float32]:
     return np.float32(0.06) + np.float32(0.88) * colors
 
 
-def part_colors(labels: ArrayLike) -> NDArray[np.float32]:
+def part_colors(labels: ArrayLike) -> Float32:
     """Return sRGB colors (V, 3) in [0, 1] of part numbers (V,): hues by the golden ratio, so that none are alike.
 
     Raises ValueError if `labels` is not a row of numbers of at least 0.
@@ -100,22 +101,22 @@ def part_colors(labels: ArrayLike) -> NDArray[np.float32]:
     return table[numbers].astype(np.float32)
 
 
-def oklab(colors: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+def oklab(colors: NDArray[np.floating[Any]]) -> Float64:
     """Lightness and two hue axes, (N, 3), in which equal steps look equally large (Oklab, Ottosson 2020)."""
     return np.cbrt(linear(colors) @ _TO_CONE.T) @ _TO_LAB.T
 
 
-def _from_oklab(lab: NDArray[np.float64]) -> NDArray[np.float64]:
+def _from_oklab(lab: Float64) -> Float64:
     cone = lab @ np.linalg.inv(_TO_LAB).T
     return srgb((cone**3 @ np.linalg.inv(_TO_CONE).T).clip(0, 1)).astype(np.float64)
 
 
-def _heat_table(size: int = 256) -> NDArray[np.float64]:
+def _heat_table(size: int = 256) -> Float64:
     """Return sRGB colors (size, 3) along the stops, evenly spaced by how large the steps look."""
     stops = oklab(np.array(HEAT_STOPS))
     walked = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(stops, axis=0), axis=1))])
-    place = np.linspace(0, walked[-1], size)
-    return _from_oklab(np.stack([np.interp(place, walked, axis) for axis in stops.T], axis=1))
+    position = np.linspace(0, walked[-1], size)
+    return _from_oklab(np.stack([np.interp(position, walked, axis) for axis in stops.T], axis=1))
 
 
 _HEAT = _heat_table()

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from dfd.common import check
+from dfd.common.linear_algebra import UInt8
 from dfd.pictures.colors import weight_colors
 from dfd.pictures.labels import font, wrapped
 
+Rows = Sequence[tuple[str, Sequence[tuple[UInt8, str]]]]  # a heading, and pictures with their captions
 Box = tuple[int, int, int, int]  # left, top, width, height, pixels
 
 INK, GREY, RULE = (28, 30, 36), (100, 104, 112), (220, 222, 226)
@@ -19,29 +20,19 @@ SMALLEST_CELL, LARGEST_CELL = 16, 8192
 NARROWEST = 96  # pixels that a heading may use however narrow the rows are
 
 
-def contact_sheet(
-    rows: Sequence[tuple[str, Sequence[tuple[NDArray[np.uint8], str]]]], *, title: str = "", cell: int = 320
-) -> Image.Image:
-    """Set pictures in rows on a white page.
+def contact_sheet(rows: Rows, *, title: str = "", cell: int = 320) -> Image.Image:
+    """Set pictures in rows on a white page, below a `title` that may be empty.
 
-    Parameters
-    ----------
-    rows
-        Each a heading and its pictures, uint8 arrays of shape (height, width, 3), with the caption below each; headings
-        and captions may be empty, and rows without pictures are left out.
-    title
-        Stands over the page; may be empty.
-    cell
-        Height that every picture gets, pixels; text and margins follow it.
+    `rows` are headings with pictures, uint8 arrays of shape (height, width, 3), and the caption below each; headings
+    and captions may be empty, and rows without pictures are left out. `cell` is the height that every picture gets,
+    pixels; text and margins follow it.
 
     Raises ValueError if there is no picture, a picture has another type or shape, or `cell` is out of its range.
     """
     return lay_out(rows, title=title, cell=cell)[0]
 
 
-def lay_out(
-    rows: Sequence[tuple[str, Sequence[tuple[NDArray[np.uint8], str]]]], *, title: str = "", cell: int = 320
-) -> tuple[Image.Image, list[list[Box]]]:
+def lay_out(rows: Rows, *, title: str = "", cell: int = 320) -> tuple[Image.Image, list[list[Box]]]:
     """As `contact_sheet`, and where on the page the pictures are: a list for each row that has pictures."""
     cell = check.whole("contact_sheet", "cell", cell, minimum=SMALLEST_CELL, maximum=LARGEST_CELL)
     scaled = [
@@ -74,7 +65,7 @@ def lay_out(
     return page, boxes
 
 
-def heat_bar(height: int) -> NDArray[np.uint8]:
+def heat_bar(height: int) -> UInt8:
     """Draw the scale of the heat colors, (height, width, 3): weight 0 at the bottom, 1 at the top."""
     size = max(9, height // 22)
     typeface = font(size)
@@ -92,7 +83,7 @@ def heat_bar(height: int) -> NDArray[np.uint8]:
     return np.asarray(image)
 
 
-def with_heat_bar(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def with_heat_bar(picture: UInt8) -> UInt8:
     """A picture (height, width, 3) with the scale of the heat colors at its right."""
     bar = heat_bar(len(picture))
     return np.concatenate([picture, bar, np.full((len(bar), max(4, len(bar) // 40), 3), 255, np.uint8)], axis=1)
@@ -116,8 +107,8 @@ def _row(
         row.paste(image, (left, start))
         boxes.append((left, start, image.width, cell))
         for index, words in enumerate(text):
-            place = (left + image.width / 2, start + cell + size // 2 + index * line)
-            draw.text(place, words, GREY, font(size), anchor="ma")
+            corner = (left + image.width / 2, start + cell + size // 2 + index * line)
+            draw.text(corner, words, GREY, font(size), anchor="ma")
         left += image.width + gap
     return row, boxes
 
@@ -131,7 +122,7 @@ def _heading(text: str, width: int, size: int, ink: tuple[int, int, int]) -> Ima
     return block
 
 
-def _scaled(picture: NDArray[np.uint8], cell: int) -> Image.Image:
+def _scaled(picture: UInt8, cell: int) -> Image.Image:
     values = np.asarray(picture)
     if values.dtype != np.uint8 or values.ndim != 3 or values.shape[2] != 3 or values.size == 0:
         raise ValueError(

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from dfd.common.linear_algebra import Float32, Float64
 from dfd.views.cameras import Camera
 from dfd.views.raycast import Scene
 
@@ -73,14 +73,14 @@ AXES = (("x", (204, 44, 44)), ("y", (38, 140, 54)), ("z", (36, 84, 200)))
 TOLERANCE = 0.004  # of its distance from the eye: by so much a vertex may lie below the surface and still be seen
 
 
-def draw_labels(page: Image.Image, camera: Camera, positions: NDArray[np.float64], labels: Sequence[str]) -> None:
+def draw_labels(page: Image.Image, camera: Camera, positions: Float64, labels: Sequence[str]) -> None:
     """Write a text beside each of `positions` (H, 3), which are in the camera's coordinates."""
     draw, size = ImageDraw.Draw(page), max(11, page.height // 30)
     for row, column, text in zip(*camera.project(positions, page.height), labels, strict=True):
         _write(draw, (float(column) + 0.7 * size, float(row) - 0.7 * size), text, size, "lm")
 
 
-def draw_numbers(page: Image.Image, scene: Scene, camera: Camera, positions: NDArray[np.float32]) -> None:
+def draw_numbers(page: Image.Image, scene: Scene, camera: Camera, positions: Float32) -> None:
     """Write the indices of as many visible vertices (V, 3) as fit side by side."""
     resolution = page.height
     size = max(9, resolution // 64)
@@ -142,17 +142,10 @@ HIDDEN = 0.3  # opacity of a mark behind the shape
 INSIDE = 0.02
 
 
-def draw_marks(
-    image: NDArray[np.float32], scene: Scene, camera: Camera, positions: NDArray[np.float64], *, square: bool
-) -> None:
-    """Draw dots or squares with white rims into `image` (R, R, 3), in place.
+def draw_marks(image: Float32, scene: Scene, camera: Camera, positions: Float64, *, square: bool) -> None:
+    """Draw dots or squares with white rims into `image` (R, R, 3), in place, at `positions` (H, 3) of the scene.
 
-    Parameters
-    ----------
-    scene
-        What may hide them: such marks are faint.
-    positions
-        (H, 3) in the scene's coordinates; what is not in front of the camera is left out.
+    Those that the scene hides are faint; what is not in front of the camera is left out.
     """
     resolution = len(image)
     radius = max(SMALLEST, RADIUS * resolution)

@@ -4,25 +4,21 @@ from __future__ import annotations
 
 import io
 import os
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from dfd.common.linear_algebra import UInt8
 from dfd.editing.deformer import Deformer
-from dfd.mesh.mesh import as_mesh
+from dfd.mesh.mesh import MeshLike, as_mesh
 from dfd.pictures.picture import picture, save_png
 from dfd.pictures.sheet import session_views
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import MeshLike
 
 
 class Shown:
     """A picture, (R, R, 3) uint8 in `pixels`, that a notebook shows where it is a cell's result."""
 
-    def __init__(self, pixels: NDArray[np.uint8]) -> None:
+    def __init__(self, pixels: UInt8) -> None:
         self.pixels = pixels
 
     def __repr__(self) -> str:

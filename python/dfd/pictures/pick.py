@@ -28,14 +28,8 @@ class Picked:
 def pick(picture: str | os.PathLike[str], x: float, y: float, mesh: Mesh | None = None) -> Picked:
     """Find the vertex under a pixel of a picture that `dfd show` or `dfd deform --picture` drew.
 
-    Parameters
-    ----------
-    picture
-        The PNG file.
-    x, y
-        The pixel, counted from the upper left corner, to the right and down.
-    mesh
-        What the picture shows; by default it is loaded from where it was when the picture was drawn.
+    `x` and `y` count from the upper left corner of the PNG file, to the right and down. `mesh` is what it shows; by
+    default that is loaded from where it was when the picture was drawn.
 
     Raises ValueError if the picture does not say how it was taken, `mesh` is another one, or nothing is seen under the
     pixel. Raises OSError if a file cannot be read.

@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,8 +16,10 @@ from scipy.ndimage import uniform_filter
 
 from dfd.common import check
 from dfd.common.files import atomic_write
+from dfd.common.linear_algebra import Float32, Float64, Int64, UInt8
 from dfd.common.threads import get_num_threads
 from dfd.mesh.appearance import linear, srgb
+from dfd.mesh.mesh import Mesh
 from dfd.mesh.normals import smooth_normals
 from dfd.pictures.colors import CLAY, weight_colors
 from dfd.pictures.labels import draw_axes, draw_labels, draw_marks, draw_numbers
@@ -26,9 +28,6 @@ from dfd.pictures.viewpoint import aim
 from dfd.views.cameras import Camera
 from dfd.views.raycast import Hits, Scene
 from dfd.views.render import surface_points
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import Mesh
 
 SAMPLES = 2  # per pixel, along each side
 LARGEST_RESOLUTION = 8192
@@ -64,7 +63,7 @@ def picture(
     axes: bool = False,
     numbers: bool = False,
     resolution: int = 512,
-) -> NDArray[np.uint8]:
+) -> UInt8:
     """Draw `mesh` on white, as it is or moved, in its own colors or in ones that show numbers.
 
     Parameters
@@ -132,9 +131,7 @@ def picture(
     return np.array(page)
 
 
-def save_png(
-    path: str | os.PathLike[str], image: Image.Image | NDArray[np.uint8], document: PictureDocument | None = None
-) -> None:
+def save_png(path: str | os.PathLike[str], image: Image.Image | UInt8, document: PictureDocument | None = None) -> None:
     """Write a picture, a PIL image or a uint8 array of shape (height, width, 3), whole or not at all.
 
     A `document` goes into the file: from it `dfd.pictures.pick` knows through which cameras the picture was taken.
@@ -158,10 +155,10 @@ class _Painter:
     def __init__(
         self,
         mesh: Mesh,
-        vertices: NDArray[np.float32],  # (V, 3) normalized
+        vertices: Float32,  # (V, 3) normalized
         scene: Scene,
         camera: Camera,
-        colors: NDArray[np.float32] | None,  # (V, 3); None: the mesh's own
+        colors: Float32 | None,  # (V, 3); None: the mesh's own
         *,
         moved: bool,
     ) -> None:
@@ -169,7 +166,7 @@ class _Painter:
         self._normals = smooth_normals(vertices.astype(np.float64), mesh.faces) if moved else mesh.normals
         self._colors, self._appearance = colors, mesh.appearance
 
-    def draw(self, resolution: int) -> NDArray[np.float32]:
+    def draw(self, resolution: int) -> Float32:
         """Return the picture (R, R, 3) in sRGB, each pixel the mean of several rays."""
         image = np.empty((resolution, resolution, 3), np.float32)
         height = max(HALO, BAND // (SAMPLES * resolution * SAMPLES) // HALO * HALO)  # so that tiles lie alike in each
@@ -183,7 +180,7 @@ class _Painter:
                 pass
         return image
 
-    def _band(self, band: slice, resolution: int) -> NDArray[np.float32]:
+    def _band(self, band: slice, resolution: int) -> Float32:
         """Return some rows of the picture, (rows, R, 3)."""
         count, top = resolution * SAMPLES, max(0, band.start - HALO)
         rows = np.arange(top * SAMPLES, min(resolution, band.stop + HALO) * SAMPLES)
@@ -210,17 +207,17 @@ class _Painter:
         color += light[:, None]
         # Pixels are averaged as they are displayed: at an outline, dark and white mix evenly.
         samples = srgb(color).reshape(-1, SAMPLES, resolution, SAMPLES, 3)
-        pixels: NDArray[np.float32] = samples.mean(axis=(1, 3))
+        pixels: Float32 = samples.mean(axis=(1, 3))
         return pixels[band.start - top : band.stop - top]
 
-    def _directions(self, rows: NDArray[np.integer], count: int) -> NDArray[np.float32]:
+    def _directions(self, rows: NDArray[np.integer], count: int) -> Float32:
         """Unit directions through the samples of some of `count` rows of as many samples."""
         camera = self._camera
         down, across = (((each + 0.5) / count * 2 - 1) * camera.half_width for each in (rows, np.arange(count)))
         directions = across[None, :, None] * camera.right - down[:, None, None] * camera.up - camera.back
         return _unit(directions.reshape(-1, 3))
 
-    def _albedo(self, hits: Hits) -> NDArray[np.float32]:
+    def _albedo(self, hits: Hits) -> Float32:
         """Return linear red, green, blue, and opacity, (K, 4)."""
         rgba = np.ones((len(hits.ray), 4), np.float32)
         if self._colors is not None:
@@ -232,7 +229,7 @@ class _Painter:
         rgba[:, :3] = linear(rgba[:, :3])
         return rgba
 
-    def _light(self, normals: NDArray[np.float32], open_sky: NDArray[np.float32]) -> NDArray[np.float32]:
+    def _light(self, normals: Float32, open_sky: Float32) -> Float32:
         """Return the linear light (K,) that falls on points with unit `normals` (K, 3) under a partly hidden sky."""
         right, up = self._camera.right.astype(np.float32), self._camera.up.astype(np.float32)
         lamp = _unit(self._camera.back.astype(np.float32) + LAMP_OFFSET[0] * right + LAMP_OFFSET[1] * up)
@@ -240,7 +237,7 @@ class _Painter:
         direct = LAMP * np.maximum(normals @ lamp, 0) * (0.35 + 0.65 * open_sky)
         return sky * open_sky + direct
 
-    def _facing_normals(self, hits: Hits, directions: NDArray[np.float32]) -> NDArray[np.float32]:
+    def _facing_normals(self, hits: Hits, directions: Float32) -> Float32:
         """Unit normals (K, 3) on the side of the eye: smooth over gentle bends, sharp at creases."""
         corners = self._faces[hits.face]
         first = self._vertices[corners[:, 0]]
@@ -257,9 +254,7 @@ class _Painter:
         normals -= np.maximum(np.einsum("kc,kc->k", normals, directions), 0)[:, None] * directions
         return _unit(normals)
 
-    def _hidden(
-        self, place: NDArray[np.float32], normals: NDArray[np.float32], ray: NDArray[np.int64], count: int
-    ) -> NDArray[np.float32]:
+    def _hidden(self, place: Float32, normals: Float32, ray: Int64, count: int) -> Float32:
         """Return how much of the sky over each point (K,) the shape itself hides, 0 to 1, nearer parts counting more.
 
         A sample looks in few directions, those of its place in the tile.
@@ -283,7 +278,7 @@ class _Painter:
         return hidden / np.float32(SHADE_RAYS)
 
 
-def _smoothed(values: NDArray[np.float32], ray: NDArray[np.int64], shape: tuple[int, int]) -> NDArray[np.float32]:
+def _smoothed(values: Float32, ray: Int64, shape: tuple[int, int]) -> Float32:
     """Return the mean (K,) of `values` (K,) over the covered samples within a tile around each sample."""
     grid = np.zeros((2, shape[0] * shape[1]), np.float32)
     grid[0, ray], grid[1, ray] = values, 1
@@ -291,7 +286,7 @@ def _smoothed(values: NDArray[np.float32], ray: NDArray[np.int64], shape: tuple[
     return total / np.maximum(covered, np.float32(1 / TILE.size))
 
 
-def _vertex_colors(mesh: Mesh, colors: ArrayLike | None, weights: ArrayLike | None) -> NDArray[np.float32] | None:
+def _vertex_colors(mesh: Mesh, colors: ArrayLike | None, weights: ArrayLike | None) -> Float32 | None:
     count = len(mesh.vertices)
     if colors is not None and weights is not None:
         raise ValueError("picture: `colors` and `weights` cannot both be given")
@@ -302,13 +297,13 @@ def _vertex_colors(mesh: Mesh, colors: ArrayLike | None, weights: ArrayLike | No
     return None
 
 
-def _positions(name: str, dots: Any, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
+def _positions(name: str, dots: Any, vertices: Float64) -> Float64:
     """Positions (H, 3) of dots that are given as such or as vertex indices."""
     if np.ndim(dots) == 2:
         return check.array("picture", name, dots, ("H", 3), dtype=np.float64)
     return vertices[check.vertex_indices("picture", name, dots, len(vertices))]
 
 
-def _unit(vectors: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
-    unit: NDArray[np.float32] = vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-30)
+def _unit(vectors: NDArray[np.floating[Any]]) -> Float32:
+    unit: Float32 = vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-30)
     return unit.astype(np.float32, copy=False)

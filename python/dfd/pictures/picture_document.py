@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
+from dfd.mesh.mesh import Mesh
 from dfd.views.cameras import Camera
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import Mesh
 
 KEY = "dfd-picture"  # of the PNG file's text
 Vector = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
@@ -92,9 +90,7 @@ def read_document(path: str | os.PathLike[str]) -> PictureDocument:
     except (SyntaxError, Image.DecompressionBombError, UnidentifiedImageError) as error:
         raise ValueError(f"{name} is not a PNG file that can be read: {error}") from None
     if not isinstance(text, str):
-        raise ValueError(
-            f"{name}: the picture does not say how it was taken; `dfd show` and `dfd deform` draw such ones"
-        )
+        raise ValueError(f"{name}: the picture does not say how it was taken; `dfd show` and `dfd deform` draw such")
     try:
         return PictureDocument.model_validate_json(text)
     except ValidationError as error:

@@ -38,20 +38,10 @@ def save_sheet(
 ) -> None:
     """Draw every row from `views` sides; one picture alone fills the file, several stand on a sheet with titles.
 
-    Parameters
-    ----------
-    rows
-        Each a title and what `picture` draws for it, by the names of its arguments.
-    azimuth
-        Of the first side, degrees; by default from where the row's handles show.
-    elevation, zoom, resolution, options
-        As in `picture`; what is nearer than 1 aims at the row's handles.
-    legend
-        Whether the scale of the heat stands beside the pictures.
-    file
-        That of the mesh, for `dfd.pictures.pick`.
-    advance
-        Called after each picture.
+    `rows` are titles, each with what `picture` draws for it by the names of its arguments. `azimuth` is that of the
+    first side, degrees, by default from where the row's handles show; `elevation`, `zoom`, `resolution` and `options`
+    are as in `picture`, and what is nearer than 1 aims at the row's handles. `legend` puts the scale of the heat beside
+    the pictures; `file` is that of the mesh, for `dfd.pictures.pick`; `advance` is called after each picture.
 
     Raises ValueError as `picture` does. Raises OSError if `path` cannot be written.
     """
@@ -85,9 +75,7 @@ def save_before_after(
     drawn = session_views(deformer, azimuth)
     held, landed = drawn["before"]["handles"], drawn["after"]["handles"]
     target = (held.mean(axis=0) + landed.mean(axis=0)) / 2 if zoom != 1 and len(held) else None
-    views = [
-        ({**options, "elevation": elevation, "zoom": zoom, "target": target}, name) for name, options in drawn.items()
-    ]
+    views = [({**each, "elevation": elevation, "zoom": zoom, "target": target}, name) for name, each in drawn.items()]
     _save(path, deformer.mesh, [("", views)], BEFORE_AFTER_RESOLUTION, legend=True, files=files)
 
 

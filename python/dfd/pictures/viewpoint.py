@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dfd.common import check
+from dfd.common.linear_algebra import Float64
+from dfd.mesh.mesh import Mesh
 from dfd.mesh.normalization import Normalization, box_normalization
 from dfd.views.cameras import Camera, camera_towards
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import Mesh
 
 FIELD_OF_VIEW = 30.0  # degrees, at zoom 1
 ASIDE = 25.0  # degrees: seen a little from the side, a shape shows its depth
@@ -49,7 +47,7 @@ def viewpoint(
 
 def aim(
     mesh: Mesh,
-    drawn: NDArray[np.float64],
+    drawn: Float64,
     azimuth: float,
     elevation: float,
     zoom: float,
@@ -79,7 +77,7 @@ def aim(
     return found, Camera(position, camera.right, camera.up, camera.back, angle)
 
 
-def _direction(azimuth: float, elevation: float) -> NDArray[np.float64]:
+def _direction(azimuth: float, elevation: float) -> Float64:
     """Unit vector from the shape to the camera, (3,); degrees, 0, 0 is +z and the azimuth turns towards +x."""
     turn = np.radians(check.number("picture", "azimuth", azimuth))
     tilt = np.radians(check.number("picture", "elevation", elevation, minimum=-90, maximum=90))

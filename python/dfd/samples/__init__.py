@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dfd.common import check
+from dfd.common.linear_algebra import Int32, Int64
 from dfd.mesh.mesh import Mesh
 from dfd.samples.implicit import Distance, Piece, Shape, capsule, chain, ellipsoid, rounded_box
 from dfd.samples.polygonize import polygonize
@@ -26,11 +26,11 @@ class Sample:
     """A generated mesh and the labels of its parts."""
 
     mesh: Mesh
-    labels: NDArray[np.int32]  # (V,) the kind of part of each vertex, an index into `parts`
-    instances: NDArray[np.int32]  # (V,) which one of its kind: a chair's legs are 0, 1, 2, 3
+    labels: Int32  # (V,) the kind of part of each vertex, an index into `parts`
+    instances: Int32  # (V,) which one of its kind: a chair's legs are 0, 1, 2, 3
     parts: tuple[str, ...]  # the kinds of parts: four legs are one kind
 
-    def vertices_of(self, part: str, instance: int | None = None) -> NDArray[np.int64]:
+    def vertices_of(self, part: str, instance: int | None = None) -> Int64:
         """Return the indices of the vertices of a kind of part, or of one instance of it."""
         if part not in self.parts:
             raise ValueError(f"Sample.vertices_of: `part` must be one of {', '.join(self.parts)}, got {part!r}")

@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Points = NDArray[np.float64]  # (N, 3)
-Distance = Callable[[Points], NDArray[np.float64]]  # (N, 3) -> (N,), negative inside
+from dfd.common.linear_algebra import Float64, Int32
+
+Points = Float64  # (N, 3)
+Distance = Callable[[Points], Float64]  # (N, 3) -> (N,), negative inside
 Triple = tuple[float, float, float]
 
 
@@ -31,7 +32,7 @@ class Shape:
         self.pieces = tuple(pieces)
         self.parts = tuple(dict.fromkeys(piece.part for piece in pieces))
 
-    def distance(self, points: Points) -> NDArray[np.float64]:
+    def distance(self, points: Points) -> Float64:
         """Return the approximate signed distance (N,) of `points` to the surface, the same on both sides of x = 0."""
         folded = _folded(points)
         result = self.pieces[0].distance(folded)
@@ -51,7 +52,7 @@ class Shape:
             moved[points[:, 0] == 0, 0] = 0.0
         return moved
 
-    def labels(self, points: Points) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    def labels(self, points: Points) -> tuple[Int32, Int32]:
         """Return for each point the index in `parts` and the instance of the nearest primitive."""
         folded = _folded(points)
         nearest = np.argmin([piece.distance(folded) for piece in self.pieces], axis=0)
@@ -66,10 +67,10 @@ def capsule(start: Triple, end: Triple, start_radius: float, end_radius: float |
     origin, along = np.array(start), np.subtract(end, start)
     last = start_radius if end_radius is None else end_radius
 
-    def distance(points: Points) -> NDArray[np.float64]:
+    def distance(points: Points) -> Float64:
         offset = points - origin
         fraction = (offset @ along / (along @ along)).clip(0, 1)
-        radius: NDArray[np.float64] = start_radius + (last - start_radius) * fraction
+        radius: Float64 = start_radius + (last - start_radius) * fraction
         return _length(offset - fraction[:, None] * along) - radius
 
     return distance
@@ -84,7 +85,7 @@ def ellipsoid(center: Triple, radii: Triple, pitch: float = 0.0, roll: float = 0
     """An ellipsoid turned by `pitch` about x (positive: front down), then by `roll` about z; radians."""
     origin, semi, turn = np.array(center), np.array(radii), _turn(pitch, roll)
 
-    def distance(points: Points) -> NDArray[np.float64]:
+    def distance(points: Points) -> Float64:
         scaled = ((points - origin) @ turn) / semi
         inner = _length(scaled)
         return inner * (inner - 1) / np.maximum(_length(scaled / semi), 1e-9)
@@ -98,7 +99,7 @@ def rounded_box(
     """A box of half sides `half` with edges rounded by `radius`; `bend` bows it along x: z = bend · x²."""
     origin, inner, turn = np.array(center), np.subtract(half, radius), _turn(pitch, roll)
 
-    def distance(points: Points) -> NDArray[np.float64]:
+    def distance(points: Points) -> Float64:
         local = (points - origin) @ turn
         slope = 0.0
         if bend:
@@ -117,18 +118,18 @@ def _folded(points: Points) -> Points:
     return folded
 
 
-def _smooth_minimum(a: NDArray[np.float64], b: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
+def _smooth_minimum(a: Float64, b: Float64, radius: float) -> Float64:
     """The smaller of two distances, rounded where they differ by less than `radius` (quadratic fillet)."""
     overlap = np.maximum(radius - np.abs(a - b), 0) / radius
-    smaller: NDArray[np.float64] = np.minimum(a, b)
+    smaller: Float64 = np.minimum(a, b)
     return smaller - overlap**2 * (radius / 4)
 
 
-def _length(vectors: Points) -> NDArray[np.float64]:
+def _length(vectors: Points) -> Float64:
     return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
 
 
-def _turn(pitch: float, roll: float) -> NDArray[np.float64]:
+def _turn(pitch: float, roll: float) -> Float64:
     """Return the matrix (3, 3) whose columns are the turned axes."""
     cosine, sine = np.cos(pitch), np.sin(pitch)
     about_x = np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]])

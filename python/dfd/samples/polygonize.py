@@ -10,10 +10,10 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from dfd.common.linear_algebra import Bool, Float64, Int32, Int64, UInt8
 from dfd.samples.implicit import Shape
 
 _FIRST_SPACING = 1 / 40  # of a first grid, from whose face count the final spacing follows
@@ -27,7 +27,7 @@ _EDGES = [  # (axis, start corner, end corner), ordered by axis and start
 
 def polygonize(
     shape: Shape, low: tuple[float, float, float], high: tuple[float, float, float], faces: int
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+) -> tuple[Float64, Int32]:
     """Return vertices (V, 3) and triangles (F, 3), outward, of about `faces` faces.
 
     The shape must lie inside the box from `low` to `high`. Vertices and faces are exactly mirrored: with
@@ -50,7 +50,7 @@ def polygonize(
 
 def _half(
     shape: Shape, low: tuple[float, float, float], high: tuple[float, float, float], spacing: float
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+) -> tuple[Float64, Int32]:
     """Return the surface net of the half x >= 0, its rim exactly at x = 0."""
     origin = np.array([-spacing / 2, low[1], low[2]])  # the first layer of cells straddles the plane of symmetry
     blocks = tuple(int(np.ceil((high[i] - origin[i]) / (_BLOCK * spacing))) for i in range(3))
@@ -69,9 +69,7 @@ def _half(
     return vertices, _triangles(vertices, quads)
 
 
-def _values_near_surface(
-    shape: Shape, origin: NDArray[np.float64], spacing: float, blocks: tuple[int, ...]
-) -> NDArray[np.float64]:
+def _values_near_surface(shape: Shape, origin: Float64, spacing: float, blocks: tuple[int, ...]) -> Float64:
     """Return the distance at every grid point: exact near the surface, elsewhere only of correct sign."""
     corner = np.stack(np.meshgrid(*[np.arange(n + 1) for n in blocks], indexing="ij"), axis=-1)
     coarse = shape.distance(origin + _BLOCK * spacing * corner.reshape(-1, 3)).reshape(corner.shape[:3])
@@ -84,9 +82,7 @@ def _values_near_surface(
     return values
 
 
-def _connected(
-    vertices: NDArray[np.float64], triangles: NDArray[np.int32]
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def _connected(vertices: Float64, triangles: Int32) -> tuple[Float64, Int32]:
     """Return the largest component: on a coarse grid the thin tip of a horn can be disconnected."""
     links = coo_array((np.ones(triangles.size, bool), (triangles.ravel(), triangles[:, [1, 2, 0]].ravel())))
     component = connected_components(links, directed=False)[1]
@@ -95,9 +91,7 @@ def _connected(
     return vertices[kept], number[triangles[kept[triangles[:, 0]]]]
 
 
-def _net(
-    values: NDArray[np.float64], crossed: NDArray[np.int64], code: NDArray[np.uint8]
-) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+def _net(values: Float64, crossed: Int64, code: UInt8) -> tuple[Float64, Int64, Int64]:
     """Return the vertices (V, 3) in grid units, the first of each cell (N,), and the sheet (N, 12) of each edge."""
     sheet = _sheets()[code]
     count = sheet.max(axis=1) + 1
@@ -117,7 +111,7 @@ def _net(
 
 
 @cache
-def _sheets() -> NDArray[np.int64]:
+def _sheets() -> Int64:
     """Return, for each of the 256 sets of inside corners, the sheet that crosses each edge, -1 for none."""
     table = np.full((256, 12), -1)
     for code in range(1, 255):
@@ -139,9 +133,7 @@ def _sheets() -> NDArray[np.int64]:
     return table
 
 
-def _quads(
-    inside: NDArray[np.bool_], number: NDArray[np.int32], first: NDArray[np.int64], sheet: NDArray[np.int64], axis: int
-) -> NDArray[np.int32]:
+def _quads(inside: Bool, number: Int32, first: Int64, sheet: Int64, axis: int) -> Int32:
     """Return the vertices (Q, 4) of the four cells around each crossed grid edge along `axis`, outward."""
     begin, end = [slice(None)] * 3, [slice(None)] * 3
     begin[axis], end[axis] = slice(None, -1), slice(1, None)
@@ -159,7 +151,7 @@ def _quads(
     return np.where(leaves[:, None], quads, quads[:, ::-1])
 
 
-def _triangles(vertices: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArray[np.int32]:
+def _triangles(vertices: Float64, quads: Int32) -> Int32:
     """Cut every quadrilateral along its shorter diagonal."""
     a, b, c, d = (vertices[quads[:, i]] for i in range(4))
     first = ((a - c) ** 2).sum(axis=1) <= ((b - d) ** 2).sum(axis=1)
@@ -167,9 +159,7 @@ def _triangles(vertices: NDArray[np.float64], quads: NDArray[np.int32]) -> NDArr
     return cut.reshape(-1, 3)
 
 
-def _even_out(
-    shape: Shape, vertices: NDArray[np.float64], triangles: NDArray[np.int32], spacing: float
-) -> NDArray[np.float64]:
+def _even_out(shape: Shape, vertices: Float64, triangles: Int32, spacing: float) -> Float64:
     """Move vertices towards the middle of their neighbors and back onto the surface, a few times."""
     vertices = shape.project(vertices, spacing, 2)
     start = triangles.ravel()
@@ -183,9 +173,7 @@ def _even_out(
     return vertices
 
 
-def _subdivide(
-    vertices: NDArray[np.float64], triangles: NDArray[np.int32]
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def _subdivide(vertices: Float64, triangles: Int32) -> tuple[Float64, Int32]:
     """Cut every triangle into four at the middles of its edges."""
     edges = np.sort(np.stack([triangles, triangles[:, [1, 2, 0]]], axis=-1).reshape(-1, 2), axis=1)
     key = edges[:, 0].astype(np.int64) * len(vertices) + edges[:, 1]
@@ -197,9 +185,7 @@ def _subdivide(
     return np.concatenate([vertices, middles]), four
 
 
-def _with_mirror_image(
-    vertices: NDArray[np.float64], triangles: NDArray[np.int32]
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def _with_mirror_image(vertices: Float64, triangles: Int32) -> tuple[Float64, Int32]:
     off_plane = vertices[:, 0] > 0
     image = np.arange(len(vertices), dtype=np.int32)
     image[off_plane] = len(vertices) + np.arange(off_plane.sum(), dtype=np.int32)

@@ -147,19 +147,8 @@ class Hierarchy:
         return float(length) / self._pieces(node)[1]
 
     def _pieces(self, node: int) -> tuple[Float64, int]:
-        """Areas of the connected pieces of a node, but for crumbs, and how many borders they have."""
         if node not in self._known_pieces:
-            inside, borders = self.branches[node].inside, self._patches.borders
-            one, other = borders.pairs.T
-            same = inside[one] == inside[other]
-            joined = csr_array((np.ones(same.sum()), (one[same], other[same])), shape=2 * (borders.count,))
-            piece = connected_components(joined, directed=False)[1]
-            areas = np.bincount(piece, self._patches.area)
-            own = np.zeros(len(areas), bool)
-            own[piece[inside]] = True
-            large = areas > CRUMB * areas[own].max()
-            # Pieces and what is around them are a tree, with a border for each of its edges.
-            self._known_pieces[node] = areas[large & own], max(int(large.sum()) - 1, 1)
+            self._known_pieces[node] = pieces_and_borders(self._patches, self.branches[node].inside)
         return self._known_pieces[node]
 
     def _clearest_cut(self) -> tuple[list[int], NDArray[np.bool_]]:
@@ -202,6 +191,20 @@ class Hierarchy:
         above = self._height[self._parent[node]] if self._parent[node] >= 0 else self._height[node]
         step = (above - self._height[node]) / (above + EVEN)
         return Branch(inside, float(patches.area[inside].sum()), float(length.sum()), float(concavity), float(step))
+
+
+def pieces_and_borders(patches: Patches, inside: NDArray[np.bool_]) -> tuple[Float64, int]:
+    """Areas of the connected pieces of a part of patches `inside` (P,), but for crumbs, and how many borders it has."""
+    one, other = patches.borders.pairs.T
+    same = inside[one] == inside[other]
+    joined = csr_array((np.ones(same.sum()), (one[same], other[same])), shape=2 * (len(inside),))
+    piece = connected_components(joined, directed=False)[1]
+    areas = np.bincount(piece, patches.area)
+    own = np.zeros(len(areas), bool)
+    own[piece[inside]] = True
+    large = areas > CRUMB * areas[own].max()
+    # Pieces and what is around them are a tree, with a border for each of its edges.
+    return areas[large & own], max(int(large.sum()) - 1, 1)
 
 
 def smoothed(patches: Patches, features: Float64) -> Float64:

@@ -18,7 +18,7 @@ from dfd.field.field import Field
 from dfd.geometry.topology import face_areas
 from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 from dfd.segmentation.border import CRUMB, pieces_of, snapped, with_what_it_carries
-from dfd.segmentation.hierarchy import Hierarchy
+from dfd.segmentation.hierarchy import Hierarchy, pieces_and_borders
 from dfd.segmentation.patches import Patches
 
 Level = Literal["smaller", "part", "larger"]
@@ -26,7 +26,10 @@ LARGER = 1.25  # times the area is the least by which two levels differ
 LEAST_HOLDABLE = 0.025  # what chance finds on a ball has up to 0.017, parts that people name 0.033 to 1.5
 # Of the seam in which a grip fades: width in diagonals of the box, and of the way around a limb; how much lies
 # beyond the border. Most lies within: what moves beside a part is what people mind the most.
-SEAM, THICKNESS, BEYOND = 0.05, 0.25, 0.2
+SEAM, THICKNESS, BEYOND = 0.05, 0.25, 0.3
+# So many times wider is that of a part with more borders than this for each of its pieces: a trunk is no limb that
+# moves by itself, and pulled at its belly it would tear from all that is around it.
+TRUNK, MOST_OF_LIMBS = 3.0, 1.5
 
 
 class Features(Protocol):
@@ -61,6 +64,24 @@ class Part:
     def vertices(self) -> NDArray[np.int64]:
         """(N,) its vertices, ascending."""
         return np.flatnonzero(self.mask)
+
+
+@dataclass(frozen=True, eq=False)
+class Grip:
+    """What is held of a shape at a place.
+
+    Attributes
+    ----------
+    weights
+        (V,) how much of the part that holds the place vertices are: 1 in it, 0 beyond it, falling smoothly over its
+        seam.
+    pieces
+        (V,) which connected piece of it each vertex is on, such as one leg of all, counted from 0; −1 for crumbs, and
+        beyond.
+    """
+
+    weights: NDArray[np.float32] = field(repr=False)
+    pieces: NDArray[np.int64] = field(repr=False)
 
 
 class Parts:
@@ -105,11 +126,10 @@ class Parts:
         nodes = self._snapped(inside, vertex)
         return self._part(inside, self._carried([~nodes, nodes]) == 1, vertex)
 
-    def grip(self, at: Any) -> NDArray[np.float32] | None:
-        """(V,) how much of the part that holds a place, as in `part`, vertices are: 1 in it, 0 beyond it.
+    def grip(self, at: Any) -> Grip | None:
+        """What is held at a place: the part, as in `part`, with what hangs on the rest through it alone.
 
-        What hangs on the rest through it alone belongs to it here. Over its seam the value falls smoothly. None where
-        no part ends, such as on a ball.
+        None where no part ends, such as on a ball.
         """
         vertex = self._vertex(at)
         if not self._has_surface:
@@ -120,7 +140,7 @@ class Parts:
         if inside.all() or tree.holdable(chosen) < LEAST_HOLDABLE:
             return None
         side = self._snapped(inside, vertex)
-        width = patches.size * min(SEAM, tree.around(chosen) * THICKNESS)
+        width = patches.size * self._seam(chosen, inside)
         # A gap between components is a border by itself: nothing passes over from tooth to lip.
         graph, component = patches.nodes.graph, patches.nodes.component
         row = np.repeat(np.arange(len(side)), np.diff(graph.indptr))
@@ -137,7 +157,14 @@ class Parts:
         within = within * within * (3.0 - 2.0 * within)
         held = np.asarray(patches.nodes.shares(np.stack([1.0 - within, within]))[1](slice(None)), np.float32)
         # Who takes hold of the seam itself holds it whole, and less of it is left to fade.
-        return np.asarray(np.minimum(held / max(held[vertex], np.float32(0.01)), 1.0), np.float32)
+        weights = np.minimum(held / max(held[vertex], np.float32(0.01)), 1.0)
+        pieces = pieces_of(patches, inside)
+        area = np.bincount(pieces[inside], patches.area[inside])
+        large = (area > CRUMB * area.max()) | (np.arange(len(area)) == pieces[patches.of_vertex[vertex]])
+        pieces = np.where(large[pieces] & inside, pieces, -1)
+        return Grip(
+            np.asarray(weights, np.float32), np.where(side, pieces[patches.of_node], -1)[patches.nodes.of_vertex]
+        )
 
     def cut(self) -> list[Part]:
         """Cut the whole shape into parts, the largest first; every vertex belongs to one.
@@ -164,6 +191,12 @@ class Parts:
         """Do now what the first question would have to wait for: half a second, and seconds for a million faces."""
         if self._has_surface:
             _ = self._hierarchy
+
+    def _seam(self, chosen: int, inside: NDArray[np.bool_]) -> float:
+        """Width of the seam around a part, in diagonals of the box."""
+        pieces, borders = pieces_and_borders(self._patches, inside)
+        wider = TRUNK if borders > MOST_OF_LIMBS * len(pieces) else 1.0
+        return wider * min(SEAM, self._hierarchy.around(chosen) * THICKNESS)
 
     def _snapped(self, inside: NDArray[np.bool_], vertex: int) -> NDArray[np.bool_]:
         """(N,) which nodes belong to the part of patches `inside` (P,) that holds a vertex."""

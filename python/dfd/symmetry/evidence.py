@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64
+from dfd.field.field import Field
 from dfd.geometry.topology import face_areas, points_on_faces
+from dfd.mesh.mesh import Mesh
 from dfd.mesh.normalization import box_normalization
-
-if TYPE_CHECKING:
-    from dfd.field.field import Field
-    from dfd.mesh.mesh import Mesh
 
 POINTS = 2_000
 LOOK_ALIKES = 6  # of each point, among those farther away than _APART
@@ -31,27 +28,27 @@ class SurfaceFeatures:
     """Points of a surface in normalized coordinates, in which half the longest side is 1, and their features."""
 
     field: Field
-    center: NDArray[np.float64]  # (3,) mesh units
+    center: Float64  # (3,) mesh units
     half: float  # mesh units
-    points: NDArray[np.float64]  # (N, 3) normalized
-    normals: NDArray[np.float64]  # (N, 3) unit
-    features: NDArray[np.float32]  # (N, D)
+    points: Float64  # (N, 3) normalized
+    normals: Float64  # (N, 3) unit
+    features: Float32  # (N, D)
     tree: cKDTree  # of `points`
-    pairs: NDArray[np.int64]  # (P, 2) points that look alike and are apart
-    change: NDArray[np.float64]  # (B,) mean distance of two points' features, by how far apart they are
+    pairs: Int64  # (P, 2) points that look alike and are apart
+    change: Float64  # (B,) mean distance of two points' features, by how far apart they are
     reach: float  # the distance that the last of `change` is for
     spacing: float  # about how far apart neighboring points are, normalized
 
-    def features_at(self, points: NDArray[np.float64]) -> NDArray[np.float32]:
+    def features_at(self, points: Float64) -> Float32:
         """Features (K, D) of normalized points (K, 3)."""
         return np.asarray(self.field(points * self.half + self.center), np.float32)
 
-    def usual_change(self, distance: NDArray[np.float64]) -> NDArray[np.float64]:
+    def usual_change(self, distance: Float64) -> Float64:
         """How much features of this shape differ, (K,), between points so far apart, (K,) normalized."""
         places = (np.arange(len(self.change)) + 0.5) * self.reach / len(self.change)
         return np.interp(distance, np.concatenate([[0], places]), [0, *self.change])
 
-    def dissimilarity(self, images: NDArray[np.float64]) -> tuple[float, float]:
+    def dissimilarity(self, images: Float64) -> tuple[float, float]:
         """Judge a symmetry by the `images` (N, 3) of `points`, normalized.
 
         Returned is how much features change over how much they usually do between points so far apart, over the best
@@ -85,9 +82,7 @@ def gather(field: Field, mesh: Mesh) -> SurfaceFeatures | None:
     return SurfaceFeatures(field, center, 1 / scale, points, normals, features, tree, pairs, change, reach, spacing)
 
 
-def _surface_points(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _surface_points(vertices: Float64, faces: Int32) -> tuple[Float64, Float64]:
     """Return points (N, 3) spread over the faces by their areas, and the faces' unit normals there."""
     areas = face_areas(vertices, faces)
     if areas.sum() == 0:
@@ -101,9 +96,7 @@ def _surface_points(
     return np.einsum("nk,nkd->nd", weights, corners), crossed / np.linalg.norm(crossed, axis=1, keepdims=True)
 
 
-def _change_with_distance(
-    points: NDArray[np.float64], features: NDArray[np.float32]
-) -> tuple[NDArray[np.float64], float]:
+def _change_with_distance(points: Float64, features: Float32) -> tuple[Float64, float]:
     """Return the mean distance (B,) of two points' features by how far apart the points are, and how far at most."""
     random = np.random.default_rng(0)
     a, b = random.integers(0, len(points), (2, 20 * POINTS))
@@ -121,7 +114,7 @@ def _change_with_distance(
     return np.maximum.accumulate(means), reach
 
 
-def _look_alikes(points: NDArray[np.float64], features: NDArray[np.float32]) -> NDArray[np.int64]:
+def _look_alikes(points: Float64, features: Float32) -> Int64:
     """Return pairs (P, 2) of points, each with those farther away whose features are nearest."""
     likeness = features @ features.T
     likeness[~_far(points)] = -np.inf
@@ -134,7 +127,7 @@ def _look_alikes(points: NDArray[np.float64], features: NDArray[np.float32]) -> 
     return pairs[np.isfinite(likeness[pairs[:, 0], pairs[:, 1]])]
 
 
-def _far(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _far(points: Float64) -> Bool:
     """Return whether each two of `points` (N, 3) are farther apart than what looks alike anyhow, (N, N)."""
     squared = (points**2).sum(axis=1)
     return squared[:, None] + squared - 2 * points @ points.T > _APART**2

@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import Mesh
+from dfd.common.linear_algebra import Float64
+from dfd.mesh.mesh import Mesh
 
 # Half width of the band in which a symmetric edit passes from one side to the other, as a part of the longest side.
 # Wide enough that no crease shows, narrow enough that what is mirrored stays on its own side.
@@ -26,16 +24,16 @@ AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 class SymmetryPlane:
     """The plane {p : normal · p = offset} in mesh units, and how alike its two sides look."""
 
-    normal: tuple[float, float, float]  # (3,) unit vector
-    offset: float  # signed distance from the origin along `normal`, mesh units
-    # score: mean of ‖Φ(v) − Φ(R v)‖ over the vertices, the quantity that the paper compares with ε; 0 is perfect
+    normal: tuple[float, float, float]  #: (3,) unit vector
+    offset: float  #: Signed distance from the origin along `normal`, mesh units
+    #: Mean of ‖Φ(v) − Φ(R v)‖ over the vertices, the quantity that the paper compares with ε; 0 is perfect
     score: float = 0.0
-    # relative_score: how much features change across the plane over how much they usually do between points so far
-    # apart, over the best four fifths of the surface's points that the mirror moves: a part without its like counts
-    # little. 0 is perfect, 1 no better than chance
+    #: How much features change across the plane over how much they usually do between points so far
+    #: apart, over the best four fifths of the surface's points that the mirror moves: a part without its like counts
+    #: little. 0 is perfect, 1 no better than chance
     relative_score: float = 0.0
-    # band: half width, mesh units, over which a mirrored deformation passes from one side to the other; 0 switches at
-    # the plane, as Eq. 8 does
+    #: Half width, mesh units, over which a mirrored deformation passes from one side to the other; 0 switches at
+    #: the plane, as Eq. 8 does
     band: float = 0.0
 
     def __post_init__(self) -> None:
@@ -48,7 +46,7 @@ class SymmetryPlane:
         object.__setattr__(self, "band", check.number("SymmetryPlane", "band", self.band, minimum=0.0))
 
     @property
-    def reflection(self) -> NDArray[np.float64]:
+    def reflection(self) -> Float64:
         """(4, 4) R of Eq. 8: it takes points to their mirror images."""
         normal = np.asarray(self.normal)
         matrix = np.eye(4)
@@ -56,12 +54,12 @@ class SymmetryPlane:
         matrix[:3, 3] = 2.0 * self.offset * normal
         return matrix
 
-    def signed_distance(self, points: ArrayLike) -> NDArray[np.float64]:
+    def signed_distance(self, points: ArrayLike) -> Float64:
         """Distance of (N, 3) points from the plane, (N,), mesh units; positive where the normal points."""
         array = check.array("SymmetryPlane", "points", points, ("N", 3), dtype=np.float64)
         return array @ np.asarray(self.normal) - self.offset
 
-    def reflect(self, points: ArrayLike) -> NDArray[np.float64]:
+    def reflect(self, points: ArrayLike) -> Float64:
         """Mirror images R p of (N, 3) points, (N, 3), mesh units."""
         array = check.array("SymmetryPlane", "points", points, ("N", 3), dtype=np.float64)
         return array - 2.0 * self.signed_distance(array)[:, None] * np.asarray(self.normal)

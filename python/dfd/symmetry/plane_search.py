@@ -6,12 +6,12 @@ In normalized coordinates of `SurfaceFeatures`; a plane is its unit normal and i
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float64, Int64
 from dfd.symmetry.evidence import SurfaceFeatures
 from dfd.symmetry.registration import registered
 
-Planes = NDArray[np.float64]  # (K, 4)
+Planes = Float64  # (K, 4)
 
 _SEEDS = 300  # planes between two points that are held against all pairs
 _MOST_REFINED = 8
@@ -26,15 +26,13 @@ def candidate_planes(evidence: SurfaceFeatures) -> Planes:
     return _distinct(np.array([_refined(evidence, plane) for plane in seeds]), len(seeds))
 
 
-def mirrored(points: NDArray[np.float64], plane: NDArray[np.float64]) -> NDArray[np.float64]:
+def mirrored(points: Float64, plane: Float64) -> Float64:
     """Return the mirror images of `points` (N, 3)."""
     height = points @ plane[:3] - plane[3]
     return points - 2 * height[:, None] * plane[:3]
 
 
-def same_plane(
-    a: NDArray[np.float64], b: NDArray[np.float64], *, angle: float = _SAME_ANGLE, offset: float = _SAME_OFFSET
-) -> bool:
+def same_plane(a: Float64, b: Float64, *, angle: float = _SAME_ANGLE, offset: float = _SAME_OFFSET) -> bool:
     """Whether two planes differ by less than `angle`, radians, and, as seen from the middle of the box, `offset`."""
     along = float(a[:3] @ b[:3])
     return bool(abs(along) > np.cos(angle) and abs(a[3] - np.sign(along) * b[3]) < offset)
@@ -54,14 +52,14 @@ def _voted(evidence: SurfaceFeatures) -> Planes:
     return planes[np.argsort(votes)[::-1]]
 
 
-def _between(points: NDArray[np.float64], pairs: NDArray[np.int64]) -> Planes:
+def _between(points: Float64, pairs: Int64) -> Planes:
     """Return the planes across which pairs (P, 2) of points are each other's images."""
     one, other = points[pairs[:, 0]], points[pairs[:, 1]]
     normals = (one - other) / np.linalg.norm(one - other, axis=1, keepdims=True)
     return np.column_stack([normals, np.einsum("pd,pd->p", normals, (one + other) / 2)])
 
 
-def _principal(points: NDArray[np.float64]) -> Planes:
+def _principal(points: Float64) -> Planes:
     """Return planes through the middle, across the principal axes and the axes of the coordinates."""
     middle = points.mean(axis=0)
     axes = np.linalg.svd(points - middle, full_matrices=False)[2] if len(points) >= 3 else np.eye(3)
@@ -71,7 +69,7 @@ def _principal(points: NDArray[np.float64]) -> Planes:
 
 def _distinct(planes: Planes, most: int) -> Planes:
     """Return the first `most` of the planes that are not nearly the same as an earlier one."""
-    kept: list[NDArray[np.float64]] = []
+    kept: list[Float64] = []
     for plane in planes:
         if len(kept) == most:
             break
@@ -80,11 +78,11 @@ def _distinct(planes: Planes, most: int) -> Planes:
     return np.array(kept).reshape(-1, 4)
 
 
-def _refined(evidence: SurfaceFeatures, plane: NDArray[np.float64]) -> NDArray[np.float64]:
+def _refined(evidence: SurfaceFeatures, plane: Float64) -> Float64:
     """Return the plane nearby across which the surface's image lies best on the surface."""
     across = np.linalg.svd(plane[None, :3])[2][1:]  # (2, 3) unit, in the plane
 
-    def varied(change: NDArray[np.float64]) -> NDArray[np.float64]:
+    def varied(change: Float64) -> Float64:
         turned = plane[:3] + change[:2] @ across
         return np.append(turned, plane[3] + change[2]) / np.linalg.norm(turned)
 

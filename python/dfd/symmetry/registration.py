@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float64
 from dfd.symmetry.evidence import SurfaceFeatures
 
 _STEPS = 10
@@ -14,12 +14,10 @@ _FIRST_REACH, _SHRINK = 0.3, 0.7  # normalized: what is farther from the surface
 _LONGEST_STEP = 0.2
 _DIFFERENCE = 1e-6
 
-Mapping = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+Mapping = Callable[[Float64], Float64]
 
 
-def registered(
-    evidence: SurfaceFeatures, vary: Callable[[NDArray[np.float64]], Mapping], size: int
-) -> NDArray[np.float64]:
+def registered(evidence: SurfaceFeatures, vary: Callable[[Float64], Mapping], size: int) -> Float64:
     """Return the parameters (size,) by which points mapped by `vary(parameters)` lie best on the surface.
 
     Gauss-Newton steps from zero, on distances to the tangent planes of the nearest points; points that land far from

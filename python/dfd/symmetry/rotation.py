@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float64
 from dfd.field.field import Field
 from dfd.mesh.mesh import MeshLike, as_mesh
 from dfd.symmetry.evidence import SurfaceFeatures, gather
@@ -26,13 +27,13 @@ _SAME_AXIS = np.cos(np.radians(10.0))
 class RotationalSymmetry:
     """Turns by multiples of 360° / `order` about an axis, and how alike a shape looks after one."""
 
-    axis: tuple[float, float, float]  # (3,) unit vector
-    point: tuple[float, float, float]  # (3,) a point on the axis, mesh units
-    order: int  # how many turns make a full one, at least 2
-    # score: mean of ‖Φ(p) − Φ(T p)‖ over points of the surface, for the turn T by 360° / `order`; 0 is perfect
+    axis: tuple[float, float, float]  #: (3,) unit vector
+    point: tuple[float, float, float]  #: (3,) a point on the axis, mesh units
+    order: int  #: How many turns make a full one, at least 2
+    #: Mean of ‖Φ(p) − Φ(T p)‖ over points of the surface, for the turn T by 360° / `order`; 0 is perfect
     score: float = 0.0
-    # relative_score: how much features change over how much they usually do between points so far apart, over the best
-    # four fifths of the surface's points that the turn moves; 0 is perfect, 1 no better than chance
+    #: How much features change over how much they usually do between points so far apart, over the best
+    #: four fifths of the surface's points that the turn moves; 0 is perfect, 1 no better than chance
     relative_score: float = 0.0
 
     def __post_init__(self) -> None:
@@ -46,14 +47,14 @@ class RotationalSymmetry:
         object.__setattr__(self, "order", check.whole("RotationalSymmetry", "order", self.order, minimum=2))
 
     @property
-    def transforms(self) -> NDArray[np.float64]:
+    def transforms(self) -> Float64:
         """The turns by 0, 1, … `order` − 1 steps as affine matrices, (order, 3, 4), mesh units."""
         steps = np.arange(self.order) * (2 * np.pi / self.order)
         turns = Rotation.from_rotvec(steps[:, None] * np.asarray(self.axis)).as_matrix()
         point = np.asarray(self.point)
         return np.concatenate([turns, (point - turns @ point)[:, :, None]], axis=2)
 
-    def rotate(self, points: ArrayLike, steps: int = 1) -> NDArray[np.float64]:
+    def rotate(self, points: ArrayLike, steps: int = 1) -> Float64:
         """Turn (N, 3) points by `steps` · 360° / `order`, (N, 3), mesh units."""
         array = check.array("RotationalSymmetry", "points", points, ("N", 3), dtype=np.float64)
         matrix = self.transforms[steps % self.order]
@@ -84,11 +85,11 @@ def rotational_symmetries(field: Field, mesh: MeshLike, *, threshold: float = TH
     return found
 
 
-def _axes(points: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+def _axes(points: Float64) -> list[tuple[Float64, Float64]]:
     """Return unit axes (3,) to try and a point (3,) on each: none twice, those of the coordinates first."""
     middle = points.mean(axis=0)
     principal = np.linalg.svd(points - middle, full_matrices=False)[2] if len(points) >= 3 else np.eye(3)
-    axes: list[NDArray[np.float64]] = []
+    axes: list[Float64] = []
     for axis in [*np.eye(3), *principal]:
         if not any(abs(axis @ other) > _SAME_AXIS for other in axes):
             axes.append(axis)
@@ -96,7 +97,7 @@ def _axes(points: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArra
 
 
 def _best_order(
-    evidence: SurfaceFeatures, axis: NDArray[np.float64], point: NDArray[np.float64], threshold: float
+    evidence: SurfaceFeatures, axis: Float64, point: Float64, threshold: float
 ) -> RotationalSymmetry | None:
     """Return the symmetry of the highest order about an axis that is hardly worse than the best."""
     judged = []
@@ -116,29 +117,25 @@ def _best_order(
     return _symmetry(evidence, axis, point, order, dissimilarity)
 
 
-def _refined(
-    evidence: SurfaceFeatures, axis: NDArray[np.float64], point: NDArray[np.float64], order: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _refined(evidence: SurfaceFeatures, axis: Float64, point: Float64, order: int) -> tuple[Float64, Float64]:
     """Return the axis nearby, and a point on it, about which the turned surface lies best on the surface."""
     across = np.linalg.svd(axis[None])[2][1:]  # (2, 3) unit
 
-    def varied(change: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def varied(change: Float64) -> tuple[Float64, Float64]:
         leaning = axis + change[:2] @ across
         return leaning / np.linalg.norm(leaning), point + change[2:] @ across
 
     return varied(registered(evidence, lambda change: lambda points: _turned(points, *varied(change), order), 4))
 
 
-def _turned(
-    points: NDArray[np.float64], axis: NDArray[np.float64], point: NDArray[np.float64], order: int
-) -> NDArray[np.float64]:
+def _turned(points: Float64, axis: Float64, point: Float64, order: int) -> Float64:
     """Return points (N, 3) turned by 360° / `order`."""
     turn = Rotation.from_rotvec(2 * np.pi / order * axis).as_matrix()
     return (points - point) @ turn.T + point
 
 
 def _symmetry(
-    evidence: SurfaceFeatures, axis: NDArray[np.float64], point: NDArray[np.float64], order: int, dissimilarity: float
+    evidence: SurfaceFeatures, axis: Float64, point: Float64, order: int, dissimilarity: float
 ) -> RotationalSymmetry:
     """Return the symmetry in mesh units, the largest component of its axis positive, with its score."""
     axis = axis * np.sign(axis[np.argmax(np.abs(axis))]) + 0.0

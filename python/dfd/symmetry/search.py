@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float64
 from dfd.field.field import Field
-from dfd.mesh.mesh import MeshLike, as_mesh
+from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
 from dfd.symmetry.evidence import SurfaceFeatures, gather
 from dfd.symmetry.plane import AXES, DEFAULT_BAND, SymmetryPlane, axis_plane
 from dfd.symmetry.plane_search import candidate_planes, mirrored, same_plane
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import Mesh
 
 _SCORED_VERTICES = 4_000  # evenly strided, stand for more: the standard error of the mean is below 1 %
 RELATIVE_THRESHOLD = 0.25
@@ -77,7 +74,7 @@ def symmetry_planes(
 
 @dataclass(frozen=True)
 class _Judged:
-    row: NDArray[np.float64]  # (4,) normalized, see `plane_search`
+    row: Float64  # (4,) normalized, see `plane_search`
     dissimilarity: float
     landed: float
 
@@ -102,7 +99,7 @@ def scored_planes(field: Field, mesh: Mesh, *, candidates: Literal["any", "axes"
     return planes
 
 
-def _judged(evidence: SurfaceFeatures, row: NDArray[np.float64]) -> _Judged:
+def _judged(evidence: SurfaceFeatures, row: Float64) -> _Judged:
     return _Judged(row, *evidence.dissimilarity(mirrored(evidence.points, row)))
 
 
@@ -135,13 +132,13 @@ def _snapped(evidence: SurfaceFeatures, found: _Judged) -> _Judged:
     return found
 
 
-def _normalized(plane: SymmetryPlane, evidence: SurfaceFeatures) -> NDArray[np.float64]:
+def _normalized(plane: SymmetryPlane, evidence: SurfaceFeatures) -> Float64:
     """Return a plane of mesh units as a row (4,) in normalized coordinates."""
     normal = np.asarray(plane.normal)
     return np.append(normal, (plane.offset - normal @ evidence.center) / evidence.half)
 
 
-def _plane(row: NDArray[np.float64], evidence: SurfaceFeatures) -> SymmetryPlane:
+def _plane(row: Float64, evidence: SurfaceFeatures) -> SymmetryPlane:
     """Return a row (4,) in normalized coordinates as a plane of mesh units, its largest component positive."""
     row = row * np.sign(row[np.argmax(np.abs(row[:3]))])
     normal = row[:3] + 0.0  # no negative zeros

@@ -88,6 +88,8 @@ def test_story(story: str, browser: str, start_page: RunningApp, animal: Shape, 
     assert done.returncode == 0, done.stdout
     if (tmp_path / "seen.json").exists():
         assert_exported(tmp_path, animal)
+    if (tmp_path / "moment.json").exists():
+        assert_moment_exported(tmp_path, animal)
 
 
 def assert_exported(folder: Path, shape: Shape) -> None:
@@ -107,6 +109,19 @@ def assert_exported(folder: Path, shape: Shape) -> None:
     assert {(each["min"][0], each["max"][0]) for each in times} == {(0.0, 1.0)}, "two key poses, a second apart"
     assert len(header["skins"][0]["joints"]) > 1
     assert sum(len(each.faces) for each in animated.geometry.values()) == len(rest.faces)
+
+
+def assert_moment_exported(folder: Path, shape: Shape) -> None:
+    """What the timeline showed was exported, bent as it was seen, as a shape, a rig and weights."""
+    rest = dfd.load(shape.mesh)
+    seen = np.reshape(json.loads((folder / "moment.json").read_text()), (-1, 3))
+    assert np.abs(seen - rest.vertices).max() > 0.005 * rest.diagonal, "something moved"
+    made = dfd.load(folder / "quadruped_moment.glb")
+    corners = made.vertices[made.faces].reshape(-1, 3)
+    np.testing.assert_allclose(corners, seen[rest.faces].reshape(-1, 3), atol=1e-4 * rest.diagonal)
+    assert len(json.loads(glb_header(folder / "quadruped_rig.glb"))["skins"]) == 1
+    with np.load(folder / "quadruped_weights.npz") as arrays:
+        assert len(arrays["weights"]) == len(rest.vertices)
 
 
 def glb_header(path: Path) -> bytes:

@@ -115,7 +115,7 @@ def test_a_preset_is_one_step_and_stays_when_all_is_cleared(new_page: Page) -> N
         "paper",
         {"reach": 1, "falloff": "linear"},
     )
-    assert (state["handles"][0]["reach"], state["preset"], state["posing"]) == (1, "paper", "server")
+    assert (state["handles"][0]["reach"], state["preset"], state["overlap"]) == (1, "paper", "paper")
     page.ask("undo")
     assert (page.last("state")["preset"], page.last("state")["handles"][0]["reach"]) == ("default", 0.4)
     page.ask("redo")
@@ -271,6 +271,9 @@ def test_features_suggestions_poses_and_script(page: Page) -> None:
                 "scale": [1, 1, 1],
                 "pivot": None,
                 "axes": None,
+                "bend": [0, 0, 0],
+                "twist": 0,
+                "joint": None,
             }
         ],
     }
@@ -290,6 +293,53 @@ def test_an_export_is_given_once(page: Page, deformer: Deformer, tmp_path: Path)
     (tmp_path / "made.glb").write_bytes(response.content)
     deformer.add(5, translation=(0, -0.3, 0))
     np.testing.assert_allclose(dfd.load(tmp_path / "made.glb").vertices, deformer.vertices, atol=2e-6)
+
+
+def test_a_pose_that_is_shown_is_computed_and_exported_and_the_edit_stays(
+    page: Page, deformer: Deformer, tmp_path: Path
+) -> None:
+    handle = page.ask("add", at={"vertex": 5}, transform={"translation": [0, -0.3, 0]})["handle"]
+    page.ask("undo")
+    page.ask("redo")
+    before = page.last("state")
+    still = {"translation": [0, 0, 0], "rotation": [0, 0, 0], "scale": [1, 1, 1]}
+    seen = [{**still, "handle": handle, "rotation": [0, 40, 0], "pivot": [0, 1, 0], "bend": [20, 0, 0]}]
+    positions = page.ask("compute", transforms=seen)["arrays"]["positions"]
+    with page.http() as http:
+        (tmp_path / "made.glb").write_bytes(http.get(page.ask("export", format="glb", transforms=seen)["url"]).content)
+    script = page.ask("script", transforms=seen)["python"]
+    deformer.add(5, rotation=(0, 40, 0), pivot=(0, 1, 0), bend=(20, 0, 0))
+    center = deformer.mesh.bounds.mean(axis=0)
+    np.testing.assert_allclose(positions + center, deformer.vertices, atol=2e-6)
+    np.testing.assert_allclose(dfd.load(tmp_path / "made.glb").vertices, deformer.vertices, atol=2e-6)
+    assert "bend=[20.0, 0.0, 0.0]" in script
+    refused = page.ask("compute", transforms=[{**still, "handle": 99}])
+    assert refused["type"] == "failure"
+    page.ask("undo")
+    page.ask("redo")
+    after = page.last("state")
+    kept = ("handles", "fixed", "can_undo", "can_redo", "symmetry")
+    assert [after[name] for name in kept] == [before[name] for name in kept]
+
+
+def test_a_handle_turns_about_what_the_session_finds_and_bends_along_its_part(page: Page, deformer: Deformer) -> None:
+    handle = page.ask("add", at={"vertex": 5})["handle"]
+    axis = page.ask("axis", handle=handle)
+    own = deformer.add(5)
+    deformer.move(own, rotation=(0, 20, 0))
+    page.ask("move", handle=handle, transform={"rotation": [0, 20, 0], "pivot": "auto"}, settle=True)
+    state = page.last("state")["handles"][0]
+    assert state["pivot"] == list(deformer.handle(own).pivot) == axis["auto"]
+    assert state["pivot_at"] == deformer.handle(own).transform.pivot_at
+    assert axis["pivots"]["point"] == state["position"] != axis["pivots"]["base"]
+    page.ask("move", handle=handle, transform={"pivot": "hinge", "bend": [0, 0, 30], "joint": "auto"}, settle=True)
+    deformer.move(own, pivot="hinge", bend=(0, 0, 30), joint="auto")
+    state = page.last("state")["handles"][0]
+    assert (state["pivot"], state["bend"]) == (axis["pivots"]["hinge"], [0, 0, 30])
+    assert state["joint"] == deformer.handle(own).transform.joint
+    center = deformer.mesh.bounds.mean(axis=0)
+    positions = page.ask("compute")["arrays"]["positions"]
+    np.testing.assert_allclose(positions + center, deformer.vertices, atol=2e-6)
 
 
 def test_downloads_are_named_by_the_server_alone(page: Page) -> None:

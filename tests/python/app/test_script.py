@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,8 +15,9 @@ from made_field import made_field
 from skinned_figure import skinned_figure
 
 import dfd
+from dfd.app.options import Source
 from dfd.app.protocol.parts import KeyPose, PoseTransform
-from dfd.app.session.exports import export, file_stem
+from dfd.app.session.exports import Kind, export, file_stem
 from dfd.app.session.script import as_command, as_python
 from dfd.cli import main
 from dfd.editing.deformer import Deformer
@@ -116,7 +118,7 @@ def test_a_name_with_quotes_stays_one_word(deformer: Deformer) -> None:
 
 
 @pytest.mark.parametrize("kind", ["glb", "obj", "ply", "stl"])
-def test_an_export_is_the_kernels_shape(kind: str, deformer: Deformer, tmp_path: Path) -> None:
+def test_an_export_is_the_kernels_shape(kind: Kind, deformer: Deformer, tmp_path: Path) -> None:
     several(deformer)
     folder = tmp_path / ("0" * 32)
     url, name = export(deformer, kind, "chair.glb", folder)
@@ -125,6 +127,45 @@ def test_an_export_is_the_kernels_shape(kind: str, deformer: Deformer, tmp_path:
     made = dfd.load(file)
     atol = 1e-5 if kind == "stl" else 2e-6
     np.testing.assert_allclose(made.vertices[made.faces], deformer.vertices[deformer.mesh.faces], atol=atol)
+
+
+def test_rigs_targets_and_weights_are_written_beside_the_shapes(deformer: Deformer, tmp_path: Path) -> None:
+    deformer.add(5, translation=(0, -0.3, 0.1))
+    kinds: tuple[Kind, ...] = ("rig", "morph", "weights")
+    headers = []
+    for kind, ending in zip(kinds, ("_rig.glb", "_morph.glb", "_weights.npz"), strict=True):
+        url, name = export(deformer, kind, "chair.glb", tmp_path / ("0" * 32))
+        assert name == f"chair{ending}"
+        file = tmp_path / ("0" * 32) / "exports" / url.rsplit("/", 1)[1] / name
+        headers.append(file.read_bytes())
+    assert b'"skins"' in headers[0]
+    assert b'"targets"' in headers[1]
+    file.write_bytes(headers[2])
+    with np.load(file) as arrays:
+        assert arrays["weights"].shape[0] == len(deformer.mesh.vertices)
+
+
+def test_usdz_is_one_of_the_formats(deformer: Deformer, tmp_path: Path) -> None:
+    pytest.importorskip("pxr")
+    deformer.add(5, translation=(0, -0.3, 0.1))
+    _, name = export(deformer, "usdz", "chair.glb", tmp_path / ("0" * 32))
+    assert name == "chair_rig.usdz"
+
+
+def test_the_files_of_a_command_are_all_that_it_needs(
+    deformer: Deformer, shape: Shape, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    regions(deformer)
+    source = Source(name="chair.glb", path=shape.mesh)
+    url, name = export(deformer, "files", "chair.glb", tmp_path / ("0" * 32), source=source)
+    assert name == "chair_files.zip"
+    with zipfile.ZipFile(tmp_path / ("0" * 32) / "exports" / url.rsplit("/", 1)[1] / name) as archive:
+        archive.extractall(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as done:
+        main(shlex.split(as_command(deformer, "chair.glb"))[1:])
+    assert done.value.code == 0
+    np.testing.assert_allclose(dfd.load("chair_edited.glb").vertices, deformer.vertices, atol=2e-6)
 
 
 def test_edit_and_field_can_be_taken_along(deformer: Deformer, tmp_path: Path) -> None:

@@ -36,8 +36,8 @@ def deformer(mesh, field, features):
 
 @pytest.fixture
 def paper_handles(monkeypatch):
-    """New handles reach as far as the paper's and fall off as those do; they have instances of their own."""
-    new = replace(PRESETS["default"], reach=1.0, falloff="linear")
+    """New handles reach and fall off as the paper's; instances have own pivots and follow as far as they look alike."""
+    new = replace(PRESETS["default"], reach=1.0, falloff="linear", level=False)
     monkeypatch.setitem(PRESETS, "default", new)
 
 

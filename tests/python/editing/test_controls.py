@@ -51,7 +51,7 @@ def test_reach_and_falloff_are_those_of_bind(session, labeled, foot):
     session.undo()
     assert session.handles == ()
     session.redo()
-    assert session.handle(handle).controls == Controls(0.5, "sharp", instances="together")
+    assert session.handle(handle).controls == Controls(0.5, "sharp", instances="together", level=False)
 
 
 @pytest.mark.usefixtures("paper_handles")

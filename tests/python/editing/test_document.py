@@ -22,7 +22,7 @@ from dfd.mesh.mesh import Mesh
 from dfd.posing.transforms import Transform
 from dfd.symmetry.plane import SymmetryPlane
 
-OLD = Controls(reach=1.0, falloff="linear", instances="together")  # what versions 1 and 2 leave out
+OLD = Controls(reach=1.0, falloff="linear", instances="together", level=False)  # what versions 1 and 2 leave out
 
 
 @pytest.fixture(scope="module")
@@ -123,6 +123,7 @@ def test_a_short_document_by_hand_is_enough(mesh):
             Handle(1, place_on(mesh, 4), Transform(scale=(2.0, 2.0, 2.0)), OLD),
             Handle(2, Place((0.0, 1.0, 2.0)), controls=OLD),
         ),
+        blend="linear",
         arrive=False,
     )
 
@@ -168,9 +169,21 @@ def test_a_document_of_version_1_means_what_it_meant(mesh):
         (Fixed(place_on(mesh, 7)),),
         SymmetryPlane((1.0, 0.0, 0.0), 0.5),
         Transform(scale=(2.0, 2.0, 2.0)),
+        blend="linear",
         arrive=False,
     )
     assert from_document({**document, "version": 2}, mesh).arrive
+
+
+@pytest.mark.parametrize("preset", ["default", "paper"])
+def test_a_document_of_version_3_means_what_it_meant(mesh, preset):
+    document = {"format": "dfd-edit", "version": 3, "preset": preset, "handles": [{"vertex": 4}]}
+    edit = from_document(document, mesh)
+    assert edit.blend == "linear"
+    controls = edit.handles[0].controls
+    assert (controls.reach, controls.level) == ((0.7, False) if preset == "default" else (1.0, False))
+    now = from_document({**document, "version": 4}, mesh)
+    assert (now.blend, now.handles[0].controls.level) == (("auto", True) if preset == "default" else ("linear", False))
 
 
 def test_the_schema_says_what_is_read_and_what_is_written(document):

@@ -24,7 +24,7 @@ def asked(sample, mesh, monkeypatch):
         def __init__(self, mesh):
             pass
 
-        def find(self, weights, vertex, position, *, held=None, planes=()):
+        def find(self, weights, vertex, position, *, held=None, pieces=None, planes=()):
             calls.append((vertex, planes))
             found = []
             for leg in sorted(range(4), key=lambda leg: leg != sample.instances[vertex]):
@@ -99,7 +99,7 @@ def test_only_moves_the_handle_s_own(session, sample, mesh, asked, foot):
 @pytest.mark.usefixtures("paper_handles")
 @pytest.mark.parametrize("instances", ["own", "together"])
 def test_level_brings_all_instances_to_full_weight(session, sample, mesh, asked, foot, instances):
-    handle = session.add(foot, translation=(0, -0.2, 0), instances=instances)
+    handle = session.add(foot, translation=(0, -0.2, 0), instances=instances, level=False)
     back = leg(sample, 2)
     half = session.vertices[back] - mesh.vertices[back]
     assert 0.05 < -half[:, 1].mean() < 0.15
@@ -140,7 +140,7 @@ def test_level_lets_no_vertex_follow_more_than_the_handle(mesh, field, asked, fo
         def __init__(self, mesh):
             pass
 
-        def find(self, weights, vertex, position, *, held=None, planes=()):
+        def find(self, weights, vertex, position, *, held=None, pieces=None, planes=()):
             half = np.full(len(mesh.vertices), 0.5, np.float32)
             low = int(weights.argmin())
             places = [tuple(mesh.vertices[one]) for one in (vertex, low)]
@@ -227,7 +227,7 @@ def test_four_alike_handles_arrive_each_with_instances_of_its_own(session, sampl
 
 def test_a_new_handle_has_instances_of_its_own(session, mesh, foot):
     handle = session.add(foot, scale=1.5)
-    assert session.handle(handle).controls == Controls(reach="part", falloff="smooth", instances="own")
+    assert session.handle(handle).controls == Controls(reach="part", falloff="smooth", instances="own", level=True)
     by_default = session.vertices
     session.change(handle, instances="own")
     np.testing.assert_array_equal(session.vertices, by_default)
@@ -236,17 +236,17 @@ def test_a_new_handle_has_instances_of_its_own(session, mesh, foot):
 
 
 def test_together_is_the_paper_and_asks_nobody(session, mesh, asked, foot):
-    session.add(foot, rotation=(0, 40, 0), instances="together", pivot="point")
-    wanted = dfd.pose(mesh.vertices, session.weights, [affine(rotation=(0, 40, 0), pivot=mesh.vertices[foot])])
+    session.add(foot, rotation=(0, 20, 0), instances="together", level=False, pivot="point")
+    wanted = dfd.pose(mesh.vertices, session.weights, [affine(rotation=(0, 20, 0), pivot=mesh.vertices[foot])])
     np.testing.assert_allclose(session.vertices, wanted, atol=1e-12)
     assert asked == []
 
 
 def test_instances_are_found_once_for_a_drag(session, mesh, field, asked, foot):
     handle = session.add(foot, instances="own")
-    other = session.add(5, translation=(0, 0.01, 0), instances="together")
-    session.add(6, instances="together")
-    session.add(7, instances="together")
+    other = session.add(5, translation=(0, 0.01, 0), instances="together", level=False)
+    session.add(6, instances="together", level=False)
+    session.add(7, instances="together", level=False)
     _ = session.vertices
     for frame in range(5):
         session.move(handle, rotation=(0, 10 * frame, 0), merge=frame > 0)

@@ -50,6 +50,19 @@ def test_a_single_hill_is_one_instance_that_has_everything():
     np.testing.assert_array_equal(only.frame, np.eye(3))
 
 
+def test_every_piece_of_a_part_is_one_instance_whatever_peaks_it_has():
+    mesh = sheet()
+    weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, -0.5, 0.5, 0.9) + hill(mesh, 0.5, 0, 0.02)
+    pieces = np.where(mesh.vertices[:, 0] < -0.2, 1, np.where(mesh.vertices[:, 0] > 0.2, 0, -1))
+    own, other = find(mesh, weights, vertex_at(mesh, -0.5, -0.5), pieces=pieces)
+    np.testing.assert_array_equal(own.share[pieces == 1], 1)
+    np.testing.assert_array_equal(other.share[pieces == 0], 1)
+    np.testing.assert_allclose(other.position, (0.5, 0, 0), atol=1e-12)
+    np.testing.assert_allclose(own.share + other.share, 1, atol=1e-6)
+    beside, _ = find(mesh, weights, vertex_at(mesh, -0.1, 0.3), pieces=pieces)
+    np.testing.assert_array_equal(beside.share[pieces == 1], 1, err_msg="held on the seam, it is of the nearest piece")
+
+
 def test_every_hill_is_an_instance_with_its_own_counterpart():
     mesh = sheet()
     weights = hill(mesh, -0.5, -0.5, 1) + hill(mesh, 0.5, -0.5, 0.9) + hill(mesh, 0.5, 0.5, 0.6)

@@ -123,8 +123,8 @@ def test_a_session_goes_on_from_its_file(deformer, mesh, field, features, geodes
 
 
 def test_an_edit_holds_on_another_resolution(deformer, mesh, field, tmp_path):
-    deformer.add(5, translation=(0, 0.2, 0), reach=0.7)
-    deformer.add(900, rotation=(0, 20, 0), reach=0.7)
+    deformer.add(5, translation=(0, 0.2, 0), reach=0.7, level=False)
+    deformer.add(900, rotation=(0, 20, 0), reach=0.7, level=False)
     deformer.fix(1500)
     deformer.save(tmp_path / "edit.json")
     # Every face in three, the new vertices first.

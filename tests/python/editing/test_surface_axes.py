@@ -115,7 +115,7 @@ def test_what_is_hardly_alike_keeps_its_frame(fingers):
 
 def test_a_session_s_instances_scale_along_their_own_limbs(session_of_feet):
     session, foot = session_of_feet
-    handle = session.add(foot, scale=(1.5, 1.5, 1.0), axes="limb")
+    handle = session.add(foot, scale=(1.5, 1.5, 1.0), axes="limb", reach=0.7)
     transform = session.handle(handle).transform
     assert transform.along == "limb"
     frames = [column.instance.frame for column in session.bound.columns(session.edit)[1]]

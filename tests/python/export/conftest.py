@@ -21,12 +21,18 @@ def features(mesh, field):
     return field.features(mesh)
 
 
+def linear(session):
+    """A session whose poses a skin has to the bit, however far they turn."""
+    session.blend = "linear"
+    return session
+
+
 @pytest.fixture
 def session(mesh, field, features):
-    return dfd.Deformer(mesh, field, features=features)
+    return linear(dfd.Deformer(mesh, field, features=features))
 
 
 @pytest.fixture(scope="session")
 def make_session():
     """A session on another mesh."""
-    return lambda mesh: dfd.Deformer(mesh, field_of(mesh, seed=1))
+    return lambda mesh: linear(dfd.Deformer(mesh, field_of(mesh, seed=1)))

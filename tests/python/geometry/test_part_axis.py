@@ -106,13 +106,20 @@ def test_a_joint_is_where_a_part_is_narrow_or_bends():
     along = np.linspace(0.0, 4.0, 81)
     narrow = tube(np.stack([0 * along, along, 0 * along], axis=1), 0.3 - 0.15 * np.exp(-np.square((along - 2.2) / 0.2)))
     (axis,) = PartAxes(narrow).of(upper(narrow))
-    assert axis.joint == pytest.approx(0.4, abs=0.08)
+    assert axis.joint(axis.nodes[-1]) == pytest.approx(0.4, abs=0.08)
+    twice = tube(
+        np.stack([0 * along, along, 0 * along], axis=1),
+        0.3 - 0.1 * np.exp(-np.square((along - 2) / 0.2)) - 0.15 * np.exp(-np.square((along - 3.2) / 0.2)),
+    )
+    (axis,) = PartAxes(twice).of(upper(twice))
+    assert axis.joint(axis.nodes[-1]) == pytest.approx(0.75, abs=0.08)
+    assert axis.joint(np.array([0.3, 2.1, 0.0])) == pytest.approx(0.33, abs=0.08), "the one that is held"
     knee = np.stack(
         [0.8 * np.clip(along - 2.5, 0, None), np.minimum(along, 2.5 + 0.6 * (along - 2.5)), 0 * along], axis=1
     )
     bent = tube(knee, 0.15)
     (axis,) = PartAxes(bent).of(upper(bent))
-    assert axis.joint == pytest.approx(0.5, abs=0.08)
+    assert axis.joint(axis.nodes[-1]) == pytest.approx(0.5, abs=0.08)
 
 
 def test_a_hinge_joins_the_extremes_of_the_border_and_opens_away_from_the_rest():

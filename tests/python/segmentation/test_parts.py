@@ -138,7 +138,7 @@ def test_pieces_that_meet_in_a_narrow_web_are_told_apart(chair):
 
 def test_a_grip_holds_the_part_whole_and_fades_over_a_narrow_seam(chair, chair_parts):
     legs = chair.labels == chair.parts.index("leg")
-    held = chair_parts.grip(foot_of(chair))
+    held = chair_parts.grip(foot_of(chair)).weights
     assert held.dtype == np.float32
     assert held[legs].mean() > 0.85
     away = np.linalg.norm(chair.mesh.vertices[:, None] - chair.mesh.vertices[legs][None], axis=2).min(axis=1)
@@ -149,11 +149,11 @@ def test_a_grip_holds_the_part_whole_and_fades_over_a_narrow_seam(chair, chair_p
 
 
 def test_a_handle_on_the_seam_weighs_1(chair, chair_parts):
-    held = chair_parts.grip(foot_of(chair))
+    held = chair_parts.grip(foot_of(chair)).weights
     on_seam = np.flatnonzero((held > 0.3) & (held < 0.9) & (chair.labels == chair.parts.index("leg")))
     assert len(on_seam)
     for vertex in on_seam[::7]:
-        own = chair_parts.grip(vertex)
+        own = chair_parts.grip(vertex).weights
         assert own[vertex] == 1
         assert own.max() == 1
 
@@ -193,7 +193,7 @@ def test_a_grip_does_not_pass_from_one_component_to_another_beside_it():
     count = len(chair.mesh.vertices)
     both = dfd.Mesh(vertices, np.concatenate([chair.mesh.faces, chair.mesh.faces + count]))
     rows = np.eye(2, dtype=np.float32)[(np.arange(2 * count) >= count).astype(int)]
-    held = Parts(both, lambda some: rows[some]).grip(0)
+    held = Parts(both, lambda some: rows[some]).grip(0).weights
     assert (held[:count] == 1).all()
     assert (held[count:] == 0).all()
 

@@ -23,7 +23,7 @@ the edit what it makes of them (`state`), so that reach, falloff and locality ac
     kind "weight"     W is the number itself
     falloff of x      linear x, smooth x² (3 − 2 x), sharp x², root √x, sphere √(x (2 − x)), constant 1 where x > 0
 
-    V' = V + Σ W_k (D_k V − V) + max(1 − Σ W_k, 0) (D₀ V − V)      Eq. 1 in its adding form, where `posing` is "shader"
+    V' = V + Σ W_k (D_k V − V) + max(1 − Σ W_k, 0) (D₀ V − V)      Eq. 1 in its adding form; `compute` poses by any
 
 A column with instances acts through them instead: W_k D_k is the sum of min(gain · share · W_k, 1) times the instance's
 own transform M, with the handle's linear part L, translation t and the instance's `frame` F: M's linear part is F L Fᵀ,

@@ -23,6 +23,7 @@ from dfd.common.preset import Preset
 from dfd.editing.controls import Falloff
 from dfd.editing.presets import BlendRule
 from dfd.posing.pose import Overlap
+from dfd.posing.transforms import PivotAt
 
 VERSION = 1
 
@@ -72,7 +73,11 @@ class HandleBase(Model):
     rotation: Vector  # rotation vector in degrees
     scale: Vector
     pivot: Vector  # what it turns and scales about
-    own_pivot: bool  # whether that was set; otherwise it is `position`
+    own_pivot: bool  # whether that was set or found; otherwise it is `position`
+    pivot_at: PivotAt | None  # what of the held part it is; null where it is numbers, or nothing was said
+    bend: Vector  # rotation vector in degrees: what the tip of the held part turns by along the part's axis
+    twist: float  # degrees by which the tip turns about that axis
+    joint: float | None  # where along the axis both happen; null is all along it
     axes: Frame | None  # along which it scales, one a row; null is the mesh's own
     reach_by: Literal["number", "auto", "part"]  # what was asked for; `reach` is what that found
     exponent: float  # λ of the formula: the locality, or what makes the radius's falloff
@@ -133,7 +138,6 @@ class StateMessage(Answer):
     new_handle: NewHandle
     overlap: Overlap
     blend: BlendRule
-    posing: Literal["shader", "server"] = "shader"  # who poses: "server" asks for `compute` after every change
     can_undo: bool = False
     can_redo: bool = False
     field: FieldState
@@ -204,6 +208,17 @@ class SimilarMessage(Answer):
     type: Literal["similar"] = "similar"
     handle: int
     places: tuple[SimilarPoint, ...]
+
+
+class AxisMessage(Answer):
+    """Answer to `axis`: what a handle may turn about, and along what it bends."""
+
+    type: Literal["axis"] = "axis"
+    handle: int
+    pivots: dict[PivotAt, Vector]  # mesh units, at rest
+    auto: Vector  # what it turns about where nothing is said
+    base: Vector | None  # of the part's axis; null where nothing that is held has one
+    tip: Vector | None
 
 
 class DownloadMessage(Answer):

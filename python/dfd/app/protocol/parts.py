@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, create_model
 import dfd.editing.controls as editing
 from dfd.common.described import about
 from dfd.editing.edit import Edit
+from dfd.posing.transforms import PivotAt
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]  # x, y, z, w
@@ -55,15 +56,19 @@ class Transform(Model):
     """Scale along `axes`, then rotation, then translation, about the pivot.
 
     Null leaves a part as it is, or at rest where it is new. `rotation` is a rotation vector in degrees or a quaternion;
-    `axes` are one a row. "auto" returns a pivot to the handle's own position and axes to the mesh's, and "normal" is a
-    frame whose third axis is the surface's normal at the handle.
+    `axes` are one a row, "auto" for the mesh's own, and "normal" for a frame whose third axis is the surface's normal
+    at the handle. A pivot of "auto" is found once the handle turns or scales. `bend`, a rotation vector or an upward
+    angle, and `twist`, in degrees, come first, along the axis of the part that is held, at the `joint` or all along it.
     """
 
     translation: Vector | None = None
     rotation: Vector | Quaternion | None = None
     scale: Vector | None = None
-    pivot: Vector | Literal["auto"] | None = None
+    pivot: Vector | PivotAt | Literal["auto"] | None = None
     axes: Frame | Literal["normal", "auto"] | None = None
+    bend: Vector | float | None = None
+    twist: float | None = None
+    joint: Annotated[float, Field(ge=0, le=1)] | Literal["spread", "auto", "here"] | None = None
 
 
 class NamedControls(Model):
@@ -149,6 +154,9 @@ class PoseTransform(Model):
     scale: Vector
     pivot: Vector | None = None
     axes: Frame | None = None
+    bend: Vector = (0.0, 0.0, 0.0)
+    twist: float = 0.0
+    joint: float | None = None
 
 
 PoseTransforms = Annotated[tuple[PoseTransform, ...], Field(max_length=1000)]

@@ -19,8 +19,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-from dfd.app.options import SessionOptions, Source
-from dfd.app.session.shapes import read_shape
+from dfd.app.options import SessionOptions, Source, read_shape
 from dfd.common.progress import Stages
 
 INTERVAL = 0.1  # seconds between two lines about one stage

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import base64
 import binascii
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 from pydantic import Field
 
+from dfd.app.options import sample_source
 from dfd.app.protocol.answers import (
     Answer,
+    AxisMessage,
     DoneMessage,
     DownloadMessage,
     ScriptMessage,
@@ -28,10 +32,12 @@ from dfd.app.protocol.parts import (
     Place,
     Plane,
     PointPlace,
+    PoseTransform,
     PoseTransforms,
     RegionPlace,
     Text,
     Transform,
+    Vector,
     VertexPlace,
 )
 from dfd.app.protocol.requests import Request, call, request
@@ -40,15 +46,16 @@ from dfd.app.session.columns import heat_message
 from dfd.app.session.parts import Combine
 from dfd.app.session.script import as_command, as_python
 from dfd.app.session.session import Session
-from dfd.app.session.shapes import sample_source
 from dfd.app.session.state import feature_colors_message, positions_message
 from dfd.common.preset import Preset
 from dfd.editing.edit import Fixed, empty_edit
+from dfd.editing.influence.held_parts import pivot_on
 from dfd.editing.influence.regions import VertexSet
 from dfd.editing.points import place_on
-from dfd.editing.presets import BlendRule
+from dfd.editing.presets import PRESETS, BlendRule
 from dfd.editing.suggestions import suggest_handles
 from dfd.posing.pose import Overlap
+from dfd.posing.transforms import PivotAt
 from dfd.symmetry.plane import SymmetryPlane
 
 NO_TRANSFORM, NO_CONTROLS = Transform(), Controls()
@@ -112,9 +119,13 @@ def part(session: Session, vertex: Index) -> bytes:
 
 
 @request
-def compute(session: Session) -> bytes:
-    """The posed shape from the kernel. Answer: `positions`; a newer request replaces it unanswered."""
-    return positions_message(session.require_deformer(), request=session.after)
+def compute(session: Session, transforms: PoseTransforms | None = None) -> bytes:
+    """The posed shape from the kernel, as if `transforms` were those of its handles; null is the edit as it is.
+
+    Answer: `positions`; a newer request replaces it unanswered.
+    """
+    with _posed_by(session, transforms):
+        return positions_message(session.require_deformer(), request=session.after)
 
 
 @request
@@ -145,6 +156,24 @@ def instances(session: Session, handle: int) -> Answer:
         weight, vertex = float(instance.weight), int(instance.vertex)
         places.append(SimilarPoint(vertex=vertex, position=(x, y, z), weight=weight, on=on))
     return SimilarMessage(handle=handle, places=tuple(places))
+
+
+@request
+def axis(session: Session, handle: int) -> Answer:
+    """What a handle may turn about, and the axis along which it bends what it holds. Answer: `axis`."""
+    deformer = session.require_deformer()
+    edit = deformer.edit
+    held = edit.handle(handle)
+    part = next(iter(deformer.bound.held_parts(edit, held)), None)
+    pivots: dict[PivotAt, Any] = {"point": held.place.position}
+    if part is None:
+        return AxisMessage(handle=handle, pivots=pivots, auto=held.place.position, base=None, tip=None)
+    places: tuple[PivotAt, ...] = ("base", "middle", "hinge", *(() if edit.symmetry is None else ("plane",)))
+    pivots |= {place: pivot_on(part, place, held, edit.symmetry)[0] for place in places}
+    found = PRESETS[edit.preset].pivot == "auto"
+    base, tip = (cast("Vector", tuple(part.axis.nodes[end].tolist())) for end in (0, -1))
+    auto = pivot_on(part, None, held, edit.symmetry)[0] if found else held.place.position
+    return AxisMessage(handle=handle, pivots=pivots, auto=auto, base=base, tip=tip)
 
 
 # --- handles
@@ -215,13 +244,7 @@ def move(
 @request
 def pose(session: Session, transforms: PoseTransforms) -> None:
     """Set the transforms of several handles, as one step."""
-
-    def work(deformer: Any) -> None:
-        for each in transforms:
-            at_rest = {"pivot": "point", "axes": "auto"}
-            deformer.move(**{name: at_rest[name] if part is None else part for name, part in each.model_dump().items()})
-
-    session.change(work)
+    session.change(lambda deformer: _move_all(deformer, transforms))
 
 
 @request
@@ -356,19 +379,49 @@ def set_poses(session: Session, poses: KeyPoses) -> None:
 @request
 def export(
     session: Session,
-    format: Literal["glb", "obj", "ply", "stl", "animation", "edit", "field"],  # noqa: A002
+    format: exports.Kind,  # noqa: A002
+    transforms: PoseTransforms | None = None,
 ) -> Answer:
-    """Export the posed mesh, the edit or the field; "animation" is a GLB of the key poses. Answer: `download`."""
+    """Export what is seen, the edit or the field; `transforms` are those that the page shows instead of the edit's.
+
+    "rig" is a GLB with joints, "morph" one with morph targets, "animation" one of the key poses; "files" is a ZIP of
+    what the texts of `script` name. Answer: `download`.
+    """
     deformer, poses = session.require_deformer(), session.view_state.poses
-    url, name = exports.export(deformer, format, session.name, session.folder, poses)
+    with _posed_by(session, transforms):
+        url, name = exports.export(deformer, format, session.name, session.folder, poses, session.source)
     return DownloadMessage(url=url, name=name)
 
 
 @request
-def script(session: Session) -> Answer:
-    """The edit as a Python script and as a command. Answer: `script`."""
+def script(session: Session, transforms: PoseTransforms | None = None) -> Answer:
+    """What is seen as a Python script and as a command; `transforms` are as in `export`. Answer: `script`."""
+    deformer, name = session.require_deformer(), session.name
+    with _posed_by(session, transforms):
+        return ScriptMessage(python=as_python(deformer, name), command=as_command(deformer, name))
+
+
+class _TakenBackError(Exception):
+    """Ends a step of which nothing is to stay."""
+
+
+@contextmanager
+def _posed_by(session: Session, transforms: Sequence[PoseTransform] | None) -> Iterator[None]:
+    """Inside, the handles have these transforms, if any are given; afterwards the edit and its steps are as before."""
+    if transforms is None:
+        yield
+        return
     deformer = session.require_deformer()
-    return ScriptMessage(python=as_python(deformer, session.name), command=as_command(deformer, session.name))
+    with suppress(_TakenBackError), deformer.step():
+        _move_all(deformer, transforms)
+        yield
+        raise _TakenBackError
+
+
+def _move_all(deformer: Any, transforms: Sequence[PoseTransform]) -> None:
+    at_rest = {"pivot": "point", "axes": "auto", "joint": "spread"}
+    for each in transforms:
+        deformer.move(**{name: at_rest[name] if part is None else part for name, part in each.model_dump().items()})
 
 
 # --- from messages to arguments of `Deformer`
@@ -398,9 +451,7 @@ def _members(session: Session, place: RegionPlace) -> Any:
 
 
 def _transform_parts(transform: Transform) -> dict[str, Any]:
-    """What is given of a transform; the page shows a handle without a pivot as one that turns about itself."""
-    given = transform.model_dump(exclude_none=True)
-    return {**given, "pivot": "point"} if given.get("pivot") == "auto" else given
+    return transform.model_dump(exclude_none=True)
 
 
 def _controls(session: Session, controls: Controls) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from typing import TYPE_CHECKING, Any
 
-from dfd.app.session.exports import file_stem
+from dfd.app.session.exports import file_stem, mesh_file
 from dfd.editing.controls import controls_of
 from dfd.editing.edit_file import to_document
 from dfd.editing.presets import CONTROLS, PRESETS
@@ -27,7 +27,7 @@ def as_python(deformer: Deformer, name: str) -> str:
     lines = [
         "import dfd",
         "",
-        f"mesh = dfd.load({_mesh_file(name)!r})",
+        f"mesh = dfd.load({mesh_file(name)!r})",
         f'field = dfd.Field.load("{stem}.field.safetensors")',
         f"session = dfd.Deformer(mesh, field{preset})",
     ]
@@ -56,7 +56,7 @@ def as_command(deformer: Deformer, name: str) -> str:
     """The command that makes the same edit: by options for one handle, else by the exported edit file."""
     document = to_document(deformer.edit, deformer.mesh)
     stem = file_stem(name)
-    words = ["dfd", "deform", _mesh_file(name), "--field", f"{stem}.field.safetensors"]
+    words = ["dfd", "deform", mesh_file(name), "--field", f"{stem}.field.safetensors"]
     options = _options(document)
     words += ["--edit", f"{stem}_edit.json"] if options is None else options
     return shlex.join([*words, "-o", f"{stem}_edited.glb"])
@@ -126,7 +126,3 @@ def _arguments(first: str, keywords: dict[str, Any]) -> str:
 
 def _tuple(numbers: list[float]) -> str:
     return f"({', '.join(map(repr, numbers))})"
-
-
-def _mesh_file(name: str) -> str:
-    return name if "." in name else f"{file_stem(name)}.glb"

@@ -10,13 +10,12 @@ from collections.abc import Callable, Hashable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from dfd.app.options import UPLOADS, OpenedFile, SessionOptions, Source
+from dfd.app.options import UPLOADS, OpenedFile, SessionOptions, Source, read_shape
 from dfd.app.protocol.answers import Answer, FailureMessage, FieldState, ProgressMessage, StartMessage
 from dfd.app.session.autosave import Autosave, Saved
 from dfd.app.session.columns import Columns
 from dfd.app.session.parts import ShapeParts
 from dfd.app.session.preparation import Preparation
-from dfd.app.session.shapes import read_shape
 from dfd.app.session.state import ViewState, check_drawable, report, state_message
 from dfd.app.session.surface import mesh_messages
 from dfd.editing.edit_file import read_edit

@@ -53,15 +53,9 @@ def state_message(
         overlap, blend = PRESETS["default"].overlap, PRESETS["default"].blend
         return StateMessage(preset="default", new_handle=_new_handle("default"), overlap=overlap, blend=blend, **common)
     mesh, preset = deformer.mesh, deformer.preset
-    bends = any(handle.transform.bends for handle in deformer.handles)
     return StateMessage(
         handles=tuple(_handle(deformer, columns, handle, view_state.parts) for handle in deformer.handles),
-        fixed=tuple(
-            FixedState(
-                vertex=place.vertex, position=place.position, strength=strength, region=_size(mesh, place.region)
-            )
-            for place, strength in ((fixed.place, fixed.strength) for fixed in deformer.fixed)
-        ),
+        fixed=tuple(_fixed(mesh, fixed) for fixed in deformer.fixed),
         fixed_column=columns.of_fixed(),
         symmetry=None if deformer.symmetry is None else _plane(deformer.symmetry),
         planes=tuple(_plane(replace(plane, band=band_on(mesh, preset))) for plane in view_state.planes.get(preset, ())),
@@ -70,7 +64,6 @@ def state_message(
         new_handle=_new_handle(preset),
         overlap=deformer.overlap,
         blend=deformer.blend,
-        posing="server" if (deformer.overlap, deformer.edit.blending) != ("add", "linear") or bends else "shader",
         can_undo=deformer.can_undo,
         can_redo=deformer.can_redo,
         **common,
@@ -100,7 +93,11 @@ def _handle(deformer: Deformer, columns: Columns, handle: Handle, parts: ShapePa
         rotation=transform.rotation,
         scale=transform.scale,
         pivot=handle.pivot,
-        own_pivot=transform.pivot is not None and transform.pivot_at != "point",
+        own_pivot=transform.pivot is not None,
+        pivot_at=transform.pivot_at,
+        bend=transform.bend,
+        twist=transform.twist,
+        joint=transform.joint,
         axes=transform.axes,
         reach_by=controls.reach if isinstance(controls.reach, str) else "number",
         within_part=parts is not None and parts.limits(handle),

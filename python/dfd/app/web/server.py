@@ -22,10 +22,10 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from dfd.app.options import SAMPLES
 from dfd.app.protocol.answers import VERSION, FailureMessage, SessionMessage
 from dfd.app.protocol.requests import Hello
 from dfd.app.session.exports import EXPORTS
-from dfd.app.session.shapes import SAMPLES
 from dfd.app.web.safety import Guard, Rules
 from dfd.app.web.tabs import NAME, SESSION_ENDED, Tab, Tabs
 from dfd.app.web.uploads import FORMATS, MOST_FILES, UploadedFile, receive

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from dfd.editing.influence.instances import InstanceFinder
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
-    from dfd.segmentation.parts import Parts
+    from dfd.segmentation.parts import Grip, Parts
     from dfd.symmetry.plane import SymmetryPlane
 
 # Of a handle's weight that fixed points leave at the handle itself: with less, dividing by it makes noise of the rest.
@@ -48,7 +48,7 @@ LEAST_REACH, MOST_OF_PART, AROUND_PART = 0.1, 0.9, 2.0
 
 Float32 = NDArray[np.float32]
 LEAST_CAPACITY = 32  # columns
-MOST_PARTS = 32  # that are kept
+MOST_GRIPS = 32  # that are kept
 
 
 class Columns:
@@ -124,7 +124,7 @@ class HandleWeights:
         self._rows = HandleFeatures(mesh, field, features)
         self._distances = Distances(mesh)
         self._axes = SurfaceAxes(mesh, self._distances)
-        self._instances = InstanceColumns(mesh, field, self._axes)
+        self._instances = InstanceColumns(mesh, field, self._axes, self._grip)
         self._limbs = HeldParts(mesh)
         self._columns = Columns(len(mesh.vertices))
         self._keys: list[Key] = []
@@ -134,7 +134,7 @@ class HandleWeights:
         self._held: Float32 | None = None  # (V,) what the fixed points take away, as long as they stay
         self._mixed: tuple[Float32, Float32] | None = None  # columns, and what makes their handles land exactly
         self._reaches: dict[tuple[Place, str], float] = {}
-        self._held_parts: dict[Place, Float32 | None] = {}
+        self._grips: dict[Place, Grip | None] = {}
         self.field = field
 
     @property
@@ -399,11 +399,15 @@ class HandleWeights:
 
     def part(self, place: Place) -> Float32 | None:
         """(V,) 1 on the part that a place is on, with its look-alikes, falling smoothly to 0; None where none ends."""
-        if place not in self._held_parts:
-            while len(self._held_parts) >= MOST_PARTS:  # a pointer asks for one wherever it hovers
-                del self._held_parts[next(iter(self._held_parts))]
-            self._held_parts[place] = self.parts.grip(self._rows.anchor(place))
-        return self._held_parts[place]
+        grip = self._grip(place)
+        return None if grip is None else grip.weights
+
+    def _grip(self, place: Place) -> Grip | None:
+        if place not in self._grips:
+            while len(self._grips) >= MOST_GRIPS:  # a pointer asks for one wherever it hovers
+                del self._grips[next(iter(self._grips))]
+            self._grips[place] = self.parts.grip(self._rows.anchor(place))
+        return self._grips[place]
 
     def _left_of(self, key: Key, column: Float32) -> float:
         """What is left at the handle of its own column."""

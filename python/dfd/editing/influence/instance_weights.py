@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -21,11 +21,13 @@ from dfd.weights.bind import bind
 
 if TYPE_CHECKING:
     from dfd.editing.influence.handle_features import HandleFeatures
+    from dfd.editing.points import Place
     from dfd.field.field import Field
     from dfd.mesh.mesh import Mesh
+    from dfd.segmentation.parts import Grip
     from dfd.symmetry.plane import SymmetryPlane
 
-LEAST_LEVELED = 0.01  # of the handle's own weight: an instance that follows less is not brought to it
+LEAST_LEVELED = 0.1  # of the handle's own weight: an instance that follows less is not brought to it
 
 Float32 = NDArray[np.float32]
 Portion = tuple[Instance | None, float]  # what an instance, or all, has of a handle's weights, times a gain
@@ -56,10 +58,12 @@ class Column(NamedTuple):
 class InstanceColumns:
     """The columns of one mesh, kept as long as what they depend on stays."""
 
-    def __init__(self, mesh: Mesh, field: Field, axes: SurfaceAxes) -> None:
+    def __init__(self, mesh: Mesh, field: Field, axes: SurfaceAxes, grip: Callable[[Place], Grip | None]) -> None:
+        """`grip` finds the part that a handle at a place holds."""
         self._mesh = mesh
         self._field = field
         self._axes = axes
+        self._grip = grip
         self._finder = InstanceFinder(mesh)
         self._found: dict[Hashable, tuple[Instance, ...]] = {}
         self._key: Hashable = None
@@ -96,7 +100,7 @@ class InstanceColumns:
                 instances: tuple[Instance, ...] = ()
                 if _told_apart(handle):
                     instances = self.instances(handle, rows, edit.symmetry)
-                    found[handle.place, edit.symmetry] = instances
+                    found[_asked(handle, edit.symmetry)] = instances
                     instances = self._axes.turned(handle, rows.anchor(handle.place), instances)
                 own = self._parts(handle, weights[:, i], instances, rows)
                 apart = bool(instances) and handle.controls.instances != "together"
@@ -126,13 +130,15 @@ class InstanceColumns:
 
     def instances(self, handle: Handle, rows: HandleFeatures, symmetry: SymmetryPlane | None) -> tuple[Instance, ...]:
         """The instances of what a handle holds, by looks alone, mirrored across planes that were chosen or found."""
-        key = (handle.place, symmetry)
+        key = _asked(handle, symmetry)
         if key in self._found:
             return self._found[key]
+        grip = self._grip(handle.place) if handle.controls.reach == "part" else None
         looks: Float32 = bind(rows.features, rows.points([handle.place]))[:, 0]
         planes = self._planes if symmetry is None else [symmetry]
         held = None if handle.place.region is None else rows.members(handle.place)
-        return self._finder.find(looks, rows.anchor(handle.place), handle.place.position, held=held, planes=planes)
+        vertex, pieces = rows.anchor(handle.place), None if grip is None else grip.pieces
+        return self._finder.find(looks, vertex, handle.place.position, held=held, pieces=pieces, planes=planes)
 
     def _parts(
         self, handle: Handle, weights: Float32, instances: Sequence[Instance], rows: HandleFeatures
@@ -185,6 +191,11 @@ def wanted_of(handle: Handle) -> Hashable:
     controls, transform = handle.controls, handle.transform
     axes = transform.axes if transform.along is not None else None
     return controls.instances, controls.level, controls.without_instances, transform.along, axes
+
+
+def _asked(handle: Handle, symmetry: SymmetryPlane | None) -> Hashable:
+    """What instances depend on."""
+    return handle.place, handle.controls.reach == "part", symmetry
 
 
 def _told_apart(handle: Handle) -> bool:

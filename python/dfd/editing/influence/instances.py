@@ -109,6 +109,7 @@ class InstanceFinder:
         position: Sequence[float],
         *,
         held: NDArray[np.integer] | None = None,
+        pieces: NDArray[np.integer] | None = None,
         planes: Sequence[SymmetryPlane] = (),
     ) -> tuple[Instance, ...]:
         """Find the instances of a handle.
@@ -122,6 +123,9 @@ class InstanceFinder:
         held
             (N,) all vertices of a handle that is a region: a connected piece of it is one instance, whatever peaks it
             has, and of several pieces each moves about its own center.
+        pieces
+            (V,) of a handle that holds a part, which connected piece of it each vertex is on, −1 beyond: each is one
+            instance, whatever peaks there are.
         planes
             Planes of symmetry of the shape, for frames.
 
@@ -131,8 +135,12 @@ class InstanceFinder:
         """
         x, y, z = (float(value) for value in position)
         of_node = np.maximum.reduceat(weights[self._nodes.members], self._nodes.starts)
-        basin, saddle = _basins(np.asarray(of_node, np.float64), self._nodes.graph)
-        centers = {} if held is None else self._join_held(held, of_node, basin, saddle)
+        centers: dict[int, Float64] = {}
+        if pieces is not None:
+            basin, saddle = self._of_pieces(pieces, of_node, vertex)
+        else:
+            basin, saddle = _basins(np.asarray(of_node, np.float64), self._nodes.graph)
+            centers = {} if held is None else self._join_held(held, of_node, basin, saddle)
         self._join_inside(of_node, basin, saddle)
         own = int(basin[self._nodes.of_vertex[vertex]])
         highest = {int(root): float(of_node[root]) for root in saddle}
@@ -175,6 +183,24 @@ class InstanceFinder:
             if ours * theirs < 0:
                 frame = plane.reflection[:3, :3] @ frame
         return peak, frame
+
+    def _of_pieces(
+        self, pieces: NDArray[np.integer], weights: Float64, vertex: int
+    ) -> tuple[NDArray[np.int64], dict[int, float]]:
+        """What `_basins` gives, with a peak for each of `pieces` (V,), whose upper half is all of it."""
+        nodes = self._nodes
+        of_node = pieces[nodes.members[nodes.starts]]
+        own = nodes.of_vertex[vertex]
+        if of_node[own] < 0 <= of_node.max(initial=-1):  # on its border
+            inside = np.flatnonzero(of_node >= 0)
+            of_node[own] = of_node[inside[np.linalg.norm(nodes.center[inside] - nodes.center[own], axis=1).argmin()]]
+        basin = np.full(len(of_node), -1)
+        peaks = []
+        for members in (np.flatnonzero(of_node == piece) for piece in range(int(of_node.max(initial=-1)) + 1)):
+            if len(members):
+                peaks.append(int(members[weights[members].argmax()]))
+                basin[members] = peaks[-1]
+        return basin, dict.fromkeys(peaks, -np.inf)
 
     def _join_held(
         self, held: NDArray[np.integer], weights: Float64, basin: NDArray[np.int64], saddle: dict[int, float]

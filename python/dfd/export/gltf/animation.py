@@ -6,17 +6,14 @@ As in the app, positions and scales are interpolated linearly and rotations sphe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float32, Float64
 from dfd.export.gltf.document import GltfDocument
 from dfd.export.joints import Local
-
-if TYPE_CHECKING:
-    from dfd.export.key_poses import KeyPose
-    from dfd.mesh.file.gltf.header import Header
+from dfd.export.key_poses import KeyPose
+from dfd.mesh.file.gltf.header import Header
 
 NAME = "dfd key poses"
 
@@ -38,7 +35,7 @@ def add_joint_animation(
 
 
 def add_weight_animation(
-    document: GltfDocument, nodes: Sequence[int], poses: Sequence[KeyPose], weights: NDArray[np.float64]
+    document: GltfDocument, nodes: Sequence[int], poses: Sequence[KeyPose], weights: Float64
 ) -> None:
     """Append an animation of the morph targets of `nodes`, with weights (poses, targets)."""
     animation: Header = {"name": NAME, "channels": [], "samplers": []}
@@ -52,7 +49,7 @@ def _times(document: GltfDocument, poses: Sequence[KeyPose]) -> int:
     return document.accessor(np.array([pose.seconds for pose in poses], "<f4"), bounds=True)
 
 
-def _add(document: GltfDocument, animation: Header, target: Header, times: int, values: NDArray[np.float32]) -> None:
+def _add(document: GltfDocument, animation: Header, target: Header, times: int, values: Float32) -> None:
     sampler = {"input": times, "interpolation": "LINEAR", "output": document.accessor(values)}
     animation["samplers"].append(sampler)
     animation["channels"].append({"sampler": len(animation["samplers"]) - 1, "target": target})

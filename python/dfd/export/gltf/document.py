@@ -7,37 +7,31 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.files import atomic_write
+from dfd.common.linear_algebra import Int64
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.gltf import glb
 from dfd.mesh.file.gltf import header as gltf_header
 from dfd.mesh.file.gltf import read as gltf_read
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import Header, objects
-from dfd.mesh.file.gltf.patch import GltfPatch, GltfSource
+from dfd.mesh.file.gltf.patch import FLOAT, LIMITS, GltfPatch, GltfSource
 from dfd.mesh.file.primitives import Primitive, UniqueNames
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.file.write import as_glb
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import Mesh
-
-FLOAT = 5126
-ARRAY_BUFFER = 34962
-_KINDS = {(): "SCALAR", (2,): "VEC2", (3,): "VEC3", (4,): "VEC4", (4, 4): "MAT4"}
-_COMPONENTS = {np.dtype("u1"): 5121, np.dtype("<u2"): 5123, np.dtype("<u4"): 5125, np.dtype("<f4"): FLOAT}
+from dfd.mesh.mesh import Mesh
 
 
-class GltfDocument:
-    """The header and the data of the file that is being written."""
+class GltfDocument(GltfPatch):
+    """The header, changed in place, and the data of the file that is being written."""
 
-    header: Header  # its JSON, changed in place
     scene: SceneFile  # the primitives that it displays, with their rows
-    vertex: NDArray[np.int64]  # (R,) the mesh's vertex that each row of the primitives is at, -1 where no face uses it
+    vertex: Int64  # (R,) the mesh's vertex that each row of the primitives is at, -1 where no face uses it
 
     def __init__(self, mesh: Mesh) -> None:
         """Copy the content of the mesh's file."""
@@ -50,13 +44,11 @@ class GltfDocument:
             instances = gltf_read.read(source.header, source.data, AssetFolder(Path("mesh.glb")))
             self.scene = SceneFile.of(None, instances, gltf=source)
             self.vertex = _rows_of(self.scene, mesh)
-        self._source = source
-        self._patch = GltfPatch(source)
+        super().__init__(source)
         self._own: dict[int, int] = {}
         self._unpacked: set[int] = set()
-        self.header = self._patch.header
 
-    def rows(self, primitive: Primitive) -> NDArray[np.int64]:
+    def rows(self, primitive: Primitive) -> Int64:
         """(rows,) the mesh's vertex that each row of a primitive is at, -1 where no face uses it."""
         return self.vertex[primitive.rows]
 
@@ -73,12 +65,12 @@ class GltfDocument:
             nodes = objects(self.header, "nodes")
             mesh = int(nodes[node]["mesh"])
             shared = sum(each.get("mesh") == mesh for each in nodes) > 1
-            self._own[node] = self._patch.own_mesh(node, mesh, shared=shared)
+            self._own[node] = self.split_mesh(node, mesh, shared=shared)
         content = objects(self.header, "meshes")[self._own[node]]
         for number, primitive in enumerate(content["primitives"]):
             if id(primitive) not in self._unpacked:
                 self._unpacked.add(id(primitive))
-                self._patch.unpack(primitive, moving=False)
+                self.unpack(primitive, moving=False)
                 self._bound(node, number, primitive)
         return content
 
@@ -86,10 +78,10 @@ class GltfDocument:
         """Add the bounds of positions, which the format requires, where the file has none or compressed them."""
         accessor = self.header["accessors"][int(primitive["attributes"]["POSITION"])]
         packed = "bufferView" not in self._source.header["accessors"][int(primitive["attributes"]["POSITION"])]
-        if accessor["componentType"] == FLOAT and (packed or not accessor.keys() >= _LIMITS.keys()):
+        if accessor["componentType"] == FLOAT and (packed or not accessor.keys() >= LIMITS.keys()):
             values = self.values(node, number, "POSITION")
             assert values is not None
-            accessor |= {name: limit(values.astype("<f4"), axis=0).tolist() for name, limit in _LIMITS.items()}
+            accessor |= {name: limit(values.astype("<f4"), axis=0).tolist() for name, limit in LIMITS.items()}
 
     def values(self, node: int, primitive: int, name: str) -> NDArray[Any] | None:
         """Return an attribute of a primitive of the file, (rows, components), None where it has none of that name."""
@@ -107,44 +99,17 @@ class GltfDocument:
         """Return the values of an accessor of the file."""
         return self._source.data.accessor(index)
 
-    def accessor(self, values: NDArray[Any], *, attribute: bool = False, bounds: bool = False) -> int:
-        """Append an array, one row an element, and return the number of its accessor.
-
-        `attribute` marks vertex attributes; `bounds` stores the smallest and largest values.
-        """
-        kind = _KINDS[values.shape[1:]]
-        stored = np.ascontiguousarray(values.swapaxes(1, 2) if kind == "MAT4" else values)
-        accessor: Header = {
-            "bufferView": self._patch.view(stored.tobytes()),
-            "componentType": _COMPONENTS[stored.dtype],
-            "count": len(stored),
-            "type": kind,
-        }
-        if attribute:
-            self.header["bufferViews"][accessor["bufferView"]]["target"] = ARRAY_BUFFER
-        if bounds:
-            accessor |= {name: np.atleast_1d(limit(stored, axis=0)).tolist() for name, limit in _LIMITS.items()}
-        return self.append("accessors", accessor)
-
     def zeros(self, count: int) -> int:
         """Append `count` vectors of three zeros, which take no room, and return the number of their accessor."""
         nothing = [0.0, 0.0, 0.0]
         accessor = {"componentType": FLOAT, "count": count, "type": "VEC3", "min": nothing, "max": nothing}
         return self.append("accessors", accessor)
 
-    def append(self, name: str, content: Header) -> int:
-        """Append an object to a list of the header and return its number."""
-        values: list[Header] = self.header.setdefault(name, [])
-        values.append(content)
-        return len(values) - 1
-
-    def encode(self, *, binary: bool) -> bytes:
-        """Return the file, as GLB or as glTF with embedded data."""
-        self._patch.store()
-        return self._patch.glb() if binary else self._patch.gltf()
-
-
-_LIMITS = {"min": np.min, "max": np.max}
+    def write(self, target: Path) -> None:
+        """Write the file, as GLB or as glTF with embedded data by its ending."""
+        data = self.encode(binary=target.suffix.lower() == ".glb")
+        with atomic_write(target) as temporary:
+            temporary.write_bytes(data)
 
 
 def _source_of(data: bytes) -> GltfSource:
@@ -154,7 +119,7 @@ def _source_of(data: bytes) -> GltfSource:
     return GltfSource(text, header, GltfData(header, embedded, AssetFolder(Path("mesh.glb"))))
 
 
-def _rows_of(written: SceneFile, mesh: Mesh) -> NDArray[np.int64]:
+def _rows_of(written: SceneFile, mesh: Mesh) -> Int64:
     """(R,) the mesh's vertex that each row of the `written` scene is at, which may have its parts in another order."""
     if mesh.scene is None:
         return np.arange(len(mesh.vertices))

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from dfd.common.files import atomic_write
 from dfd.export.gltf import animation, morph, skin
 from dfd.export.gltf.document import GltfDocument
 from dfd.export.report import RigReport, rig_report
+from dfd.export.rig import Rig
 from dfd.export.skinning import skin_of
-
-if TYPE_CHECKING:
-    from dfd.export.rig import Rig
 
 
 def export_gltf(rig: Rig, target: Path, form: str, most: int | None) -> RigReport:
@@ -22,9 +18,7 @@ def export_gltf(rig: Rig, target: Path, form: str, most: int | None) -> RigRepor
     """
     document = GltfDocument(rig.mesh)
     report = _skin(document, rig, target, most) if form == "skin" else _morph(document, rig, target)
-    data = document.encode(binary=target.suffix.lower() == ".glb")
-    with atomic_write(target) as temporary:
-        temporary.write_bytes(data)
+    document.write(target)
     return report
 
 
@@ -35,12 +29,8 @@ def _skin(document: GltfDocument, rig: Rig, target: Path, most: int | None) -> R
     skin.add_skin(document, rig, found.influences, found.binds, joints)
     if rig.poses:
         animation.add_joint_animation(document, joints, rig.poses, found.moments[1:])
-    notes = []
-    if left:
-        notes.append(
-            f"the file's own animations no longer move {', '.join(left)}; morph targets would leave them theirs"
-        )
-    return rig_report(rig, (target,), "skin", found.difference, found.influences, notes=notes)
+    note = f"the file's own animations no longer move {', '.join(left)}; morph targets would leave them theirs"
+    return rig_report(rig, (target,), "skin", found.difference, found.influences, notes=[note] if left else ())
 
 
 def _morph(document: GltfDocument, rig: Rig, target: Path) -> RigReport:

@@ -8,24 +8,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float64
 from dfd.editing.edit import Edit
 from dfd.export.gltf.document import GltfDocument
+from dfd.export.rig import Rig
 from dfd.export.skinning import Difference, differences
 from dfd.mesh.file import moved_normals
 from dfd.mesh.file.gltf.header import Header, objects
+from dfd.mesh.file.primitives import Primitive
 from dfd.posing.transforms import Transform
-
-if TYPE_CHECKING:
-    from dfd.export.rig import Rig
-    from dfd.mesh.file.primitives import Primitive
-
-Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,10 +51,8 @@ def targets_of(rig: Rig) -> MorphTargets:
     Raises ValueError if nothing is moved.
     """
     if rig.poses:
-        moments = list(rig.moments())
-        return MorphTargets(
-            [name for name, _ in moments], [rig.posed(edit) for _, edit in moments], np.eye(len(moments))
-        )
+        poses = list(rig.moments())
+        return MorphTargets([name for name, _ in poses], [rig.posed(edit) for _, edit in poses], np.eye(len(poses)))
     names: list[str] = []
     edits: list[tuple[int | None, Edit]] = []
     for joint in rig.joints:

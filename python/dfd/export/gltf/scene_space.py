@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float64
 from dfd.export.gltf.document import GltfDocument
 from dfd.mesh.file.gltf.header import MODES_READ, Header, objects, parents
 from dfd.mesh.file.gltf.read import triangles
 
 _TRANSFORM = ("matrix", "translation", "rotation", "scale")
-
-Float64 = NDArray[np.float64]
 
 
 def animated_nodes(header: Header) -> set[object]:

@@ -6,21 +6,17 @@ coordinates of the scene, since a skin ignores node transforms.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
-from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.export.gltf.document import GltfDocument
 from dfd.export.gltf.scene_space import animated_nodes, bring_to_scene, stand_alone
 from dfd.export.influences import Influences
 from dfd.export.joints import Local
+from dfd.export.rig import Rig
 from dfd.mesh.file.gltf.header import Header, objects, parents
-
-if TYPE_CHECKING:
-    from dfd.export.rig import Rig
-    from dfd.mesh.file.primitives import Primitive
-    from dfd.mesh.mesh import Mesh
+from dfd.mesh.file.primitives import Primitive
+from dfd.mesh.mesh import Mesh
 
 MOST_JOINTS = 65_535  # JOINTS_n has 16 bits
 SET = 4  # influences in each pair of attributes
@@ -68,9 +64,7 @@ def add_joints(document: GltfDocument, rig: Rig, locals_: list[Local]) -> list[i
     return numbers
 
 
-def add_skin(
-    document: GltfDocument, rig: Rig, influences: Influences, binds: NDArray[np.float32], joints: list[int]
-) -> None:
+def add_skin(document: GltfDocument, rig: Rig, influences: Influences, binds: Float32, joints: list[int]) -> None:
     """Bind all displayed nodes to the nodes `joints` with inverse binds (J, 4, 4)."""
     skin = document.append(
         "skins",
@@ -113,9 +107,7 @@ def weigh(
         attributes |= done[position]
 
 
-def _at(
-    influences: Influences, vertex: NDArray[np.int64], default: int
-) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+def _at(influences: Influences, vertex: Int64, default: int) -> tuple[Int64, Float32]:
     """Joints and weights of rows that are at vertices, -1 for none; in whole sets of four."""
     width = -(-influences.joints.shape[1] // SET) * SET
     joints = np.zeros((len(vertex), width), np.int64)
@@ -128,5 +120,5 @@ def _at(
     return joints, weights
 
 
-def _plain(values: NDArray[np.float64]) -> list[float]:
+def _plain(values: Float64) -> list[float]:
     return [float(value) for value in values]

@@ -10,14 +10,16 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from dfd.common.files import atomic_write
 from dfd.export.gltf.morph import MorphTargets, targets_of
 from dfd.export.report import RigReport, rig_report
+from dfd.export.rig import Rig
 from dfd.export.skinning import skin_of
+from dfd.mesh.mesh import MeshPart
 
 try:
     from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, UsdUtils, Vt
@@ -27,10 +29,6 @@ try:
     from dfd.export.usd.surfaces import Surfaces, read_surfaces
 except ImportError as missing:
     raise ValueError(f"export_rig: USD files need more packages ({missing.name}): pip install 'dfd[export]'") from None
-
-if TYPE_CHECKING:
-    from dfd.export.rig import Rig
-    from dfd.mesh.mesh import MeshPart
 
 
 def export_usd(rig: Rig, target: Path, form: str, most: int | None) -> RigReport:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
+from dfd.common.linear_algebra import Float32, Int32, UInt8
 from dfd.export.usd.surfaces import BASE, Picture, Surface, Surfaces
 from dfd.mesh.appearance import Appearance, Material, linear
 from dfd.mesh.file.images import as_png
-
-if TYPE_CHECKING:
-    from dfd.mesh.mesh import MeshPart
+from dfd.mesh.mesh import MeshPart
 
 _TYPES = {
     "r": Sdf.ValueTypeNames.Float,
@@ -33,9 +31,9 @@ class TextureFiles:
         self.files: dict[str, bytes] = {}
         self._stem = stem
         self._names: dict[tuple[int, bool], str] = {}
-        self._kept: list[NDArray[np.uint8]] = []  # kept alive, since arrays are recognized by their ids
+        self._kept: list[UInt8] = []  # kept alive, since arrays are recognized by their ids
 
-    def name(self, texels: NDArray[np.uint8], *, opaque: bool = False) -> str:
+    def name(self, texels: UInt8, *, opaque: bool = False) -> str:
         """The path, from the USD file, of a texture (rows, columns, 4), with its fourth channel unless `opaque`."""
         opaque = opaque or bool((texels[..., 3] == 255).all())
         key = (id(texels), opaque)
@@ -87,15 +85,13 @@ def bind_materials(
     binding.SetMaterialBindSubsetsFamilyType(UsdGeom.Tokens.partition)
 
 
-def _add_coordinates(mesh: UsdGeom.Mesh, name: str, coordinates: NDArray[np.float32]) -> None:
+def _add_coordinates(mesh: UsdGeom.Mesh, name: str, coordinates: Float32) -> None:
     primvars = UsdGeom.PrimvarsAPI(mesh)
     st = primvars.CreatePrimvar(name, Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying)
     st.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(coordinates, np.float32)))
 
 
-def _add_colors(
-    mesh: UsdGeom.Mesh, appearance: Appearance, rows: NDArray[np.int32], material: NDArray[np.int32]
-) -> None:
+def _add_colors(mesh: UsdGeom.Mesh, appearance: Appearance, rows: Int32, material: Int32) -> None:
     """Vertex colors times those of their materials, as corners show them."""
     assert appearance.colors is not None
     factors = np.array([_linear(each) for each in appearance.materials])[material]

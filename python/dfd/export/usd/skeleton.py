@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Gf, Tf, Usd, UsdSkel, Vt
 
+from dfd.common.linear_algebra import Int64
+from dfd.export.influences import Influences
 from dfd.export.joints import Local
+from dfd.export.rig import Rig
 from dfd.mesh.file.primitives import UniqueNames
-
-if TYPE_CHECKING:
-    from dfd.export.influences import Influences
-    from dfd.export.rig import Rig
 
 RATE = 24.0  # time codes in a second
 Moment = Usd.TimeCode
-
-Float64 = NDArray[np.float64]
 
 
 def identifiers(names: Sequence[str]) -> list[str]:
@@ -63,7 +59,7 @@ def add_animation(
     return animation
 
 
-def bind_mesh(mesh: Any, skeleton: Any, influences: Influences, vertices: NDArray[np.int64]) -> None:
+def bind_mesh(mesh: Any, skeleton: Any, influences: Influences, vertices: Int64) -> None:
     """Bind the points of a mesh, which are `vertices` (N,), to a skeleton."""
     binding = UsdSkel.BindingAPI.Apply(mesh.GetPrim())
     binding.CreateSkeletonRel().SetTargets([skeleton.GetPath()])

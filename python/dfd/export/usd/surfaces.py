@@ -7,21 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float32, Float64, UInt8
 from dfd.mesh.appearance import Wrap
+from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import Header, extension, item
 from dfd.mesh.file.gltf.materials import GltfMaterials, coordinates
 from dfd.mesh.file.gltf.read import from_below
 from dfd.mesh.file.images import ImageCache
-
-if TYPE_CHECKING:
-    from dfd.mesh.file.gltf.data import GltfData
-    from dfd.mesh.file.primitives import Primitive
-    from dfd.mesh.mesh import Mesh
+from dfd.mesh.file.primitives import Primitive
+from dfd.mesh.mesh import Mesh
 
 BASE = "st"  # the primvar with the texture coordinates of the base color
 
@@ -30,7 +28,7 @@ BASE = "st"  # the primvar with the texture coordinates of the base color
 class Picture:
     """A texture."""
 
-    texels: NDArray[np.uint8]  # (rows, columns, 4) RGBA, the first row on top
+    texels: UInt8  # (rows, columns, 4) RGBA, the first row on top
     wrap: tuple[Wrap, Wrap]  # addressing outside [0, 1] along u and v
     coordinates: str  # the primvar with its texture coordinates
 
@@ -65,7 +63,7 @@ class Surfaces:
 
     of_material: tuple[Surface, ...]  # one for each material of the mesh's appearance
     # (R, 2) texture coordinates, v upwards, of the rows of the appearance, by the names of primvars
-    coordinates: dict[str, NDArray[np.float32]]
+    coordinates: dict[str, Float32]
     notes: tuple[str, ...]  # sentences about what USD cannot store
 
 
@@ -96,7 +94,7 @@ class _Reader:
     def __init__(self, header: Header, data: GltfData, rows: int) -> None:
         self.unreadable: set[str] = set()
         self.scaled: list[str] = []
-        self.coordinates: dict[str, NDArray[np.float32]] = {}
+        self.coordinates: dict[str, Float32] = {}
         self._header, self._data, self._rows = header, data, rows
         self._materials = GltfMaterials(header, data, ImageCache(), self.unreadable)
         self._names: dict[tuple[int, bytes], str] = {}
@@ -152,7 +150,7 @@ class _Reader:
                 rows[each.rows] = np.where(np.isfinite(uv), uv, 0.0).clip(-1e6, 1e6)
         return Picture(texels, wrap, name)
 
-    def _coordinates(self, primitive: Primitive, reference: Any) -> NDArray[np.float64] | None:
+    def _coordinates(self, primitive: Primitive, reference: Any) -> Float64 | None:
         """(rows, 2) texture coordinates of the rows of a primitive; None where the file has none."""
         number, transform = coordinates(reference)
         found = self._data.attribute(self._primitive(primitive), f"TEXCOORD_{number}")

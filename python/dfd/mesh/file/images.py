@@ -9,7 +9,8 @@ import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from dfd.common.linear_algebra import UInt8
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -28,7 +29,7 @@ class ImageCache:
     def __init__(self) -> None:
         self._opened: dict[str, Image.Image] = {}
         self._data: dict[int, bytes] = {}  # what each opened picture was made from, by its id
-        self._texels: dict[int, NDArray[np.uint8]] = {}
+        self._texels: dict[int, UInt8] = {}
         self._left = MOST_TEXELS
 
     def open(self, data: bytes) -> Image.Image:
@@ -43,7 +44,7 @@ class ImageCache:
             self._data[id(image)] = data
         return self._opened[key]
 
-    def texels(self, image: Image.Image) -> NDArray[np.uint8]:
+    def texels(self, image: Image.Image) -> UInt8:
         """Return a picture that `open` gave as RGBA (rows, columns, 4), the first row on top.
 
         Raises ValueError if it cannot be decoded, or is larger than what is left of the budget.
@@ -57,7 +58,7 @@ class ImageCache:
     def _spend(self, width: int, height: int) -> None:
         if width * height > self._left:
             raise ValueError(
-                f"a picture of {width} × {height} texels is more than what is left of the {MOST_TEXELS} of a file"
+                f"a picture of {width} × {height} texels exceeds what is left of the {MOST_TEXELS} of a file"
             )
         self._left -= width * height
 
@@ -80,7 +81,7 @@ class ImageCache:
         return image
 
 
-def as_image(texels: NDArray[np.uint8], *, opaque: bool = False) -> Image.Image:
+def as_image(texels: UInt8, *, opaque: bool = False) -> Image.Image:
     """Return RGBA texels (rows, columns, 4) as an image, without alpha where all is opaque or `opaque` is set."""
     from PIL import Image
 
@@ -88,7 +89,7 @@ def as_image(texels: NDArray[np.uint8], *, opaque: bool = False) -> Image.Image:
     return Image.fromarray(np.ascontiguousarray(texels[..., :3]) if opaque else texels)
 
 
-def as_png(texels: NDArray[np.uint8], *, opaque: bool = False) -> bytes:
+def as_png(texels: UInt8, *, opaque: bool = False) -> bytes:
     """Return `as_image` as a PNG file."""
     stream = io.BytesIO()
     as_image(texels, opaque=opaque).save(stream, "PNG")
@@ -118,7 +119,7 @@ def _verified(data: bytes) -> Image.Image:
         raise ValueError(f"it is not a picture that can be read ({type(error).__name__})") from error
 
 
-def _decoded(data: bytes) -> NDArray[np.uint8]:
+def _decoded(data: bytes) -> UInt8:
     from PIL import Image
 
     try:

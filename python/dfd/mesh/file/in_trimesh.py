@@ -7,10 +7,10 @@ from typing import Any, Literal, cast
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
+from dfd.common.linear_algebra import Float32, Float64, UInt8
 from dfd.mesh.appearance import Material, linear, srgb
 from dfd.mesh.file.images import MOST_TEXELS, as_image
 from dfd.mesh.file.materials import rgba
@@ -48,12 +48,7 @@ def from_trimesh(mesh: trimesh.Trimesh, materials: dict[int, Material]) -> Geome
 
 
 def to_trimesh(
-    geometry: Geometry,
-    vertices: NDArray[np.float64],
-    normals: NDArray[np.float64] | None,
-    *,
-    gltf: bool,
-    written: dict[tuple[int, bool], Any],
+    geometry: Geometry, vertices: Float64, normals: Float64 | None, *, gltf: bool, written: dict[tuple[int, bool], Any]
 ) -> trimesh.Trimesh:
     """Return a geometry with other vertices and normals; for `gltf` its colors are linear.
 
@@ -85,7 +80,7 @@ def is_default_material(material: Any) -> bool:
     return isinstance(material, SimpleMaterial) and image is not None and image.size == (2, 2) and image.format is None
 
 
-def _bytes(colors: NDArray[np.float32], gltf: bool) -> NDArray[np.uint8]:
+def _bytes(colors: Float32, gltf: bool) -> UInt8:
     stored = np.array(colors, np.float64)
     if gltf:
         stored[:, :3] = linear(colors[:, :3])
@@ -112,7 +107,7 @@ def _material(source: Any) -> Material:
     return Material(name=name, is_default=True)
 
 
-def _texels(image: Any) -> NDArray[np.uint8] | None:
+def _texels(image: Any) -> UInt8 | None:
     """Return a picture that trimesh opened as RGBA (rows, columns, 4), None for one that is too large."""
     if image is None or image.size[0] * image.size[1] > MOST_TEXELS:
         return None

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float32, Float64, Int32
 from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.file.primitives import Primitive
 
@@ -17,8 +18,8 @@ _DEFAULT = Material(is_default=True)
 
 def read_appearance(
     primitives: Sequence[Primitive],
-    vertex: NDArray[np.int32],  # (R,) the vertex each row is at
-    corner_faces: NDArray[np.int32],  # (F, 3)
+    vertex: Int32,  # (R,) the vertex each row is at
+    corner_faces: Int32,  # (F, 3)
 ) -> Appearance | None:
     """Return the appearance of the primitives, None where the file does not define any."""
     numbers: dict[tuple[int, bool], int] = {}  # from a material, and whether colors come with it, to our number
@@ -34,8 +35,8 @@ def read_appearance(
         return None
     of_primitive = [numbers[id(each.geometry.material or _DEFAULT), _has_colors(each)] for each in primitives]
     face_counts = [each.faces.stop - each.faces.start for each in primitives]
-    uv: NDArray[np.float32] | None = None
-    colors: NDArray[np.float32] | None = None
+    uv: Float32 | None = None
+    colors: Float32 | None = None
     if any(each.texture is not None for each in known) and any(each.geometry.uv is not None for each in primitives):
         uv = np.concatenate([_or_fill(_clipped(each.geometry.uv), each, 0.0, 2) for each in primitives])
     if any(each.geometry.face_colors is not None for each in primitives):  # corners are rows of their own
@@ -62,7 +63,7 @@ def read_appearance(
     )
 
 
-def rgba(values: NDArray[Any]) -> NDArray[np.float32]:
+def rgba(values: NDArray[Any]) -> Float32:
     """Return colors (N, 3 or 4), bytes and other whole numbers by their largest, as RGBA (N, 4) in [0, 1]."""
     scale = np.iinfo(values.dtype).max if values.dtype.kind in "iu" else 1
     result = np.ones((len(values), 4), np.float32)
@@ -74,9 +75,9 @@ def _has_colors(each: Primitive) -> bool:
     return each.geometry.colors is not None or each.geometry.face_colors is not None
 
 
-def _clipped(uv: NDArray[np.float64] | None) -> NDArray[np.float32] | None:
+def _clipped(uv: Float64 | None) -> Float32 | None:
     return None if uv is None else np.where(np.isfinite(uv), uv, 0).clip(-1e6, 1e6).astype(np.float32)
 
 
-def _or_fill(values: NDArray[np.float32] | None, each: Primitive, missing: float, width: int) -> NDArray[np.float32]:
+def _or_fill(values: Float32 | None, each: Primitive, missing: float, width: int) -> Float32:
     return np.full((len(each.geometry.vertices), width), missing, np.float32) if values is None else values

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.mesh.file.scene_file import SceneFile
 from dfd.mesh.weld import weld
 
 
 def follow(
-    vertices: NDArray[np.float64],  # (V, 3) after
-    before: NDArray[np.float64],  # (V, 3)
-    changed: NDArray[np.bool_],  # (V,)
+    vertices: Float64,  # (V, 3) after
+    before: Float64,  # (V, 3)
+    changed: Bool,  # (V,)
     scene: SceneFile,
-) -> list[NDArray[np.float64] | None]:
+) -> list[Float64 | None]:
     """Return each primitive's normals in its own coordinates, None for one whose file had none.
 
     Rows that share position and normal are one smooth surface, whatever seams the texture has there: they
@@ -42,7 +42,7 @@ def follow(
     inward = np.einsum("ij,ij->i", _sums(before, scene, faces, len(first)), placed[first]) < 0
     new[inward] *= -1
     stale &= np.linalg.norm(new, axis=1) > 0
-    result: list[NDArray[np.float64] | None] = []
+    result: list[Float64 | None] = []
     for each, normals in zip(scene.primitives, own, strict=True):
         if normals is not None:
             here = group[each.rows]
@@ -53,7 +53,7 @@ def follow(
     return result
 
 
-def _sums(vertices: NDArray[np.float64], scene: SceneFile, faces: NDArray[np.int64], count: int) -> NDArray[np.float64]:
+def _sums(vertices: Float64, scene: SceneFile, faces: Int64, count: int) -> Float64:
     """Return for each group of rows the sum (count, 3) of its faces' normals times twice their areas."""
     corners = vertices[scene.vertex[scene.corner_faces]]
     crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -6,21 +6,20 @@ Ear clipping: Meisters, "Polygons Have Ears", 1975, by mapbox-earcut.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from dfd.common.linear_algebra import Float64, Int64
 
 _REFLEX = 1e-6  # of the polygon's size; corners less reflex than this count as straight
 
 
-def check_corners(corners: NDArray[np.int64], count: int) -> None:
+def check_corners(corners: Int64, count: int) -> None:
     """Refuse corners of faces that are none of `count` vertices."""
     wrong = corners[(corners < 0) | (corners >= count)]
     if len(wrong):
         raise ValueError(f"a face names vertex {wrong[0]}, but there are {count}")
 
 
-def triangulate(
-    positions: NDArray[np.float64], corners: NDArray[np.int64], sizes: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def triangulate(positions: Float64, corners: Int64, sizes: Int64) -> Int64:
     """Return the triangles (F, 3) of polygons as numbers of corners, in the polygons' order: size - 2 for each.
 
     `positions` (N, 3) are the vertices, `corners` (C,) the vertex of each corner, one polygon after the other, and
@@ -43,15 +42,13 @@ def triangulate(
     return triangles
 
 
-def ranges(starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> NDArray[np.int64]:
+def ranges(starts: Int64, lengths: Int64) -> Int64:
     """Return the concatenated ranges of `lengths` whole numbers from `starts`."""
     before = np.cumsum(lengths) - lengths
     return np.repeat(starts - before, lengths) + np.arange(int(lengths.sum()))
 
 
-def _concave(
-    positions: NDArray[np.float64], corners: NDArray[np.int64], sizes: NDArray[np.int64], first: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def _concave(positions: Float64, corners: Int64, sizes: Int64, first: Int64) -> Int64:
     """Return the polygons of more than three corners of which some corner turns the other way."""
     large = np.flatnonzero(sizes > 3)
     here = ranges(first[large], sizes[large])
@@ -72,7 +69,7 @@ def _concave(
     return large[np.unique(polygon[back])]
 
 
-def _ears(points: NDArray[np.float64]) -> NDArray[np.int64] | None:
+def _ears(points: Float64) -> Int64 | None:
     """Return the triangles (size - 2, 3) of a polygon (size, 3), None where it crosses itself or has no area."""
     import mapbox_earcut
 
@@ -81,7 +78,7 @@ def _ears(points: NDArray[np.float64]) -> NDArray[np.int64] | None:
     axis = int(np.abs(normal).argmax())
     flat = np.delete(points - points[0], axis, axis=1)
     ears = mapbox_earcut.triangulate_float64(np.ascontiguousarray(flat), np.array([len(points)], np.uint32))
-    triangles: NDArray[np.int64] = ears.reshape(-1, 3).astype(np.int64)
+    triangles: Int64 = ears.reshape(-1, 3).astype(np.int64)
     if len(triangles) != len(points) - 2:
         return None
     a, b, c = (points[triangles[:, corner]] for corner in range(3))

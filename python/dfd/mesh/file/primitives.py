@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.errors import ArgumentError
-from dfd.common.linear_algebra import unit
+from dfd.common.linear_algebra import Float32, Float64, Int64, unit
 from dfd.mesh.appearance import Material
 from dfd.mesh.file.assets import shortened
 
@@ -22,7 +22,6 @@ MOST_ROWS = 10**8  # vertices or faces in a scene: a file of a few kilobytes can
 MOST_PRIMITIVES = 20_000  # of a glTF file that are shown: more take seconds to read
 MOST_INSTANCES = 100_000  # primitives that the scene of a glTF file places
 
-Float64 = NDArray[np.float64]
 IDENTITY = np.eye(4)  # the shared default transform, recognized without comparing values
 IDENTITY.setflags(write=False)
 
@@ -32,11 +31,11 @@ class Geometry:
     """Triangles of one material, in their own coordinates."""
 
     vertices: Float64  # (N, 3)
-    faces: NDArray[np.int64]  # (F, 3)
+    faces: Int64  # (F, 3)
     normals: Float64 | None = None  # (N, 3) the file's own
     uv: Float64 | None = None  # (N, 2) texture coordinates, v upwards
-    colors: NDArray[np.float32] | None = None  # (N, 4) display-referred RGBA in [0, 1]
-    face_colors: NDArray[np.float32] | None = None  # (F, 4), in place of those of the vertices
+    colors: Float32 | None = None  # (N, 4) display-referred RGBA in [0, 1]
+    face_colors: Float32 | None = None  # (F, 4), in place of those of the vertices
     material: Material | None = None
     attributes: dict[str, NDArray[Any]] = field(default_factory=dict)  # further vertex attributes of the file
     stored: Float64 | None = None  # (N, 3) the file's positions, where morph targets move them to `vertices`
@@ -137,9 +136,7 @@ def place(instances: Sequence[MeshInstance]) -> tuple[tuple[Primitive, ...], Flo
             _check(each.name, geometry)
             checked.add(id(geometry))
         if each.transform is not IDENTITY and not np.isfinite(each.transform).all():
-            raise ArgumentError(
-                "path", f"must place its parts by finite transforms, got {shortened(each.part)} without"
-            )
+            raise ArgumentError("path", f"must place parts by finite transforms, got {shortened(each.part)} without")
         rows = slice(row_count, row_count + len(geometry.vertices))
         faces = slice(face_count, face_count + size)
         row_count, face_count = rows.stop, faces.stop

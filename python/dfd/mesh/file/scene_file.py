@@ -5,20 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float64, Int32, Int64
 from dfd.mesh.appearance import Appearance
+from dfd.mesh.file.gltf.patch import GltfSource
 from dfd.mesh.file.materials import read_appearance
 from dfd.mesh.file.obj.read import ObjSource
 from dfd.mesh.file.primitives import MeshInstance, Primitive, place, require_finite
 from dfd.mesh.weld import weld
-
-if TYPE_CHECKING:
-    from dfd.mesh.file.gltf.patch import GltfSource
 
 
 @dataclass(frozen=True)
@@ -31,21 +28,21 @@ class SceneFile:
 
     path: Path | None
     primitives: tuple[Primitive, ...]
-    corner_faces: NDArray[np.int32]  # (F, 3) corners as row numbers
-    vertices: NDArray[np.float64]  # (V, 3) positions in the scene
-    representative: NDArray[np.int32]  # (V,) the first vertex at each one's position
-    vertex: NDArray[np.int32]  # (R,) the vertex that stands for each row, -1 where the mesh has none
+    corner_faces: Int32  # (F, 3) corners as row numbers
+    vertices: Float64  # (V, 3) positions in the scene
+    representative: Int32  # (V,) the first vertex at each one's position
+    vertex: Int32  # (R,) the vertex that stands for each row, -1 where the mesh has none
     appearance: Appearance | None  # what colors the faces; None where nothing is known
     at_rest: bool = True  # whether skins and default morph weights are applied
     gltf: GltfSource | None = None  # the source glTF file
     obj: ObjSource | None = None  # the source OBJ file
 
-    def local_faces(self, primitive: Primitive) -> NDArray[np.int32]:
+    def local_faces(self, primitive: Primitive) -> Int32:
         """Return the faces (F, 3) of a primitive as its own rows, wound as the scene shows them."""
         return self.corner_faces[primitive.faces] - np.int32(primitive.rows.start)
 
     @property
-    def faces(self) -> NDArray[np.int32]:
+    def faces(self) -> Int32:
         """(F, 3) corners as vertices of the mesh."""
         return self.vertex[self.corner_faces]
 
@@ -55,8 +52,8 @@ class SceneFile:
         path: Path | None,
         instances: Sequence[MeshInstance],
         *,
-        own_vertices: NDArray[np.float64] | None = None,
-        own_numbers: NDArray[np.int64] | None = None,
+        own_vertices: Float64 | None = None,
+        own_numbers: Int64 | None = None,
         gltf: GltfSource | None = None,
         obj: ObjSource | None = None,
         at_rest: bool = True,
@@ -70,7 +67,7 @@ class SceneFile:
         Raises ArgumentError if there are no faces or fewer than three distinct vertices, or something is not finite.
         """
         primitives, positions = place(instances)
-        local: dict[tuple[int, bool], NDArray[np.int32]] = {}
+        local: dict[tuple[int, bool], Int32] = {}
         numbered = []
         mirrored: dict[int, bool] = {}  # by the ids of transforms, of which many primitives share the identity
         for each in primitives:
@@ -99,9 +96,7 @@ class SceneFile:
         return cls(path, primitives, corner_faces, vertices, representative, vertex, appearance, at_rest, gltf, obj)
 
 
-def _weld_used(
-    positions: NDArray[np.float64], corner_faces: NDArray[np.int32]
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def _weld_used(positions: Float64, corner_faces: Int32) -> tuple[Float64, Int32]:
     """Return the distinct positions (V, 3) that faces use and the vertex (R,) of each row, -1 where none uses it."""
     first, vertex = weld(positions)
     used = np.zeros(len(first), bool)

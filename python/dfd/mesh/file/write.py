@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dfd.common.files import atomic_write
+from dfd.common.linear_algebra import Bool, Float64, Int32
 from dfd.mesh.appearance import Appearance, Material
 from dfd.mesh.file import moved_normals
 from dfd.mesh.file.gltf import patch as gltf_patch
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 def write(
     path: str | os.PathLike[str],
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.int32],
+    vertices: Float64,
+    faces: Int32,
     *,
     appearance: Appearance | None = None,
     scene: SceneFile | None = None,
@@ -45,9 +45,7 @@ def write(
     if ending not in ENDINGS:
         raise ValueError(f"Mesh.save: `path` must end in {', '.join(ENDINGS)}, got {target}")
     if ending not in (".obj", ".off") and np.abs(vertices).max() > np.finfo(np.float32).max:
-        raise ValueError(
-            f"Mesh.save: `vertices` must fit in 32-bit floats for a {ending} file; .obj and .off have more"
-        )
+        raise ValueError(f"Mesh.save: `vertices` must fit in 32-bit floats for a {ending} file; .obj, .off have more")
     if scene is not None:  # all vertices at one position move with the first of them
         vertices = vertices[scene.representative]
     files: dict[str, bytes]
@@ -66,7 +64,7 @@ def write(
     _write(target, files)
 
 
-def as_glb(vertices: NDArray[np.float64], faces: NDArray[np.int32], scene: SceneFile | None) -> bytes:
+def as_glb(vertices: Float64, faces: Int32, scene: SceneFile | None) -> bytes:
     """Return the GLB file of a mesh at rest whose `scene` is that of no glTF file.
 
     Each primitive is a node with a mesh of its own: in the order of the scene's, by the names that `UniqueNames` makes
@@ -93,13 +91,13 @@ def _write(target: Path, files: dict[str, bytes]) -> None:
         raise first from first.__cause__
 
 
-def _bare(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> trimesh.Trimesh:
+def _bare(vertices: Float64, faces: Int32) -> trimesh.Trimesh:
     import trimesh
 
     return trimesh.Trimesh(vertices, faces, process=False)
 
 
-def _encode_bare(target: Path, vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> dict[str, bytes]:
+def _encode_bare(target: Path, vertices: Float64, faces: Int32) -> dict[str, bytes]:
     """A mesh without a scene: one part, with smooth normals in formats that would display it faceted."""
     ending = target.suffix.lower()
     if ending == ".obj":
@@ -115,11 +113,7 @@ def _encode_bare(target: Path, vertices: NDArray[np.float64], faces: NDArray[np.
 
 
 def _encode_scene(
-    target: Path,
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.int32],
-    appearance: Appearance | None,
-    scene: SceneFile,
+    target: Path, vertices: Float64, faces: Int32, appearance: Appearance | None, scene: SceneFile
 ) -> dict[str, bytes]:
     changed = (vertices != scene.vertices).any(axis=1)
     normals = moved_normals.follow(vertices, scene.vertices, changed, scene)
@@ -146,11 +140,7 @@ def _encode_gltf(target: Path, scene: trimesh.Scene) -> dict[str, bytes]:
 
 
 def _encode_ply(
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.int32],
-    appearance: Appearance | None,
-    scene: SceneFile,
-    moved: Sequence[MovedPrimitive],
+    vertices: Float64, faces: Int32, appearance: Appearance | None, scene: SceneFile, moved: Sequence[MovedPrimitive]
 ) -> bytes:
     """One part is kept as it is; several parts, and textures, which PLY cannot store, become vertex colors."""
     from trimesh.exchange.ply import export_ply
@@ -176,10 +166,7 @@ def _encode_ply(
 
 
 def _move(
-    vertices: NDArray[np.float64],
-    changed: NDArray[np.bool_],
-    normals: Sequence[NDArray[np.float64] | None],
-    scene: SceneFile,
+    vertices: Float64, changed: Bool, normals: Sequence[Float64 | None], scene: SceneFile
 ) -> list[MovedPrimitive]:
     """Convert positions to each primitive's coordinates; unmoved ones are kept bit for bit."""
     result = []

@@ -3,7 +3,8 @@ import { render } from "preact";
 import { ask, start as connect, drop } from "./actions/connection";
 import { listen } from "./actions/keyboard";
 import { receive } from "./actions/receive";
-import { followSimilar } from "./actions/similar";
+import { followPosed } from "./actions/edit";
+import { followAxis, followSimilar } from "./actions/similar";
 import { App } from "./panels/app";
 import { posePoint } from "./posing/columns";
 import { store, type Theme } from "./store/state";
@@ -12,6 +13,7 @@ import { Viewer } from "./viewer/viewer";
 
 const THEME_KEY = "dfd-theme";
 const QUALITY_KEY = "dfd-quality";
+const MORE_KEY = "dfd-more";
 
 function element(tag: "div" | "canvas" | "p", name: string): HTMLElement {
   return Object.assign(document.createElement(tag), { className: name });
@@ -37,7 +39,9 @@ function start(): void {
     theme: saved === "light" || saved === "dark" ? saved : "system",
     quality: localStorage.getItem(QUALITY_KEY) === "full" ? "full" : "auto",
     inspector: innerWidth >= 720,
+    more: localStorage.getItem(MORE_KEY) === "true",
   });
+  store.on("more", (more) => localStorage.setItem(MORE_KEY, String(more)));
   store.on("quality", (quality) => localStorage.setItem(QUALITY_KEY, quality));
 
   let viewer: Viewer;
@@ -54,6 +58,8 @@ function start(): void {
   render(<App viewer={viewer} />, panels);
   listen();
   followSimilar();
+  followAxis();
+  followPosed();
   connect(receive);
   // What tests ask the page by.
   if (new URLSearchParams(location.search).has("test")) {

@@ -208,12 +208,12 @@ class GltfData:
         data = self.view(index)
         start = int(accessor.get("byteOffset", 0))
         stride = int(self._header["bufferViews"][index].get("byteStride", 0)) or dtype.itemsize * width
-        if start + max(count - 1, 0) * stride + dtype.itemsize * width > len(data) and count:
+        if not count:
+            return np.zeros((0, width))
+        if start + (count - 1) * stride + dtype.itemsize * width > len(data):
             raise ValueError(f"bufferView {index} ends at byte {len(data)}, before an accessor of it does")
         # the last row may end where the view does, before a whole stride
-        return (
-            np.ndarray((count, width), dtype, data, start, (stride, dtype.itemsize)) if count else np.zeros((0, width))
-        )
+        return np.ndarray((count, width), dtype, data, start, (stride, dtype.itemsize))
 
     def _replaced(self, values: NDArray[Any], sparse: Any, what: str) -> NDArray[Any]:
         """Put the items of a sparse accessor into those that it changes."""
@@ -243,10 +243,7 @@ class GltfData:
 
 
 def data_uri(uri: str) -> bytes:
-    """Return what a data URI holds.
-
-    Raises ValueError if it is not in base 64.
-    """
+    """Return what a data URI holds; ValueError if it is not in base 64."""
     head, _, body = uri.partition(",")
     if not head.endswith(";base64"):
         raise ValueError(f"{shortened(uri)} is not in base 64")

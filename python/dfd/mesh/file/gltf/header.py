@@ -125,9 +125,7 @@ def _check_extensions(header: Header) -> None:
         library = _LIBRARIES.get(name)
         if library is not None:
             if importlib.util.find_spec(library) is None:
-                raise ValueError(
-                    f"it is compressed with {name}, which needs `pip install dfd[gltf]` ({library}) to be read"
-                )
+                raise ValueError(f"it is compressed with {name}, which needs `pip install dfd[gltf]` ({library})")
         elif not name.startswith(_HARMLESS):
             raise ValueError(f"it requires the extension {shortened(name)}, which cannot be read")
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any, Literal, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float64, UInt8
 from dfd.mesh.appearance import Material, Wrap, srgb
 from dfd.mesh.file.assets import shortened
 from dfd.mesh.file.gltf.data import GltfData
@@ -25,7 +25,7 @@ class Surface:
 
     material: Material
     uv_set: int = 0  # number of the attribute TEXCOORD_n
-    uv_transform: NDArray[np.float64] | None = None  # (2, 3) of KHR_texture_transform, on coordinates from the top
+    uv_transform: Float64 | None = None  # (2, 3) of KHR_texture_transform, on coordinates from the top
 
 
 class GltfMaterials:
@@ -56,7 +56,7 @@ class GltfMaterials:
         color = _numbers(factor, 4, 1.0)
         name = str(content.get("name", ""))
         material = Material(name=name, is_default=True)
-        texels: NDArray[np.uint8] | None = None
+        texels: UInt8 | None = None
         wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
         if reference is not None:
             texels, wrap = self.texture(reference, name)
@@ -73,7 +73,7 @@ class GltfMaterials:
             )
         return Surface(material, *coordinates(reference))
 
-    def texture(self, reference: Any, name: str) -> tuple[NDArray[np.uint8] | None, tuple[Wrap, Wrap]]:
+    def texture(self, reference: Any, name: str) -> tuple[UInt8 | None, tuple[Wrap, Wrap]]:
         """Return the texels and wrap modes of a texture; None where it cannot be read."""
         texture = item(self._header, "textures", reference.get("index")) if isinstance(reference, dict) else None
         failed = [f"the texture of material {shortened(name)}"]
@@ -105,7 +105,7 @@ class GltfMaterials:
         )
 
 
-def coordinates(reference: Any) -> tuple[int, NDArray[np.float64] | None]:
+def coordinates(reference: Any) -> tuple[int, Float64 | None]:
     """Return the number of a texture's coordinate set, and its KHR_texture_transform as a matrix (2, 3)."""
     if not isinstance(reference, dict):
         return 0, None

@@ -16,13 +16,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float64
 from dfd.mesh.file.gltf import glb
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import COMPONENT_TYPES, DRACO, MESHOPT, Header, extension, is_index, objects
 from dfd.mesh.file.images import ImageCache
 from dfd.mesh.file.primitives import MovedPrimitive
 
-_FLOAT, _UNSIGNED = 5126, 5125
+FLOAT, _UNSIGNED, _ARRAY_BUFFER = 5126, 5125, 34962
+LIMITS = {"min": np.min, "max": np.max}
+_KINDS = {(): "SCALAR", (2,): "VEC2", (3,): "VEC3", (4,): "VEC4", (4, 4): "MAT4"}
+_NUMBERS = {np.dtype(kind): number for number, kind in COMPONENT_TYPES.items()}
 
 
 @dataclass(frozen=True)
@@ -48,11 +52,10 @@ def encode(source: GltfSource, moved: Sequence[MovedPrimitive], *, binary: bool)
             continue
         node, mesh, primitive = each.primitive.source
         if node not in meshes:
-            meshes[node] = patch.own_mesh(node, mesh, shared=users[mesh] > 1)
+            meshes[node] = patch.split_mesh(node, mesh, shared=users[mesh] > 1)
             users[mesh] -= 1
         patch.move(node, patch.header["meshes"][meshes[node]]["primitives"][primitive], each)
-    patch.store()
-    return patch.glb() if binary else patch.gltf()
+    return patch.encode(binary=binary)
 
 
 class GltfPatch:
@@ -66,7 +69,7 @@ class GltfPatch:
         self._take_buffers()
         self._take_pictures()
         # primitives may share an accessor: rows that one of them moves are moved for all of the node's
-        self._rows: dict[tuple[int, str, int], NDArray[np.float64]] = {}
+        self._rows: dict[tuple[int, str, int], Float64] = {}
         self._uses: dict[tuple[int, str, int], list[dict[str, Any]]] = {}
 
     def _take_buffers(self) -> None:
@@ -86,10 +89,10 @@ class GltfPatch:
             else:
                 moved_to[index] = (0, self._append(data))
         for view in self.header.get("bufferViews", []):
-            for place in (view, *(found for name in MESHOPT if (found := extension(view, name)) is not None)):
-                place["buffer"], start = moved_to[int(place["buffer"])]
-                if start or "byteOffset" in place:
-                    place["byteOffset"] = int(place.get("byteOffset", 0)) + start
+            for owner in (view, *(found for name in MESHOPT if (found := extension(view, name)) is not None)):
+                owner["buffer"], start = moved_to[int(owner["buffer"])]
+                if start or "byteOffset" in owner:
+                    owner["byteOffset"] = int(owner.get("byteOffset", 0)) + start
 
     def _take_pictures(self) -> None:
         pictures = ImageCache()
@@ -107,13 +110,12 @@ class GltfPatch:
             del image["uri"]
             image.setdefault("mimeType", f"image/{(kind or 'ktx2').lower()}")
 
-    def own_mesh(self, node: int, mesh: int, shared: bool) -> int:
+    def split_mesh(self, node: int, mesh: int, *, shared: bool) -> int:
         """Return the mesh of a node, copied where other nodes use the same one."""
-        if not shared:
-            return mesh
-        self.header["meshes"].append(json.loads(json.dumps(self._source.header["meshes"][mesh])))
-        self.header["nodes"][node]["mesh"] = len(self.header["meshes"]) - 1
-        return len(self.header["meshes"]) - 1
+        if shared:
+            mesh = self.append("meshes", json.loads(json.dumps(self._source.header["meshes"][mesh])))
+            self.header["nodes"][node]["mesh"] = mesh
+        return mesh
 
     def move(self, node: int, primitive: dict[str, Any], each: MovedPrimitive) -> None:
         """Replace the positions and normals of a primitive of a node."""
@@ -139,8 +141,7 @@ class GltfPatch:
             if name in packed and not (moving and name in ("POSITION", "NORMAL")):
                 self._fill(primitive["attributes"][name], packed[name])
         if not is_index(primitive.get("indices"), len(self.header["accessors"])):
-            self.header["accessors"].append({"type": "SCALAR"})
-            primitive["indices"] = len(self.header["accessors"]) - 1
+            primitive["indices"] = self.append("accessors", {"type": "SCALAR"})
         primitive["mode"] = 4
         self._fill(primitive["indices"], packed["indices"], _UNSIGNED)
 
@@ -154,22 +155,22 @@ class GltfPatch:
         accessor |= {"componentType": component, "count": len(values)}
         accessor["bufferView"] = self.view(np.ascontiguousarray(values, dtype).tobytes())
 
-    def store(self) -> None:
-        """Append what was collected to the data and reference it in the header."""
+    def encode(self, *, binary: bool) -> bytes:
+        """Return the file, as GLB or as glTF with embedded data."""
         for key, rows in self._rows.items():
-            values = rows.astype("<f4")
-            accessor: dict[str, Any] = {
-                "bufferView": self.view(values.tobytes()),
-                "componentType": _FLOAT,
-                "count": len(values),
-                "type": "VEC3",
-            }
-            if key[1] == "POSITION":
-                accessor |= {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
-            self.header["accessors"].append(accessor)
+            index = self.accessor(rows.astype("<f4"), bounds=key[1] == "POSITION")
             for attributes in self._uses[key]:
-                attributes[key[1]] = len(self.header["accessors"]) - 1
-        self.header["buffers"] = [{"byteLength": len(self._data)}, *self._left]
+                attributes[key[1]] = index
+        self._drop_draco()
+        buffer: Header = {"byteLength": len(self._data)}
+        self.header["buffers"] = [buffer, *self._left]
+        if not binary:
+            buffer["uri"] = f"data:application/octet-stream;base64,{base64.b64encode(bytes(self._data)).decode()}"
+        text = json.dumps(self.header, separators=(",", ":")).encode()
+        return glb.join(text, bytes(self._data)) if binary else text
+
+    def _drop_draco(self) -> None:
+        """Name Draco's extension no longer where no primitive uses it any more."""
         for mesh in objects(self.header, "meshes"):
             if any(extension(each, DRACO) is not None for each in objects(mesh, "primitives")):
                 return
@@ -180,24 +181,35 @@ class GltfPatch:
                 if not left:  # the format allows no empty lists
                     del self.header[name]
 
-    def glb(self) -> bytes:
-        """Return the file as GLB."""
-        return glb.join(json.dumps(self.header, separators=(",", ":")).encode(), bytes(self._data))
+    def accessor(self, values: NDArray[Any], *, attribute: bool = False, bounds: bool = False) -> int:
+        """Append an array, one row an element, and return the number of its accessor.
 
-    def gltf(self) -> bytes:
-        """Return the file as glTF with embedded data."""
-        data = base64.b64encode(bytes(self._data)).decode()
-        self.header["buffers"][0]["uri"] = f"data:application/octet-stream;base64,{data}"
-        return json.dumps(self.header, separators=(",", ":")).encode()
+        `attribute` marks vertex attributes; `bounds` stores the smallest and largest values.
+        """
+        kind = _KINDS[values.shape[1:]]
+        stored = np.ascontiguousarray(values.swapaxes(1, 2) if kind == "MAT4" else values)
+        view = self.view(stored.tobytes())
+        accessor = {"bufferView": view, "componentType": _NUMBERS[stored.dtype], "count": len(stored), "type": kind}
+        if attribute:
+            self.header["bufferViews"][view]["target"] = _ARRAY_BUFFER
+        if bounds:
+            accessor |= {name: np.atleast_1d(limit(stored, axis=0)).tolist() for name, limit in LIMITS.items()}
+        return self.append("accessors", accessor)
+
+    def append(self, name: str, content: Header) -> int:
+        """Append an object to a list of the header and return its number."""
+        values: list[Header] = self.header.setdefault(name, [])
+        values.append(content)
+        return len(values) - 1
 
     def _collect(
         self,
         node: int,
         name: str,
         attributes: dict[str, Any],
-        old: NDArray[np.float64],
-        new: NDArray[np.float64],
-        stored: NDArray[np.float64] | None = None,  # the file's positions, before morph targets
+        old: Float64,
+        new: Float64,
+        stored: Float64 | None = None,  # the file's positions, before morph targets
     ) -> None:
         key = (node, name, int(attributes[name]))
         rows = self._rows.setdefault(key, (old if stored is None else stored).copy())
@@ -206,9 +218,7 @@ class GltfPatch:
         self._uses.setdefault(key, []).append(attributes)
 
     def view(self, data: bytes) -> int:
-        views: list[dict[str, Any]] = self.header.setdefault("bufferViews", [])
-        views.append({"buffer": 0, "byteOffset": self._append(data), "byteLength": len(data)})
-        return len(views) - 1
+        return self.append("bufferViews", {"buffer": 0, "byteOffset": self._append(data), "byteLength": len(data)})
 
     def _append(self, data: bytes) -> int:
         start = len(self._data)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from dfd.common.linear_algebra import unit
+from dfd.common.linear_algebra import Float64, Int64, unit
 from dfd.mesh.appearance import srgb
 from dfd.mesh.file.assets import AssetFolder, shortened
 from dfd.mesh.file.gltf.data import GltfData
@@ -35,7 +35,7 @@ def read(header: Header, data: GltfData, assets: AssetFolder, *, at_rest: bool =
     world, shown = world_transforms(header), shown_nodes(header)
     materials = GltfMaterials(header, data, ImageCache(), assets.unreadable)
     geometries: dict[tuple[int, tuple[float, ...]], list[tuple[int, str, Geometry]]] = {}
-    joints: dict[object, NDArray[np.float64] | None] = {}
+    joints: dict[object, Float64 | None] = {}
     meshes, names, taken = objects(header, "meshes"), UniqueNames(), UniqueNames()
     of_mesh: dict[int, list[tuple[int, Header]]] = {}
     for mesh, number, primitive in primitives(header):
@@ -72,8 +72,8 @@ def read(header: Header, data: GltfData, assets: AssetFolder, *, at_rest: bool =
 
 
 def _skinned(
-    primitives: list[tuple[int, str, Geometry]], mesh: Header, data: GltfData, matrices: NDArray[np.float64]
-) -> dict[int, NDArray[np.float64]]:
+    primitives: list[tuple[int, str, Geometry]], mesh: Header, data: GltfData, matrices: Float64
+) -> dict[int, Float64]:
     """Return the transforms (rows, 4, 4) of the primitives of a node that have weights, by their numbers."""
     found = {}
     for number, _, geometry in primitives:
@@ -128,7 +128,7 @@ def _geometry(
     )
 
 
-def triangles(indices: NDArray[Any], mode: int) -> NDArray[np.int64]:
+def triangles(indices: NDArray[Any], mode: int) -> Int64:
     """Return the triangles (F, 3) of a list, a strip or a fan."""
     numbers = indices.astype(np.int64)
     if mode in (_STRIP, _FAN) and len(numbers) < 3:
@@ -144,7 +144,7 @@ def triangles(indices: NDArray[Any], mode: int) -> NDArray[np.int64]:
     return numbers.reshape(-1, 3)
 
 
-def from_below(uv: NDArray[Any], transform: NDArray[np.float64] | None) -> NDArray[np.float64]:
+def from_below(uv: NDArray[Any], transform: Float64 | None) -> Float64:
     """Apply a texture transform, and flip v, which points down in glTF."""
     with np.errstate(invalid="ignore", over="ignore"):
         placed = uv.astype(np.float64)
@@ -166,10 +166,10 @@ def shown_nodes(header: Header) -> set[int]:
     return found
 
 
-def world_transforms(header: Header) -> dict[int, NDArray[np.float64]]:
+def world_transforms(header: Header) -> dict[int, Float64]:
     """Return the transforms (4, 4) of all nodes: joints need not be in the scene."""
     nodes, below = objects(header, "nodes"), parents(header)
-    found: dict[int, NDArray[np.float64]] = {}
+    found: dict[int, Float64] = {}
     layer = [(i, IDENTITY) for i in range(len(nodes)) if i not in below]
     with np.errstate(over="ignore", invalid="ignore"):  # finiteness is checked later, for displayed nodes
         while layer:
@@ -194,12 +194,12 @@ def _roots(header: Header) -> list[int]:
     return [int(root) for root in roots]
 
 
-def _local_transform(node: Header, index: int) -> NDArray[np.float64] | None:
+def _local_transform(node: Header, index: int) -> Float64 | None:
     """Return the transform (4, 4) of a node to its parent's coordinates: its matrix, or T · R · S; None without."""
     if not node.keys() & {"matrix", "translation", "rotation", "scale"}:
         return None
 
-    def numbers(name: str, default: list[float]) -> NDArray[np.float64]:
+    def numbers(name: str, default: list[float]) -> Float64:
         values = node.get(name, default)
         if not isinstance(values, list) or len(values) != len(default):
             raise ValueError(f"node {index} has {name} {shortened(values)}")
@@ -208,7 +208,7 @@ def _local_transform(node: Header, index: int) -> NDArray[np.float64] | None:
         return np.array(values, np.float64)
 
     if "matrix" in node:
-        return cast("NDArray[np.float64]", numbers("matrix", [0.0] * 16).reshape(4, 4).T)
+        return cast(Float64, numbers("matrix", [0.0] * 16).reshape(4, 4).T)
     result = np.eye(4)
     if "rotation" in node or "scale" in node:
         turn = numbers("rotation", [0.0, 0.0, 0.0, 1.0])

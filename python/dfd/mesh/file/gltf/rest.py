@@ -9,16 +9,14 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float64, Int64
 from dfd.mesh.file.assets import shortened
 from dfd.mesh.file.gltf.data import GltfData
 from dfd.mesh.file.gltf.header import Header, is_index, objects
 from dfd.mesh.weld import weld
 
 _SEAM = 1e-4  # of the largest side; rows at one position that skinning separates by less stay one vertex
-
-Float64 = NDArray[np.float64]
 
 
 def morph_weights(node: Header, mesh: Header) -> tuple[float, ...]:
@@ -67,9 +65,7 @@ def inverse_binds(skin: Header, data: GltfData) -> Float64:
     return inverse[:count].reshape(-1, 4, 4).swapaxes(1, 2).astype(np.float64)
 
 
-def joints_and_weights(
-    primitive: Header, data: GltfData, rows: int, joint_count: int
-) -> list[tuple[NDArray[np.int64], Float64]]:
+def joints_and_weights(primitive: Header, data: GltfData, rows: int, joint_count: int) -> list[tuple[Int64, Float64]]:
     """Return the joints and weights (rows, 4) of each pair of attributes; weights that are not positive are 0.
 
     Raises ValueError if there are other counts, or a vertex follows a joint that is not there.

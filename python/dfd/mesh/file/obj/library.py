@@ -43,10 +43,10 @@ class Companions:
             return False
         if name in self.files:
             return self.files[name] == data
-        place = self._target.with_name(name)
-        if name in self._own or not (place.exists() or place.is_symlink()):
+        path = self._target.with_name(name)
+        if name in self._own or not (path.exists() or path.is_symlink()):
             return True
-        return place.is_file() and place.stat().st_size == len(data) and place.read_bytes() == data
+        return path.is_file() and path.stat().st_size == len(data) and path.read_bytes() == data
 
 
 def copied_materials(text: ObjText, source: Path, companions: Companions) -> tuple[str | None, set[str]]:

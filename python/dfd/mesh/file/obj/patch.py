@@ -10,17 +10,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float64, Int64
 from dfd.mesh.file.obj.library import Companions, copied_materials
 from dfd.mesh.file.obj.read import ObjSource
 from dfd.mesh.file.obj.text import ObjText, parse
 from dfd.mesh.weld import weld
 
 
-def encode(
-    target: Path, source: ObjSource, vertices: NDArray[np.float64], normals: Sequence[NDArray[np.float64] | None]
-) -> dict[str, bytes]:
+def encode(target: Path, source: ObjSource, vertices: Float64, normals: Sequence[Float64 | None]) -> dict[str, bytes]:
     """Return the contents of the moved OBJ file `target` and of the material files that it needs next to it.
 
     Unmoved `vertices` (N, 3) keep their text. `normals` has those of each primitive (rows, 3), None where it has none.
@@ -53,11 +51,11 @@ class _Edits:
     def __init__(self, data: bytes) -> None:
         self._data = data
         self._text = data.decode("latin-1")  # one character a byte, in any encoding
-        self._starts: NDArray[np.int64] | None = None  # of lines, from the second on
-        self._spans: list[NDArray[np.int64]] = []
+        self._starts: Int64 | None = None  # of lines, from the second on
+        self._spans: list[Int64] = []
         self._new: list[str] = []
 
-    def replace(self, spans: NDArray[np.int64], texts: Sequence[str]) -> None:
+    def replace(self, spans: Int64, texts: Sequence[str]) -> None:
         """Replace the text at `spans` (L, 2) with `texts`."""
         self._spans.append(spans)
         self._new += texts
@@ -85,14 +83,12 @@ class _Edits:
         return "".join(pieces).encode("latin-1")
 
 
-def _triples(values: NDArray[np.float64]) -> list[str]:
+def _triples(values: Float64) -> list[str]:
     """Return three numbers (L, 3) as the shortest text that reads back exactly."""
     return [f"{x!r} {y!r} {z!r}" for x, y, z in values.tolist()]
 
 
-def _edit_normals(
-    edits: _Edits, text: ObjText, source: ObjSource, normals: Sequence[NDArray[np.float64] | None]
-) -> None:
+def _edit_normals(edits: _Edits, text: ObjText, source: ObjSource, normals: Sequence[Float64 | None]) -> None:
     """Rewrite the normals of faces; corners that no longer share one get a new one."""
     known = [each is not None for each in normals]
     if not any(known):

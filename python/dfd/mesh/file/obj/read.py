@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Int32, Int64
 from dfd.mesh.appearance import Material
 from dfd.mesh.file.assets import AssetFolder
 from dfd.mesh.file.images import ImageCache
@@ -31,11 +31,11 @@ class ObjSource:
 
     data: bytes
     folder: Path
-    corner_rows: NDArray[np.int32]  # (C,) row of each corner of its faces; −1 where a face has too few corners
+    corner_rows: Int32  # (C,) row of each corner of its faces; −1 where a face has too few corners
     row_counts: tuple[int, ...]  # rows of each primitive
 
 
-def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInstance], NDArray[np.int64], ObjSource]:
+def read(text: ObjText, path: Path, assets: AssetFolder) -> tuple[list[MeshInstance], Int64, ObjSource]:
     """Return the mesh instances, the vertex (R,) of each row, and the source for rewriting.
 
     Parts are the file's `o`, or its `g` where it has not several `o`; within a part faces are sorted by material.
@@ -84,7 +84,7 @@ def libraries(text: ObjText, assets: AssetFolder) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def _geometry(text: ObjText, rows: NDArray[np.int64], faces: NDArray[np.int64], material: Material | None) -> Geometry:
+def _geometry(text: ObjText, rows: Int64, faces: Int64, material: Material | None) -> Geometry:
     """Return a geometry of distinct vertices, textures and normals (R, 3) and triangles of them (F, 3)."""
     normals = text.normals[rows[:, 2]] if len(text.normals) and (rows[:, 2] >= 0).all() else None
     textured = bool((rows[:, 1] >= 0).any())
@@ -98,7 +98,7 @@ def _geometry(text: ObjText, rows: NDArray[np.int64], faces: NDArray[np.int64], 
     )
 
 
-def _distinct(rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _distinct(rows: Int64) -> tuple[Int64, Int64]:
     """Return the distinct rows (R, K), sorted, and which of them each of `rows` (C, K) is."""
     key = np.zeros(len(rows), np.int64)
     for column in rows.T:
@@ -111,7 +111,7 @@ def _distinct(rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.in
     return rows[first], inverse
 
 
-def _parts(text: ObjText, default: str) -> tuple[list[str], NDArray[np.int64]]:
+def _parts(text: ObjText, default: str) -> tuple[list[str], Int64]:
     """Return the names of the parts and the part (P,) of each face."""
     for keyword in ("o", "g"):
         names, part = _state_at_faces(text, keyword, default)
@@ -124,7 +124,7 @@ def _parts(text: ObjText, default: str) -> tuple[list[str], NDArray[np.int64]]:
     return _state_at_faces(text, "", default)
 
 
-def _state_at_faces(text: ObjText, keyword: str, default: str) -> tuple[list[str], NDArray[np.int64]]:
+def _state_at_faces(text: ObjText, keyword: str, default: str) -> tuple[list[str], Int64]:
     """Return the names that a keyword gave, `default` first, and which of them holds (P,) at each face."""
     names, numbers, lines, values = [default], {default: 0}, [-1], [0]
     for line, found, name in text.statements:
@@ -138,7 +138,7 @@ def _state_at_faces(text: ObjText, keyword: str, default: str) -> tuple[list[str
     return names, np.array(values)[np.searchsorted(lines, text.face_lines) - 1]
 
 
-def _by_appearance(values: NDArray[np.int64]) -> NDArray[np.int64]:
+def _by_appearance(values: Int64) -> Int64:
     """Return the values (P,) as numbers in the order in which they first appear."""
     _, first, inverse = np.unique(values, return_index=True, return_inverse=True)
     rank = np.empty(len(first), np.int64)
@@ -155,7 +155,7 @@ def _warn_of_short_faces(text: ObjText, path: Path) -> None:
     )
 
 
-def face_groups(data: bytes) -> dict[str, NDArray[np.int64]]:
+def face_groups(data: bytes) -> dict[str, Int64]:
     """Return the vertices (N,) of each group in the text of an OBJ file, ascending, by the group's name.
 
     Every word of a `g` line names a group, and so does the line as a whole; `o` and `usemtl` lines have one name each.
@@ -165,7 +165,7 @@ def face_groups(data: bytes) -> dict[str, NDArray[np.int64]]:
     text = parse(data)
     kept = np.repeat(text.sizes >= 3, text.sizes)  # `read` skips faces of fewer corners
     vertices = text.corners[kept, 0]
-    found: dict[str, NDArray[np.int64]] = {}
+    found: dict[str, Int64] = {}
     for keyword in _GROUP_KEYWORDS:
         names, state = _state_at_faces(text, keyword, "")
         state = np.repeat(state, text.sizes)[kept]

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.mesh.file.assets import shortened
 
 _INDENTED = 64  # spaces before a keyword that are skipped for all lines at once
@@ -26,18 +27,18 @@ _STATEMENTS = ("o", "g", "usemtl", "mtllib")
 class Tokens:
     """The words after the keyword of all lines of one kind."""
 
-    lines: NDArray[np.int64]  # (L,) line numbers
-    counts: NDArray[np.int64]  # (L,) words of each
-    starts: NDArray[np.int64]  # (W,) first byte of each word in `text`
-    ends: NDArray[np.int64]  # (W,) byte after it
+    lines: Int64  # (L,) line numbers
+    counts: Int64  # (L,) words of each
+    starts: Int64  # (W,) first byte of each word in `text`
+    ends: Int64  # (W,) byte after it
     text: bytes  # the lines, with spaces in place of keywords and comments
-    shifts: NDArray[np.int64]  # (L,) offset from positions in `text` to those in the file
+    shifts: Int64  # (L,) offset from positions in `text` to those in the file
 
-    def spans(self) -> NDArray[np.int64]:
+    def spans(self) -> Int64:
         """(W, 2) where in the file each word begins and ends."""
         return np.stack([self.starts, self.ends], axis=1) + np.repeat(self.shifts, self.counts)[:, None]
 
-    def first(self) -> NDArray[np.int64]:
+    def first(self) -> Int64:
         """(L,) number of each line's first word."""
         return np.cumsum(self.counts) - self.counts
 
@@ -47,16 +48,16 @@ class ObjText:
     """The contents of an OBJ file; numbers count from 0."""
 
     data: bytes  # the text; continued lines are joined
-    positions: NDArray[np.float64]  # (N, 3) of the `v` lines
-    position_spans: NDArray[np.int64]  # (N, 2) where in the text their three coordinates begin and end
-    colors: NDArray[np.float64] | None  # (N, 3), where every `v` line has them
-    uv: NDArray[np.float64]  # (T, 2) of the `vt` lines
-    normals: NDArray[np.float64]  # (M, 3) of the `vn` lines
-    normal_spans: NDArray[np.int64]  # (M, 2)
-    corners: NDArray[np.int64]  # (C, 3) vertex, texture and normal of each corner of a face; −1 for none
-    corner_spans: NDArray[np.int64]  # (C, 2) where in the text a corner begins and ends
-    sizes: NDArray[np.int64]  # (P,) corners of each face
-    face_lines: NDArray[np.int64]  # (P,) its line
+    positions: Float64  # (N, 3) of the `v` lines
+    position_spans: Int64  # (N, 2) where in the text their three coordinates begin and end
+    colors: Float64 | None  # (N, 3), where every `v` line has them
+    uv: Float64  # (T, 2) of the `vt` lines
+    normals: Float64  # (M, 3) of the `vn` lines
+    normal_spans: Int64  # (M, 2)
+    corners: Int64  # (C, 3) vertex, texture and normal of each corner of a face; −1 for none
+    corner_spans: Int64  # (C, 2) where in the text a corner begins and ends
+    sizes: Int64  # (P,) corners of each face
+    face_lines: Int64  # (P,) its line
     statements: tuple[tuple[int, str, str], ...]  # line, keyword and the rest of `o`, `g`, `usemtl`, `mtllib` lines
 
 
@@ -69,10 +70,7 @@ def decoded(data: bytes) -> str:
 
 
 def parse(data: bytes) -> ObjText:
-    """Read the text of an OBJ file.
-
-    Raises ValueError if a line of a vertex or a face is malformed.
-    """
+    """Read the text of an OBJ file; ValueError if a line of a vertex or a face is malformed."""
     data = data.removeprefix(codecs.BOM_UTF8)
     data = data.replace(b"\\\r\n", b"   ").replace(b"\\\n", b"  ")
     if b"\n" not in data:
@@ -152,15 +150,15 @@ class _Lines:
                 found.append((int(line), keyword, " ".join(decoded(words[1]).split()) if len(words) > 1 else ""))
         return tuple(found)
 
-    def _is(self, keyword: bytes) -> NDArray[np.bool_]:
-        found: NDArray[np.bool_] = self._keywords[0] == keyword[0]
+    def _is(self, keyword: bytes) -> Bool:
+        found: Bool = self._keywords[0] == keyword[0]
         for i in range(1, len(keyword)):
             found &= self._keywords[i] == keyword[i]
         after = self._keywords[len(keyword)]
         found &= (after == ord(" ")) | (after == ord("\t"))
         return found
 
-    def _after_indent(self, starts: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _after_indent(self, starts: Int64) -> Int64:
         """Return the first byte of each line that is no space or tab."""
         begins = starts.copy()
         left = np.arange(len(starts))
@@ -185,7 +183,7 @@ def _blank_comments(text: bytearray) -> None:
         at = text.find(b"#", end)
 
 
-def _values(tokens: Tokens, keyword: str, at_least: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _values(tokens: Tokens, keyword: str, at_least: int) -> tuple[Float64, Int64]:
     """Return the numbers of all lines of one kind, and the index of each line's first."""
     short = np.flatnonzero(tokens.counts < at_least)
     first = tokens.first()
@@ -215,24 +213,20 @@ def _numbers(text: bytes, dtype: Any, count: int) -> NDArray[Any] | None:
     return values if len(values) == count else None
 
 
-def _spans(tokens: Tokens, first: NDArray[np.int64]) -> NDArray[np.int64]:
+def _spans(tokens: Tokens, first: Int64) -> Int64:
     """Return where the first three words of each line begin and end."""
     return np.stack([tokens.starts[first], tokens.ends[first + 2]], axis=1) + tokens.shifts[:, None]
 
 
-def _colors(
-    values: NDArray[np.float64], first: NDArray[np.int64], counts: NDArray[np.int64]
-) -> NDArray[np.float64] | None:
+def _colors(values: Float64, first: Int64, counts: Int64) -> Float64 | None:
     """Return the colors (N, 3) that follow the coordinates, display-referred in [0, 1]; None where one has none."""
     if not len(counts) or counts.min() < 6:
         return None
-    colors: NDArray[np.float64] = values[first[:, None] + np.arange(3, 6)]
+    colors: Float64 = values[first[:, None] + np.arange(3, 6)]
     return colors / 255 if colors.max() > 1 else colors
 
 
-def _corners(
-    faces: Tokens, counted: tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
-) -> NDArray[np.int64]:
+def _corners(faces: Tokens, counted: tuple[Int64, Int64, Int64]) -> Int64:
     """Return vertex, texture and normal (C, 3) of each corner: absolute, from 0, −1 for none.
 
     `counted` are the lines of vertices, textures and normals: a relative number counts back from the face's line.

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
 from dfd.mesh.appearance import GREY, Material
 from dfd.mesh.file.images import as_png
 from dfd.mesh.file.obj.library import Companions
@@ -22,16 +23,16 @@ _SEPARATORS = re.compile(r"[/\\:*?\"<>|\0]")  # not allowed in file names on som
 _LONGEST_NAME = 60  # letters of a material's name, which becomes part of a texture's
 
 
-def encode(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> bytes:
+def encode(vertices: Float64, faces: Int32) -> bytes:
     """Return the text of a file of plain vertices (V, 3) and faces (F, 3)."""
     return _lines("v", vertices) + _faces([faces])
 
 
 def encode_groups(
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.int32],
-    uv: tuple[NDArray[np.float32], NDArray[np.int32]] | None,  # (R, 2), v upwards, and the row of every corner (F, 3)
-    groups: Sequence[tuple[str, NDArray[np.int64]]],
+    vertices: Float64,
+    faces: Int32,
+    uv: tuple[Float32, Int32] | None,  # (R, 2), v upwards, and the row of every corner (F, 3)
+    groups: Sequence[tuple[str, Int64]],
 ) -> bytes:
     """Return the text of a file with the faces (F, 3) in named groups, given by the numbers of their faces."""
     text = [_lines("v", vertices), b"" if uv is None else _lines("vt", uv[0].astype(np.float64))]
@@ -42,7 +43,7 @@ def encode_groups(
 
 
 def encode_scene(
-    target: Path, vertices: NDArray[np.float64], scene: SceneFile, normals: Sequence[NDArray[np.float64] | None]
+    target: Path, vertices: Float64, scene: SceneFile, normals: Sequence[Float64 | None]
 ) -> dict[str, bytes]:
     """Return the files of a scene: the OBJ file `target`, and its materials and textures, all named after it.
 
@@ -117,7 +118,7 @@ class _MaterialLibrary:
         return self._unique.unique(_SEPARATORS.sub("_", name)[:_LONGEST_NAME] or "material")
 
 
-def _vertex_colors(scene: SceneFile) -> NDArray[np.float64] | None:
+def _vertex_colors(scene: SceneFile) -> Float64 | None:
     """Return RGB (V, 3) where vertices have colors; a vertex takes that of its last row."""
     look = scene.appearance
     if look is None or look.colors is None:
@@ -128,7 +129,7 @@ def _vertex_colors(scene: SceneFile) -> NDArray[np.float64] | None:
     return colors[scene.representative]
 
 
-def _lines(kind: str, values: NDArray[np.float64]) -> bytes:
+def _lines(kind: str, values: Float64) -> bytes:
     """Return a line for each row, its numbers in the shortest form that reads back exactly."""
     numbers = [repr(value) for value in np.asarray(values, np.float64).ravel().tolist()]
     width = values.shape[1]

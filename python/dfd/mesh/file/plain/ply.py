@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.mesh.appearance import Material
 from dfd.mesh.file.assets import AssetFolder, shortened
 from dfd.mesh.file.images import ImageCache
@@ -50,14 +51,14 @@ class _List:
     """A list property: all values one after the other, and how many each row has."""
 
     values: NDArray[Any]
-    sizes: NDArray[np.int64]
+    sizes: Int64
 
 
 _Element = dict[str, "NDArray[Any] | _List"]
 _NOTHING = np.zeros(0), np.zeros(0, np.int64)  # the values of no rows, and how many each has
 
 
-def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, NDArray[np.float64], NDArray[np.int64]]:
+def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, Float64, Int64]:
     """Return the geometry of a file, its own vertices (V, 3), and the vertex (N,) of each row of the geometry.
 
     Raises ValueError if it holds fewer numbers than it says, or a face names vertices by numbers that are not whole.
@@ -107,9 +108,7 @@ def read(path: Path, data: bytes, assets: AssetFolder) -> tuple[Geometry, NDArra
     return geometry, positions, numbers
 
 
-def _polygons(
-    path: Path, faces: _List, strips: _List | None, count: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+def _polygons(path: Path, faces: _List, strips: _List | None, count: int) -> tuple[Int64, Int64, Bool]:
     """Return the corners (C,) of faces and strips, how many each face has, and which corners of `faces` they keep."""
     long = faces.sizes >= 3
     if not long.all():
@@ -137,13 +136,13 @@ def _indices(element: _Element) -> _List | None:
     return found
 
 
-def _strip_triangles(strips: _List) -> NDArray[np.int64]:
+def _strip_triangles(strips: _List) -> Int64:
     """Return the triangles (F, 3) of strips; -1 starts a new strip."""
     values = strips.values.astype(np.int64)
     run = np.cumsum(values < 0) + np.repeat(np.arange(len(strips.sizes)), strips.sizes) * (len(values) + 1)
-    place = np.arange(len(values))
+    index = np.arange(len(values))
     new = np.diff(run, prepend=-1) != 0
-    begin = np.maximum.accumulate(np.where(new, place + (values < 0), 0))  # each -1 precedes its run
+    begin = np.maximum.accumulate(np.where(new, index + (values < 0), 0))  # each -1 precedes its run
     first = np.flatnonzero((values[:-2] >= 0) & (run[:-2] == run[2:])) if len(values) > 2 else np.zeros(0, np.int64)
     triangles = values[first[:, None] + np.arange(3)]
     odd = (first - begin[first]) % 2 == 1
@@ -166,7 +165,7 @@ def _columns(element: _Element, names: tuple[str, ...], dtype: Any) -> NDArray[A
     return np.stack(columns, axis=1).astype(dtype) if len(columns) == len(names) else None
 
 
-def _colors(element: _Element) -> NDArray[np.float32] | None:
+def _colors(element: _Element) -> Float32 | None:
     for prefix in ("", "diffuse_"):
         for names in (("red", "green", "blue", "alpha"), ("red", "green", "blue")):
             columns = [rgba(each[:, None])[:, 0] for name in names
@@ -219,7 +218,7 @@ def _cut_off(name: str, count: int) -> ValueError:
     return ValueError(f"it should have {count} of {shortened(name)}, but is cut off")
 
 
-def _numbers(body: bytes) -> NDArray[np.float64]:
+def _numbers(body: bytes) -> Float64:
     try:
         return np.array(body.split(), np.float64)
     except ValueError as error:
@@ -228,7 +227,7 @@ def _numbers(body: bytes) -> NDArray[np.float64]:
 
 def _columns_of(
     data: bytes, start: int, name: str, count: int, properties: list[_Property]
-) -> tuple[list[tuple[NDArray[Any], NDArray[np.int64]]], int]:
+) -> tuple[list[tuple[NDArray[Any], Int64]], int]:
     """Return the values of each property in `count` rows from byte `start` on, how many each row has, and the end."""
 
     def row_at(offset: int) -> tuple[list[int], int]:

@@ -1,8 +1,8 @@
 /** What a person does to the shape, where that is more than one request. */
 
 import type { Transform } from "../posing/affine";
-import type { Controls } from "../protocol/messages";
-import { present, ready, store, type Ahead } from "../store/state";
+import type { Controls, PoseTransform } from "../protocol/messages";
+import { present, ready, serverPoses, store, type Ahead } from "../store/state";
 import { ask, congested, send } from "./connection";
 import { note } from "./toasts";
 
@@ -135,14 +135,14 @@ function sendDrag(own: Drag, transform: Transform, settle: boolean, reach?: numb
   const request = send({
     type: "move",
     handle: own.handle,
-    transform: message(transform),
+    transform: message(own.handle, transform),
     controls,
     merge: own.begun,
     settle,
   });
   own.begun = true;
   // Some ways to blend are not in the shader: then the server poses, as fast as it can.
-  if (store.get().edit?.posing === "server" && !settle) send({ type: "compute" });
+  if (serverPoses(store.get()) && !settle) send({ type: "compute" });
   return request;
 }
 
@@ -171,16 +171,13 @@ export function change(handle: number, controls: Controls): void {
 
 /** Set a whole transform at once, as numeric fields do. */
 export function moveTo(handle: number, transform: Transform): void {
-  const request = send({ type: "move", handle, transform: message(transform), settle: true });
+  const request = send({ type: "move", handle, transform: message(handle, transform), settle: true });
   showAhead(handle, { transform }, request);
 }
 
 /** Set the transforms of several handles, as one step. */
 export function poseTo(transforms: ReadonlyMap<number, Transform>): void {
-  const request = send({
-    type: "pose",
-    transforms: [...transforms].map(([handle, transform]) => ({ ...transform, handle })),
-  });
+  const request = send({ type: "pose", transforms: [...transforms].map(poseTransform) });
   transforms.forEach((transform, handle) => showAhead(handle, { transform }, request));
 }
 
@@ -193,8 +190,39 @@ export function setDefault({
   throttle("default", (merge) => send({ type: "set_default", transform: { translation, rotation, scale }, merge }));
 }
 
-function message(transform: Transform) {
-  return { ...transform, pivot: transform.pivot ?? ("auto" as const), axes: transform.axes ?? ("auto" as const) };
+/** What a request says of a transform: a pivot only where it is another one than the server has. */
+function message(handle: number, { pivotAt, pivot, axes, joint, ...rest }: Transform) {
+  const known = store.get().edit?.handles.find((other) => other.handle === handle);
+  const same = known?.own_pivot && known.pivot.every((x, i) => x === pivot?.[i]);
+  return {
+    ...rest,
+    pivot: same ? null : (pivotAt ?? pivot ?? ("auto" as const)),
+    axes: axes ?? ("auto" as const),
+    joint: joint ?? ("spread" as const),
+  };
+}
+
+function poseTransform([handle, transform]: readonly [number, Transform]): PoseTransform {
+  const { translation, rotation, scale, pivot, axes, bend, twist, joint } = transform;
+  return { handle, translation, rotation, scale, pivot, axes, bend, twist, joint };
+}
+
+/** The transforms that are seen instead of the edit's, while the timeline shows a moment. */
+export function seenTransforms(): PoseTransform[] | null {
+  const { moment, edit } = store.get();
+  const present = new Set(edit?.handles.map(({ handle }) => handle));
+  return moment && [...moment].filter(([handle]) => present.has(handle)).map(poseTransform);
+}
+
+/** Have the server pose what the shader cannot, whenever that looks another way; drags tell it of every step. */
+export function followPosed(): void {
+  store.watch(serverPoses, (on) => {
+    if (!on) store.set({ posed: null });
+  });
+  const compute = () => serverPoses(store.get()) && send({ type: "compute", transforms: seenTransforms() });
+  store.on("edit", compute);
+  store.on("comparing", compute);
+  store.on("moment", () => throttle("compute", compute));
 }
 
 /** Show something before the server knows; `request` is what tells it. */

@@ -3,6 +3,7 @@
 import type { Export } from "../protocol/messages";
 import { store } from "../store/state";
 import { ask } from "./connection";
+import { seenTransforms } from "./edit";
 import { note, problem } from "./toasts";
 
 export async function upload(files: readonly File[]): Promise<void> {
@@ -44,18 +45,19 @@ export function chooseFiles(): void {
 }
 
 export async function exportAs(format: Export["format"]): Promise<void> {
-  const received = await ask({ type: "export", format });
+  const received = await ask({ type: "export", format, transforms: seenTransforms() });
   if (received?.message.type !== "download") return;
   save(new URL(received.message.url, location.href).href, received.message.name);
 }
 
 export async function copyScript(as: "python" | "command"): Promise<void> {
-  const received = await ask({ type: "script" });
+  const received = await ask({ type: "script", transforms: seenTransforms() });
   if (received?.message.type !== "script") return;
   const text = received.message[as];
   try {
     await navigator.clipboard.writeText(text);
-    note(as === "python" ? "Copied as Python." : "Copied as a command.");
+    note(`Copied. ${stem()}_files.zip holds the files that it names: unpack it, and run it there.`);
+    await exportAs("files");
   } catch {
     problem("The browser does not let this page copy. Open it at localhost, or over https.");
   }

@@ -4,7 +4,7 @@ import { ready, store, type State } from "../store/state";
 import { send } from "./connection";
 import * as edit from "./edit";
 import { chooseFiles } from "./files";
-import { play, storePose } from "./timeline";
+import { leave, play, storePose } from "./timeline";
 
 type Group = "Handle" | "View" | "Edit" | "Tools" | "Timeline";
 
@@ -13,9 +13,22 @@ export type Shortcut = readonly [keys: string, group: Group, label: string, run:
 
 export const LOOKS = ["texture", "clay", "features", "heat"] as const;
 const set = (change: Partial<State>) => () => store.set(change);
+const look = (what: NonNullable<State["framed"]>["what"]) => () => store.set({ framed: { what } });
+
+/** End the newest thing that is open; where nothing is, let go of the selection. */
+function escape(): void {
+  const { tool, painted, moment, isolated, suggestions } = store.get();
+  if (tool !== "hold" || painted) store.set({ tool: "hold", painted: null });
+  else if (moment) leave();
+  else if (suggestions.length > 0) store.set({ suggestions: [] });
+  else if (isolated) store.set({ isolated: false });
+  else edit.select(null);
+}
+
+type Switch = "snap" | "wireframe" | "xray" | "isolated" | "more" | "inspector" | "help" | "timeline" | "uniformScale";
 
 /** Switch what is on or off. */
-export function toggle(name: "snap" | "wireframe" | "inspector" | "help" | "timeline" | "uniformScale"): void {
+export function toggle(name: Switch): void {
   store.set({ [name]: !store.get()[name] });
 }
 
@@ -52,6 +65,7 @@ export const SHORTCUTS: readonly Shortcut[] = [
   ["W", "Handle", "Move", set({ gizmo: "translate", tool: "hold" })],
   ["E", "Handle", "Rotate", set({ gizmo: "rotate", tool: "hold" })],
   ["R", "Handle", "Scale", set({ gizmo: "scale", tool: "hold" })],
+  ["D", "Handle", "Bend", set({ gizmo: "bend", tool: "hold" })],
   ["L", "Handle", "Local or world axes", toggleSpace],
   ["S", "Handle", "Snap", () => toggle("snap")],
   ["]", "Handle", "More reach", withSelected((handle) => edit.wheelReach(handle, 1.08))],
@@ -60,16 +74,26 @@ export const SHORTCUTS: readonly Shortcut[] = [
   ["Shift N", "Handle", "Previous handle", () => cycle(-1)],
   ["0", "Handle", "Return to rest", withSelected((handle) => send({ type: "reset", handle }))],
   ["Delete", "Handle", "Remove", withSelected((handle) => send({ type: "remove", handle }))],
-  ["Esc", "Handle", "Let go of the selection", () => edit.select(null)],
+  ["Esc", "Handle", "End what is under way, or let go", escape],
   ["H", "Tools", "Hold points", set({ tool: "hold" })],
   ["X", "Tools", "Fix points", set({ tool: "fix" })],
   ["B", "Tools", "Brush", set({ tool: "paint" })],
+  ["M", "Tools", "Box", set({ tool: "box" })],
   ["P", "Tools", "Move the pivot", set({ tool: "pivot" })],
   ["G", "Tools", "Suggest handles", edit.suggest],
   ["Shift G", "Tools", "Hold the next suggestion", holdNext],
   ["Z", "View", "Wireframe", () => toggle("wireframe")],
   ["Q", "View", "Full quality while moving", toggleQuality],
-  ["F", "View", "Frame the shape", () => store.set({ framed: store.get().framed + 1 })],
+  ["V", "View", "X-ray", () => toggle("xray")],
+  ["/", "View", "Only what is held", () => toggle("isolated")],
+  ["F", "View", "Frame what is held", look("selection")],
+  ["Shift F", "View", "Frame the shape", look("shape")],
+  ["Num 1", "View", "From the front", look("front")],
+  ["Num 3", "View", "From the right", look("right")],
+  ["Num 7", "View", "From above", look("top")],
+  ["Ctrl Num 1", "View", "From behind", look("back")],
+  ["Ctrl Num 3", "View", "From the left", look("left")],
+  ["Ctrl Num 7", "View", "From below", look("bottom")],
   ["I", "View", "Inspector", () => toggle("inspector")],
   ["?", "View", "Keys", () => toggle("help"), true],
   ["Ctrl Z", "Edit", "Undo", () => store.get().edit?.can_undo && send({ type: "undo" })],
@@ -87,10 +111,12 @@ export function shortcut(keys: string): Shortcut | undefined {
 const NAMES: Record<string, string> = { " ": "Space", escape: "Esc", backspace: "Delete", delete: "Delete" };
 
 /** The keys of an event, as the table has them. */
-function keysOf({ key, ctrlKey, metaKey, shiftKey }: KeyboardEvent): string {
-  const name = NAMES[key.toLowerCase()] ?? key.toUpperCase();
+function keysOf({ key, code, ctrlKey, metaKey, shiftKey }: KeyboardEvent): string {
+  const name = /^Numpad\d$/.test(code)
+    ? code.replace("Numpad", "Num ")
+    : (NAMES[key.toLowerCase()] ?? key.toUpperCase());
   // Where "?" lies under Shift differs from keyboard to keyboard.
-  return `${ctrlKey || metaKey ? "Ctrl " : ""}${shiftKey && name !== "?" ? "Shift " : ""}${name}`;
+  return `${ctrlKey || metaKey ? "Ctrl " : ""}${shiftKey && !"?/".includes(name) ? "Shift " : ""}${name}`;
 }
 
 export function listen(): void {
@@ -102,7 +128,8 @@ export function listen(): void {
       if (ready(store.get())) store.set({ comparing: true });
       return;
     }
-    if (event.key === " " && target.matches("button, input, [role=menuitem]")) return;
+    // Buttons are pressed by Enter: wherever the focus was left, this plays.
+    if (event.key === " " && target.matches("input, [role=menuitem]")) return;
     const { help, page } = store.get();
     if (keys === "Esc" && help) {
       store.set({ help: false });

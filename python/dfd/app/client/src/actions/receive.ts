@@ -3,7 +3,7 @@
 import type { Payload, Received } from "../protocol/binary_messages";
 import { weightLayer } from "../posing/columns";
 import type { ColumnsMessage, InstancesMessage, StateMessage } from "../protocol/messages";
-import { CLOSED, store, type ColumnData, type State } from "../store/state";
+import { CLOSED, serverPoses, store, type ColumnData, type State } from "../store/state";
 import { PROTOCOL } from "./connection";
 import { note, problem } from "./toasts";
 
@@ -64,11 +64,14 @@ export function receive({ message, payload }: Received): void {
     case "similar":
       store.set({ similar: message });
       break;
+    case "axis":
+      store.set({ axis: message });
+      break;
     case "colors":
       store.set({ featureColors: payload.get("colors", "uint8") });
       break;
     case "positions":
-      if (store.get().edit?.posing !== "server") break;
+      if (!serverPoses(store.get())) break;
       store.set({
         posed: { positions: payload.get("positions", "float32"), normals: payload.get("normals", "int16") },
       });
@@ -103,7 +106,6 @@ function followed(message: StateMessage): Partial<State> {
     edit: message,
     ahead: new Map([...state.ahead].filter(([handle, { request }]) => present.has(handle) && request > message.after)),
     columns: new Map([...state.columns].filter(([column]) => used.has(column))),
-    posed: message.posing === "server" ? state.posed : null,
     // One that was just added is what the person wants to move.
     selected: state.edit && added.length === 1 ? added[0].handle : kept,
     page: "shape",

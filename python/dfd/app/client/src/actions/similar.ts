@@ -22,6 +22,19 @@ export function followSimilar(): void {
   });
 }
 
+/** Ask what the selected handle turns about and bends along, once a verb needs to know. */
+export function followAxis(): void {
+  const wanted = ({ gizmo, selected, dragging, edit }: State) =>
+    gizmo === "translate" || dragging || selected === null || !edit ? null : [selected, edit.after];
+  store.watch(
+    (state) => wanted(state)?.join() ?? null,
+    () => {
+      const { selected } = store.get();
+      if (wanted(store.get()) && selected !== null) send({ type: "axis", handle: selected });
+    },
+  );
+}
+
 /** Those of the selected handle besides its own place. */
 export function otherPlaces(state: State): readonly SimilarPoint[] {
   const handle = selectedHandle(state);

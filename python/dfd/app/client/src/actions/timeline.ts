@@ -17,8 +17,9 @@ export function storePose(): void {
     return;
   }
   const transforms = edit.handles.map((handle): PoseTransform => {
-    const { translation, rotation, scale, axes } = handle;
-    return { handle: handle.handle, translation, rotation, scale, axes, pivot: handle.own_pivot ? handle.pivot : null };
+    const { translation, rotation, scale, axes, bend, twist, joint } = handle;
+    const pivot = handle.own_pivot ? handle.pivot : null;
+    return { handle: handle.handle, translation, rotation, scale, pivot, axes, bend, twist, joint };
   });
   const taken = edit.poses.some((pose) => Math.abs(pose.seconds - playhead) < 0.05);
   const last = Math.max(-SECONDS_BETWEEN, ...edit.poses.map((pose) => pose.seconds));
@@ -52,7 +53,7 @@ export function momentAt(poses: readonly KeyPose[], seconds: number): Map<number
   const handles = new Set(poses.flatMap((pose) => pose.transforms.map((own) => own.handle)));
   const of = (pose: KeyPose, handle: number): Transform => {
     const own = pose.transforms.find((transform) => transform.handle === handle);
-    return own ? { ...own, pivot: own.pivot ?? null, axes: own.axes ?? null } : REST;
+    return own ? { ...REST, ...own } : REST;
   };
   return new Map([...handles].map((handle) => [handle, interpolate(of(a, handle), of(b, handle), part)]));
 }

@@ -3,18 +3,19 @@ import { heldPart } from "../posing/columns";
 import type { HandleState } from "../protocol/messages";
 import { store } from "../store/state";
 import { useParts } from "../store/use";
-import { percent, readable, Segmented, Select, Slider, Toggle } from "../widgets/controls";
+import { percent, Segmented, Select, Slider, Toggle } from "../widgets/controls";
 
 /** What a slider says of the present value, where that is more than a number. */
 const TEXTS: Partial<Record<string, (handle: HandleState, size: number) => string>> = {
   reach: ({ reach, falloff, column }) => {
     const layer = store.get().columns.get(column)?.layer;
-    return `${reach.toFixed(2)} · holds ${percent(layer ? heldPart(layer, reach, falloff) : 0)}`;
+    return `holds ${percent(layer ? heldPart(layer, reach, falloff) : 0)}`;
   },
   locality: ({ locality, radius }) =>
     radius !== null ? "by radius" : locality === 0 ? "everywhere" : locality.toFixed(1),
-  radius: ({ radius }, size) => (radius === null ? "no limit" : `${readable(radius)} · ${percent(radius / size)}`),
-  within_width: ({ within_width }) => (within_width === 0 ? "sharp" : `${readable(within_width)} wide`),
+  radius: ({ radius }, size) => (radius === null ? "no limit" : `${percent(radius / size)} of the size`),
+  within_width: ({ within_width }, size) =>
+    within_width === 0 ? "sharp" : `${percent(within_width / size)} of the size`,
 };
 
 /** A control of a handle as the server describes it. */
@@ -27,7 +28,7 @@ export function ControlField({ name, handle }: { readonly name: string; readonly
   const value = handle[name as keyof HandleState];
   const id = handle.handle;
   if (kind === "switch")
-    return <Toggle label={label} checked={value === true} onChange={(on) => change(id, { [name]: on })} />;
+    return <Toggle label={label} hint={hint} checked={value === true} onChange={(on) => change(id, { [name]: on })} />;
   if (slider === null) {
     return (
       <Select
@@ -57,7 +58,13 @@ export function ControlField({ name, handle }: { readonly name: string; readonly
   return (
     <>
       {field}
-      <Segmented label="Reach by" value={handle.reach_by} options={[...choices, "number"]} onChange={setBy} />
+      <Segmented
+        label="Reach by"
+        hint="Up to the part's border, as far as suits what looks alike, or as set"
+        value={handle.reach_by}
+        options={[...choices, "number"]}
+        onChange={setBy}
+      />
     </>
   );
 }

@@ -3,7 +3,7 @@ import { useState } from "preact/hooks";
 import { send } from "../actions/connection";
 import { select } from "../actions/edit";
 import type { HandleState } from "../protocol/messages";
-import { handleName, ready, store } from "../store/state";
+import { handleColor, handleName, ready, store } from "../store/state";
 import { useParts } from "../store/use";
 import { IconButton, Menu, Panel } from "../widgets/controls";
 
@@ -74,7 +74,11 @@ function HandleRow({ handle }: { readonly handle: HandleState }) {
             if (event.key === "F2") setNaming(true);
           }}
         >
-          <span class={handle.moved ? "dot moved" : "dot"} aria-hidden="true" />
+          <span
+            class={handle.moved ? "dot moved" : "dot"}
+            ref={(dot) => dot?.style.setProperty("--own", handleColor(id))}
+            aria-hidden="true"
+          />
           <span>{name}</span>
           <small>
             {handle.region > 0 ? `${handle.region} vertices` : handle.vertex !== null && `vertex ${handle.vertex}`}

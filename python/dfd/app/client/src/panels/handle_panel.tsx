@@ -1,12 +1,24 @@
 import { send } from "../actions/connection";
 import { change, moveTo } from "../actions/edit";
 import { otherPlaces, toggleInstance } from "../actions/similar";
-import { niceStep, type Transform } from "../posing/affine";
-import type { HandleState } from "../protocol/messages";
-import { present, selectedHandle, store } from "../store/state";
+import { niceStep, type PivotAt, type Transform } from "../posing/affine";
+import type { AxisMessage, HandleState } from "../protocol/messages";
+import { handleName, present, selectedHandle, store, type GizmoMode } from "../store/state";
 import { useParts, useStore } from "../store/use";
 import { drawsInSoftware } from "../viewer/stage";
-import { Button, count, IconButton, Panel, percent, Scale, Toggle, Triple } from "../widgets/controls";
+import {
+  Button,
+  count,
+  IconButton,
+  More,
+  NumberField,
+  Panel,
+  percent,
+  Scale,
+  Select,
+  Toggle,
+  Triple,
+} from "../widgets/controls";
 import { ControlField } from "./control_field";
 
 /** Milliseconds between numbers that change with every frame of a drag: painting them costs more than the frame. */
@@ -33,56 +45,151 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
       onPress={() => send({ type: "reset", handle: id })}
     />
   );
-  const resetPivot = (
-    <IconButton
-      icon="reset"
-      label="Return the pivot to the handle"
-      disabled={transform.pivot === null}
-      onPress={() => set({ pivot: null })}
-    />
-  );
-  return (
-    <Panel title="Transform and reach" action={reset}>
-      <Triple label="Move" value={transform.translation} step={step} onChange={(translation) => set({ translation })} />
-      <Triple label="Rotate °" value={transform.rotation} step={1} onChange={(rotation) => set({ rotation })} />
-      <Scale value={transform.scale} onChange={(scale) => set({ scale })} />
-      <Toggle
-        label="Scale along the surface"
-        checked={transform.axes !== null}
-        onChange={(on) => send({ type: "move", handle: id, transform: { axes: on ? "normal" : "auto" }, settle: true })}
-      />
+  const verb = {
+    translate: (
       <Triple
-        label="Pivot"
-        value={transform.pivot ?? handle.position}
+        key="translate"
+        label="Move"
+        hint="How far, in the shape's own units"
+        value={transform.translation}
         step={step}
-        onChange={(pivot) => set({ pivot })}
-        action={resetPivot}
+        onChange={(translation) => set({ translation })}
       />
-      {["reach", "falloff", "locality", "radius", "strength"].map(field)}
+    ),
+    rotate: (
+      <Triple
+        key="rotate"
+        label="Rotate °"
+        hint="An axis times an angle; about one axis alone, its angle"
+        value={transform.rotation}
+        step={1}
+        onChange={(rotation) => set({ rotation })}
+      />
+    ),
+    scale: <Scale key="scale" value={transform.scale} onChange={(scale) => set({ scale })} />,
+    bend: <Bend key="bend" handle={id} transform={transform} set={set} />,
+  };
+  const others = (Object.keys(verb) as GizmoMode[]).filter((name) => name !== state.gizmo);
+  return (
+    <Panel title={handleName(handle)} action={reset}>
+      {verb[state.gizmo]}
+      {state.gizmo !== "translate" && <PivotChoice handle={handle} axis={state.axis} />}
+      {field("reach")}
+      {handle.instances !== "only" && field("level")}
+      <SimilarPlaces handle={id} />
       <Toggle
         label="Limit to part"
+        hint="Nothing beyond the part that is held moves"
         checked={handle.within_part}
         onChange={(on) => change(id, { within: on ? "part" : "everywhere" })}
       />
-      <div class="limit">
-        <span>Limit</span>
-        <span class="limit-text">{handle.within > 0 ? `${count.format(handle.within)} vertices` : "none"}</span>
-        {handle.within > 0 ? (
-          <Button text="Remove" style="small" onPress={() => change(id, { within: "everywhere" })} />
-        ) : (
-          <Button
-            text="Paint…"
-            style="small"
-            title="Paint where the handle may act"
-            onPress={() => store.set({ tool: "paint" })}
-          />
-        )}
-      </div>
-      {handle.within > 0 && field("within_width")}
-      {field("instances")}
-      {handle.instances !== "only" && field("level")}
-      <SimilarPlaces handle={id} />
+      <More>
+        {others.map((name) => verb[name])}
+        <Triple
+          label="Pivot"
+          hint="The point about which it turns and scales"
+          value={transform.pivot ?? handle.position}
+          step={step}
+          onChange={(pivot) => set({ pivot, pivotAt: null })}
+        />
+        <Toggle
+          label="Scale along the surface"
+          hint="Along the surface's normal and across it, not along x, y and z"
+          checked={transform.axes !== null}
+          onChange={(on) =>
+            send({ type: "move", handle: id, transform: { axes: on ? "normal" : "auto" }, settle: true })
+          }
+        />
+        {["falloff", "locality", "radius", "strength"].map(field)}
+        <div class="limit" title="A region beyond which nothing follows">
+          <span>Limit</span>
+          <span class="limit-text">{handle.within > 0 ? `${count.format(handle.within)} vertices` : "none"}</span>
+          {handle.within > 0 ? (
+            <Button text="Remove" style="small" onPress={() => change(id, { within: "everywhere" })} />
+          ) : (
+            <Button
+              text="Paint…"
+              style="small"
+              title="Paint where the handle may act"
+              onPress={() => store.set({ tool: "paint" })}
+            />
+          )}
+        </div>
+        {handle.within > 0 && field("within_width")}
+        {field("instances")}
+      </More>
     </Panel>
+  );
+}
+
+const PIVOTS: Record<PivotAt, string> = {
+  base: "base of the part",
+  middle: "middle of the part",
+  hinge: "hinge of the part",
+  point: "where it is held",
+  plane: "on the mirror plane",
+};
+
+/** What it turns about: found by the session, unless it is chosen. */
+function PivotChoice({ handle, axis }: { readonly handle: HandleState; readonly axis: AxisMessage | null }) {
+  const known = (axis?.handle === handle.handle ? Object.keys(axis.pivots) : ["point"]) as PivotAt[];
+  const value = handle.pivot_at ?? (handle.own_pivot ? "as set" : "auto");
+  const names: readonly string[] = ["auto", ...known, ...(value === "as set" ? [value] : [])];
+  return (
+    <Select
+      label="Turns about"
+      hint="The base of a limb, the middle of a head, or what is chosen"
+      value={value}
+      options={names}
+      named={{ auto: "what is found", ...PIVOTS }}
+      onChange={(name) =>
+        send({ type: "move", handle: handle.handle, transform: { pivot: name as PivotAt | "auto" }, settle: true })
+      }
+    />
+  );
+}
+
+interface BendProps {
+  readonly handle: number;
+  readonly transform: Transform;
+  readonly set: (part: Partial<Transform>) => void;
+}
+
+/** How far the tip bends, and turns about the part's own axis. */
+function Bend({ handle, transform: { bend, twist, joint }, set }: BendProps) {
+  const degrees = Math.hypot(...bend);
+  // What does not bend yet bends up, or to the front.
+  const bendBy = (angle: number) =>
+    degrees === 0
+      ? send({ type: "move", handle, transform: { bend: angle }, settle: true })
+      : set({ bend: bend.map((part) => (part * angle) / degrees) as unknown as Transform["bend"] });
+  return (
+    <div class="bend" role="group" aria-label="Bend and twist">
+      <label class="select" title="How far the tip of what is held bends; drag it in the view for any direction">
+        <span>Bend °</span>
+        <NumberField label="Bend °" value={degrees} step={1} onChange={bendBy} />
+      </label>
+      <label class="select" title="How far the tip turns about the part's own axis">
+        <span>Twist °</span>
+        <NumberField label="Twist °" value={twist} step={1} onChange={(angle) => set({ twist: angle })} />
+      </label>
+      <Select
+        label="Bends"
+        value={joint === null ? "spread" : "joint"}
+        options={["spread", "auto", "here", ...(joint === null ? [] : ["joint"])]}
+        named={{
+          spread: "all along",
+          auto: "at its joint",
+          here: "where it is held",
+          joint: `at ${percent(joint ?? 0)}`,
+        }}
+        hint="Over all of the part, or about a joint such as a knee"
+        onChange={(name) => {
+          if (name !== "joint")
+            send({ type: "move", handle, transform: { joint: name as "spread" | "auto" | "here" }, settle: true });
+        }}
+      />
+    </div>
   );
 }
 
@@ -95,6 +202,7 @@ function SimilarPlaces({ handle }: { readonly handle: number }) {
     <div class="instances" role="group" aria-label="Look-alikes">
       <Toggle
         label="Show where it acts"
+        hint="Marks on all that looks alike; press one to leave it behind"
         checked={state.showGhosts}
         onChange={(showGhosts) => store.set({ showGhosts })}
       />

@@ -6,7 +6,19 @@ import { niceStep, REST, type Transform } from "../posing/affine";
 import type { FixedState, StateMessage } from "../protocol/messages";
 import { handleName, placeName, ready, selectedHandle, store } from "../store/state";
 import { useParts } from "../store/use";
-import { Button, Facts, IconButton, Panel, percent, Scale, Select, Slider, titled, Triple } from "../widgets/controls";
+import {
+  Button,
+  Facts,
+  IconButton,
+  More,
+  Panel,
+  percent,
+  Scale,
+  Select,
+  Slider,
+  titled,
+  Triple,
+} from "../widgets/controls";
 import { HandleList } from "./handle_list";
 import { HandlePanel } from "./handle_panel";
 import { SymmetryPanel } from "./symmetry_panel";
@@ -18,20 +30,20 @@ export function Inspector() {
   if (!inspector) return null;
   return (
     <aside class="inspector" aria-label="Inspector">
-      {(tool === "paint" || painted) && <BrushPanel />}
+      {(tool === "paint" || tool === "box" || painted) && <BrushPanel />}
       <HandleList />
       {handle && <HandlePanel known={handle} />}
       {edit && edit.fixed.length > 0 && <FixedPanel fixed={edit.fixed} />}
       {edit && ready(state) && <SymmetryPanel known={edit} />}
-      {edit && ready(state) && <DefaultPanel known={edit} />}
       {edit && <ShapePanel known={edit} />}
+      {edit && state.more && ready(state) && <DefaultPanel known={edit} />}
     </aside>
   );
 }
 
 function BrushPanel() {
   const state = useParts();
-  const { brush, painted } = state;
+  const { brush, painted, tool } = state;
   const selected = selectedHandle(state);
   const use = (what: (region: { mask: string }) => void) => () => {
     if (!painted) return;
@@ -39,14 +51,16 @@ function BrushPanel() {
     store.set({ painted: null, tool: "hold" });
   };
   return (
-    <Panel title="Brush">
-      <Slider
-        label="Size"
-        value={brush.radius}
-        range={[0.005, 0.2, 0.005]}
-        text={`${(100 * brush.radius).toFixed(1)} %`}
-        onInput={(radius) => store.set({ brush: { ...brush, radius } })}
-      />
+    <Panel title={tool === "box" ? "Box" : "Brush"}>
+      {tool !== "box" && (
+        <Slider
+          label="Size"
+          value={brush.radius}
+          range={[0.005, 0.2, 0.005]}
+          text={`${(100 * brush.radius).toFixed(1)} % of the size`}
+          onInput={(radius) => store.set({ brush: { ...brush, radius } })}
+        />
+      )}
       <Slider
         label="Strength of fixing"
         value={brush.strength}
@@ -55,7 +69,7 @@ function BrushPanel() {
         onInput={(strength) => store.set({ brush: { ...brush, strength } })}
       />
       <p class="empty" role="status">
-        {painted ? `${painted.count} vertices painted.` : "Paint over the shape; Shift erases."}
+        {painted ? `${painted.count} vertices chosen.` : "Paint over the shape, or draw a box; Shift takes away."}
       </p>
       <div class="buttons">
         <Button
@@ -125,7 +139,7 @@ function DefaultPanel({ known }: { readonly known: StateMessage }) {
     />
   );
   return (
-    <Panel title="What no handle holds" action={reset}>
+    <Panel title="The rest of the shape" action={reset}>
       <Triple
         label="Move"
         of=" the rest"
@@ -162,17 +176,20 @@ function ShapePanel({ known }: { readonly known: StateMessage }) {
     : [];
   return (
     <Panel title="Shape">
-      {status === "ready" &&
-        controls.map(({ name, label, hint, choices }) => (
-          <Select
-            key={name}
-            label={label}
-            hint={hint}
-            value={known[name as "preset"]}
-            options={choices as StateMessage["preset"][]}
-            onChange={(choice) => send({ type: "set_mode", [name]: choice })}
-          />
-        ))}
+      {status === "ready" && (
+        <More>
+          {controls.map(({ name, label, hint, choices }) => (
+            <Select
+              key={name}
+              label={label}
+              hint={hint}
+              value={known[name as "preset"]}
+              options={choices as StateMessage["preset"][]}
+              onChange={(choice) => send({ type: "set_mode", [name]: choice })}
+            />
+          ))}
+        </More>
+      )}
       <Facts entries={[...counts, ["Features", features]]} />
       {report && <p class="report">{report.text}</p>}
     </Panel>

@@ -9,16 +9,20 @@ const HINTS = {
   hold: "Click to take hold · drag to orbit",
   fix: "Click to fix a point, or again to release it",
   paint: "Paint over the shape · Shift erases · right button orbits",
+  box: "Draw a box around what is meant · Shift takes away · right button orbits",
   pivot: "Drag the gizmo to move the pivot of the selected handle",
 } as const;
 
 export function StatusLine() {
-  const { link, tool, hover, dragging, report, edit, timeline, ahead, comparing, seen, probe } = useParts();
+  const state = useParts();
+  const { link, tool, hover, dragging, report, edit, timeline, ahead, comparing, seen, probe } = state;
+  const { gizmo, selected, axis } = state;
   const said = report && !dragging ? report.text : "";
+  const bends = gizmo === "bend" && tool === "hold" && selected !== null && axis?.handle === selected;
+  const usual = bends ? (axis.tip ? "Drag the tip: what is held bends" : "Nothing that is held can bend") : HINTS[tool];
   const part = probe?.part ? `Part of ${count.format(probe.part)} vertices · Alt-click to hold it` : "";
   const hint =
-    part ||
-    (dragging ? "Wheel changes reach" : comparing ? "The original" : ready({ edit }) ? HINTS[tool] : "Drag to orbit");
+    part || (dragging ? "Wheel changes reach" : comparing ? "The original" : ready({ edit }) ? usual : "Drag to orbit");
   return (
     <footer class="status">
       <span class={`link ${link}`} role="status">

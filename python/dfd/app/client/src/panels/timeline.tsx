@@ -1,9 +1,18 @@
 import { useState } from "preact/hooks";
 
 import { applyMoment, changePose, leave, play, removePose, scrub, storePose } from "../actions/timeline";
+import { niceStep } from "../posing/affine";
 import { store } from "../store/state";
 import { useParts } from "../store/use";
-import { Button, IconButton, NumberField } from "../widgets/controls";
+import { Button, IconButton, NumberField, readable } from "../widgets/controls";
+
+const MOST_TICKS = 8;
+
+/** Round moments from the first second to the last. */
+function ticks(end: number): number[] {
+  const step = niceStep(end / MOST_TICKS);
+  return Array.from({ length: Math.floor(end / step + 1e-6) + 1 }, (_, i) => i * step);
+}
 
 export function Timeline() {
   const { timeline, edit, playhead, playing, moment } = useParts();
@@ -29,6 +38,7 @@ export function Timeline() {
             <Button text="Back to the edit" style="small" onPress={leave} />
           </>
         )}
+        <span class="unit">{playhead.toFixed(2)} s</span>
         <span class="spacer" />
         {pose && (
           <>
@@ -67,6 +77,16 @@ export function Timeline() {
               scrub(event.currentTarget.valueAsNumber);
             }}
           />
+          {ticks(end).map((seconds) => (
+            <span
+              key={seconds}
+              class="tick"
+              ref={(element) => element?.style.setProperty("--at", String(seconds / end))}
+              aria-hidden="true"
+            >
+              {readable(seconds)} s
+            </span>
+          ))}
           {poses.map((own, i) => (
             <button
               key={i}

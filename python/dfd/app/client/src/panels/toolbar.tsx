@@ -3,11 +3,11 @@ import { ready, store } from "../store/state";
 import { useParts } from "../store/use";
 import { IconButton, KeyButton } from "../widgets/controls";
 
-const TOOLS = { hold: "H", fix: "X", paint: "B", pivot: "P" } as const;
-const MODES = { translate: "W", rotate: "E", scale: "R" } as const;
+const TOOLS = { hold: "H", fix: "X", paint: "B", box: "M", pivot: "P" } as const;
+const MODES = { translate: "W", rotate: "E", scale: "R", bend: "D" } as const;
 
 export function Toolbar() {
-  const { edit, tool, gizmo, space, snap, comparing, suggestions } = useParts();
+  const { edit, tool, gizmo, space, snap, comparing, suggestions, xray, isolated, selected } = useParts();
   const off = !ready({ edit });
   const compare = (on: boolean) => () => store.set({ comparing: on });
   const keyed = (icon: keyof typeof TOOLS | keyof typeof MODES, keys: string, pressed: boolean) => (
@@ -42,6 +42,8 @@ export function Toolbar() {
           disabled={!edit?.handles.some((handle) => handle.moved)}
           onPress={() => send({ type: "reset" })}
         />
+        <KeyButton icon="xray" keys="V" pressed={xray} />
+        <KeyButton icon="isolate" keys="/" pressed={isolated} disabled={selected === null} />
         <KeyButton icon="frame" keys="F" />
       </div>
     </nav>

@@ -1,6 +1,6 @@
 import { send } from "../actions/connection";
 import { chooseFiles, copyScript, exportAs } from "../actions/files";
-import { LOOKS } from "../actions/keyboard";
+import { LOOKS, shortcut } from "../actions/keyboard";
 import type { Export } from "../protocol/messages";
 import { ready, store, type Theme } from "../store/state";
 import { useParts } from "../store/use";
@@ -20,6 +20,17 @@ const exported = (text: string, hint: string, format: Export["format"], possible
   hint,
   possible ? () => void exportAs(format) : null,
 ];
+
+const VIEWS: readonly (readonly MenuItem[])[] = [
+  ["F", "Shift F"],
+  ["Num 1", "Num 3", "Num 7"],
+  ["Ctrl Num 1", "Ctrl Num 3", "Ctrl Num 7"],
+].map((group) =>
+  group.map((keys) => {
+    const [, , label, run] = shortcut(keys) ?? [keys, "View", keys, () => undefined];
+    return [label, keys, () => void run()] as const;
+  }),
+);
 
 export function Topbar({ viewer }: { readonly viewer: Viewer }) {
   const { edit, mesh, look, wireframe, quality, theme, inspector } = useParts();
@@ -44,10 +55,17 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
     exported("PLY", "", "ply"),
     exported("STL", "shape alone", "stl"),
   ];
-  const animated = exported("Animated GLB", moves ? "key poses" : "needs two poses", "animation", moves);
+  const held = (edit?.handles.length ?? 0) > 0;
+  const rigs = [
+    exported("Rig", "GLB, joints", "rig", held),
+    exported("Morph targets", "GLB", "morph", held),
+    exported("USDZ", "joints", "usdz", held),
+    exported("Animated GLB", moves ? "key poses" : "needs two poses", "animation", moves),
+    exported("Weights", "NPZ", "weights", held),
+  ];
   const scripts: MenuItem[] = [
-    ["Copy as Python", "", () => void copyScript("python")],
-    ["Copy as command", "", () => void copyScript("command")],
+    ["Copy as Python", "and its files", () => void copyScript("python")],
+    ["Copy as command", "and its files", () => void copyScript("command")],
   ];
   return (
     <header class="topbar">
@@ -63,12 +81,13 @@ export function Topbar({ viewer }: { readonly viewer: Viewer }) {
       </div>
       <div class="bar-group middle">
         <Segmented label="Look" value={look} options={LOOKS} onChange={(value) => store.set({ look: value })} />
+        <Menu icon="views" label="Views" groups={VIEWS} />
         <KeyButton icon="wire" keys="Z" pressed={wireframe} />
         <KeyButton icon="quality" keys="Q" pressed={quality === "full"} />
       </div>
       <div class="bar-group end">
         <Menu icon="camera" label="Pictures" groups={[pictures]} />
-        <Menu icon="save" label="Export" text="Export" groups={[shapes, [animated], scripts]} />
+        <Menu icon="save" label="Export" text="Export" groups={[shapes, rigs, scripts]} />
         <IconButton icon={themeIcon} label={themeLabel} onPress={() => store.set({ theme: nextTheme })} />
         <KeyButton icon="help" keys="?" />
         <KeyButton icon="inspector" keys="I" pressed={inspector} />

@@ -9,6 +9,8 @@ export type Affine = readonly number[];
 /** Three orthonormal vectors, one a row. */
 export type Frame = readonly [Vec3, Vec3, Vec3];
 
+export type PivotAt = "base" | "middle" | "point" | "plane" | "hinge";
+
 export interface Transform {
   readonly translation: Vec3;
   /** Axis times angle, right-handed. */
@@ -16,8 +18,15 @@ export interface Transform {
   readonly scale: Vec3;
   /** Null is the handle's own position. */
   readonly pivot: Vec3 | null;
+  /** What of the held part the pivot is, or that it is still to be found; null where it is numbers and nothing else. */
+  readonly pivotAt: PivotAt | "auto" | null;
   /** Along which it scales; null is the mesh's own axes. */
   readonly axes: Frame | null;
+  /** What the tip of the held part turns by along the part's own axis: a rotation vector, and degrees about the axis. */
+  readonly bend: Vec3;
+  readonly twist: number;
+  /** Where along the axis, in [0, 1], that happens; null is all along it. */
+  readonly joint: number | null;
 }
 
 export const IDENTITY: Affine = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0];
@@ -26,7 +35,11 @@ export const REST: Transform = {
   rotation: [0, 0, 0],
   scale: [1, 1, 1],
   pivot: null,
+  pivotAt: null,
   axes: null,
+  bend: [0, 0, 0],
+  twist: 0,
+  joint: null,
 };
 
 const UNIT_AXES: Frame = [
@@ -124,7 +137,11 @@ export function interpolate(a: Transform, b: Transform, t: number): Transform {
     ),
     scale: mix(a.scale, b.scale),
     pivot: a.pivot !== null && b.pivot !== null ? mix(a.pivot, b.pivot) : b.pivot,
+    pivotAt: b.pivotAt,
     axes: b.axes,
+    bend: mix(a.bend, b.bend),
+    twist: a.twist + (b.twist - a.twist) * t,
+    joint: b.joint,
   };
 }
 

@@ -27,10 +27,11 @@ uniform bool blends;
 uniform float heatStrength; // how much of the heat map lies over the look
 uniform bool heatAlone;
 uniform sampler2D map;
+uniform float fade; // what is left of it where things shine through
 
 in vec3 viewPosition;
 in vec3 viewNormal;
-#ifdef HEAT
+#if defined(HEAT) || defined(ISOLATED)
 in float heat;
 #endif
 #ifdef MAP
@@ -63,6 +64,9 @@ vec3 ramp(float t) {
 #endif
 
 void main() {
+#ifdef ISOLATED
+  if (heat < 0.05) discard;
+#endif
   vec3 n = normalize(viewNormal);
   vec3 toEye = normalize(-viewPosition);
   float facingEye = dot(n, toEye);
@@ -104,6 +108,6 @@ void main() {
   float shine4 = shine2 * shine2;
   float shine16 = shine4 * shine4 * shine4 * shine4;
   float gloss = shine16 * shine16 * shine4 * 0.06;
-  color = vec4(toScreen(albedo * light + gloss + rim * 0.05), alpha);
+  color = vec4(toScreen(albedo * light + gloss + rim * 0.05), alpha * fade);
 }
 #endif

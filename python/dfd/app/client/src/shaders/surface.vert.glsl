@@ -14,7 +14,7 @@ void main() {
 #else
 out vec3 viewPosition;
 out vec3 viewNormal;
-#ifdef HEAT
+#if defined(HEAT) || defined(ISOLATED)
 out float heat;
 #endif
 #ifdef MAP
@@ -28,7 +28,7 @@ void main() {
   vec4 view = modelViewMatrix * vec4(posedPosition.xyz, 1.0);
   viewPosition = view.xyz;
   viewNormal = normalMatrix * posedNormal;
-#ifdef HEAT
+#if defined(HEAT) || defined(ISOLATED)
   heat = posedPosition.w;
 #endif
 #ifdef MAP

@@ -4,6 +4,7 @@ import type { Frame, Transform, Vec3 } from "../posing/affine";
 import type { Layer } from "../posing/columns";
 import type { Payload } from "../protocol/binary_messages";
 import type {
+  AxisMessage,
   DetailMessage,
   HandleState,
   MeshMessage,
@@ -17,8 +18,9 @@ import type {
 import { createStore } from "./store";
 
 export type Look = "texture" | "clay" | "features" | "heat";
-export type Tool = "hold" | "fix" | "paint" | "pivot";
-export type GizmoMode = "translate" | "rotate" | "scale";
+export type Tool = "hold" | "fix" | "paint" | "box" | "pivot";
+export type View = "usual" | "front" | "back" | "right" | "left" | "top" | "bottom";
+export type GizmoMode = "translate" | "rotate" | "scale" | "bend";
 export type Theme = "system" | "light" | "dark";
 /** Whether movement may be drawn coarser than rest. */
 export type Quality = "auto" | "full";
@@ -94,6 +96,8 @@ export const CLOSED = {
   suggestions: [] as readonly Suggestion[],
   /** The places that look like the one that the selected handle holds. */
   similar: null as SimilarMessage | null,
+  /** What the selected handle may turn about, and along what it bends. */
+  axis: null as AxisMessage | null,
   report: null as ReportMessage | null,
   tool: "hold" as Tool,
   comparing: false,
@@ -130,8 +134,13 @@ const INITIAL = {
   help: false,
   brush: { radius: 0.05, strength: 1 },
   toasts: [] as readonly Toast[],
-  /** How often somebody asked to see the whole shape again. */
-  framed: 0,
+  /** The newest wish to see the shape, the selection, or either from another side; each is an object of its own. */
+  framed: null as { readonly what: "shape" | "selection" | View } | null,
+  xray: false,
+  /** Whether only what the selected handle holds is seen. */
+  isolated: false,
+  /** Whether the inspector shows what is rarely needed. */
+  more: false,
 };
 
 export type State = Readonly<typeof INITIAL>;
@@ -146,16 +155,39 @@ export function present(state: State, handle: HandleState): HandleState & { read
     rotation: handle.rotation,
     scale: handle.scale,
     pivot: handle.own_pivot ? handle.pivot : null,
+    pivotAt: handle.pivot_at,
     axes: handle.axes,
+    bend: handle.bend,
+    twist: handle.twist,
+    joint: handle.joint,
   };
+  // What turns for the first time turns about what the server will find.
+  const turns = state.gizmo === "rotate" || state.gizmo === "scale";
+  const found = turns && !handle.own_pivot && state.axis?.handle === handle.handle;
+  const begins: Transform = found ? { ...own, pivot: state.axis.auto, pivotAt: "auto" } : own;
   return {
     ...handle,
     exponent: ahead?.locality ?? handle.exponent,
     // One of locality and radius ends the other.
     radius: ahead?.locality === undefined ? handle.radius : null,
     ...ahead,
-    transform: state.moment?.get(handle.handle) ?? ahead?.transform ?? own,
+    transform: state.moment?.get(handle.handle) ?? ahead?.transform ?? begins,
   };
+}
+
+/** Degrees: what turns farther keeps its volume where blending is "auto", as `Edit.blending` says. */
+const MOST_LINEAR = 30;
+
+/** Whether what is seen has to be posed by the server: the shader adds linear motions, and bends nothing. */
+export function serverPoses(state: State): boolean {
+  const { edit } = state;
+  if (!edit || state.comparing) return false;
+  if (edit.overlap !== "add" || !["linear", "auto"].includes(edit.blend)) return true;
+  return edit.handles.some((handle) => {
+    const { rotation, bend, twist } = present(state, handle).transform;
+    const turns = edit.blend === "auto" && Math.hypot(...rotation) > MOST_LINEAR;
+    return turns || twist !== 0 || bend.some((part) => part !== 0);
+  });
 }
 
 export function selectedHandle(state: State): HandleState | null {
@@ -165,6 +197,11 @@ export function selectedHandle(state: State): HandleState | null {
 /** Whether the shape can be held: its field is there. */
 export function ready({ edit }: Pick<State, "edit">): boolean {
   return edit?.field.status === "ready";
+}
+
+/** The color of a handle: hues of the golden angle lie apart however many there are. */
+export function handleColor(handle: number): string {
+  return `hsl(${(228 + 137.5 * (handle - 1)) % 360} 60% 50%)`;
 }
 
 export function handleName({ name, handle }: HandleState): string {

@@ -1,8 +1,6 @@
 /** How long the graphics take, told by a fence behind what was asked of them: nobody waits for it. */
 
 const INTERVAL = 4;
-/** Milliseconds after which nothing is expected any more. */
-const PATIENCE = 20_000;
 
 export class Clock {
   private pending = false;
@@ -18,30 +16,22 @@ export class Clock {
 
   /** The same whoever else asks; `ended` is called in any case, `tell` not where the graphics are lost. */
   follow(begun: number, tell: (milliseconds: number) => void, ended: () => void = () => undefined): void {
-    const answer = (milliseconds: number | null) => {
-      ended();
-      if (milliseconds !== null) tell(milliseconds);
-    };
     const { gl } = this;
     const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
-    if (!fence) {
-      answer(null);
-      return;
-    }
     gl.flush();
+    // However long it takes: whoever waits for it has nothing else under way.
     const poll = () => {
-      if (gl.isContextLost()) {
-        answer(null);
+      if (!fence || gl.isContextLost()) {
+        ended();
         return;
       }
-      const gone = performance.now() - begun;
-      const done = gl.clientWaitSync(fence, 0, 0) !== gl.TIMEOUT_EXPIRED;
-      if (!done && gone < PATIENCE) {
+      if (gl.clientWaitSync(fence, 0, 0) === gl.TIMEOUT_EXPIRED) {
         setTimeout(poll, INTERVAL);
         return;
       }
       gl.deleteSync(fence);
-      answer(done ? gone : null);
+      ended();
+      tell(performance.now() - begun);
     };
     setTimeout(poll, INTERVAL);
   }

@@ -2,18 +2,20 @@
 
 import {
   DoubleSide,
+  Matrix4,
   Mesh,
   NearestFilter,
   RGBAIntegerFormat,
   Scene as ThreeScene,
   UnsignedIntType,
+  Vector4,
   WebGLRenderTarget,
   type PerspectiveCamera,
   type WebGLRenderer,
 } from "three";
 
 import type { Vec3 } from "../posing/affine";
-import { material } from "./posing/shaders";
+import { define, material } from "./posing/shaders";
 import type { Shape } from "./shape";
 
 export interface Pick {
@@ -25,16 +27,17 @@ export interface Pick {
 }
 
 export class Picker {
-  private readonly target = onePixel();
+  private readonly target = pixels(1, 1);
   private readonly scene = new ThreeScene();
   private readonly mesh: Mesh;
+  private readonly material = material("pick", {}, { side: DoubleSide });
   private newest: { readonly key: string; readonly pick: Pick | null } | null = null;
 
   constructor(
     private readonly renderer: WebGLRenderer,
     private readonly shape: Shape,
   ) {
-    this.mesh = new Mesh(shape.drawn.geometry, material("pick", {}, { side: DoubleSide }));
+    this.mesh = new Mesh(shape.drawn.geometry, this.material);
     this.mesh.frustumCulled = false;
     this.scene.add(this.mesh);
     this.scene.matrixWorldAutoUpdate = false;
@@ -52,10 +55,8 @@ export class Picker {
 
   private find(camera: PerspectiveCamera, x: number, y: number, width: number, height: number): Pick | null {
     // One pixel of the view fills the target, so the GPU throws away all else before a fragment is made.
-    this.shape.update();
-    this.mesh.geometry = this.shape.drawn.geometry;
     camera.setViewOffset(width, height, Math.floor(x), Math.floor(y), 1, 1);
-    const bits = this.draw(this.target, camera, this.scene);
+    const bits = this.draw(this.target, camera);
     camera.clearViewOffset();
     if (bits[3] === 0) return null;
     const [px, py, pz] = new Float32Array(bits.buffer, 0, 3);
@@ -64,13 +65,44 @@ export class Picker {
     return row === null ? null : { row, point, vertex: this.shape.vertexOf[row] };
   }
 
-  dispose(): void {
-    this.target.dispose();
-    [this.mesh.material].flat().forEach((each) => each.dispose());
+  /** Which rows appear in a box of the view of `width` × `height` pixels, those behind others too where `through`. */
+  within(camera: PerspectiveCamera, box: DOMRect, width: number, height: number, through: boolean): Set<number> {
+    const { shape } = this;
+    const [w, h] = [Math.max(Math.ceil(box.width), 1), Math.max(Math.ceil(box.height), 1)];
+    const target = pixels(w, h);
+    camera.updateMatrixWorld();
+    camera.setViewOffset(width, height, box.x, box.y, w, h);
+    const seen = new Float32Array(this.draw(target, camera).buffer);
+    const view = new Matrix4().multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
+    camera.clearViewOffset();
+    target.dispose();
+    const [posed, rest] = [shape.read(), shape.positions];
+    // A pixel's size at a distance of 1: a vertex is seen where the surface at its pixel is the surface about it.
+    const near = (8 * Math.tan((camera.fov * Math.PI) / 360)) / height;
+    const found = new Set<number>();
+    const at = new Vector4();
+    for (let row = 0; row < shape.vertexOf.length; row++) {
+      if (shape.isolated && posed[4 * row + 3] < 0.05) continue;
+      at.set(posed[4 * row], posed[4 * row + 1], posed[4 * row + 2], 1).applyMatrix4(view);
+      const [x, y] = [Math.floor(((at.x / at.w + 1) / 2) * w), Math.floor(((at.y / at.w + 1) / 2) * h)];
+      if (at.w <= 0 || x < 0 || y < 0 || x >= w || y >= h) continue;
+      const pixel = 4 * (y * w + x);
+      const apart = Math.hypot(...[0, 1, 2].map((i) => seen[pixel + i] - rest[3 * row + i]));
+      if (through || (seen[pixel + 3] !== 0 && apart < near * at.w)) found.add(row);
+    }
+    return found;
   }
 
-  private draw(target: WebGLRenderTarget, camera: PerspectiveCamera, scene: ThreeScene): Uint32Array {
-    const { renderer } = this;
+  dispose(): void {
+    this.target.dispose();
+    this.material.dispose();
+  }
+
+  private draw(target: WebGLRenderTarget, camera: PerspectiveCamera): Uint32Array {
+    const { renderer, scene, shape } = this;
+    shape.update();
+    this.mesh.geometry = shape.drawn.geometry;
+    define(this.material, shape.isolated ? ["ISOLATED"] : []);
     const before = renderer.getRenderTarget();
     // An opaque canvas is cleared to an alpha of 1, which would be the first face: beside the shape there is none.
     const alpha = renderer.getClearAlpha();
@@ -87,8 +119,8 @@ export class Picker {
 }
 
 /** Integers, which every WebGL 2 can draw into. */
-function onePixel(): WebGLRenderTarget {
-  return new WebGLRenderTarget(1, 1, {
+function pixels(width: number, height: number): WebGLRenderTarget {
+  return new WebGLRenderTarget(width, height, {
     format: RGBAIntegerFormat,
     type: UnsignedIntType,
     internalFormat: "RGBA32UI",

@@ -12,6 +12,8 @@ export interface PointerEvents {
   /** Whether the wheel was used up. */
   wheel(delta: number): boolean;
   paint(picked: Pick, erase: boolean): void;
+  /** A box is drawn, and at last it is `done`. */
+  box(box: DOMRect, done: boolean, erase: boolean): void;
   /** The pointer has rested on a point, or with Alt come to another part. */
   rest(picked: Pick, part: boolean): void;
 }
@@ -23,7 +25,8 @@ const SLOW_MILLISECONDS = 40;
 
 export class Pointer {
   private down: { x: number; y: number; id: number; moved: boolean } | null = null;
-  private painting = false;
+  /** What the pointer draws while it is down. */
+  private drawing: "paint" | "box" | null = null;
   private frame = 0;
   private timer = 0;
   private last: PointerEvent | null = null;
@@ -56,8 +59,9 @@ export class Pointer {
     if (event.button !== 0 || this.events.busy()) return;
     const [x, y] = this.at(event);
     this.down = { x, y, id: event.pointerId, moved: false };
-    if (store.get().tool !== "paint") return;
-    this.painting = true;
+    const { tool } = store.get();
+    if (tool !== "paint" && tool !== "box") return;
+    this.drawing = tool;
     this.canvas.setPointerCapture(event.pointerId);
     this.stroke(event);
   }
@@ -70,7 +74,7 @@ export class Pointer {
     this.frame = requestAnimationFrame(() => {
       this.frame = 0;
       if (!this.last) return;
-      if (this.painting) this.stroke(this.last);
+      if (this.drawing) this.stroke(this.last);
       else if (!this.down && this.last.buttons === 0) this.hover(this.last);
     });
   }
@@ -78,15 +82,22 @@ export class Pointer {
   private released(event: PointerEvent): void {
     const { down } = this;
     if (down?.id !== event.pointerId) return;
-    const painted = this.painting;
+    const { drawing } = this;
+    if (drawing === "box") this.stroke(event, true);
     this.forget();
-    if (painted || down.moved || this.events.dragging()) return;
+    if (drawing || down.moved || this.events.dragging()) return;
     const [x, y] = this.at(event);
     this.events.click(this.events.pick(x, y), event);
   }
 
-  private stroke(event: PointerEvent): void {
-    const picked = this.events.pick(...this.at(event));
+  private stroke(event: PointerEvent, done = false): void {
+    const [x, y] = this.at(event);
+    if (this.drawing === "box" && this.down) {
+      const box = [Math.min(x, this.down.x), Math.min(y, this.down.y)] as const;
+      this.events.box(new DOMRect(...box, Math.abs(x - this.down.x), Math.abs(y - this.down.y)), done, event.shiftKey);
+      return;
+    }
+    const picked = this.events.pick(x, y);
     if (picked) this.events.paint(picked, event.shiftKey);
   }
 
@@ -139,7 +150,7 @@ export class Pointer {
 
   private forget(): void {
     this.down = null;
-    this.painting = false;
+    this.drawing = null;
   }
 
   private at(event: PointerEvent): [number, number] {

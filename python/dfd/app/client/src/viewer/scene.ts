@@ -6,6 +6,7 @@ import {
   IDENTITY,
   matrixOf,
   multiply,
+  REST,
   subtract,
   type Affine,
   type Transform,
@@ -45,7 +46,8 @@ export function mirrorOf(plane: Plane, center: Vec3): Mirror {
 }
 
 export function sceneOf(state: State): Scene {
-  const { edit, mesh, columns: known, painted, probe } = state;
+  const { edit, mesh, columns: known, painted } = state;
+  const probe = state.isolated && state.selected !== null ? null : state.probe;
   if (!edit || !mesh) return EMPTY_SCENE;
   const { center } = mesh;
   const { symmetry } = edit;
@@ -89,7 +91,7 @@ export function sceneOf(state: State): Scene {
   if (painted) columns.push(shownColumn(painted.layer, null, PAINTED, edit.new_handle));
   else if (probe) columns.push(shownColumn(probe.layer, fixed, probe.part > 0 ? PAINTED : 1, edit.new_handle));
   const d0 = state.comparing ? null : edit.default;
-  const rest = d0 && matrixOf({ ...d0, pivot: d0.pivot ?? null, axes: d0.axes ?? null }, center);
+  const rest = d0 && matrixOf({ ...REST, ...d0 }, center);
   return {
     columns,
     defaultTransform: rest && relative(rest, center),

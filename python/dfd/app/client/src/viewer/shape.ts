@@ -45,6 +45,8 @@ export class Shape {
   private readonly surface: Mesh;
   private readonly materials: ShaderMaterial[];
   private look: Look = "texture";
+  /** Whether only what is warm in the heat map is seen. */
+  isolated = false;
   private heats = false;
   /** Counts its poses: what is picked stays as long as neither this nor the camera changes. */
   poses = 0;
@@ -71,6 +73,7 @@ export class Shape {
       ownLook: { value: true },
       heatStrength: { value: 1 },
       heatAlone: { value: false },
+      fade: { value: 1 },
     };
     this.materials = message.materials.map((entry) => this.material(entry, payload));
     this.surface = new Mesh(this.drawn.geometry, this.materials);
@@ -190,6 +193,19 @@ export class Shape {
     this.compile();
   }
 
+  /** Have what lies behind shine through, and see nothing but what is held. */
+  reveal(xray: boolean, isolated: boolean): void {
+    this.shared.fade.value = xray ? 0.4 : 1;
+    this.isolated = isolated;
+    for (const each of this.materials) {
+      each.transparent = xray || each.uniforms.blends.value === true;
+      each.depthWrite = !xray;
+    }
+    this.poses++;
+    this.revision++;
+    this.compile();
+  }
+
   setClay(color: Color): void {
     (this.shared.lookColor.value as Color).copy(color);
     this.revision++;
@@ -263,8 +279,8 @@ export class Shape {
       const map = look === "texture" && each.uniforms.map.value !== null;
       define(
         each,
-        Object.entries({ FEATURES: features, COLORS: colors, MAP: map, HEAT: heat }).flatMap(([name, on]) =>
-          on ? [name] : [],
+        Object.entries({ FEATURES: features, COLORS: colors, MAP: map, HEAT: heat, ISOLATED: this.isolated }).flatMap(
+          ([name, on]) => (on ? [name] : []),
         ),
       );
     }

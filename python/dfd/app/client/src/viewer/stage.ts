@@ -4,12 +4,24 @@ import { PerspectiveCamera, Scene as ThreeScene, Vector3, WebGLRenderer } from "
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
 import type { Vec3 } from "../posing/affine";
-import type { Level } from "../store/state";
+import type { Level, View } from "../store/state";
 import { Clock } from "./clock";
-import { COARSE, Pace, WHOLE, type Drawing } from "./pace";
+import { Pace, type Drawing } from "./pace";
+import { Rest, type Easel, type Stop } from "./rest";
 import { SHAPE_LAYER, Still, type Drawable } from "./still";
 
 const FIELD_OF_VIEW = 38;
+
+/** From the shape to the camera; straight from above, a camera would not know what is up. */
+export const VIEWS: Record<View, Vec3> = {
+  usual: [0.555, 0.296, 0.777],
+  front: [0, 0, 1],
+  back: [0, 0, -1],
+  right: [1, 0, 0],
+  left: [-1, 0, 0],
+  top: [0, 1, 1e-4],
+  bottom: [0, -1, 1e-4],
+};
 
 /** What is drawn whole or coarse. */
 export interface Subject {
@@ -23,13 +35,7 @@ export interface Subject {
   update(): void;
 }
 
-/** Milliseconds: a frame that is asked for this soon after another goes on with its movement. */
-const SOON = 100;
-/** Milliseconds without a new frame, after which nothing moves, and the same while somebody holds on. */
-const STILL = 150;
-const HELD = 400;
-
-export class Stage {
+export class Stage implements Easel {
   readonly renderer: WebGLRenderer;
   readonly scene = new ThreeScene();
   readonly camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 100);
@@ -42,17 +48,11 @@ export class Stage {
   saw: (seen: Level | "loading") => void = () => undefined;
   /** Called after every picture, for what lies over the canvas. */
   drawn: () => void = () => undefined;
-  /** Whether somebody has hold of the camera or a handle. */
-  held = false;
+  private readonly rest: Rest;
   private readonly clock: Clock;
   /** Where a processor draws, the whole comes bit by bit. */
   private readonly still: Still | null;
-  private frame = 0;
-  private timer = 0;
-  private asked = 0;
-  private ended = 0;
   private halvings = 0;
-  private radius = 1;
   width = 1;
   height = 1;
 
@@ -60,6 +60,7 @@ export class Stage {
     // Where a processor draws, smooth edges cost more than all else together, and so do many pixels.
     const antialias = !drawsInSoftware();
     this.pace = new Pace(!antialias);
+    this.rest = new Rest(this, this.pace);
     const gl = opaqueContext(canvas, antialias);
     this.renderer = new WebGLRenderer({ canvas, context: gl, antialias });
     this.clock = new Clock(gl);
@@ -72,66 +73,69 @@ export class Stage {
     this.orbit.addEventListener("end", () => this.hold(false));
     this.orbit.zoomToCursor = true;
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
-    canvas.addEventListener("webglcontextrestored", () => {
-      this.still?.forget();
-      this.invalidate();
-    });
+    canvas.addEventListener("webglcontextrestored", () => this.rest.renew());
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement ?? canvas);
     this.resize();
   }
 
   /** Draw at the screen's next frame. */
   invalidate(): void {
-    if (this.frame !== 0) return;
-    this.asked = performance.now();
-    this.frame = requestAnimationFrame(() => this.drawNext());
+    this.rest.ask();
   }
 
   /** Draw what has been asked for. */
   drawNext(): void {
-    cancelAnimationFrame(this.frame);
-    this.frame = 0;
-    this.next(performance.now(), this.held || this.asked - this.ended < SOON);
+    this.rest.frame();
   }
 
   /** Draw the whole now. */
   draw(): void {
-    this.show(WHOLE);
+    this.rest.drawWhole();
   }
 
   /** Whether nothing is left to be drawn. */
   get rests(): boolean {
-    const subject = this.subject();
-    const direct = !this.still || !subject?.hasLevels || !subject.opaque || this.pace.quality === "full";
-    return this.frame === 0 && this.timer === 0 && (direct || this.still.fits(this.key(subject)));
+    return this.rest.state === "whole";
   }
 
   /** Somebody takes hold of what moves, or lets go. */
   hold(on: boolean): void {
-    this.held = on;
-    if (!on && this.timer !== 0) this.settleAfter(STILL);
+    this.rest.hold(on);
   }
 
   /** Look at a shape about the origin, of that radius, from the front and a little above. */
   frameShape(radius: number): void {
-    this.radius = radius;
     this.camera.near = radius / 100;
     this.camera.far = radius * 60;
-    this.orbit.target.set(0, 0, 0);
     this.orbit.minDistance = radius / 20;
     this.orbit.maxDistance = radius * 20;
-    this.lookFrom(0.62, 0.3);
+    this.frame([0, 0, 0], radius, VIEWS.usual);
   }
 
-  /** From an azimuth and an elevation in radians; the distance shows all of the shape. */
-  lookFrom(azimuth: number, elevation: number): void {
+  /** Show all of a sphere, from a direction or from where it is seen now. */
+  frame(center: Vec3, radius: number, from?: Vec3): void {
     const half = (FIELD_OF_VIEW * Math.PI) / 360;
     const narrow = Math.atan(Math.tan(half) * Math.min(this.camera.aspect, 1));
-    const distance = (1.02 * this.radius) / Math.sin(narrow);
-    const flat = Math.cos(elevation) * distance;
-    this.camera.position
-      .set(flat * Math.sin(azimuth), Math.sin(elevation) * distance, flat * Math.cos(azimuth))
-      .add(this.orbit.target);
+    this.stand(
+      from ? new Vector3(...from) : this.direction,
+      (1.02 * radius) / Math.sin(narrow),
+      new Vector3(...center),
+    );
+  }
+
+  /** Look at the same point from another direction. */
+  lookFrom(from: Vec3): void {
+    this.stand(new Vector3(...from), this.direction.length(), this.orbit.target);
+  }
+
+  /** From what is looked at to the camera. */
+  private get direction(): Vector3 {
+    return this.camera.position.clone().sub(this.orbit.target);
+  }
+
+  private stand(from: Vector3, distance: number, target: Vector3): void {
+    this.orbit.target.copy(target);
+    this.camera.position.copy(from).setLength(distance).add(target);
     this.camera.updateProjectionMatrix();
     this.orbit.update();
     this.invalidate();
@@ -144,21 +148,39 @@ export class Stage {
     return [((at.x + 1) / 2) * this.width, ((1 - at.y) / 2) * this.height];
   }
 
-  private next(now: number, moves: boolean): void {
-    const { still } = this;
+  // --- what the picture at rest is made by
+
+  key(): string | null {
     const subject = this.subject();
-    const key = subject ? this.key(subject) : "";
-    if (subject && still?.fits(key)) {
-      this.showStill(still, subject);
-      return;
-    }
-    if (!still?.becomes(key)) still?.forget();
-    const drawing = this.pace.next(now, moves, subject?.hasLevels ?? false, this.width * this.height);
-    if (drawing === WHOLE) this.settle();
-    else this.show(drawing);
+    if (!this.still || !subject?.hasLevels || !subject.opaque || this.pace.quality === "full") return null;
+    const { matrixWorld, projectionMatrix } = this.camera;
+    this.camera.updateMatrixWorld();
+    return [subject.revision, this.width, this.height, ...matrixWorld.elements, ...projectionMatrix.elements].join();
   }
 
-  private show({ level, halvings }: Drawing): void {
+  get hasCoarse(): boolean {
+    return this.subject()?.hasLevels ?? false;
+  }
+
+  get pixels(): number {
+    return this.width * this.height;
+  }
+
+  now(): number {
+    return performance.now();
+  }
+
+  atNextFrame(run: () => void): Stop {
+    const frame = requestAnimationFrame(run);
+    return () => cancelAnimationFrame(frame);
+  }
+
+  after(milliseconds: number, run: () => void): Stop {
+    const timer = setTimeout(run, milliseconds);
+    return () => clearTimeout(timer);
+  }
+
+  paint({ level, halvings }: Drawing): void {
     const begun = performance.now();
     this.sharpen(halvings);
     const subject = this.subject();
@@ -166,67 +188,43 @@ export class Stage {
     subject?.update();
     this.renderer.render(this.scene, this.camera);
     this.finish(subject);
-    if (level !== "full" || halvings > 0) this.settleAfter(this.held ? HELD : STILL);
-    else if (subject?.shown === "full") this.clock.ask(begun, (milliseconds) => this.pace.measured(milliseconds));
+    if (level === "full" && halvings === 0 && subject?.shown === "full") this.measure(begun);
   }
 
-  /** Draw the whole unless something moves within so many milliseconds. */
-  private settleAfter(milliseconds: number): void {
-    clearTimeout(this.timer);
-    this.timer = window.setTimeout(() => {
-      this.timer = 0;
-      // A frame that has been asked for comes late: the movement goes on.
-      if (this.frame !== 0) return;
-      this.pace.rest();
-      this.settle();
-    }, milliseconds);
-  }
-
-  /** Draw the whole, at once or as soon as it can be had without keeping anybody waiting. */
-  private settle(): void {
-    const { still, pace } = this;
+  keep(): void {
     const subject = this.subject();
-    if (!still || !subject?.hasLevels || !subject.opaque || pace.quality === "full") {
-      this.show(WHOLE);
-      return;
-    }
-    const key = this.key(subject);
-    if (pace.short) {
-      const begun = performance.now();
-      this.sharpen(0);
-      still.make(key, subject.drawable);
-      this.showStill(still, subject);
-      this.clock.ask(begun, (milliseconds) => pace.measured(milliseconds));
-      return;
-    }
-    if (still.becomes(key)) return;
-    if (this.halvings > 0 || subject.shown === "full") this.show(COARSE);
-    still.compose(key, subject.drawable, (milliseconds) => {
-      pace.measured(milliseconds);
-      if (this.frame === 0 && this.key(subject) === key) this.showStill(still, subject);
+    if (!this.still || !subject) return;
+    const begun = performance.now();
+    this.sharpen(0);
+    this.still.make(subject.drawable);
+    this.measure(begun);
+  }
+
+  compose(composed: () => void): Stop {
+    const subject = this.subject();
+    if (!this.still || !subject) return () => undefined;
+    this.sharpen(0);
+    return this.still.compose(subject.drawable, (milliseconds) => {
+      this.pace.measured(milliseconds);
+      composed();
     });
   }
 
-  private showStill(still: Still, subject: Subject): void {
+  showKept(): void {
+    const subject = this.subject();
     this.sharpen(0);
-    subject.use("full");
-    still.show();
+    subject?.use("full");
+    this.still?.show();
     this.finish(subject);
+  }
+
+  private measure(begun: number): void {
+    this.clock.ask(begun, (milliseconds) => this.pace.measured(milliseconds));
   }
 
   private finish(subject: Subject | null): void {
     this.drawn();
-    this.ended = performance.now();
-    clearTimeout(this.timer);
-    this.timer = 0;
     if (subject) this.saw(subject.whole ? subject.shown : "loading");
-  }
-
-  /** What the picture of the whole depends on. */
-  private key(subject: Subject): string {
-    const { matrixWorld, projectionMatrix } = this.camera;
-    this.camera.updateMatrixWorld();
-    return [subject.revision, this.width, this.height, ...matrixWorld.elements, ...projectionMatrix.elements].join();
   }
 
   private sharpen(halvings: number): void {
@@ -245,7 +243,7 @@ export class Stage {
     this.camera.aspect = this.width / this.height;
     this.camera.updateProjectionMatrix();
     // At once: a resized canvas is empty until something is drawn.
-    this.next(performance.now(), false);
+    this.rest.frame(false);
   }
 }
 

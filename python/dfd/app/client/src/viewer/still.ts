@@ -39,10 +39,6 @@ export interface Drawable {
 export class Still {
   private readonly target: WebGLRenderTarget;
   private readonly quad: Mesh;
-  private made = "";
-  private wanted = "";
-  /** Counts what was begun: an older one goes no further. */
-  private begun = 0;
 
   constructor(
     private readonly renderer: WebGLRenderer,
@@ -62,39 +58,21 @@ export class Still {
     scene.add(this.quad);
   }
 
-  /** Whether it shows what `key` stands for. */
-  fits(key: string): boolean {
-    return this.made === key;
-  }
-
-  /** Whether it is being made to show that. */
-  becomes(key: string): boolean {
-    return this.wanted === key;
-  }
-
-  /** What was made or begun is out of date. */
-  forget(): void {
-    this.made = this.wanted = "";
-    this.begun++;
-  }
-
   /** Draw all of it now. */
-  make(key: string, shape: Drawable): void {
-    this.start(key);
+  make(shape: Drawable): void {
+    this.clear();
     shape.pose(shape.rows);
     this.add(shape, 0, shape.faces);
-    this.made = key;
   }
 
   /** Draw it bit by bit, and tell at the end how many milliseconds that took, pauses left out. */
-  compose(key: string, shape: Drawable, done: (milliseconds: number) => void): void {
-    const own = this.start(key);
+  compose(shape: Drawable, done: (milliseconds: number) => void): () => void {
+    this.clear();
     const least = Math.ceil(shape.faces / MOST_BITS);
-    let [rows, faces, bit, spent] = [0, 0, least, 0];
+    let [rows, faces, bit, spent, stopped] = [0, 0, least, 0, false];
     const next = () => {
-      if (own !== this.begun) return;
+      if (stopped) return;
       if (rows >= shape.rows && faces >= shape.faces) {
-        this.made = key;
         done(spent);
         return;
       }
@@ -116,6 +94,7 @@ export class Still {
       });
     };
     next();
+    return () => (stopped = true);
   }
 
   /** Draw the scene with it in place of the shape. */
@@ -127,13 +106,10 @@ export class Still {
     this.quad.visible = false;
   }
 
-  private start(key: string): number {
-    this.forget();
-    this.wanted = key;
+  private clear(): void {
     const { x, y } = this.renderer.getDrawingBufferSize(new Vector2());
     this.target.setSize(x, y);
     this.drawing(() => this.renderer.clear());
-    return this.begun;
   }
 
   private add(shape: Drawable, first: number, count: number): void {

@@ -1,22 +1,23 @@
 /** The view: it follows the store, and tells what a person does on the canvas. */
 
-import { Color, MOUSE } from "three";
+import { Box3, Color, MOUSE, Sphere, Vector3 } from "three";
 
 import { send } from "../actions/connection";
 import { hold, select, takePart, toggleFixed, wheelReach } from "../actions/edit";
 import { niceStep } from "../posing/affine";
-import { present, ready, selectedHandle, store, type State } from "../store/state";
+import { weightOf } from "../posing/columns";
+import { present, ready, selectedHandle, serverPoses, store, type State } from "../store/state";
 import { Background } from "./overlays/background";
-import { paint } from "./overlays/brush";
+import { paint, touch } from "./overlays/brush";
 import { Gizmo } from "./overlays/gizmo";
 import { marksOf, ringOf } from "./overlays/marks";
 import { Markers } from "./overlays/markers";
-import { Picker, type Pick } from "./picker";
+import { Picker, type Pick as Picked } from "./picker";
 import { Planes } from "./overlays/planes";
 import { Pointer } from "./pointer";
 import { mirrorOf, sceneOf } from "./scene";
 import { Shape } from "./shape";
-import { Stage } from "./stage";
+import { Stage, VIEWS } from "./stage";
 
 export class Viewer {
   readonly stage: Stage;
@@ -26,6 +27,7 @@ export class Viewer {
   private readonly markers: Markers;
   private readonly planes = new Planes();
   private readonly background = new Background();
+  private readonly box = document.createElement("div");
 
   constructor(canvas: HTMLCanvasElement, overlay: HTMLElement) {
     this.stage = new Stage(canvas);
@@ -47,8 +49,12 @@ export class Viewer {
       paint: (picked, erase) => {
         if (this.shape) paint(this.shape, picked, erase);
       },
+      box: (box, done, erase) => this.selectBox(box, done, erase),
       rest: (picked, part) => this.probe(picked, part),
     });
+    this.box.className = "box";
+    this.box.hidden = true;
+    overlay.append(this.box);
     this.follow(overlay);
   }
 
@@ -57,7 +63,7 @@ export class Viewer {
     return [this.planes.group, this.gizmo.helper];
   }
 
-  pick(x: number, y: number): Pick | null {
+  pick(x: number, y: number): Picked | null {
     const { camera, width, height } = this.stage;
     return this.picker?.pick(camera, x, y, width, height) ?? null;
   }
@@ -83,14 +89,11 @@ export class Viewer {
     // Marks lie over the picture, which stays as it is.
     store.on("hover", () => this.mark());
     store.watch(
-      ({ look, wireframe, theme, comparing, showPlanes, edit }) => {
-        return [look, wireframe, theme, comparing, showPlanes, edit?.symmetry, edit?.planes];
+      ({ look, wireframe, theme, comparing, showPlanes, edit, xray, ...state }) => {
+        return [look, wireframe, theme, comparing, showPlanes, edit?.symmetry, edit?.planes, xray, isolates(state)];
       },
       () => this.dress(),
     );
-    store.on("edit", (edit) => {
-      if (edit?.posing === "server") send({ type: "compute" });
-    });
     store.on("dragging", (dragging) => {
       stage.orbit.enabled = !dragging;
       stage.hold(dragging);
@@ -107,11 +110,15 @@ export class Viewer {
       },
     );
     store.on("tool", (tool) => {
-      stage.orbit.mouseButtons.LEFT = tool === "paint" ? null : MOUSE.ROTATE;
-      overlay.classList.toggle("through", tool === "paint");
+      const draws = tool === "paint" || tool === "box";
+      stage.orbit.mouseButtons.LEFT = draws ? null : MOUSE.ROTATE;
+      overlay.classList.toggle("through", draws);
     });
-    store.on("framed", () => {
-      if (this.shape) stage.frameShape(this.shape.radius);
+    store.on("framed", (wish) => {
+      if (!wish || !this.shape) return;
+      if (wish.what === "shape") stage.frameShape(this.shape.radius);
+      else if (wish.what === "selection") this.frameSelection(this.shape);
+      else stage.lookFrom(VIEWS[wish.what]);
     });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.dress());
   }
@@ -137,7 +144,8 @@ export class Viewer {
     const state = store.get();
     this.background.dress(themeColor("--stage-light"), themeColor("--stage"));
     this.shape?.setClay(new Color(themeColor("--clay")));
-    this.shape?.setWireframe(state.wireframe, new Color(themeColor("--wire")), 0.5);
+    this.shape?.reveal(state.xray, isolates(state));
+    this.shape?.setWireframe(state.wireframe && !isolates(state), new Color(themeColor("--wire")), 0.5);
     this.drawPlanes(state, new Color(themeColor("--accent")));
     this.shape?.setLook(state.look, state.comparing ? 0 : 1);
     this.stage.invalidate();
@@ -158,7 +166,7 @@ export class Viewer {
   private pose(): void {
     const state = store.get();
     this.shape?.show(sceneOf(state));
-    this.shape?.usePosed(!state.comparing && state.moment === null);
+    this.shape?.usePosed(serverPoses(state));
     this.hold(state);
     this.mark();
     this.markers.showRing(this.shape && ringOf(state));
@@ -173,14 +181,24 @@ export class Viewer {
   private hold(state: State): void {
     const handle = selectedHandle(state);
     const { mesh, snap, tool } = state;
-    const shown = handle && !state.hidden.has(handle.handle) && tool !== "paint" && !state.comparing;
+    const draws = tool === "paint" || tool === "box";
+    const shown = handle && !state.hidden.has(handle.handle) && !draws && !state.comparing;
     if (!shown || !mesh || !this.shape) {
       this.gizmo.hold(null);
       return;
     }
     this.gizmo.configure(state.gizmo, state.space, snap ? niceStep(mesh.diagonal / 50) : null, tool === "pivot");
     const { transform } = present(state, handle);
-    this.gizmo.hold({ transform, position: handle.position, center: mesh.center });
+    const { base, tip } = axisOf(state) ?? { base: null, tip: null };
+    const ends = state.gizmo === "bend" && base && tip ? { base, tip } : null;
+    if (state.gizmo === "bend" && tool !== "pivot" && !ends) this.gizmo.hold(null);
+    else
+      this.gizmo.hold({
+        transform,
+        position: handle.position,
+        center: mesh.center,
+        ends: tool === "pivot" ? null : ends,
+      });
   }
 
   private drawPlanes({ edit, mesh, showPlanes }: State, color: Color): void {
@@ -193,9 +211,39 @@ export class Viewer {
     );
   }
 
+  /** Look at what the selected handle holds, and where it holds nothing at all of the shape. */
+  private frameSelection(shape: Shape): void {
+    const { selected } = store.get();
+    const columns = sceneOf(store.get()).columns.filter(({ handle }) => handle === selected && handle > 0);
+    const posed = shape.read();
+    const held = new Box3();
+    const point = new Vector3();
+    shape.vertexOf.forEach((vertex, row) => {
+      const most = columns.reduce((sum, column) => sum + weightOf(column, vertex), 0);
+      if (most > 0.5) held.expandByPoint(point.fromArray(posed, 4 * row));
+    });
+    if (held.isEmpty()) this.stage.frameShape(shape.radius);
+    else {
+      const { center, radius } = held.getBoundingSphere(new Sphere());
+      this.stage.frame(center.toArray(), Math.max(1.2 * radius, shape.radius / 10));
+    }
+  }
+
   // --- what a person does on the canvas
 
-  private click(picked: Pick | null, event: PointerEvent): void {
+  private selectBox(box: DOMRect, done: boolean, erase: boolean): void {
+    const { style } = this.box;
+    this.box.hidden = done;
+    for (const side of ["left", "top", "width", "height"] as const) {
+      style[side] = `${{ left: box.x, top: box.y, width: box.width, height: box.height }[side]}px`;
+    }
+    if (!done || !this.shape || !this.picker) return;
+    const { camera, width, height } = this.stage;
+    const rows = this.picker.within(camera, box, width, height, store.get().xray);
+    touch(this.shape, (row) => rows.has(row), erase);
+  }
+
+  private click(picked: Picked | null, event: PointerEvent): void {
     const state = store.get();
     if (!picked) {
       select(null);
@@ -215,20 +263,29 @@ export class Viewer {
     return true;
   }
 
-  private probe({ vertex }: Pick, part: boolean): void {
+  private probe({ vertex }: Picked, part: boolean): void {
     const state = store.get();
-    if (!ready(state) || state.tool === "paint" || state.tool === "pivot") return;
+    if (!ready(state) || ["paint", "box", "pivot"].includes(state.tool) || isolates(state)) return;
     if (!part) send({ type: "probe", at: { vertex } });
     else if (state.edit?.field.parts) send({ type: "part", vertex });
   }
 }
 
+function isolates({ isolated, selected, painted }: Pick<State, "isolated" | "selected" | "painted">) {
+  return isolated && selected !== null && !painted;
+}
+
+/** What the selected handle bends along, as far as that is known. */
+function axisOf({ axis, selected }: State): State["axis"] {
+  return axis?.handle === selected ? axis : null;
+}
+
 /** What of the state the shape's pose and its marks depend on. */
 function posedBy(state: State): readonly unknown[] {
   const { edit, columns, ahead, moment, comparing, probe, painted, selected, hidden, mesh, suggestions } = state;
-  const { similar, showGhosts, dragging, gizmo, space, snap, tool } = state;
+  const { similar, showGhosts, dragging, gizmo, space, snap, tool, axis } = state;
   const shape = [edit, columns, ahead, moment, comparing, probe, painted, selected, hidden, mesh, suggestions];
-  return [...shape, similar, showGhosts, dragging, gizmo, space, snap, tool];
+  return [...shape, similar, showGhosts, dragging, gizmo, space, snap, tool, axis];
 }
 
 let sample: HTMLElement | null = null;

@@ -83,13 +83,15 @@ interface ChoiceProps<Value extends string> {
   readonly value: Value;
   readonly options: readonly Value[];
   readonly hint?: string;
+  /** Other words for options than their own. */
+  readonly named?: Partial<Record<Value, string>>;
   readonly onChange: (value: Value) => void;
 }
 
 /** One of a few words, all of them in sight. */
-export function Segmented<Value extends string>({ label, value, options, onChange }: ChoiceProps<Value>) {
+export function Segmented<Value extends string>({ label, value, options, hint, onChange }: ChoiceProps<Value>) {
   return (
-    <div class="segmented" role="group" aria-label={label}>
+    <div class="segmented" role="group" aria-label={label} title={hint}>
       {options.map((option) => (
         <button key={option} type="button" aria-pressed={option === value} onClick={() => onChange(option)}>
           {titled(option)}
@@ -99,14 +101,14 @@ export function Segmented<Value extends string>({ label, value, options, onChang
   );
 }
 
-export function Select<Value extends string>({ label, value, options, hint, onChange }: ChoiceProps<Value>) {
+export function Select<Value extends string>({ label, value, options, hint, named, onChange }: ChoiceProps<Value>) {
   return (
     <label class="select" title={hint}>
       <span>{label}</span>
       <select value={value} onChange={(event) => onChange(event.currentTarget.value as Value)}>
         {options.map((option) => (
           <option key={option} value={option}>
-            {titled(option)}
+            {titled(named?.[option] ?? option)}
           </option>
         ))}
       </select>
@@ -166,13 +168,14 @@ interface TripleProps {
   readonly onChange: (value: Vec3, axis: number) => void;
   /** For screen readers, where `label` stands more than once. */
   readonly of?: string;
+  readonly hint?: string;
   readonly action?: ComponentChildren;
 }
 
 /** Three numbers, one for each axis. */
-export function Triple({ label, of = "", value, step, onChange, action }: TripleProps) {
+export function Triple({ label, of = "", hint, value, step, onChange, action }: TripleProps) {
   return (
-    <div class="triple" role="group" aria-label={`${label}${of}`}>
+    <div class="triple" role="group" aria-label={`${label}${of}`} title={hint}>
       <span class="triple-label">
         {label}
         {action}
@@ -203,7 +206,8 @@ export function Scale({ value, onChange, ...rest }: Pick<TripleProps, "value" | 
     const all = value.map((other, i) => (i === axis ? next[axis] : other * factor));
     onChange(uniform ? (all as unknown as Vec3) : next, axis);
   };
-  return <Triple label="Scale" value={value} step={0.05} onChange={scale} action={link} {...rest} />;
+  const hint = "How many times as large, along x, y and z";
+  return <Triple label="Scale" hint={hint} value={value} step={0.05} onChange={scale} action={link} {...rest} />;
 }
 
 interface SliderProps {
@@ -249,13 +253,14 @@ export function Slider({ label, of = "", hint, value, range: [min, max, step], t
 
 interface ToggleProps {
   readonly label: string;
+  readonly hint?: string;
   readonly checked: boolean;
   readonly onChange: (checked: boolean) => void;
 }
 
-export function Toggle({ label, checked, onChange }: ToggleProps) {
+export function Toggle({ label, hint, checked, onChange }: ToggleProps) {
   return (
-    <label class="toggle">
+    <label class="toggle" title={hint}>
       <span>{label}</span>
       <input
         type="checkbox"
@@ -363,6 +368,19 @@ export function Panel({ title, action, children }: PanelProps) {
       </header>
       {children}
     </section>
+  );
+}
+
+/** What is rarely needed: opened once, it stays open. */
+export function More({ children }: Pick<PanelProps, "children">) {
+  const { more } = useParts();
+  return (
+    <>
+      <button type="button" class="more" aria-expanded={more} onClick={() => toggle("more")}>
+        {more ? "Less" : "More"}
+      </button>
+      {more && children}
+    </>
   );
 }
 

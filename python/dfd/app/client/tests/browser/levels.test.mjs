@@ -60,12 +60,12 @@ test(
     await whole();
     await drag(page, [0, -50], -60, async () => {
       await until(page, (s) => s.dragging && s.seen === "coarse");
-      assert.ok(await coarseWord().isVisible());
+      await coarseWord().waitFor();
       assert.ok((await triangles()) < faces / 2, "the whole was drawn");
       await shot(page, "coarse");
     });
     await until(page, (s) => s.seen === "full" && s.edit.handles[0].moved);
-    assert.ok(!(await coarseWord().isVisible()));
+    await coarseWord().waitFor({ state: "hidden" });
     assert.ok((await shaderError(page)) <= TOLERANCE);
     await shot(page, "whole");
   },
@@ -122,6 +122,28 @@ test("what is picked is what is seen", { timeout: PATIENCE }, async () => {
   const { vertex } = await visibleVertex(page, fine);
   assert.ok(fine.includes(vertex));
 });
+
+test(
+  "after a drag and its undo the whole is seen, and posing beside it leaves the canvas alone",
+  { timeout: PATIENCE },
+  async () => {
+    await page.evaluate(() => {
+      const gl = document.querySelector("canvas").getContext("webgl2");
+      const draw = gl.drawArrays.bind(gl);
+      window.onCanvas = 0;
+      gl.drawArrays = (...arguments_) => {
+        if (gl.isEnabled(gl.RASTERIZER_DISCARD) && !gl.getParameter(gl.FRAMEBUFFER_BINDING)) window.onCanvas++;
+        draw(...arguments_);
+      };
+    });
+    await drag(page, [0, -50], -60);
+    await page.keyboard.press("Control+z");
+    await until(page, (s) => s.edit.can_redo);
+    await whole();
+    assert.ok((await difference()) < 1e-4);
+    assert.equal(await page.evaluate(() => window.onCanvas), 0);
+  },
+);
 
 test("full quality is a key away, lowers nothing, and is remembered", { timeout: 2 * PATIENCE }, async () => {
   await page.keyboard.press("q");

@@ -29,6 +29,10 @@ export async function openTab(browser, options = {}) {
   const context = await browser.newContext({ viewport: { width: 1440, height: 900 }, ...options });
   const page = await context.newPage();
   await page.addInitScript(installHook);
+  // What the inspector folds away is there unless a story is about that.
+  await page.addInitScript(
+    () => window.localStorage.getItem("dfd-more") ?? window.localStorage.setItem("dfd-more", "true"),
+  );
   page.setDefaultTimeout(PATIENCE);
   const problems = [];
   page.on("pageerror", (error) => problems.push(error.message));
@@ -80,7 +84,11 @@ function installHook() {
       /** Where a vertex appears, in pixels of the page. */
       project(vertex) {
         const row = shown().vertexOf.indexOf(vertex);
-        const at = stage.project(posePoint(sceneOf(store.get()), shown().at(row), vertex).position);
+        return this.place(posePoint(sceneOf(store.get()), shown().at(row), vertex).position);
+      },
+      /** Where a point, relative to the mesh's center, appears in pixels of the page. */
+      place(point) {
+        const at = stage.project(point);
         const box = stage.canvas.getBoundingClientRect();
         return at && [at[0] + box.left, at[1] + box.top];
       },

@@ -26,11 +26,11 @@ describe("matrixOf", () => {
 
   it("scales, then turns, then moves, about the pivot", () => {
     const transform: Transform = {
+      ...REST,
       translation: [0, 0, 5],
       rotation: [0, 0, 90],
       scale: [2, 1, 1],
       pivot: [1, 0, 0],
-      axes: null,
     };
     close(apply(matrixOf(transform, [9, 9, 9]), [2, 0, 0]), [1, 2, 5]);
   });
@@ -66,8 +66,8 @@ describe("rotations", () => {
 
 describe("interpolate", () => {
   it("reaches both ends and is halfway in the middle", () => {
-    const a: Transform = { translation: [0, 0, 0], rotation: [0, 0, 0], scale: [1, 1, 1], pivot: null, axes: null };
-    const b: Transform = { translation: [2, 4, 6], rotation: [0, 90, 0], scale: [3, 1, 1], pivot: null, axes: null };
+    const a: Transform = REST;
+    const b: Transform = { ...REST, translation: [2, 4, 6], rotation: [0, 90, 0], scale: [3, 1, 1] };
     expect(interpolate(a, b, 0).translation).toEqual([0, 0, 0]);
     close(interpolate(a, b, 1).rotation, [0, 90, 0], 8);
     const half = interpolate(a, b, 0.5);

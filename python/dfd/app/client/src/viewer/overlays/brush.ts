@@ -1,24 +1,32 @@
-/** The brush: every stroke takes the vertices within its radius at rest, so that what was posed together stays apart. */
+/** What is painted: every stroke takes the vertices within its radius at rest, so that what was posed together stays apart. */
 
 import { weightLayer } from "../../posing/columns";
 import { store } from "../../store/state";
 import type { Pick } from "../picker";
 import type { Shape } from "../shape";
 
-export function paint({ positions, vertexOf, message: mesh }: Shape, picked: Pick, erase: boolean): void {
-  const { painted, brush } = store.get();
-  const mask = painted?.mask ?? new Uint8Array(Math.ceil(mesh.vertices / 8));
-  const values = painted?.layer.values ?? new Uint16Array(mesh.vertices);
-  const reach = (brush.radius * mesh.diagonal) ** 2;
+export function paint(shape: Shape, picked: Pick, erase: boolean): void {
+  const { positions, message } = shape;
+  const reach = (store.get().brush.radius * message.diagonal) ** 2;
   const [x, y, z] = picked.point;
-  let count = painted?.count ?? 0;
-  for (let row = 0; row < vertexOf.length; row++) {
+  const within = (row: number) => {
     const dx = positions[3 * row] - x;
     const dy = positions[3 * row + 1] - y;
     const dz = positions[3 * row + 2] - z;
-    if (dx * dx + dy * dy + dz * dz > reach) continue;
+    return dx * dx + dy * dy + dz * dz <= reach;
+  };
+  touch(shape, within, erase);
+}
+
+/** Paint the vertices of some rows, or erase there what was painted. */
+export function touch({ vertexOf, message: mesh }: Shape, within: (row: number) => boolean, erase: boolean): void {
+  const { painted } = store.get();
+  const mask = painted?.mask ?? new Uint8Array(Math.ceil(mesh.vertices / 8));
+  const values = painted?.layer.values ?? new Uint16Array(mesh.vertices);
+  let count = painted?.count ?? 0;
+  for (let row = 0; row < vertexOf.length; row++) {
     const vertex = vertexOf[row];
-    if (values[vertex] > 0 !== erase) continue;
+    if (values[vertex] > 0 !== erase || !within(row)) continue;
     values[vertex] = erase ? 0 : 65535;
     mask[vertex >> 3] ^= 1 << (vertex & 7);
     count += erase ? -1 : 1;

@@ -4,14 +4,18 @@ import { MathUtils, Matrix4, Object3D, Quaternion, Vector3, type Camera } from "
 import { TransformControls } from "three/addons/controls/TransformControls.js";
 
 import { dragTo, endDrag, startDrag } from "../../actions/edit";
-import { quaternionOf, rotationOf, type Transform, type Vec3 } from "../../posing/affine";
+import { apply, matrixOf, quaternionOf, rotationOf, type Transform, type Vec3 } from "../../posing/affine";
+import { bendTowards, bentTip, type PartEnds } from "../../posing/bend";
 import type { GizmoMode } from "../../store/state";
+import { matrix4 } from "../posing/pose_textures";
 import { gripOf } from "../scene";
 
 export interface Held {
   readonly transform: Transform;
   readonly position: Vec3;
   readonly center: Vec3;
+  /** The ends of what bends, where that is what is done. */
+  readonly ends: PartEnds | null;
 }
 
 const SNAP_ANGLE = MathUtils.degToRad(15);
@@ -57,7 +61,11 @@ export class Gizmo {
       this.controls.detach();
       return;
     }
-    this.proxy.position.set(...gripOf(held.transform, held.position, held.center));
+    const { ends, transform, position, center } = held;
+    if (ends) {
+      const tip = apply(matrixOf(transform, position), bentTip(ends, transform.bend, transform.joint));
+      this.proxy.position.set(tip[0] - center[0], tip[1] - center[1], tip[2] - center[2]);
+    } else this.proxy.position.set(...gripOf(transform, position, center));
     this.proxy.quaternion.set(...quaternionOf(held.transform.rotation)).multiply(axesTurn(held.transform));
     this.proxy.scale.set(...held.transform.scale);
     this.proxy.updateMatrixWorld();
@@ -66,7 +74,7 @@ export class Gizmo {
 
   configure(mode: GizmoMode, space: "local" | "world", snap: number | null, pivoting: boolean): void {
     this.pivoting = pivoting;
-    this.controls.setMode(pivoting ? "translate" : mode);
+    this.controls.setMode(pivoting || mode === "bend" ? "translate" : mode);
     this.controls.setSpace(space);
     this.controls.setTranslationSnap(snap);
     this.controls.setRotationSnap(snap === null ? null : SNAP_ANGLE);
@@ -83,20 +91,25 @@ export class Gizmo {
     const { x, y, z } = this.proxy.position;
     const grip: Vec3 = [x + held.center[0], y + held.center[1], z + held.center[2]];
     const { transform, position } = held;
+    if (held.ends) {
+      // Bending comes before all else that is done.
+      const back = matrix4(matrixOf(transform, position)).invert();
+      const tip = new Vector3(...grip).applyMatrix4(back).toArray();
+      return { ...transform, bend: bendTowards(held.ends, tip, transform.joint) };
+    }
     if (this.pivoting) {
       // Where the pivot goes, the translation keeps what the shape does as it is while nothing turns.
       const [tx, ty, tz] = transform.translation;
-      return { ...transform, pivot: [grip[0] - tx, grip[1] - ty, grip[2] - tz] };
+      return { ...transform, pivot: [grip[0] - tx, grip[1] - ty, grip[2] - tz], pivotAt: null };
     }
     const pivot = transform.pivot ?? position;
     const q = this.proxy.quaternion.clone().multiply(axesTurn(transform).invert()).normalize();
     const { scale } = this.proxy;
     return {
+      ...transform,
       translation: [grip[0] - pivot[0], grip[1] - pivot[1], grip[2] - pivot[2]],
       rotation: rotationOf([q.x, q.y, q.z, q.w]),
       scale: [scale.x, scale.y, scale.z],
-      pivot: transform.pivot,
-      axes: transform.axes,
     };
   }
 }

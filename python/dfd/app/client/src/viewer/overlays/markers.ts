@@ -9,6 +9,8 @@ export interface Mark {
   readonly label: string;
   readonly selected?: boolean;
   readonly off?: boolean;
+  /** Its handle's. */
+  readonly color?: string;
   readonly press?: () => void;
 }
 
@@ -104,6 +106,7 @@ export class Markers {
       element.title = mark.label;
       element.setAttribute("aria-label", mark.label);
     }
+    if (mark.color) element.style.setProperty("--own", mark.color);
     if (mark.press) element.onclick = mark.press;
   }
 }

@@ -5,7 +5,7 @@ import { select, hold } from "../../actions/edit";
 import { otherPlaces, toggleInstance } from "../../actions/similar";
 import { apply, matrixOf, subtract, type Vec3 } from "../../posing/affine";
 import { heldPart, posePoint, type Scene } from "../../posing/columns";
-import { handleName, placeName, present, selectedHandle, type State } from "../../store/state";
+import { handleColor, handleName, placeName, present, selectedHandle, type State } from "../../store/state";
 import { gripOf } from "../scene";
 import type { Shape } from "../shape";
 import type { Mark, Ring } from "./markers";
@@ -44,6 +44,7 @@ export function marksOf(state: State, scene: Scene, shape: Shape): Mark[] {
       at,
       label,
       selected,
+      color: handleColor(handle.handle),
       press: () => select(handle.handle),
     });
   }
@@ -70,6 +71,7 @@ function instanceMarks(state: State, posed: (vertex: number | null, position: Ve
     at: posed(vertex, position),
     label: `Look-alike ${i + 1}: press to ${on ? "leave it behind" : "take it along"}`,
     off: !on,
+    color: handleColor(selected),
     press: () => toggleInstance(selected, vertex),
   }));
 }

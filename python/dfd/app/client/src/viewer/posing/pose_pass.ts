@@ -141,6 +141,9 @@ class Buffers {
   private readonly given: readonly [WebGLBuffer, WebGLBuffer];
   private readonly input: WebGLVertexArrayObject;
   private readonly output: WebGLTransformFeedback;
+  /** A pixel that nobody sees. */
+  private readonly nowhere: WebGLFramebuffer;
+  private readonly pixel: WebGLRenderbuffer;
 
   constructor(
     private readonly gl: WebGL2RenderingContext,
@@ -163,6 +166,14 @@ class Buffers {
     gl.bindVertexArray(null);
     gl.bindBuffer(gl.ARRAY_BUFFER, null);
     this.output = gl.createTransformFeedback();
+    this.nowhere = gl.createFramebuffer();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.nowhere);
+    const pixel = gl.createRenderbuffer();
+    gl.bindRenderbuffer(gl.RENDERBUFFER, pixel);
+    gl.renderbufferStorage(gl.RENDERBUFFER, gl.RGBA8, 1, 1);
+    gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.RENDERBUFFER, pixel);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    this.pixel = pixel;
   }
 
   setGiven(given: Posed | null): void {
@@ -193,11 +204,14 @@ class Buffers {
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, this.output);
     gl.bindBufferRange(gl.TRANSFORM_FEEDBACK_BUFFER, 0, this.position, 16 * first, 16 * count);
     gl.bindBufferRange(gl.TRANSFORM_FEEDBACK_BUFFER, 1, this.normal, 12 * first, 12 * count);
+    // On the canvas browsers take it for a drawing, and show a new picture in which nothing has been drawn yet.
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.nowhere);
     gl.enable(gl.RASTERIZER_DISCARD);
     gl.beginTransformFeedback(gl.POINTS);
     gl.drawArrays(gl.POINTS, first, count);
     gl.endTransformFeedback();
     gl.disable(gl.RASTERIZER_DISCARD);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.bindTransformFeedback(gl.TRANSFORM_FEEDBACK, null);
     gl.bindBuffer(gl.TRANSFORM_FEEDBACK_BUFFER, null);
     gl.bindVertexArray(null);
@@ -208,6 +222,8 @@ class Buffers {
     this.others.forEach((buffer) => gl.deleteBuffer(buffer));
     gl.deleteVertexArray(this.input);
     gl.deleteTransformFeedback(this.output);
+    gl.deleteFramebuffer(this.nowhere);
+    gl.deleteRenderbuffer(this.pixel);
   }
 
   private filled(data: Float32Array | Int16Array | Uint32Array | number, usage: GLenum): WebGLBuffer {

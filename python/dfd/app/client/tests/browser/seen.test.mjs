@@ -1,0 +1,207 @@
+// What is seen is what is written: bends, moments of the timeline, what shines through and what is alone in sight.
+import assert from "node:assert/strict";
+import { copyFile, writeFile } from "node:fs/promises";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+
+import { drawn, hold, launch, openShape, openTab, PATIENCE, shaderError, shot, state, until } from "./page.mjs";
+
+let browser, page, problems, vertex;
+
+before(async () => {
+  browser = await launch();
+  ({ page, problems } = await openTab(browser, { viewport: { width: 800, height: 600 } }));
+  await openShape(page);
+  vertex = await hold(page, JSON.parse(process.env.DFD_ALIKE), 1);
+});
+
+after(() => browser?.close());
+
+/** Have what was asked for drawn. */
+const settled = () => until(page, (s) => s.ahead.size === 0 && window.dfd.rests());
+const handle = () => state(page, (s) => s.edit.handles[0]);
+
+test("what is rarely needed is folded, and stays open once it is opened", { timeout: PATIENCE }, async () => {
+  const locality = page.getByLabel("Locality");
+  await page.evaluate(() => window.dfd.store.set({ more: false }));
+  await locality.waitFor({ state: "detached" });
+  await shot(page, "folded");
+  await page.getByRole("button", { name: "More" }).first().click();
+  await locality.waitFor();
+  assert.equal(await page.evaluate(() => window.localStorage.getItem("dfd-more")), "true");
+  await page.evaluate(() => window.dfd.store.set({ more: false }));
+});
+
+test(
+  "the tip of what is held is dragged, and what is held bends as the kernel bends it",
+  { timeout: PATIENCE },
+  async () => {
+    await page.keyboard.press("d");
+    await until(page, (s) => s.axis?.tip && window.dfd.rests());
+    const at = await page.evaluate(() => {
+      const { axis, mesh } = window.dfd.store.get();
+      return window.dfd.place(axis.tip.map((x, i) => x - mesh.center[i]));
+    });
+    await page.mouse.move(at[0] - 2, at[1]);
+    await page.mouse.move(...at);
+    await page.waitForTimeout(100);
+    await page.mouse.down();
+    for (let i = 1; i <= 5; i++) await page.mouse.move(at[0] + 9 * i, at[1] - 3 * i);
+    await page.mouse.up();
+    await until(page, (s) => s.edit.handles[0].bend.some((part) => part !== 0) && s.ahead.size === 0 && s.posed);
+    const { bend, translation } = await handle();
+    assert.ok(Math.hypot(...bend) > 5, `bent by ${bend}`);
+    assert.deepEqual(translation, [0, 0, 0]);
+    await page.waitForTimeout(500);
+    assert.ok((await shaderError(page)) <= 1e-4);
+    await page.mouse.move(400, 590);
+    await shot(page, "bent");
+    await page.getByLabel("Twist °").fill("20");
+    await page.getByLabel("Twist °").press("Enter");
+    await until(page, (s) => s.edit.handles[0].twist === 20);
+  },
+);
+
+test("a moment of the timeline is seen and exported as it is, bent halfway", { timeout: 2 * PATIENCE }, async () => {
+  await page.keyboard.press("t");
+  await page.keyboard.press("k");
+  await until(page, (s) => s.edit.poses.length === 1);
+  await page.keyboard.press("0");
+  await until(page, (s) => !s.edit.handles[0].moved);
+  await page.keyboard.press("k");
+  await until(page, (s) => s.edit.poses.length === 2);
+  await page.getByLabel("Moment").fill("0.5");
+  const bend = await state(page, (s) => [...s.moment.values()][0].bend);
+  await until(page, (s) => s.posed !== null);
+  await page.waitForTimeout(800);
+  await shot(page, "moment");
+  const toolbar = page.getByRole("navigation", { name: "Tools" });
+  await toolbar.getByRole("button", { name: "Frame what is held" }).scrollIntoViewIfNeeded();
+  assert.ok(await toolbar.getByRole("button", { name: "Frame what is held" }).isVisible());
+  const seen = await page.evaluate(() => {
+    const positions = window.dfd.positions();
+    const { mesh } = window.dfd.store.get();
+    const posed = Array.from({ length: 3 * mesh.vertices }, () => 0);
+    window.dfd.vertices().forEach((each, row) => {
+      for (let i = 0; i < 3; i++) posed[3 * each + i] = positions[4 * row + i] + mesh.center[i];
+    });
+    return posed;
+  });
+  const folder = process.env.DFD_OUT;
+  for (const [format, name] of [
+    ["GLB", "quadruped_edited.glb"],
+    ["Rig", "quadruped_rig.glb"],
+    ["Weights", "quadruped_weights.npz"],
+  ]) {
+    await page.getByRole("button", { name: "Export" }).click();
+    if (format === "GLB") await shot(page, "export-menu");
+    const item = page.getByRole("menuitem", { name: new RegExp(`^${format}`) });
+    const [download] = await Promise.all([page.waitForEvent("download"), item.click()]);
+    assert.equal(download.suggestedFilename(), name);
+    await copyFile(await download.path(), join(folder, name.replace("edited", "moment")));
+  }
+  await writeFile(join(folder, "moment.json"), JSON.stringify(seen));
+  assert.ok(Math.hypot(...bend) > 2);
+  assert.equal((await handle()).moved, false, "the edit is as it was");
+  await page.locator("body").click({ position: { x: 400, y: 20 } });
+  await page.getByRole("button", { name: "Timeline" }).focus();
+  await page.keyboard.press("Space");
+  await until(page, (s) => s.playing);
+  await page.keyboard.press("Escape");
+  await until(page, (s) => !s.playing && s.moment === null);
+  await page.keyboard.press("t");
+});
+
+test("what turns turns about what the session finds, or about what is chosen", { timeout: PATIENCE }, async () => {
+  await page.keyboard.press("e");
+  await until(page, (s) => s.axis?.handle === s.selected);
+  await page.getByLabel("Rotate ° z").fill("20");
+  await page.getByLabel("Rotate ° z").press("Enter");
+  await until(page, (s) => s.edit.handles[0].rotation[2] === 20);
+  const [pivot, auto] = await state(page, (s) => [s.edit.handles[0].pivot, s.axis.auto]);
+  assert.deepEqual(pivot, auto);
+  await page.getByLabel("Turns about").selectOption("point");
+  await until(page, (s) => s.edit.handles[0].pivot_at === "point");
+  assert.deepEqual((await handle()).pivot, (await handle()).position);
+  await page.keyboard.press("0");
+  await until(page, (s) => !s.edit.handles[0].moved);
+});
+
+test("things shine through, and what is held is alone in sight", { timeout: PATIENCE }, async () => {
+  await page.mouse.move(400, 590);
+  await settled();
+  const whole = await drawn(page);
+  await page.keyboard.press("v");
+  await until(page, (s) => s.xray);
+  await settled();
+  await shot(page, "xray");
+  const through = await drawn(page);
+  assert.ok(through.covered > 0.95 * whole.covered && through.shades !== whole.shades);
+  await page.keyboard.press("v");
+  await page.keyboard.press("/");
+  await until(page, (s) => s.isolated);
+  await settled();
+  const alone = await drawn(page);
+  assert.ok(alone.covered > 0 && alone.covered < 0.6 * whole.covered, `${alone.covered} of ${whole.covered}`);
+  await shot(page, "isolated");
+  await page.keyboard.press("Escape");
+  await until(page, (s) => !s.isolated && s.selected !== null);
+});
+
+test("views from the sides, and of what is held alone", { timeout: PATIENCE }, async () => {
+  const camera = () => page.evaluate(() => window.dfd.camera());
+  await page.keyboard.press("Numpad1");
+  await settled();
+  const [x, y, z] = await camera();
+  assert.ok(Math.hypot(x, y) < 1e-3 * z);
+  const far = Math.hypot(x, y, z);
+  await page.keyboard.press("Control+Numpad3");
+  await settled();
+  assert.ok((await camera())[0] < -0.99 * far);
+  await page.keyboard.press("f");
+  await settled();
+  await page.waitForTimeout(200);
+  await shot(page, "framed");
+  assert.ok((await drawn(page)).covered > 0.05);
+  await page.keyboard.press("Shift+F");
+  await settled();
+});
+
+test(
+  "a box chooses what is seen in it, and what lies behind where things shine through",
+  { timeout: PATIENCE },
+  async () => {
+    const canvas = await page.locator("canvas").first().boundingBox();
+    const draw = async () => {
+      await page.mouse.move(canvas.x + 0.3 * canvas.width, canvas.y + 0.2 * canvas.height);
+      await page.mouse.down();
+      await page.mouse.move(canvas.x + 0.5 * canvas.width, canvas.y + 0.5 * canvas.height);
+      await page.mouse.move(canvas.x + 0.6 * canvas.width, canvas.y + 0.6 * canvas.height);
+      await page.waitForTimeout(50);
+      await shot(page, "box");
+      await page.mouse.up();
+      await until(page, (s) => s.painted !== null);
+      const { count } = await state(page, (s) => ({ count: s.painted.count }));
+      return count;
+    };
+    await page.keyboard.press("m");
+    const seen = await draw();
+    await page.mouse.move(4, 300);
+    await settled();
+    await shot(page, "boxed");
+    await page.keyboard.press("Escape");
+    await until(page, (s) => s.painted === null && s.tool === "hold");
+    await page.keyboard.press("v");
+    await page.keyboard.press("m");
+    const through = await draw();
+    assert.ok(seen > 20 && through > 1.3 * seen, `${seen} of ${through}`);
+    await page.getByRole("button", { name: "Fix", exact: true }).click();
+    await until(page, (s, count) => s.edit.fixed[0]?.region === count, through);
+    await page.keyboard.press("v");
+  },
+);
+
+test("nothing went wrong on the way", () => {
+  assert.ok(Number.isInteger(vertex));
+  assert.deepEqual(problems, []);
+});
