@@ -6,7 +6,6 @@
 #include <atomic>
 #include <cstddef>
 #include <exception>
-#include <functional>
 #include <thread>
 #include <vector>
 
@@ -16,14 +15,15 @@
 
 namespace dfd {
 
-/// Starts `count` threads that call `run(1)`, `run(2)`, …, or as many as the system has room for. `run` must not throw.
+/// Starts `count` threads, or as many as the system has room for, that call copies of `run` with 1, 2, …; it must not
+/// throw.
 template <class Run>
 std::vector<std::thread> start_threads(std::size_t count, const Run& run)
 {
     std::vector<std::thread> threads;
     threads.reserve(count);
     try {
-        while (threads.size() < count) threads.emplace_back(std::cref(run), threads.size() + 1);
+        while (threads.size() < count) threads.emplace_back(run, threads.size() + 1);
     } catch (const std::exception&) {  // std::system_error or std::bad_alloc
     }
     return threads;
@@ -31,7 +31,7 @@ std::vector<std::thread> start_threads(std::size_t count, const Run& run)
 
 #ifdef DFD_OPENMP
 /// As many of `workers` threads as can be had, this one among them. OpenMP ends the process where it cannot start one of
-/// a team, so a team larger than any that this thread had before is tried with threads that are ended again.
+/// a team, so a team larger than any that this thread had before is first tried with threads that are ended again.
 inline std::size_t available_workers(std::size_t workers)
 {
     static thread_local std::size_t had = 1;

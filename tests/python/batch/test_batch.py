@@ -261,6 +261,10 @@ def test_a_driver_that_is_killed_loses_nothing_and_its_workers_leave(shapes, fin
     driver.wait()
     before = {path: path.stat().st_mtime_ns for path in kept}
     wait_for(lambda: not any(psutil.pid_exists(process) for process in workers))
+    for seconds in np.random.default_rng(0).uniform(0.5, 4, 3):  # and again, at whatever it is
+        with subprocess.Popen(command(shapes, output), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as driver:
+            time.sleep(seconds)
+            driver.kill()
     done = subprocess.run(command(shapes, output), capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 1, done.stderr
     assert {path: path.stat().st_mtime_ns for path in before} == before
