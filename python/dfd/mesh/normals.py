@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
 
 from dfd.common.linear_algebra import Float32, Float64, Int32
 
@@ -24,16 +23,11 @@ def smooth_normals(vertices: Float64, faces: Int32) -> Float32:
         of_face = np.empty((len(some), 4))
         of_face[:, 0], of_face[:, 1], of_face[:, 2] = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
         of_face[:, 3] = np.sqrt(np.einsum("fc,fc->f", of_face[:, :3], of_face[:, :3]))
-        summed += _around(some, len(vertices)) @ of_face
+        for column in range(4):
+            summed[:, column] += np.bincount(some.ravel(), np.repeat(of_face[:, column], 3), len(vertices))
     weight = summed[:, 3]
     summed = summed[:, :3].T
     length = np.sqrt(np.einsum("cv,cv->v", summed, summed))
     # Of normals that cancel out, as on a sheet that has both its sides as faces, rounding leaves a direction at random.
     known = length > 1e-9 * weight
     return np.where(known, summed / np.where(known, length, 1), 0).T.astype(np.float32, order="C")
-
-
-def _around(faces: Int32, count: int) -> csr_array:
-    """(V, F) how often each face has each of `count` vertices as a corner."""
-    face = np.repeat(np.arange(len(faces), dtype=np.int32), 3)
-    return csr_array(coo_array((np.ones(3 * len(faces)), (faces.ravel(), face)), shape=(count, len(faces))))
