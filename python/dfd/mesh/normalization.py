@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.linear_algebra import Float64
-from dfd.mesh.mesh import Mesh
+
+if TYPE_CHECKING:  # loads SciPy, which the command line's help does without
+    from dfd.mesh.mesh import Mesh
 
 
 class Normalization(NamedTuple):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +13,10 @@ from numpy.typing import ArrayLike
 from dfd.common import check
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64
-from dfd.mesh.mesh import Mesh
+
+# Loads SciPy, which the command line's help does without.
+if TYPE_CHECKING:
+    from dfd.mesh.mesh import Mesh
 
 # Half width of the band in which a symmetric edit passes from one side to the other, as a part of the longest side.
 # Wide enough that no crease shows, narrow enough that what is mirrored stays on its own side.
