@@ -135,7 +135,7 @@ def test_features_that_are_no_array_are_refused(run):
     np.save("rows.npy", np.array([{}], dtype=object))
     assert failed(
         run("distill", "MESH", "-o", "out.safetensors", "--features", "rows.npy"),
-        "rows.npy is not: Array can't be memory-mapped: Python objects",
+        "rows.npy is not: Object arrays cannot be loaded when allow_pickle=False",
     )
     assert failed(run("distill", "MESH", "-o", "out.safetensors", "--features", "none.npy"), "none.npy: No such file")
 
