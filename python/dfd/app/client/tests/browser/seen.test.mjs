@@ -100,6 +100,7 @@ test("a moment of the timeline is seen and exported as it is, bent halfway", { t
     assert.equal(download.suggestedFilename(), name);
     await copyFile(await download.path(), join(folder, name.replace("edited", "moment")));
   }
+  for (const notice of await page.getByRole("button", { name: "Dismiss" }).all()) await notice.click();
   await writeFile(join(folder, "moment.json"), JSON.stringify(seen));
   assert.ok(Math.hypot(...bend) > 2);
   assert.equal((await handle()).moved, false, "the edit is as it was");
