@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import dfd
+from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
 from dfd.field.architecture import Architecture
 
 WIDTH = 384  # of the features of a small vision transformer
@@ -18,20 +19,20 @@ WIDTH = 384  # of the features of a small vision transformer
 class MadeInput:
     """A shape without faces: what binding and posing see of one."""
 
-    vertices: NDArray[np.float32]  # (V, 3)
+    vertices: Float32  # (V, 3)
     compact: dfd.CompactFeatures
-    transforms: NDArray[np.float64]  # (100, 3, 4)
+    transforms: Float64  # (100, 3, 4)
 
-    def features(self, count: int | None = None) -> NDArray[np.float32]:
+    def features(self, count: int | None = None) -> Float32:
         """(count, 384) unit rows of the first vertices, or of all."""
         return field(self.vertices[:count])
 
-    def handles(self, count: int) -> NDArray[np.int64]:
+    def handles(self, count: int) -> Int64:
         """`count` distinct vertices, spread over the shape."""
         return np.linspace(0, len(self.vertices) - 1, count).astype(np.int64)
 
 
-def field(points: NDArray[np.floating]) -> NDArray[np.float32]:
+def field(points: NDArray[np.floating]) -> Float32:
     """(N, 384) unit rows: smooth functions of the position whose amplitudes fall off, as distilled features' do."""
     random = np.random.default_rng(0)
     rank = 64
@@ -65,7 +66,7 @@ def mirrored_field() -> dfd.Field:
     return dfd.Field(parameters)
 
 
-def torus(face_count: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def torus(face_count: int) -> tuple[Float64, Int32]:
     """Vertices (V, 3) and faces (F, 3) of a bumpy torus of about so many faces."""
     around = max(int(np.sqrt(face_count / 6)), 4)
     along = max(face_count // (2 * around), 4)

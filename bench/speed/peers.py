@@ -6,10 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+
+from dfd.common.linear_algebra import Float32, Float64, Int64
 
 
-def torch_binding(features: NDArray[np.float32], handles: NDArray[np.int64]) -> Callable[[], object]:
+def torch_binding(features: Float32, handles: Int64) -> Callable[[], object]:
     """The arithmetic of the public reference: rows of the distance matrix, clamped."""
     rows = torch.from_numpy(features)
     if len(handles) == 1:
@@ -19,9 +20,7 @@ def torch_binding(features: NDArray[np.float32], handles: NDArray[np.int64]) -> 
     return lambda: (1 - torch.cdist(rows, chosen)).clamp(0, 1)
 
 
-def torch_blending(
-    vertices: NDArray[np.float32], weights: NDArray[np.float32], transforms: NDArray[np.float64]
-) -> Callable[[], object]:
+def torch_blending(vertices: Float32, weights: Float32, transforms: Float64) -> Callable[[], object]:
     """The arithmetic of the public reference: a 4 x 4 matrix a vertex, blended and applied by batched products."""
     points = torch.from_numpy(np.concatenate([vertices, np.ones((len(vertices), 1), np.float32)], axis=1))[:, :, None]
     factors = torch.from_numpy(weights)
@@ -38,9 +37,7 @@ def torch_blending(
     return call
 
 
-def igl_blending(
-    vertices: NDArray[np.float32], weights: NDArray[np.float32], transforms: NDArray[np.float64]
-) -> Callable[[], object]:
+def igl_blending(vertices: Float32, weights: Float32, transforms: Float64) -> Callable[[], object]:
     """The product of libigl's skinning matrix, made beforehand, with the stacked transforms."""
     import igl
 

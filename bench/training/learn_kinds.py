@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.distillation.metric import Kinds
 
 KINDS = ("ear", "horn", "trunk", "wing", "fin", "tail", "foot", "leg", "neck", "head", "torso", "hand", "arm")
@@ -31,11 +31,11 @@ class Taught(Protocol):
         """Shapes of one family count together."""
 
     @property
-    def mean(self) -> NDArray[np.float32]:
+    def mean(self) -> Float32:
         """(D,) the mean feature of its surface."""
 
     @property
-    def kinds(self) -> Sequence[tuple[str, NDArray[np.float32]]]:
+    def kinds(self) -> Sequence[tuple[str, Float32]]:
         """The name of each part, and the features (N, D) of its points."""
 
 
@@ -61,9 +61,9 @@ def learn_kinds(taught: Sequence[Taught], seed: int = 0) -> Kinds | None:
 
 
 def _fitted(
-    rows: NDArray[np.float32],  # (N, D)
-    kinds: NDArray[np.int64],  # (N,)
-    chances: NDArray[np.float64],  # (N,)
+    rows: Float32,  # (N, D)
+    kinds: Int64,  # (N,)
+    chances: Float64,  # (N,)
     generator: np.random.Generator,
 ) -> Kinds:
     """The network that tells `kinds`, points drawn by their `chances`; on one thread, so that sums are reproducible."""
@@ -75,9 +75,7 @@ def _fitted(
         torch.set_num_threads(threads)
 
 
-def _on_one_thread(
-    rows: NDArray[np.float32], kinds: NDArray[np.int64], chances: NDArray[np.float64], generator: np.random.Generator
-) -> Kinds:
+def _on_one_thread(rows: Float32, kinds: Int64, chances: Float64, generator: np.random.Generator) -> Kinds:
     x, y, until = torch.from_numpy(rows), torch.from_numpy(kinds), np.cumsum(chances / chances.sum())
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(int(generator.integers(2**31)))

@@ -18,7 +18,6 @@ from pathlib import Path
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
 import dfd
 from bench.quality import shapes
@@ -30,6 +29,7 @@ from bench.tables import to_markdown, write_text
 from bench.training.learn_kinds import learn_kinds
 from bench.training.sources import add_lessons
 from bench.training.vertex_features import VertexFeatures, cached_vertex_features
+from dfd.common.linear_algebra import Float32, Float64
 from dfd.distillation.metric import FOLDER, Metric
 from dfd.encoders.encode import Encoder, load_encoder
 from dfd.encoders.known import DEFAULT_ENCODER
@@ -45,7 +45,7 @@ FEWEST = 5  # vertices of a part that says something
 FACES = 20_000  # of the samples
 DRAW = Draw()
 
-Matrix = NDArray[np.float64]
+Matrix = Float64
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class Lesson:
     seen: VertexFeatures
 
     @property
-    def features(self) -> NDArray[np.float32]:
+    def features(self) -> Float32:
         """(V, D) of the vertices."""
         return self.seen.features
 
@@ -66,13 +66,13 @@ class Lesson:
         return family_of(self.shape.name)
 
     @cached_property
-    def mean(self) -> NDArray[np.float32]:
+    def mean(self) -> Float32:
         """(D,) the mean feature of the surface, whose faces stand for their corners."""
         mean = np.average(self.features, axis=0, weights=area_fractions(self.shape.mesh))
         return np.asarray(mean, np.float32)
 
     @property
-    def kinds(self) -> list[tuple[str, NDArray[np.float32]]]:
+    def kinds(self) -> list[tuple[str, Float32]]:
         """The name of each part, and the features (N, D) of its vertices."""
         return [(name, self.features[self.shape.labels == part]) for part, name in enumerate(self.shape.parts)]
 
@@ -128,7 +128,7 @@ def learn(lessons: Sequence[Lesson], encoder: Encoder) -> Metric:
     return Metric(*discriminants(lessons), *encoder_identity(encoder), learn_kinds(lessons))
 
 
-def discriminants(lessons: Sequence[Lesson]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def discriminants(lessons: Sequence[Lesson]) -> tuple[Float32, Float32]:
     """The directions, (D, d) and (BANDS, d), that tell parts apart best: variance between them over that within.
 
     Every family counts alike. A direction is of unit variance within parts, times a power of the ratio of variances.
@@ -148,7 +148,7 @@ def discriminants(lessons: Sequence[Lesson]) -> tuple[NDArray[np.float32], NDArr
     return np.ascontiguousarray(of_features, np.float32), np.ascontiguousarray(THICKNESS * of_bands, np.float32)
 
 
-def judged(lesson: Lesson, features: NDArray[np.float32], draw: Draw) -> dict[str, float]:
+def judged(lesson: Lesson, features: Float32, draw: Draw) -> dict[str, float]:
     """The verdict on a lesson's shape with other features."""
     return judge(lesson.shape, lambda chosen: dfd.bind(features, chosen), draw)
 

@@ -14,7 +14,6 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import dfd
@@ -34,6 +33,7 @@ from bench.training.up_lessons import (
     left_out_odds,
 )
 from dfd.common.files import atomic_write
+from dfd.common.linear_algebra import Bool, Float64
 from dfd.encoders.encode import Encoder, load_encoder
 from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.encoders.learned_file import encoder_identity
@@ -104,7 +104,7 @@ def lesson(name: str, mesh: dfd.Mesh, encoder: Encoder) -> Lesson:
     return Lesson(name, tuple(of_frames), corners, (tilted,), evidence)
 
 
-def look_once(mesh: dfd.Mesh, encoder: Encoder, frames: NDArray[np.float64], eyes: NDArray[np.float64]) -> ViewTokens:
+def look_once(mesh: dfd.Mesh, encoder: Encoder, frames: Float64, eyes: Float64) -> ViewTokens:
     """`ProbeCameras.seen`, kept in a file for the next time: the pictures take minutes, what follows them seconds."""
     made_of = {
         "field_version": FIELD_VERSION,
@@ -157,7 +157,7 @@ def sure_at_once(odds: Odds, up: int) -> bool:
     return bool(np.exp(axes.max() - np.logaddexp.reduce(axes)) >= EARLY_STOP_CONFIDENCE)
 
 
-def least_priors(odds: Mapping[str, NDArray[np.float64]], own: Collection[str] = ()) -> tuple[float, float]:
+def least_priors(odds: Mapping[str, Float64], own: Collection[str] = ()) -> tuple[float, float]:
     """Log-odds of the file's +y and −y: the least of +y with which enough shapes keep their upright axis and their up.
 
     Of all, `KEPT` have their axis among the two that have pictures; of `own`, `KEPT_OWN` have it first; and
@@ -227,7 +227,7 @@ def _shares(odds: Sequence[Odds], priors: tuple[float, float]) -> list[str]:
     return [*columns, f"{at_once:.2f}", f"{tilted[0]:.2f} ({tilted[1]:.2f})"]
 
 
-def _found_tilted(odds: NDArray[np.float64], right: NDArray[np.bool_]) -> tuple[bool, bool]:
+def _found_tilted(odds: Float64, right: Bool) -> tuple[bool, bool]:
     """Whether the likeliest axis is right, and whether one is of the two that have pictures."""
     axes = np.logaddexp(odds[::2], odds[1::2])
     either = right[::2] | right[1::2]

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from bench.quality.parts import family_of
+from dfd.common.linear_algebra import Bool, Float32, Float64
 from dfd.upright.candidates import axis_frames
 from dfd.upright.find_up import candidates
 from dfd.upright.probe import FORM_TOKENS, FORMS, TERMS, VECTOR_TOKENS, VECTORS, UpProbe
@@ -35,11 +35,11 @@ class Tilted:
     """A shape turned at random: what is seen from around the axes of its file, and how it would stand."""
 
     seen: ViewTokens
-    rotation: NDArray[np.float64]  # (3, 3) from where it stands upright
+    rotation: Float64  # (3, 3) from where it stands upright
     standing: StabilityCues
 
     @property
-    def ups(self) -> NDArray[np.float64]:
+    def ups(self) -> Float64:
         """(6, 3) where those of `FRAMES` have come to lie."""
         return UPS @ self.rotation.T
 
@@ -52,7 +52,7 @@ class Lesson:
     sides: tuple[ViewTokens, ...]  # of each of `FRAMES`
     corners: ViewTokens  # of all of them
     tilted: tuple[Tilted, ...]
-    evidence: NDArray[np.float64]  # (6, 7), of every frame
+    evidence: Float64  # (6, 7), of every frame
 
     @property
     def family(self) -> str:
@@ -77,22 +77,15 @@ def by_shape(lesson: Lesson) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """What a linear vote is learned from, of M rows.
+    """What a linear vote is learned from, of M rows."""
 
-    Attributes
-    ----------
-    terms
-        (M, J D) for every up of a shape, what J numbers of D weights each are multiplied by.
-    targets, counts
-        (M,) what the vote should be, and how much that counts.
-    """
-
-    terms: NDArray[np.float64]
-    targets: NDArray[np.float64]
-    counts: NDArray[np.float64]
+    terms: Float64  # (M, J D) for every up of a shape, what J numbers of D weights each are multiplied by
+    # targets, counts: (M,) what the vote should be, and how much that counts
+    targets: Float64
+    counts: Float64
 
 
-def rows_of(lesson: Lesson, mean: NDArray[np.float32]) -> tuple[Rows, Rows]:
+def rows_of(lesson: Lesson, mean: Float32) -> tuple[Rows, Rows]:
     """For the form, which tells the upright axis, and for the vector, which tells its end; all about their means."""
     forms, vectors = [], []
     for seen, ups in ((lesson.all_seen, UPS), *((each.seen, each.ups) for each in lesson.tilted)):
@@ -105,7 +98,7 @@ def rows_of(lesson: Lesson, mean: NDArray[np.float32]) -> tuple[Rows, Rows]:
     frames = np.arange(len(FRAMES))
     counts = np.repeat([1.0] + [TILTED] * len(lesson.tilted), len(frames))
 
-    def made(terms: list[NDArray[np.float64]], right: NDArray[np.bool_]) -> Rows:
+    def made(terms: list[Float64], right: Bool) -> Rows:
         about = np.concatenate([(each - each.mean(axis=0)).reshape(len(frames), -1) for each in terms])
         return Rows(about, np.tile(right - right.mean(), len(terms)), counts)
 
@@ -133,12 +126,12 @@ class Ridge:
         self._inverse = np.linalg.inv(moment)
         self._weights = self._inverse @ told
 
-    def _scaled(self, rows: Rows) -> NDArray[np.float64]:
+    def _scaled(self, rows: Rows) -> Float64:
         terms = rows.terms.reshape(len(rows.terms), self._blocks, -1) / self._scales[:, None]
-        scaled: NDArray[np.float64] = terms.reshape(rows.terms.shape)
+        scaled: Float64 = terms.reshape(rows.terms.shape)
         return scaled
 
-    def without(self, some: Sequence[Rows] = ()) -> NDArray[np.float32]:
+    def without(self, some: Sequence[Rows] = ()) -> Float32:
         """The vote (J, D) that all rows but `some` teach; it follows from that of all (Woodbury's identity)."""
         weights = self._weights
         if some:
@@ -147,7 +140,7 @@ class Ridge:
             spread = self._inverse @ terms.T
             inner = np.diag(1 / counts) - terms @ spread
             weights = weights - spread @ np.linalg.solve(inner, targets - terms @ weights)
-        vote: NDArray[np.float64] = weights.reshape(self._blocks, -1) / self._scales[:, None]
+        vote: Float64 = weights.reshape(self._blocks, -1) / self._scales[:, None]
         return vote.astype(np.float32)
 
 
@@ -156,7 +149,7 @@ class Votes:
 
     def __init__(self, lessons: Sequence[Lesson]) -> None:
         tokens = [lesson.all_seen.tokens[:, 0].mean(axis=0) for lesson in lessons]
-        self._mean: NDArray[np.float32] = np.stack(tokens).mean(axis=0, dtype=np.float64).astype(np.float32)
+        self._mean: Float32 = np.stack(tokens).mean(axis=0, dtype=np.float64).astype(np.float32)
         self._rows = {lesson.name: rows_of(lesson, self._mean) for lesson in lessons}
         self._form = Ridge([form for form, _ in self._rows.values()], len(FORMS))
         self._vector = Ridge([vector for _, vector in self._rows.values()], len(VECTORS))
@@ -179,8 +172,8 @@ def learned_votes(lessons: tuple[Lesson, ...]) -> Votes:
 class Choice:
     """What speaks for each of K candidates, and which of them are right."""
 
-    terms: NDArray[np.float64]  # (K, 9)
-    right: NDArray[np.bool_]  # (K,)
+    terms: Float64  # (K, 9)
+    right: Bool  # (K,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,9 +215,7 @@ def left_out_choices(lessons: tuple[Lesson, ...], group: Group) -> dict[str, Cho
     return found
 
 
-def learned_odds(
-    lessons: tuple[Lesson, ...], without: Collection[str] = (), start: NDArray[np.float64] | None = None
-) -> NDArray[np.float64]:
+def learned_odds(lessons: tuple[Lesson, ...], without: Collection[str] = (), start: Float64 | None = None) -> Float64:
     """(3, 9) see `UpProbe.odds`, of all lessons but those of some names; `start` only saves time.
 
     From votes that never saw a shape's family, and from votes that only never saw the shape: what comes to be judged
@@ -245,7 +236,7 @@ def learned_odds(
     return np.stack([fit_odds(kind, first) for kind, first in zip(kinds, starts, strict=True)])
 
 
-def fit_odds(choices: Sequence[Choice], start: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+def fit_odds(choices: Sequence[Choice], start: Float64 | None = None) -> Float64:
     """Log-odds (T,) of what speaks for candidates, by conditional logistic regression: one of the right ones is chosen.
 
     Choices of which none is right teach nothing: without any others the odds are 0.
@@ -260,7 +251,7 @@ def fit_odds(choices: Sequence[Choice], start: NDArray[np.float64] | None = None
     spread = rows.std(axis=0) + 1e-9
     rows = rows / spread
 
-    def loss(odds: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+    def loss(odds: Float64) -> tuple[float, Float64]:
         scores = rows @ odds
         chances = np.exp(scores - np.repeat(np.maximum.reduceat(scores, begin), size))
         chances /= np.repeat(np.add.reduceat(chances, begin), size)
@@ -269,7 +260,7 @@ def fit_odds(choices: Sequence[Choice], start: NDArray[np.float64] | None = None
         return float(-np.log(of_right).sum() + SHRINK / 2 * odds @ odds), slope
 
     first = np.zeros(rows.shape[1]) if start is None else start * spread
-    odds: NDArray[np.float64] = minimize(loss, first, jac=True, method="L-BFGS-B").x / spread
+    odds: Float64 = minimize(loss, first, jac=True, method="L-BFGS-B").x / spread
     return odds
 
 
@@ -277,9 +268,9 @@ def fit_odds(choices: Sequence[Choice], start: NDArray[np.float64] | None = None
 class Odds:
     """Log-odds of the candidates of a shape, see `Choices`; of what is tilted with which of them are right."""
 
-    at_once: NDArray[np.float64]  # (6, 6)
-    along: NDArray[np.float64]  # (6,)
-    tilted: tuple[tuple[NDArray[np.float64], NDArray[np.bool_]], ...] = ()
+    at_once: Float64  # (6, 6)
+    along: Float64  # (6,)
+    tilted: tuple[tuple[Float64, Bool], ...] = ()
 
 
 @cache

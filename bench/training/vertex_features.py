@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 import dfd
 from dfd.common.files import atomic_write
+from dfd.common.linear_algebra import Float32
 from dfd.common.progress import Stages
 from dfd.distillation.settings import DistillSettings
 from dfd.distillation.smoothing import smooth_along_surface
@@ -28,8 +28,8 @@ NEAREST = 3  # points that a vertex is interpolated from
 class VertexFeatures:
     """What distillation has at the vertices of a shape before a field is fitted, by the plain distance."""
 
-    features: NDArray[np.float32]  # (V, D) unit rows
-    thickness: NDArray[np.float32]  # (V, BANDS), see `dfd.distillation.thickness`
+    features: Float32  # (V, D) unit rows
+    thickness: Float32  # (V, BANDS), see `dfd.distillation.thickness`
 
 
 def cached_vertex_features(folder: Path, mesh: dfd.Mesh, encoder: Encoder) -> VertexFeatures:
@@ -59,7 +59,7 @@ def vertex_features(mesh: dfd.Mesh, encoder: Encoder, **changes: Any) -> VertexF
     nearness = 1 / np.square(distance + 1e-6)
     nearness /= nearness.sum(axis=1, keepdims=True)
 
-    def at_vertices(rows: NDArray[np.float32]) -> NDArray[np.float32]:
+    def at_vertices(rows: Float32) -> Float32:
         return np.asarray(np.einsum("vkd,vk->vd", rows[near], nearness.astype(np.float32)), np.float32)
 
     return VertexFeatures(unit(at_vertices(targets.features)), at_vertices(thickness_bands(views, targets)))

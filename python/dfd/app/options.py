@@ -38,29 +38,19 @@ class OpenedFile(BaseModel):
 
 
 class SessionOptions(BaseModel):
-    """What every new session opens, and how it makes fields.
-
-    Attributes
-    ----------
-    mesh, field, edit
-        What a new tab shows; None is the start page, no field of its own, no edit.
-    preset
-        What new sessions start with, and by what fields are distilled.
-    encoder, distill
-        The encoder's name or folder, and further keywords of `dfd.distill`.
-    memory_bytes
-        What one session may take; None sets no limit.
-    """
+    """What every new session opens, and how it makes fields."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
+    # mesh, field, edit: what a new tab shows; None is the start page, no field of its own, no edit
     mesh: Source | None = None
     field: OpenedFile | None = None
     edit: OpenedFile | None = None
-    preset: Preset = "default"
+    preset: Preset = "default"  # what new sessions start with, and by what fields are distilled
+    # encoder, distill: the encoder's name or folder, and further keywords of `dfd.distill`
     encoder: str = DEFAULT_ENCODER
     distill: dict[str, JsonValue] = {}
-    memory_bytes: int | None = None
+    memory_bytes: int | None = None  # what one session may take; None sets no limit
 
     def distill_arguments(self) -> dict[str, Any]:
         """The keywords for `dfd.distill` and `find_distilled`."""

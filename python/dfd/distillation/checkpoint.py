@@ -18,11 +18,11 @@ from typing import Any
 
 import numpy as np
 import safetensors.numpy
-from numpy.typing import NDArray
 from safetensors import SafetensorError
 
 from dfd.common.check import warn
 from dfd.common.files import atomic_write
+from dfd.common.linear_algebra import Bool, Float32, UInt8
 from dfd.field.cache_key import difference, hash_arrays, hash_key
 
 _HASH = 32  # bytes of SHA-256 before the content
@@ -43,12 +43,7 @@ class Checkpoint:
     key
         Everything that the result depends on, see `dfd.field.cache_key`.
 
-    Raises
-    ------
-    ValueError
-        If the folder holds other files.
-    OSError
-        If it cannot be created or written.
+    Raises ValueError if the folder holds other files. Raises OSError if it cannot be created or written.
     """
 
     def __init__(self, folder: str | os.PathLike[str], key: Mapping[str, Any]) -> None:
@@ -87,7 +82,7 @@ class Checkpoint:
         if _read_key(Path(folder)) == dict(key):
             Checkpoint(folder, key).remove()
 
-    def read_tokens(self, image: NDArray[np.uint8], covered: NDArray[np.bool_] | None) -> NDArray[np.float32] | None:
+    def read_tokens(self, image: UInt8, covered: Bool | None) -> Float32 | None:
         """See `dfd.encoders.encode.TokenStore`."""
         if not self._has_tokens:  # saves hashing the image
             return None
@@ -104,9 +99,7 @@ class Checkpoint:
         warn(f"distill: {path} is damaged: encoding its picture is restarted", UserWarning)
         return None
 
-    def write_tokens(
-        self, image: NDArray[np.uint8], covered: NDArray[np.bool_] | None, tokens: NDArray[np.float32]
-    ) -> None:
+    def write_tokens(self, image: UInt8, covered: Bool | None, tokens: Float32) -> None:
         """See `dfd.encoders.encode.TokenStore`; warns once if a file cannot be written."""
         path = self._path(image, covered)
         self._has_tokens = True
@@ -139,7 +132,7 @@ class Checkpoint:
         others = {name for name in names if not name.startswith(".")} - ours
         return others <= ({_KEY} if ours else set())
 
-    def _path(self, image: NDArray[np.uint8], covered: NDArray[np.bool_] | None) -> Path:
+    def _path(self, image: UInt8, covered: Bool | None) -> Path:
         made_from = hash_arrays(image) if covered is None else hash_arrays(image, covered)
         return self.folder / f"tokens-{hash_key({'recipe': self._key, 'made from': made_from})[:32]}"
 

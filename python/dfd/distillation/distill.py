@@ -79,15 +79,10 @@ def distill(
     whether it saw the background, and the up direction and its confidence: "up_direction", "up_confidence" and
     "up_source" ("said" if given, "file", "found", or "averaged" if features of two stand side by side).
 
-    Raises
-    ------
-    ValueError
-        If an argument is out of range, the encoder is unknown or was loaded for another `block` or `background`, no
-        camera ray hits the mesh, or `checkpoint` holds other files.
-    OSError
-        If the encoder's weights cannot be found or read, or `checkpoint` cannot be created.
-    MemoryError
-        If memory runs out; the message names the settings to lower.
+    Raises ValueError if an argument is out of range, the encoder is unknown or was loaded for another `block` or
+    `background`, no camera ray hits the mesh, or `checkpoint` holds other files. Raises OSError if the encoder's
+    weights cannot be found or read, or `checkpoint` cannot be created. Raises MemoryError if memory runs out; the
+    message names the settings to lower.
 
     Warns
     -----

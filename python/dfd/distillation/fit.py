@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 from torch.optim.adam import adam
 
 from dfd.common.devices import one_thread
+from dfd.common.linear_algebra import Float32, Float64
 from dfd.common.progress import Stages
 from dfd.common.threads import get_num_threads
 from dfd.field.architecture import Architecture
@@ -34,7 +34,7 @@ def fit(
     targets: Targets,
     settings: DistillSettings,
     *,
-    center: NDArray[np.float64],
+    center: Float64,
     scale: float,
     device: str | torch.device,
     stages: Stages,
@@ -51,10 +51,7 @@ def fit(
     device
         Torch device. On the CPU the threads are those of the kernels, and their number does not change a bit.
 
-    Raises
-    ------
-    ValueError
-        If the fit diverges (NaN or infinity).
+    Raises ValueError if the fit diverges (NaN or infinity).
     """
     architecture = Architecture(
         targets.dimension, width=settings.width, layers=settings.layers, octaves=settings.octaves
@@ -200,7 +197,7 @@ def fit_component_residuals(field: Field, targets: PointTargets) -> Field:
     return field.with_residuals(residuals)
 
 
-def widen(field: Field, directions: NDArray[np.float32]) -> Field:
+def widen(field: Field, directions: Float32) -> Field:
     """Return the field whose features are those of `field` (width d) times `directions` (d, D).
 
     The directions are orthonormal, so lengths are preserved and the last layer can absorb them.

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from torch import Tensor, nn
 
 from dfd.common import check
+from dfd.common.linear_algebra import Float32
 from dfd.common.progress import Stages
 from dfd.distillation.fit import fit
 from dfd.distillation.settings import DistillSettings
@@ -40,10 +41,8 @@ class GivenFeatures(Targets):
     features
         (V, D), one row per vertex, or the pair points (N, 3) in mesh units and features (N, D). Rows are normalized.
 
-    Raises
-    ------
-    ValueError
-        If an array has another shape, is not finite, a row is zero, or (for vertices) no face has an area.
+    Raises ValueError if an array has another shape, is not finite, a row is zero, or (for vertices) no face has an
+    area.
     """
 
     def __init__(self, mesh: Mesh, features: ArrayLike | tuple[ArrayLike, ArrayLike]) -> None:
@@ -91,7 +90,7 @@ class GivenFeatures(Targets):
         """Hash of the points and features, 64 hexadecimal digits."""
         return hash_arrays(self.points, self.features)
 
-    def rows(self, chosen: NDArray[np.integer]) -> NDArray[np.float32]:
+    def rows(self, chosen: NDArray[np.integer]) -> Float32:
         """Unit features (B, D) of the chosen points or vertices."""
         return _unit(self._rows[torch.from_numpy(chosen)]).numpy()
 

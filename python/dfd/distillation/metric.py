@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float32
 from dfd.distillation.targets import PAIRS, PointTargets, mean_distance, restore_contrast, unit
 from dfd.distillation.thickness import BANDS
 from dfd.encoders.learned_file import encoder_identity, read_learned, write_learned
@@ -47,34 +48,25 @@ _LEAST_STRETCH = 0.02  # below 1: mapped rows may have to be contracted
 
 @dataclass(frozen=True, eq=False)
 class Metric:
-    """The learned map of an encoder's features of width D.
+    """The learned map of an encoder's features of width D."""
 
-    Attributes
-    ----------
-    directions
-        (D, d) the map of a row of features.
-    thickness_directions
-        (BANDS, d) the map of a row of `dfd.distillation.thickness.thickness_bands`; the two are added.
-    kinds
-        The classifier of kinds of parts, or None.
-    encoder_weights, encoder_block
-        The encoder whose features it was learned from.
-    """
-
-    directions: NDArray[np.float32]
-    thickness_directions: NDArray[np.float32]
+    directions: Float32  # (D, d) the map of a row of features
+    # thickness_directions: (BANDS, d) the map of a row of `dfd.distillation.thickness.thickness_bands`; the two are
+    # added
+    thickness_directions: Float32
+    # encoder_weights, encoder_block: the encoder whose features it was learned from
     encoder_weights: str
     encoder_block: int
-    kinds: Kinds | None = None
+    kinds: Kinds | None = None  # the classifier of kinds of parts, or None
 
     def mapped(
         self,
         features: NDArray[np.floating],
-        thickness: NDArray[np.float32],
+        thickness: Float32,
         generator: np.random.Generator,
         *,
-        mean: NDArray[np.float32] | None = None,
-    ) -> NDArray[np.float32]:
+        mean: Float32 | None = None,
+    ) -> Float32:
         """Map features (N, D) and thickness bands (N, BANDS) to unit rows (N, d), or (N, d + K) with K kinds.
 
         Their mean distance is `FARTHER` times that of `features`. `mean` (D,) is the mean feature of the shape; None
@@ -91,7 +83,7 @@ class Metric:
         both = unit(np.concatenate([mapped, np.float32(np.sqrt(KINDS_SHARE)) * likely], axis=1))
         return restore_contrast(both, distance, generator, least=_LEAST_STRETCH)
 
-    def of_targets(self, targets: PointTargets, thickness: NDArray[np.float32], seed: int) -> PointTargets:
+    def of_targets(self, targets: PointTargets, thickness: Float32, seed: int) -> PointTargets:
         """Apply `mapped` to the features of `targets`; `seed` draws the pairs that measure mean distances."""
         rows = self.mapped(targets.features, thickness, np.random.default_rng(seed))
         return PointTargets(targets.points, rows, None, targets.component, targets.boxes, targets.face)
@@ -140,22 +132,16 @@ def find_metric(encoder: Encoder) -> Metric | None:
 
 @dataclass(frozen=True, eq=False)
 class Kinds:
-    """A classifier from features of width D to K kinds of parts, with one hidden layer of n rectified units.
+    """A classifier from features of width D to K kinds of parts, with one hidden layer of n rectified units."""
 
-    Attributes
-    ----------
-    hidden, hidden_bias
-        (D, n) and (n,), of the hidden units.
-    output, output_bias
-        (n, K) and (K,), of the logits.
-    """
+    # hidden, hidden_bias: (D, n) and (n,), of the hidden units
+    hidden: Float32
+    hidden_bias: Float32
+    # output, output_bias: (n, K) and (K,), of the logits
+    output: Float32
+    output_bias: Float32
 
-    hidden: NDArray[np.float32]
-    hidden_bias: NDArray[np.float32]
-    output: NDArray[np.float32]
-    output_bias: NDArray[np.float32]
-
-    def likely(self, features: NDArray[np.float32], mean: NDArray[np.float32]) -> NDArray[np.float32]:
+    def likely(self, features: Float32, mean: Float32) -> Float32:
         """Return square roots of probabilities, unit rows (N, K), of `features` (N, D); `mean` is that of the shape."""
         units = np.maximum((features - mean) @ self.hidden + self.hidden_bias, 0)
         logits = units @ self.output + self.output_bias

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from dfd.common.linear_algebra import principal_directions
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64, principal_directions
 from dfd.common.progress import Stages
 from dfd.common.threads import one_blas_thread, parallel_ranges
 from dfd.distillation.targets import PAIRS, PixelTargets, PointTargets, TokenGrid, mean_distance, restore_contrast, unit
@@ -63,35 +63,18 @@ DISTANCE_KEPT = 0.75
 
 @dataclass(frozen=True, eq=False)
 class DiffusionProblem:
-    """The part of the diffusion that does not depend on the tokens, over N points on the surface.
+    """The part of the diffusion that does not depend on the tokens, over N points on the surface."""
 
-    Attributes
-    ----------
-    points, face, area
-        (N, 3) in normalized coordinates, the face of each, and the area that one point represents.
-    component
-        (F,) the connected component of each face of the surface.
-    gathered
-        (N, tokens) the weight of each token in the mean at each point.
-    confidence
-        (N,) visibility c_i of each point.
-    links
-        (N, N) symmetric weights between neighbors along the surface.
-    factors
-        LU factors of the system without mirror links.
-    generator
-        The source of the remaining random numbers.
-    """
-
-    points: NDArray[np.float64]
-    face: NDArray[np.int64]
+    # points, face, area: (N, 3) in normalized coordinates, the face of each, and the area that one point represents
+    points: Float64
+    face: Int64
     area: float
-    component: NDArray[np.int32]
-    gathered: sparse.csr_matrix
-    confidence: NDArray[np.float64]
-    links: sparse.csr_matrix
-    factors: SuperLU
-    generator: np.random.Generator
+    component: Int32  # (F,) the connected component of each face of the surface
+    gathered: sparse.csr_matrix  # (N, tokens) the weight of each token in the mean at each point
+    confidence: Float64  # (N,) visibility c_i of each point
+    links: sparse.csr_matrix  # (N, N) symmetric weights between neighbors along the surface
+    factors: SuperLU  # LU factors of the system without mirror links
+    generator: np.random.Generator  # the source of the remaining random numbers
 
 
 def build_diffusion(views: Views, grid: TokenGrid, *, smoothing: float, seed: int) -> DiffusionProblem:
@@ -156,11 +139,11 @@ def smooth_along_surface(
 
 def _gather(
     views: Views,
-    points: NDArray[np.float64],  # (N, 3)
-    component: NDArray[np.int32],  # (F,)
-    face: NDArray[np.int64],  # (N,)
+    points: Float64,  # (N, 3)
+    component: Int32,  # (F,)
+    face: Int64,  # (N,)
     generator: np.random.Generator,
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+) -> tuple[Int64, Int64]:
     """Choose pixels (P,), and for each the nearest of `points` on its component of the surface (P,)."""
     chosen = np.arange(len(views.points))
     if len(chosen) > MAX_PIXELS:
@@ -170,14 +153,14 @@ def _gather(
     return chosen, nearest
 
 
-def _main_directions(rows: NDArray[np.float32], weight: NDArray[np.floating]) -> NDArray[np.float32]:
+def _main_directions(rows: Float32, weight: NDArray[np.floating]) -> Float32:
     """Principal directions, orthonormal rows (d, D), of `rows` (N, D) weighted by `weight` (N,)."""
     return principal_directions(rows * np.sqrt(weight / weight.max()).astype(np.float32)[:, None], DIRECTIONS)
 
 
 def _draw_points(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32], count: int, generator: np.random.Generator
-) -> tuple[NDArray[np.float64], NDArray[np.int64], float]:
+    vertices: Float64, faces: Int32, count: int, generator: np.random.Generator
+) -> tuple[Float64, Int64, float]:
     """Draw points uniformly by area: (count, 3), the face of each, and the area per point."""
     total = np.cumsum(face_areas(vertices, faces))
     # Stratified: one point in each of `count` intervals of equal area.
@@ -190,7 +173,7 @@ def _draw_points(
     return points, face, float(total[-1]) / count
 
 
-def _factors(confidence: NDArray[np.float64], area: float, smoothing: float, links: sparse.csr_matrix) -> SuperLU:
+def _factors(confidence: Float64, area: float, smoothing: float, links: sparse.csr_matrix) -> SuperLU:
     """LU factors of the system that minimizes Σ_i c_i ‖Z_i − Ẑ_i‖² + t Σ_ij w_ij ‖Z_i − Z_j‖²; `links` are w_ij (N, N).
 
     t is scaled by `SATURATED_COVERAGE`, the c_i of a fully visible point per area.
@@ -210,7 +193,7 @@ def _laplacian(links: sparse.csr_matrix) -> sparse.csr_matrix:
     return sparse.csr_matrix(sparse.diags(np.asarray(links.sum(axis=1)).ravel()) - links)
 
 
-def _solve(tokens: NDArray[np.float32], confidence: NDArray[np.float64], factors: SuperLU) -> NDArray[np.float32]:
+def _solve(tokens: Float32, confidence: Float64, factors: SuperLU) -> Float32:
     """The smooth Z (N, D) of tokens Ẑ (N, D)."""
     smooth = np.empty(tokens.shape, np.float32)
 
@@ -222,9 +205,9 @@ def _solve(tokens: NDArray[np.float32], confidence: NDArray[np.float64], factors
 
 
 def _surface_links(
-    points: NDArray[np.float64],  # (N, 3)
-    component: NDArray[np.int32],  # (N,)
-    seen: NDArray[np.bool_],  # (N,)
+    points: Float64,  # (N, 3)
+    component: Int32,  # (N,)
+    seen: Bool,  # (N,)
     area: float,  # of each point
 ) -> sparse.csr_matrix:
     """Symmetric weights (N, N) from the k nearest neighbors of each point, so that Zᵀ L Z ≈ ∫ ‖∇Z‖² over the surface.
@@ -247,8 +230,8 @@ def _surface_links(
 
 
 def _mirror_links(
-    points: NDArray[np.float64],  # (N, 3)
-    features: NDArray[np.float32],  # (N, d) unit rows
+    points: Float64,  # (N, 3)
+    features: Float32,  # (N, d) unit rows
     weight: float,  # of a link between neighbors
     generator: np.random.Generator,
 ) -> sparse.csr_matrix:
@@ -271,28 +254,26 @@ def _mirror_links(
     return best
 
 
-def _centered(points: NDArray[np.float64], views: Views) -> NDArray[np.float64]:
+def _centered(points: Float64, views: Views) -> Float64:
     """Return `points` (N, 3) in the axes of the pictures' frame, relative to the center of the shape's box there."""
     corners = used_vertices(views.vertices, views.faces) @ views.frame.T
     return points @ views.frame.T - (corners.min(axis=0) + corners.max(axis=0)) / 2
 
 
-def _symmetric(
-    weights: NDArray[np.floating], one: NDArray[np.int64], other: NDArray[np.int64], count: int
-) -> sparse.csr_matrix:
+def _symmetric(weights: NDArray[np.floating], one: Int64, other: Int64, count: int) -> sparse.csr_matrix:
     """Symmetric (N, N): half of each weight in either direction."""
     links = sparse.csr_matrix((weights, (one, other)), shape=(count, count))
     return sparse.csr_matrix((links + links.T) / 2)
 
 
 def _links(
-    positions: NDArray[np.float64],  # (N, 3 or 4)
-    ends: NDArray[np.int64],
-    others: NDArray[np.int64],
+    positions: Float64,  # (N, 3 or 4)
+    ends: Int64,
+    others: Int64,
     neighbors: int,
-    linked: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.bool_]],
+    linked: Callable[[Int64, Int64], Bool],
     weight: float,
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+) -> tuple[Int64, Int64, Float64]:
     """Links of each of `ends` to its nearest among `others` except itself: both ends, and `weight` / `neighbors`."""
     wanted = min(neighbors + 1, len(others))
     if len(ends) == 0 or wanted == 0:

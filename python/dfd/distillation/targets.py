@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from dfd.common.linear_algebra import principal_directions
+from dfd.common.linear_algebra import Float32, Float64, Int32, Int64, principal_directions
 from dfd.common.threads import parallel_ranges
 from dfd.views.render import Views
 
@@ -29,14 +29,14 @@ _ROWS_IN_CACHE = 512  # rows whose squares stay in a core's cache until they are
 class Targets:
     """Normalized points (N, 3), and the features wanted there, unit rows of width `dimension`."""
 
-    points: NDArray[np.float32]
+    points: Float32
 
     @property
     def dimension(self) -> int:
         """Width of a target."""
         raise NotImplementedError
 
-    def rows(self, chosen: NDArray[np.integer]) -> NDArray[np.float32]:
+    def rows(self, chosen: NDArray[np.integer]) -> Float32:
         """Unit targets (B, d) of the points with indices `chosen` (B,)."""
         raise NotImplementedError
 
@@ -56,27 +56,19 @@ class Targets:
 
 @dataclass(eq=False)
 class PointTargets(Targets):
-    """Targets at points.
+    """Targets at points."""
 
-    Attributes
-    ----------
-    points, targets
-        (N, 3) normalized, and (N, d) unit rows.
-    directions
-        (d, D) orthonormal rows that map targets to features of the encoder; None if the targets are final features.
-    component, boxes
-        If the surface has several connected components, (N,) the component of each point and (P, 6) their boxes' lower
-        and upper corners; else None.
-    face
-        (N,) the face that each point lies on, if known.
-    """
-
-    points: NDArray[np.float32]
-    targets: NDArray[np.float32]
-    directions: NDArray[np.float32] | None = None
-    component: NDArray[np.int32] | None = None
-    boxes: NDArray[np.float64] | None = None
-    face: NDArray[np.int64] | None = None
+    # points, targets: (N, 3) normalized, and (N, d) unit rows
+    points: Float32
+    targets: Float32
+    # directions: (d, D) orthonormal rows that map targets to features of the encoder; None if the targets are final
+    # features
+    directions: Float32 | None = None
+    # component, boxes: if the surface has several connected components, (N,) the component of each point and (P, 6)
+    # their boxes' lower and upper corners; else None
+    component: Int32 | None = None
+    boxes: Float64 | None = None
+    face: Int64 | None = None  # (N,) the face that each point lies on, if known
 
     @property
     def dimension(self) -> int:
@@ -84,11 +76,11 @@ class PointTargets(Targets):
         return int(self.targets.shape[1])
 
     @property
-    def features(self) -> NDArray[np.float32]:
+    def features(self) -> Float32:
         """(N, D) the targets as features of the encoder."""
         return self.targets if self.directions is None else np.asarray(self.targets @ self.directions, np.float32)
 
-    def rows(self, chosen: NDArray[np.integer]) -> NDArray[np.float32]:
+    def rows(self, chosen: NDArray[np.integer]) -> Float32:
         """Unit targets of the chosen points, (B, d)."""
         return np.asarray(self.targets[chosen])
 
@@ -105,7 +97,7 @@ class TokenGrid:
         self._view, self._row, self._column = views.view, views.row, views.column
         self._resolution = views.images.shape[1]
 
-    def corners(self, chosen: NDArray[np.integer]) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    def corners(self, chosen: NDArray[np.integer]) -> tuple[Int64, Float32]:
         """Indices and weights (B, 4) of the four tokens around each chosen point, counted by image, row and column."""
         top, lower = self._between(self._row[chosen], self._height)
         left, right = self._between(self._column[chosen], self._width)
@@ -127,7 +119,7 @@ class TokenGrid:
         weight = weights / size[group][:, None].astype(np.float32)
         return sparse.csr_matrix((weight.ravel(), (np.repeat(group, 4), indices.ravel())), shape=(count, self.size))
 
-    def _between(self, pixel: NDArray[np.float32], count: int) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    def _between(self, pixel: Float32, count: int) -> tuple[Int64, Float32]:
         cells = np.float32(count / self._resolution)
         position = ((pixel + np.float32(0.5)) * cells - np.float32(0.5)).clip(0, count - 1)
         before = position.astype(np.int64)
@@ -145,7 +137,7 @@ class PixelTargets(Targets):
 
     directions = None  # these targets are features of the encoder
 
-    def __init__(self, views: Views, tokens: NDArray[np.float32]) -> None:
+    def __init__(self, views: Views, tokens: Float32) -> None:
         self.grid = TokenGrid(views, *tokens.shape[1:3])
         self._table = tokens.reshape(-1, tokens.shape[3])
         self.points = views.points
@@ -155,7 +147,7 @@ class PixelTargets(Targets):
         """Width D of a token."""
         return int(self._table.shape[1])
 
-    def rows(self, chosen: NDArray[np.integer]) -> NDArray[np.float32]:
+    def rows(self, chosen: NDArray[np.integer]) -> Float32:
         """Unit targets Z/‖Z‖ of the chosen points, (B, D)."""
         import torch
 
@@ -164,7 +156,7 @@ class PixelTargets(Targets):
         blended = torch.nn.functional.embedding_bag(indices, table, mode="sum", per_sample_weights=weights)
         return torch.nn.functional.normalize(blended, dim=1).numpy()
 
-    def means_by(self, weights: sparse.csr_matrix) -> NDArray[np.float32]:
+    def means_by(self, weights: sparse.csr_matrix) -> Float32:
         """Return `weights` (N, tokens), such as `TokenGrid.means`, times the unit tokens: (N, D)."""
         table = np.empty(self._table.shape, np.float32)
 
@@ -197,16 +189,14 @@ def side_by_side(seen: Sequence[PointTargets], shares: Sequence[float] | NDArray
     return replace(first, targets=unit(together @ directions.T), directions=None)
 
 
-def restore_contrast(
-    rows: NDArray[np.float32], distance: float, generator: np.random.Generator, *, least: float = 1.0
-) -> NDArray[np.float32]:
+def restore_contrast(rows: Float32, distance: float, generator: np.random.Generator, *, least: float = 1.0) -> Float32:
     """Scale unit `rows` (N, D) about their mean, by `least` … `LARGEST_STRETCH`, to the mean pairwise `distance`."""
     one, other = generator.integers(0, len(rows), (2, PAIRS))
     mean = rows.mean(axis=0)
     from_mean = rows - mean
     pairs = from_mean[one], from_mean[other]
 
-    def stretched(some: NDArray[np.float32], factor: float) -> NDArray[np.float32]:
+    def stretched(some: Float32, factor: float) -> Float32:
         return unit(mean + np.float32(factor) * some)
 
     low, high = least, LARGEST_STRETCH
@@ -219,7 +209,7 @@ def restore_contrast(
     return stretched(from_mean, low)
 
 
-def unit(rows: NDArray[np.float32]) -> NDArray[np.float32]:
+def unit(rows: Float32) -> Float32:
     """Return `rows` (N, D) at unit length; rows shorter than 1e-6 stay short."""
     result = np.empty(rows.shape, np.float32)
     for begin in range(0, len(rows), _ROWS_IN_CACHE):
@@ -229,6 +219,6 @@ def unit(rows: NDArray[np.float32]) -> NDArray[np.float32]:
     return result
 
 
-def mean_distance(one: NDArray[np.float32], other: NDArray[np.float32]) -> float:
+def mean_distance(one: Float32, other: Float32) -> float:
     """Return the mean distance between the rows (N, D) of `one` and those of `other`."""
     return float(np.linalg.norm(one - other, axis=1).mean())

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from dfd.common.linear_algebra import unit
+from dfd.common.linear_algebra import Float32, Float64, Int32, unit
 from dfd.distillation.targets import PointTargets
 from dfd.field.component_residuals import apart
 from dfd.views.raycast import Scene
@@ -34,7 +34,7 @@ _CENTERS = np.log(1 / 80) + np.log(2) / 3 * np.arange(BANDS)
 _OFF = 1e-4  # normalized distance of ray origins from the surface, so that rays miss the point's own face
 
 
-def thickness_bands(views: Views, targets: PointTargets) -> NDArray[np.float32]:
+def thickness_bands(views: Views, targets: PointTargets) -> Float32:
     """Return (N, BANDS) memberships 0 … 1 of the thickness at each of `targets`, which lie on faces of `views`.
 
     Thickness is relative to the root mean square distance of the points from their mean, so scale does not matter.
@@ -54,8 +54,8 @@ def thickness_bands(views: Views, targets: PointTargets) -> NDArray[np.float32]:
 
 
 def thicknesses(
-    scene: Scene, corners: NDArray[np.floating], points: NDArray[np.float64], component: NDArray[np.int32] | None = None
-) -> NDArray[np.float64]:
+    scene: Scene, corners: NDArray[np.floating], points: Float64, component: Int32 | None = None
+) -> Float64:
     """Return the thickness (N,) of the shape at each point, in the unit of the scene; 0 on an open sheet.
 
     Parameters
@@ -90,8 +90,8 @@ def thicknesses(
 
 
 def _axes(
-    corners: NDArray[np.float64],  # (N, 3, 3)
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    corners: Float64,  # (N, 3, 3)
+) -> tuple[Float64, Float64, Float64]:
     """Unit axes (N, 3) of triangles: along the first edge, across it, and the normal."""
     along, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normal = unit(np.cross(along, other))

@@ -9,10 +9,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dfd.common import check
 from dfd.common.errors import called, public
+from dfd.common.linear_algebra import Float32, Float64
 from dfd.common.preset import Preset
 from dfd.editing import verbs
 from dfd.editing.edit import Edit, Fixed, Handle, edit_on, empty_edit
@@ -88,11 +89,9 @@ class Deformer:
         asked for points in space alone. Otherwise it is asked once they are needed, above 16,384 vertices for compact
         ones, whose weights are within 0.01 of exact, judged by a sample (`features.error`); full ones never exist.
 
-    Raises
-    ------
-    ValueError
-        If there is no such preset, or `features` is not finite or not one row of the field's width per vertex; without
-        `features`, if the field's shape was of another size, below half or above twice the mesh's, or lay elsewhere.
+    Raises ValueError if there is no such preset, or `features` is not finite or not one row of the field's width per
+    vertex; without `features`, if the field's shape was of another size, below half or above twice the mesh's, or lay
+    elsewhere.
 
     Warns
     -----
@@ -137,10 +136,7 @@ class Deformer:
 
     @public
     def handle(self, handle: int) -> Handle:
-        """The handle of that id.
-
-        Raises ValueError if there is none.
-        """
+        """The handle of that id; ValueError if there is none."""
         return self.edit.handle(handle)
 
     @public
@@ -240,12 +236,9 @@ class Deformer:
             `radius`, `strength`, `instances`, `level`, `without_instances`, `within` and `within_width`. What is left
             out, or None, is as the preset has it. `within="part"` is the part that the handle is on.
 
-        Raises
-        ------
-        ValueError
-            If a number is not finite, of another shape or out of its range, a name is unknown, a region is empty, a
-            point lies farther from the shape than the diagonal of its box, the place is taken, or fixed points leave
-            nothing of the handle.
+        Raises ValueError if a number is not finite, of another shape or out of its range, a name is unknown, a region
+        is empty, a point lies farther from the shape than the diagonal of its box, the place is taken, or fixed points
+        leave nothing of the handle.
         """
         new = self._next_id
         self._commit(verbs.add(self.edit, self._weights, new, at, name=name, **given))
@@ -267,10 +260,7 @@ class Deformer:
         merge
             Join the step before if that one was about the same handle.
 
-        Raises
-        ------
-        ValueError
-            If there is no such handle, or a number is not finite or of another shape.
+        Raises ValueError if there is no such handle, or a number is not finite or of another shape.
         """
         edit = verbs.move(self.edit, self._weights, handle, given)
         self._commit(edit, ("handle", handle), merge, rebinds=False)
@@ -310,10 +300,7 @@ class Deformer:
 
     @public
     def remove(self, handle: int, *, merge: bool = False) -> None:
-        """Let go of a handle.
-
-        Raises ValueError if there is no such handle.
-        """
+        """Let go of a handle; ValueError if there is no such handle."""
         self._commit(self.edit.removed(handle), ("handle", handle), merge)
 
     @public
@@ -338,10 +325,7 @@ class Deformer:
         level, alike
             As in `dfd.Parts.part`.
 
-        Raises
-        ------
-        ValueError
-            If `at` is no place, or the mesh has no face with an area.
+        Raises ValueError if `at` is no place, or the mesh has no face with an area.
         """
         return verbs.part_at(self._weights, at, level, alike=alike)
 
@@ -408,21 +392,15 @@ class Deformer:
         strength
             In [0, 1]: how much of the weight there is taken away; 1 is Eq. 6.
 
-        Raises
-        ------
-        ValueError
-            If it is no place, is fixed or a handle already, `strength` lies outside [0, 1], or nothing would be left of
-            a handle that is to arrive.
+        Raises ValueError if it is no place, is fixed or a handle already, `strength` lies outside [0, 1], or nothing
+        would be left of a handle that is to arrive.
         """
         place = verbs.place_of(self._weights, at)
         self._commit(replace(self.edit, fixed=(*self.fixed, Fixed(place, strength))), ("fixed", place), merge)
 
     @public
     def release(self, at: Any, *, merge: bool = False) -> None:
-        """Take back a `fix`.
-
-        Raises ValueError if that point or region is not fixed.
-        """
+        """Take back a `fix`; ValueError if that point or region is not fixed."""
         place = verbs.place_of(self._weights, at)
         self._commit(self.edit.released(place), ("fixed", place), merge)
 
@@ -459,11 +437,8 @@ class Deformer:
         candidates, threshold
             What "auto" chooses from, as `dfd.symmetry_planes` takes them; the preset's if left out.
 
-        Raises
-        ------
-        ValueError
-            If it is no such plane, `band` is negative or not finite, "auto" finds no plane, or `candidates` or
-            `threshold` is given for another one.
+        Raises ValueError if it is no such plane, `band` is negative or not finite, "auto" finds no plane, or
+        `candidates` or `threshold` is given for another one.
         """
         how: dict[str, Any] = {"candidates": candidates, "threshold": threshold}
         self._commit(verbs.set_symmetry(self.edit, self._weights, plane, band, **how), "symmetry", merge)
@@ -493,17 +468,17 @@ class Deformer:
         self._weights.prepare(progress)
 
     @property
-    def features(self) -> NDArray[np.float32] | CompactFeatures:
+    def features(self) -> Float32 | CompactFeatures:
         """(V, D) features of the vertices, what `dfd.bind` takes: full unit rows or compact ones, see `Deformer`."""
         return self._weights.features
 
     @property
-    def weights(self) -> NDArray[np.float32]:
+    def weights(self) -> Float32:
         """(V, H) weights of the handles, in the order of `handles`, column-major and read-only, fixed once given."""
         return self._weights.of(self.edit)
 
     @property
-    def following(self) -> NDArray[np.float32]:
+    def following(self) -> Float32:
         """(V, H) how much vertices follow each handle: `weights`, less what `instances` and `level` change of them."""
         return self._weights.following(self.edit)
 
@@ -513,12 +488,12 @@ class Deformer:
         return self._weights
 
     @property
-    def transforms(self) -> NDArray[np.float64]:
+    def transforms(self) -> Float64:
         """(H, 3, 4) affine transforms of the handles, mesh units, in the order of `handles`."""
         return np.array([handle.matrix for handle in self.handles]).reshape(-1, 3, 4)
 
     @property
-    def vertices(self) -> NDArray[np.float64]:
+    def vertices(self) -> Float64:
         """(V, 3) the posed shape in mesh units, read-only: Eq. 1 and 8, as `overlap` and `blend` say."""
         return self._posed.of(self.edit)
 

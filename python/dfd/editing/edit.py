@@ -11,11 +11,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Literal, TypedDict
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dfd.common import check
 from dfd.common.described import About, Written, check_fields
 from dfd.common.errors import ArgumentError, within
+from dfd.common.linear_algebra import Float64
 from dfd.common.preset import Preset
 from dfd.editing.controls import Controls
 from dfd.editing.influence.regions import members
@@ -40,30 +40,15 @@ DEFAULTS = PRESETS["default"]
 class Handle:
     """What is held of the shape, and what is done to it.
 
-    Attributes
-    ----------
-    id
-        Stays with the handle for as long as it lives, and is never given to another one.
-    place
-        Where it is on the resting shape.
-    transform
-        What is done to it, about its own pivot.
-    controls
-        What follows it.
-    name
-        For people; None when nobody gave one.
-
-    Raises
-    ------
-    ValueError
-        If `id` is below 1, `name` is no text, or the numbers are so large that the matrix is not finite.
+    Raises ValueError if `id` is below 1, `name` is no text, or the numbers are so large that the matrix is not finite.
     """
 
+    # id: stays with the handle for as long as it lives, and is never given to another one
     id: Annotated[int, About("Once each; given in order where it is missing.", 1.0)]
-    place: Place
-    transform: Transform = field(default_factory=lambda: IDENTITY)
-    controls: Controls = field(default_factory=lambda: CONTROLS)
-    name: str | None = None
+    place: Place  # where it is on the resting shape
+    transform: Transform = field(default_factory=lambda: IDENTITY)  # what is done to it, about its own pivot
+    controls: Controls = field(default_factory=lambda: CONTROLS)  # what follows it
+    name: str | None = None  # for people; None when nobody gave one
 
     def __post_init__(self) -> None:
         check.whole("Handle", "id", self.id, minimum=1)
@@ -81,7 +66,7 @@ class Handle:
         return self.place.position if self.transform.pivot is None else self.transform.pivot
 
     @cached_property
-    def matrix(self) -> NDArray[np.float64]:
+    def matrix(self) -> Float64:
         """The handle's transform as a (3, 4) affine matrix in mesh units, read-only."""
         return self.transform.matrix(self.place.position)
 
@@ -111,34 +96,23 @@ class Fixed:
 class Edit:
     """Everything that a session has done to a shape; never changed, only replaced.
 
-    Attributes
-    ----------
-    handles, fixed
-        In the order in which they came.
-    symmetry
-        The plane across which handles act on both sides, or None; in a file also a letter.
-    default
-        D₀ of Eq. 1, what happens to what no handle holds; None is nothing.
-    overlap, blend, arrive, mirrored_locality, bridges
-        As `dfd.editing.presets.WHOLE_SHAPE` says.
-    preset
-        What new handles start with, and where all this came from unless it was set apart.
-
-    Raises
-    ------
-    ValueError
-        If two handles share an id, or any two handles or fixed points share a place, or a name is unknown.
+    Raises ValueError if two handles share an id, or any two handles or fixed points share a place, or a name is
+    unknown.
     """
 
+    # handles, fixed: in the order in which they came
     handles: tuple[Handle, ...] = ()
     fixed: tuple[Fixed, ...] = ()
+    # symmetry: the plane across which handles act on both sides, or None; in a file also a letter
     symmetry: Annotated[SymmetryPlane | None, Written(SymmetryPlane | Literal["x", "y", "z"] | None)] = None
-    default: Transform | None = None
+    default: Transform | None = None  # d₀ of Eq. 1, what happens to what no handle holds; None is nothing.
+    # overlap, blend, arrive, mirrored_locality, bridges: as `dfd.editing.presets.WHOLE_SHAPE` says
     overlap: Annotated[Overlap, WHOLE_SHAPE["overlap"]] = DEFAULTS.overlap
     blend: Annotated[BlendRule, WHOLE_SHAPE["blend"]] = DEFAULTS.blend
     arrive: Annotated[bool, WHOLE_SHAPE["arrive"]] = DEFAULTS.arrive
     mirrored_locality: Annotated[bool, WHOLE_SHAPE["mirrored_locality"]] = DEFAULTS.mirrored_locality
     bridges: Annotated[bool, WHOLE_SHAPE["bridges"]] = DEFAULTS.bridges
+    # preset: what new handles start with, and where all this came from unless it was set apart
     preset: Annotated[Preset, About("The paper's equations to the letter, or dfd's own way.")] = "default"
 
     def __post_init__(self) -> None:
@@ -170,10 +144,7 @@ class Edit:
         return "dual_quaternion" if max(turns, default=0.0) > MOST_LINEAR else "linear"
 
     def handle(self, id: int) -> Handle:  # noqa: A002  # the handle's own word for it
-        """The handle of that id.
-
-        Raises ValueError if there is none.
-        """
+        """The handle of that id; ValueError if there is none."""
         for handle in self.handles:
             if handle.id == id:
                 return handle
@@ -181,20 +152,14 @@ class Edit:
         raise ArgumentError("handle", f"must be the id of a handle ({known}), got {id!r}", "Edit")
 
     def released(self, place: Place) -> Edit:
-        """The edit without the fixed point or region at `place`.
-
-        Raises ValueError if there is none.
-        """
+        """The edit without the fixed point or region at `place`; ValueError if there is none."""
         kept = tuple(fixed for fixed in self.fixed if fixed.place.key != place.key)
         if len(kept) == len(self.fixed):
             raise ArgumentError("at", f"must be a fixed point, got {place}", "Edit")
         return replace(self, fixed=kept)
 
     def removed(self, handle: int) -> Edit:
-        """The edit without the handle of that id.
-
-        Raises ValueError if there is none.
-        """
+        """The edit without the handle of that id; ValueError if there is none."""
         held = self.handle(handle)
         return replace(self, handles=tuple(other for other in self.handles if other is not held))
 
@@ -242,10 +207,7 @@ def edit_on(mesh: Mesh, edit: Edit, place: Callable[[str, Place], Place] | None 
 
 
 def empty_edit(preset: Preset) -> Edit:
-    """The edit that a session of this preset starts with.
-
-    Raises ValueError if there is no such preset.
-    """
+    """The edit that a session of this preset starts with; ValueError if there is no such preset."""
     return Edit(preset=preset, **PRESETS[check.choice("Edit", "preset", preset, Preset)].whole_shape)
 
 

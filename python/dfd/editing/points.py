@@ -33,24 +33,14 @@ NOWHERE: Vector = (math.nan, math.nan, math.nan)
 class Place:
     """Where a handle or a fixed point is on the resting shape: at a vertex, in a region, or at any point of space.
 
-    Attributes
-    ----------
-    position
-        (3,) in mesh units; of a region, the center of the box around it. NaN where only the mesh can tell, see
-        `place_on`.
-    vertex
-        Index of the vertex that lies there, or None.
-    region
-        The set of vertices that is held, or None where it is a single point.
-
-    Raises
-    ------
-    ValueError
-        If it says nothing, or a number is out of its bounds.
+    Raises ValueError if it says nothing, or a number is out of its bounds.
     """
 
+    # position: (3,) in mesh units; of a region, the center of the box around it. NaN where only the mesh can tell, see
+    # `place_on`.
     position: Annotated[Vector, Written(Vector | None)] = NOWHERE
-    vertex: int | None = None
+    vertex: int | None = None  # index of the vertex that lies there, or None
+    # region: the set of vertices that is held, or None where it is a single point
     region: Annotated[Region, Tagged("kind")] | None = None
 
     def __post_init__(self) -> None:

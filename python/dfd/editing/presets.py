@@ -93,36 +93,28 @@ WHOLE_SHAPE = {
 
 @dataclass(frozen=True)
 class Defaults:
-    """What is meant where nothing else is said; what is left out here is as the preset "default" has it.
-
-    Attributes
-    ----------
-    reach, falloff, instances, level
-        Of a new handle, as in `Deformer.add`; its other controls change nothing unless they are given.
-    pivot
-        About what a handle turns and scales that says nothing of it: as `Deformer.add` has it, or the point held.
-    overlap, blend, arrive, mirrored_locality, bridges
-        Of a new session, as the properties of `Deformer`.
-    band
-        Half width of the zone in which the sides of a mirror plane blend, as a part of the mesh's longest side.
-    candidates, threshold
-        Which planes symmetry "auto" takes, as `dfd.symmetry_planes` has them.
-    """
+    """What is meant where nothing else is said; what is left out here is as the preset "default" has it."""
 
     # By what pictures and people's labels say: any one number is too wide for an ear and too narrow for a leg, and with
     # a linear falloff what is pulled has a point. Wheels turn about their own axles, legs grow where they stand, and by
     # as much as the leg that is held, so that nothing tips over.
+    # reach, falloff, instances, level: of a new handle, as in `Deformer.add`; its other controls change nothing unless
+    # they are given
     reach: Reach = "part"
     falloff: Falloff = "smooth"
     instances: Instances = "own"
     level: bool = True
+    # pivot: about what a handle turns and scales that says nothing of it: as `Deformer.add` has it, or the point held
     pivot: Literal["auto", "point"] = "auto"
+    # overlap, blend, arrive, mirrored_locality, bridges: of a new session, as the properties of `Deformer`
     overlap: Overlap = "add"
     blend: BlendRule = "auto"
     arrive: bool = True
     mirrored_locality: bool = True
     bridges: bool = True
+    # band: half width of the zone in which the sides of a mirror plane blend, as a part of the mesh's longest side
     band: float = DEFAULT_BAND
+    # candidates, threshold: which planes symmetry "auto" takes, as `dfd.symmetry_planes` has them
     candidates: SymmetryCandidates = "any"
     threshold: float | Literal["relative"] = "relative"
 

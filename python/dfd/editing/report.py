@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float64
 from dfd.posing.transforms import Vector, vector
 
 if TYPE_CHECKING:
@@ -25,37 +25,18 @@ PUSHED = 0.1
 
 @dataclass(frozen=True)
 class HandleReport:
-    """What became of one handle.
+    """What became of one handle."""
 
-    Attributes
-    ----------
-    id, name
-        Those of the handle.
-    vertex
-        The vertex by which it is judged: its own, or the one nearest to it.
-    target
-        (3,) where the handle's transform sends that vertex, mesh units.
-    landed
-        (3,) where the vertex is.
-    missing
-        The distance between the two.
-    arrived
-        Whether `missing` is too small to see: below 0.1 % of the diagonal of the box.
-    mirrored
-        (3,) where the handle acts mirrored as well, or None.
-    instances
-        How many instances it moves, each about its own pivot; 1 where it moves all together.
-    """
-
+    # id, name: those of the handle
     id: int
     name: str | None
-    vertex: int
-    target: Vector
-    landed: Vector
-    missing: float
-    arrived: bool
-    mirrored: Vector | None
-    instances: int
+    vertex: int  # the vertex by which it is judged: its own, or the one nearest to it
+    target: Vector  # (3,) where the handle's transform sends that vertex, mesh units
+    landed: Vector  # (3,) where the vertex is
+    missing: float  # the distance between the two
+    arrived: bool  # whether `missing` is too small to see: below 0.1 % of the diagonal of the box
+    mirrored: Vector | None  # (3,) where the handle acts mirrored as well, or None
+    instances: int  # how many instances it moves, each about its own pivot; 1 where it moves all together
 
     def __str__(self) -> str:
         """Say it in a few words."""
@@ -70,27 +51,13 @@ class HandleReport:
 
 @dataclass(frozen=True)
 class Report:
-    """What an edit does to a shape.
+    """What an edit does to a shape."""
 
-    Attributes
-    ----------
-    moved
-        The part of the vertices, in [0, 1], that moved by more than 0.1 % of the diagonal of the box.
-    farthest
-        How far the vertex moved that moved farthest, mesh units.
-    handles
-        What became of each handle.
-    warning
-        Why nothing moved, where nothing did; None otherwise.
-    advice
-        What would help handles that did not arrive; None where all did, or nothing is known.
-    """
-
-    moved: float
-    farthest: float
-    handles: tuple[HandleReport, ...]
-    warning: str | None
-    advice: str | None = None
+    moved: float  # the part of the vertices, in [0, 1], that moved by more than 0.1 % of the diagonal of the box
+    farthest: float  # how far the vertex moved that moved farthest, mesh units
+    handles: tuple[HandleReport, ...]  # what became of each handle
+    warning: str | None  # why nothing moved, where nothing did; None otherwise
+    advice: str | None = None  # what would help handles that did not arrive; None where all did, or nothing is known
 
     def __str__(self) -> str:
         """The sentence."""
@@ -107,7 +74,7 @@ class Report:
         return "; ".join(told)
 
 
-def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: NDArray[np.float64]) -> Report:
+def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: Float64) -> Report:
     """What `edit` does to `mesh`, whose vertices (V, 3) are at `posed`."""
     distances = np.linalg.norm(posed - mesh.vertices, axis=1)
     farthest = float(distances.max())
@@ -126,14 +93,7 @@ def report(mesh: Mesh, edit: Edit, weights: HandleWeights, posed: NDArray[np.flo
 
 
 def _handle_report(
-    mesh: Mesh,
-    edit: Edit,
-    handle: Handle,
-    matrix: NDArray[np.float64],
-    vertex: int,
-    instances: int,
-    bent: NDArray[np.float64],
-    posed: NDArray[np.float64],
+    mesh: Mesh, edit: Edit, handle: Handle, matrix: Float64, vertex: int, instances: int, bent: Float64, posed: Float64
 ) -> HandleReport:
     target = matrix[:, :3] @ bent[vertex] + matrix[:, 3]
     missing = float(np.linalg.norm(posed[vertex] - target))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float32, Float64
 from dfd.editing.edit import Edit, Handle, box_center
 from dfd.editing.influence.instance_weights import Column
 from dfd.editing.presets import WHOLE_SHAPE
@@ -32,7 +32,7 @@ class PosedShape:
         self._drag: Drag | None = None
         self._moving: dict[int, list[Column]] = {}  # the columns that `_drag` can move, by handle
 
-    def of(self, edit: Edit) -> NDArray[np.float64]:
+    def of(self, edit: Edit) -> Float64:
         """(V, 3) vertices in mesh units, read-only, moved by `edit` from where they rest."""
         if edit is not self._edit:
             vertices = self._posed(edit)
@@ -40,7 +40,7 @@ class PosedShape:
             self._vertices, self._edit = vertices, edit
         return self._vertices
 
-    def _posed(self, edit: Edit) -> NDArray[np.float64]:
+    def _posed(self, edit: Edit) -> Float64:
         moved = _moved(self._edit, edit)
         if moved == []:
             return self._vertices
@@ -56,7 +56,7 @@ class PosedShape:
         matrices = [self._matrix(edit, column) for columns in self._moving.values() for column in columns]
         return self._drag.pose(matrices)
 
-    def _whole(self, edit: Edit) -> NDArray[np.float64]:
+    def _whole(self, edit: Edit) -> Float64:
         if not edit.handles and edit.default is None:
             return self._mesh.vertices
         if _acting(edit) == _acting(Edit()):
@@ -65,9 +65,7 @@ class PosedShape:
         how = self._arguments(edit, weights, columns, overlap)
         return pose(self._weights.bent(edit), weights, **how)
 
-    def _arguments(
-        self, edit: Edit, weights: NDArray[np.float32], columns: tuple[Column, ...], overlap: Overlap
-    ) -> dict[str, Any]:
+    def _arguments(self, edit: Edit, weights: Float32, columns: tuple[Column, ...], overlap: Overlap) -> dict[str, Any]:
         """What `pose` and `Drag` take for `edit`, besides vertices and weights."""
         positions = [column.position(edit.handles[column.handle]) for column in columns]
         return {
@@ -80,7 +78,7 @@ class PosedShape:
             "blend": edit.blending,
         }
 
-    def _matrix(self, edit: Edit, column: Column) -> NDArray[np.float64]:
+    def _matrix(self, edit: Edit, column: Column) -> Float64:
         handle = edit.handles[column.handle]
         return handle.matrix if column.instance is None else column.matrix(handle)
 

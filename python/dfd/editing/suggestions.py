@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float32, Float64
 from dfd.editing.influence.instances import LEAST_ALIKE, Instance, InstanceFinder
 from dfd.geometry.topology import face_areas
 from dfd.weights.bind import bind
@@ -29,26 +29,16 @@ ALIKE = 0.35  # feature distance: what is nearer to a handle than this goes with
 
 @dataclass(frozen=True)
 class Suggestion:
-    """A handle worth taking.
+    """A handle worth taking."""
 
-    Attributes
-    ----------
-    vertex
-        Where to hold.
-    share
-        Part of the shape, by area, that looks more like it than like any other suggested one.
-    instances
-        What would follow, its own place first.
-    """
-
-    vertex: int
-    share: float
-    instances: tuple[Instance, ...]
+    vertex: int  # where to hold
+    share: float  # part of the shape, by area, that looks more like it than like any other suggested one
+    instances: tuple[Instance, ...]  # what would follow, its own place first
 
 
 def suggest_handles(
     mesh: Mesh,
-    features: NDArray[np.float32] | CompactFeatures,
+    features: Float32 | CompactFeatures,
     *,
     count: int = 12,
     planes: Sequence[SymmetryPlane] = (),
@@ -99,7 +89,7 @@ def suggest_handles(
     return found
 
 
-def _areas(mesh: Mesh) -> NDArray[np.float64]:
+def _areas(mesh: Mesh) -> Float64:
     """(V,) a third of the area of the faces around each vertex."""
     areas = np.repeat(face_areas(mesh.vertices, mesh.faces) / 3, 3)
     return np.bincount(mesh.faces.ravel(), areas, minlength=len(mesh.vertices)).astype(np.float64)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common.errors import ArgumentError, public
-from dfd.common.linear_algebra import unit
+from dfd.common.linear_algebra import Float64, Int64, unit
 from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.influence.handle_features import HandleFeatures
@@ -35,27 +35,18 @@ SAMPLE = 4096  # points of a surface, whose features have the mean of all of the
 OF_FEATURES = ("encoder_family", "encoder_weights", "encoder_block", "metric_hash")
 TOO_SHORT = 1e-4  # a feature nearer to the mean of its shape differs from it in no way that could be told
 
-Points = NDArray[np.float64]
+Points = Float64
 
 
 @dataclass(frozen=True)
 class Transferred:
-    """An edit on another shape, and how sure it is.
+    """An edit on another shape, and how sure it is."""
 
-    Attributes
-    ----------
-    edit
-        On the other mesh.
-    confidence
-        By handle id, in [0, 1]: the cosine between what sets the old place and the new one apart from the rest of their
-        shapes, 0 below that. 1 is the same; right places on shapes of one class have 0.5 and more.
-    fixed_confidence
-        The same for the fixed points, in their order.
-    """
-
-    edit: Edit
+    edit: Edit  # on the other mesh
+    # confidence: by handle id, in [0, 1]: the cosine between what sets the old place and the new one apart from the
+    # rest of their shapes, 0 below that. 1 is the same; right places on shapes of one class have 0.5 and more.
     confidence: dict[int, float]
-    fixed_confidence: tuple[float, ...]
+    fixed_confidence: tuple[float, ...]  # the same for the fixed points, in their order
 
 
 @public
@@ -78,10 +69,7 @@ def transfer(edit: Edit, mesh_from: Mesh, field_from: Field, mesh_to: Mesh, fiel
     field_from, field_to
         Their fields, of one encoder.
 
-    Raises
-    ------
-    ValueError
-        If the fields are of two encoders, two handles go to one vertex, or a region is empty there.
+    Raises ValueError if the fields are of two encoders, two handles go to one vertex, or a region is empty there.
     """
     _check_encoders(field_from, field_to)
     return _Carrier(mesh_from, field_from, mesh_to, field_to).carried(edit)
@@ -190,7 +178,7 @@ class _Carrier:
         offset = float(np.dot(on_plane, plane.normal))
         return SymmetryPlane(plane.normal, offset, band=self.ratio * plane.band)
 
-    def nearest(self, positions: Points) -> tuple[NDArray[np.int64], Points]:
+    def nearest(self, positions: Points) -> tuple[Int64, Points]:
         """(N,) the vertices that look most like points of the first shape, and the cosines between the two."""
         chosen = positions[:: -(-len(positions) // MOST_POSITIONS)]
         wanted = unit(self.field_from(chosen) - self.mean_from, least=TOO_SHORT)

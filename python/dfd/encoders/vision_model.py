@@ -35,10 +35,7 @@ class VisionModel:
 
 
 def check_block(block: object, depth: int) -> int:
-    """Return `block`, counted from 1, of `depth` blocks.
-
-    Raises ValueError if there is no such block.
-    """
+    """Return `block`, counted from 1, of `depth` blocks; ValueError if there is no such block."""
     if isinstance(block, bool) or not isinstance(block, SupportsIndex) or not 1 <= index(block) <= depth:
         raise ValueError(f"load_encoder: `block` must lie in 1 … {depth}, got {block!r}")
     return index(block)

@@ -72,10 +72,7 @@ def weight_files(folder: Path) -> Iterator[Path]:
 
 
 def read_tensors(weights: EncoderWeights) -> dict[str, torch.Tensor]:
-    """Read the tensors by the names that they were saved with.
-
-    Raises OSError if a file cannot be read.
-    """
+    """Read the tensors by the names that they were saved with; OSError if a file cannot be read."""
     import torch
 
     if weights.tensors is not None:

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float32, Float64, Int32, Int64
 from dfd.geometry.topology import face_components, first_at_place
 
 if TYPE_CHECKING:
@@ -34,27 +35,13 @@ _ROWS_AT_ONCE = 1 << 16  # to bound memory
 class ComponentResiduals:
     """The components of a surface in normalized coordinates, and how they differ from what stands for all of them.
 
-    Attributes
-    ----------
-    boxes
-        (P, 6) float32, the least and the largest corner of the box around each component.
-    points
-        (N, 3) float32, on the surface.
-    component
-        (N,) int32, the component that each point lies on.
-    differences
-        (N, D) float16, what is added there to a feature of the network.
-
-    Raises
-    ------
-    ValueError
-        If an array has the wrong shape, or holds a number that is not finite or a component that is none.
+    Raises ValueError if an array has the wrong shape, or holds a number that is not finite or a component that is none.
     """
 
-    boxes: NDArray[np.float32]
-    points: NDArray[np.float32]
-    component: NDArray[np.int32]
-    differences: NDArray[np.float16]
+    boxes: Float32  # (P, 6) float32, the least and the largest corner of the box around each component
+    points: Float32  # (N, 3) float32, on the surface
+    component: Int32  # (N,) int32, the component that each point lies on
+    differences: NDArray[np.float16]  # (N, D) float16, what is added there to a feature of the network
 
     def __post_init__(self) -> None:
         count = np.shape(self.points)[:1]
@@ -87,13 +74,13 @@ class ComponentResiduals:
         """The arrays by name."""
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
-    def widened(self, directions: NDArray[np.float32]) -> ComponentResiduals:
+    def widened(self, directions: Float32) -> ComponentResiduals:
         """The same components with differences times `directions` (d, D), D wide."""
         return ComponentResiduals(
             self.boxes, self.points, self.component, (self.differences @ directions).astype(np.float16)
         )
 
-    def known(self, boxes: NDArray[np.floating]) -> NDArray[np.int64]:
+    def known(self, boxes: NDArray[np.floating]) -> Int64:
         """Which component each of `boxes` (Q, 6) is, (Q,); −1 where none has its corners there."""
         from scipy.spatial import cKDTree
 
@@ -102,9 +89,7 @@ class ComponentResiduals:
         distance, found = cKDTree(self.boxes).query(boxes, p=np.inf)
         return np.where(distance <= SAME, found, -1)
 
-    def add_residuals(
-        self, rows: NDArray[np.float32], points: NDArray[np.floating], component: NDArray[np.integer]
-    ) -> NDArray[np.float32]:
+    def add_residuals(self, rows: Float32, points: NDArray[np.floating], component: NDArray[np.integer]) -> Float32:
         """Return unit `rows` (N, D) at normalized `points` (N, 3) with the difference of the `component` (N,) of each.
 
         It is a weighted mean over the nearest points of the component; weights fall to 0 at the next nearest point, so
@@ -123,7 +108,7 @@ class ComponentResiduals:
             result[chosen] = changed
         return result
 
-    def _differences_at(self, points: NDArray[np.floating], component: NDArray[np.integer]) -> NDArray[np.float32]:
+    def _differences_at(self, points: NDArray[np.floating], component: NDArray[np.integer]) -> Float32:
         from scipy import sparse
 
         wanted = min(NEIGHBORS + 1, len(self.points))
@@ -141,7 +126,7 @@ class ComponentResiduals:
         return np.asarray(gather @ self._wide, np.float32)
 
     @cached_property
-    def _wide(self) -> NDArray[np.float32]:
+    def _wide(self) -> Float32:
         return self.differences.astype(np.float32)
 
     @cached_property
@@ -154,7 +139,7 @@ class ComponentResiduals:
         return self.arrays()
 
 
-def components_of_vertices(mesh: Mesh) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+def components_of_vertices(mesh: Mesh) -> tuple[Int32, Float64]:
     """Return the component (V,) that each vertex of `mesh` is on, −1 for one of no face, and their boxes (P, 6).
 
     Vertices at one position count as one. Boxes are in mesh units.
@@ -167,16 +152,14 @@ def components_of_vertices(mesh: Mesh) -> tuple[NDArray[np.int32], NDArray[np.fl
     return component, _boxes(mesh.vertices, component)
 
 
-def boxes_of_components(
-    vertices: NDArray[np.floating], faces: NDArray[np.integer], component: NDArray[np.int32]
-) -> NDArray[np.float64]:
+def boxes_of_components(vertices: NDArray[np.floating], faces: NDArray[np.integer], component: Int32) -> Float64:
     """The boxes (P, 6) around the faces (F, 3) of each component (F,) of a surface with vertices (V, 3)."""
     of_vertex = np.full(len(vertices), -1, np.int32)
     of_vertex[faces.ravel()] = np.repeat(component, 3)
     return _boxes(vertices, of_vertex)
 
 
-def _boxes(points: NDArray[np.floating], component: NDArray[np.int32]) -> NDArray[np.float64]:
+def _boxes(points: NDArray[np.floating], component: Int32) -> Float64:
     """The boxes (P, 6) around the points (N, 3) of each component (N,), −1 belonging to none."""
     count = int(component.max(initial=-1)) + 1
     some = component >= 0
@@ -186,7 +169,7 @@ def _boxes(points: NDArray[np.floating], component: NDArray[np.int32]) -> NDArra
     return boxes
 
 
-def apart(points: NDArray[np.floating], component: NDArray[np.integer]) -> NDArray[np.float64]:
+def apart(points: NDArray[np.floating], component: NDArray[np.integer]) -> Float64:
     """Points (N, 3) with a fourth coordinate that keeps components (N,) apart in a search for neighbors, (N, 4)."""
     return np.column_stack([np.asarray(points, np.float64), _APART * np.asarray(component, np.float64)])
 

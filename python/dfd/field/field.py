@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 import dfd._core as _core
 from dfd.common import check, tensors, threads
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.field import field_file
 from dfd.field.architecture import Architecture
 from dfd.field.component_residuals import ComponentResiduals, components_of_vertices
@@ -80,11 +81,8 @@ class Field:
     residuals
         How features of each component of the surface differ from those of the network; None where they do not.
 
-    Raises
-    ------
-    ValueError
-        If a parameter is missing, unknown, of another shape or not finite, a number is out of its range, or
-        `residuals` are of another width.
+    Raises ValueError if a parameter is missing, unknown, of another shape or not finite, a number is out of its range,
+    or `residuals` are of another width.
     """
 
     # Reads features of vertices; set by `dfd.field.vertex_field`, whose class derives from this one.
@@ -121,7 +119,7 @@ class Field:
     @overload
     def __call__(self, points: torch.Tensor) -> torch.Tensor: ...
     @overload
-    def __call__(self, points: ArrayLike) -> NDArray[np.float32]: ...
+    def __call__(self, points: ArrayLike) -> Float32: ...
     def __call__(self, points: Any) -> Any:
         """Features of `points`.
 
@@ -134,19 +132,17 @@ class Field:
         -------
         (N, D) float32 unit rows, an array for an array and a tensor, with its gradient, for a tensor.
 
-        Raises
-        ------
-        ValueError
-            If `points` is not (N, 3) or, in an array, not finite or a million times farther off than the shape is big.
+        Raises ValueError if `points` is not (N, 3) or, in an array, not finite or a million times farther off than the
+        shape is big.
         """
         if tensors.is_tensor(points):
             return self._of_tensor(points)
         array = self._checked_points(points)
-        features: NDArray[np.float32] = _core.empty_float32(len(array), self.dimension)
+        features: Float32 = _core.empty_float32(len(array), self.dimension)
         self._kernel.evaluate(array, features, threads.get_num_threads())
         return features
 
-    def _checked_points(self, points: Any) -> NDArray[np.float64]:
+    def _checked_points(self, points: Any) -> Float64:
         array = check.array("Field", "points", points, ("N", 3), dtype=np.float64)
         with np.errstate(over="ignore"):
             farthest = float(np.abs((array - self.center) * self.scale).max(initial=0.0))
@@ -164,10 +160,7 @@ class Field:
         return other
 
     def with_residuals(self, residuals: ComponentResiduals | None) -> Field:
-        """The same field with other residuals, or without any.
-
-        Raises ValueError if they are of another width.
-        """
+        """The same field with other residuals, or without any; ValueError if they are of another width."""
         other = self.with_settings(self.settings)
         other.residuals = self._checked_residuals(residuals)
         return other
@@ -181,7 +174,7 @@ class Field:
         """The field at the vertices of `mesh`, to be evaluated for some of them at a time."""
         return FieldOnMesh(self, mesh)
 
-    def features(self, mesh: Mesh) -> NDArray[np.float32]:
+    def features(self, mesh: Mesh) -> Float32:
         """Features of every vertex of `mesh`, (V, D) float32 unit rows: what `dfd.bind` reads."""
         return self.on(mesh).rows(slice(None))
 
@@ -242,14 +235,9 @@ class Field:
         mesh
             The mesh that a `.pth`, `.npy` or `.pt` is of; unused else.
 
-        Raises
-        ------
-        OSError
-            If `path` does not exist or cannot be read.
-        ValueError
-            If it is not a field, is truncated, of another version, lacks tensors that its header names, or gives
-            features that are not finite; if an `.npy` or `.pt` has not one row for each vertex, in the order of the
-            vertices, or for each face.
+        Raises OSError if `path` does not exist or cannot be read. Raises ValueError if it is not a field, is truncated,
+        of another version, lacks tensors that its header names, or gives features that are not finite; if an `.npy` or
+        `.pt` has not one row for each vertex, in the order of the vertices, or for each face.
         """
         if not Path(path).is_file():
             raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is no file")
@@ -298,17 +286,17 @@ class FieldOnMesh:
         """How many vertices there are, and the width of a row."""
         return len(self.mesh.vertices), self.field.dimension
 
-    def rows(self, vertices: slice | NDArray[np.integer[Any]]) -> NDArray[np.float32]:
+    def rows(self, vertices: slice | NDArray[np.integer[Any]]) -> Float32:
         """Return the features of some vertices, (N, D) float32 unit rows."""
         points = self.mesh.vertices[vertices]
         return self._of(points, None if self._component is None else self._component[vertices])
 
-    def at(self, points: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+    def at(self, points: NDArray[np.floating[Any]]) -> Float32:
         """Return features at `points` (N, 3) in mesh units, (N, D): of the component that the nearest vertex is on."""
         places = np.asarray(points, np.float64)
         return self._of(places, None if self._component is None else self._component[self._nearest.query(places)[1]])
 
-    def _of(self, points: NDArray[np.float64], component: NDArray[np.int64] | None) -> NDArray[np.float32]:
+    def _of(self, points: Float64, component: Int64 | None) -> Float32:
         field = self.field
         rows = field(points)
         if component is None or field.residuals is None:
@@ -316,7 +304,7 @@ class FieldOnMesh:
         return field.residuals.add_residuals(rows, (points - field.center) * field.scale, component)
 
     @cached_property
-    def _component(self) -> NDArray[np.int64] | None:
+    def _component(self) -> Int64 | None:
         """(V,) which of the field's components each vertex is on, or −1; None where the field has none."""
         if self.field.residuals is None:
             return None

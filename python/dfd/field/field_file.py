@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 
 from dfd.common.files import atomic_write
+from dfd.common.linear_algebra import Float32, Float64
 from dfd.field.architecture import Architecture
 
 FORMAT = "dfd-field"
@@ -28,8 +29,8 @@ class Content:
     """What a field is made of."""
 
     architecture: Architecture
-    parameters: Mapping[str, NDArray[np.float32]]
-    center: NDArray[np.float64]  # (3,) mesh units
+    parameters: Mapping[str, Float32]
+    center: Float64  # (3,) mesh units
     scale: float  # per mesh unit
     settings: dict[str, Any]
     residuals: Mapping[str, NDArray[Any]] | None = None  # see `dfd.field.component_residuals`

@@ -7,8 +7,9 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dfd.common.linear_algebra import Float64
+
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from dfd.mesh.mesh import Mesh
@@ -57,7 +58,7 @@ def _read_tensor(path: Path, named: str) -> NDArray[Any]:
     return tensor.detach().float().numpy()
 
 
-def of_vertices(mesh: Mesh, rows: NDArray[Any]) -> NDArray[np.float64]:
+def of_vertices(mesh: Mesh, rows: NDArray[Any]) -> Float64:
     """Features (V, D) of vertices from those of faces (F, D): the mean of the directions around, by the faces' areas.
 
     Vertices at one position share theirs. A vertex of no face has those of the nearest vertex that is of one.
@@ -74,7 +75,7 @@ def of_vertices(mesh: Mesh, rows: NDArray[Any]) -> NDArray[np.float64]:
     corners = mesh.representative[mesh.faces].ravel()
     faces = np.repeat(np.arange(len(mesh.faces)), 3)
     around = coo_array((np.repeat(areas, 3), (corners, faces)), shape=(len(mesh.vertices), len(mesh.faces))).tocsr()
-    means: NDArray[np.float64] = (around @ rows)[mesh.representative]
+    means: Float64 = (around @ rows)[mesh.representative]
     used = np.unique(corners)
     bare = np.setdiff1d(np.arange(len(means)), np.flatnonzero(np.isin(mesh.representative, used)))
     if len(bare):

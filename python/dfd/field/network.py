@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from dfd.common.linear_algebra import Float32
 from dfd.field.architecture import Architecture
 
 
@@ -39,7 +38,7 @@ class Network(nn.Module):
         return self
 
     @classmethod
-    def of(cls, parameters: Mapping[str, NDArray[np.float32]], architecture: Architecture) -> Network:
+    def of(cls, parameters: Mapping[str, Float32], architecture: Architecture) -> Network:
         """Return the network with these parameters, which are not fitted any further."""
         network = cls(architecture)
         state = {name: torch.tensor(values) for name, values in parameters.items()}
@@ -54,7 +53,7 @@ class Network(nn.Module):
             waves += [angle.sin(), angle.cos()]
         return nn.functional.normalize(self.network(torch.cat(waves, dim=-1)), dim=-1)
 
-    def arrays(self) -> dict[str, NDArray[np.float32]]:
+    def arrays(self) -> dict[str, Float32]:
         """The parameters, as a field takes them."""
         return {name: values.detach().cpu().numpy() for name, values in self.state_dict().items()}
 

@@ -15,11 +15,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
+from dfd.common.linear_algebra import Float32
 from dfd.field.architecture import Architecture
 from dfd.field.field_file import Content
 from dfd.mesh.normalization import normalization
@@ -60,7 +59,7 @@ def read_reference(path: str | os.PathLike[str], mesh: Mesh) -> Content:
         **{f"reference_{name}": value for name, value in config.items() if isinstance(value, str | int | float)},
     }
     architecture = Architecture(linear[-1][0].shape[0], linear[0][0].shape[0], len(norms))
-    parameters: dict[str, NDArray[np.float32]] = {}
+    parameters: dict[str, Float32] = {}
     for layers, stride in ((linear, 0), (norms, 2)):
         for layer, (weight, bias) in enumerate(layers):
             name = f"network.{3 * layer + stride}"

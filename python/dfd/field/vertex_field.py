@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dfd.common import check, tensors
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float32
 from dfd.field.field import Field, FieldSource
 from dfd.field.given_features import of_vertices, read_features, rows_of_vertices
 from dfd.mesh.normalization import normalization
@@ -42,10 +43,7 @@ class VertexField(Field):
     settings
         How they were made, JSON values.
 
-    Raises
-    ------
-    ValueError
-        If `features` has another shape, is not finite, or a row has no direction.
+    Raises ValueError if `features` has another shape, is not finite, or a row has no direction.
     """
 
     def __init__(self, mesh: MeshLike, features: ArrayLike, *, settings: Mapping[str, Any] | None = None) -> None:
@@ -126,7 +124,7 @@ def read_vertex_field(path: Path, mesh: Mesh | None) -> VertexField:
 Field.read_vertex_field = read_vertex_field
 
 
-def _unit(rows: NDArray[np.float32]) -> NDArray[np.float32]:
+def _unit(rows: Float32) -> Float32:
     """Rows normalized to unit length, without overflow."""
     result = np.empty_like(rows)
     for start in range(0, len(rows), ROWS_AT_ONCE):

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 import dfd._core as _core
 from dfd.common import check, tensors
 from dfd.common.errors import ArgumentError
-
-Float64 = NDArray[np.float64]
+from dfd.common.linear_algebra import Float32, Float64, Int64
 
 
 def read_points(function: str, vertices: Any) -> NDArray[Any]:
@@ -20,7 +19,7 @@ def read_points(function: str, vertices: Any) -> NDArray[Any]:
     return check.array(function, "vertices", points, ("V", 3), dtype=dtype, finite=False)
 
 
-def read_weights(function: str, weights: Any, vertex_count: int) -> NDArray[np.float32]:
+def read_weights(function: str, weights: Any, vertex_count: int) -> Float32:
     """(V, H) in place if rows or columns are contiguous."""
     matrix = tensors.shared(function, "weights", weights)
     if (
@@ -66,8 +65,8 @@ def read_affine(function: str, name: str, value: Any, count: int | None) -> Floa
 
 
 def handle_positions(
-    function: str, handles: Any, vertices: NDArray[Any], weights: NDArray[np.float32]
-) -> tuple[NDArray[np.int64] | None, Float64]:
+    function: str, handles: Any, vertices: NDArray[Any], weights: Float32
+) -> tuple[Int64 | None, Float64]:
     """(H,) the vertices at which handles stand, None for positions, and (H, 3) where that is."""
     count = weights.shape[1]
     if handles is None:
@@ -86,9 +85,7 @@ def handle_positions(
     return indices, np.ascontiguousarray(vertices[indices], np.float64)
 
 
-def handle_weight_matrix(
-    function: str, handle_weights: Any, weights: NDArray[np.float32], indices: NDArray[np.int64] | None
-) -> Float64:
+def handle_weight_matrix(function: str, handle_weights: Any, weights: Float32, indices: Int64 | None) -> Float64:
     """(H, H) weights among handles, row j at the place of handle j."""
     count = weights.shape[1]
     if handle_weights is not None:

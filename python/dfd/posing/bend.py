@@ -7,16 +7,14 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
+from dfd.common.linear_algebra import Float64
+
 FINE = 512  # steps of the curve: at a joint that turns by 90° one turns by a degree or two
 EASE = 0.25  # of the length over which a bend begins, so that the base shows no corner
 LEAST_JOINT = 0.06  # of the length: a joint is no sharper
 
-Float64 = NDArray[np.float64]
 
-
-def bend_maps(
-    nodes: Float64, radius: Float64, bend: ArrayLike, twist: float, joint: float | None = None
-) -> NDArray[np.float64]:
+def bend_maps(nodes: Float64, radius: Float64, bend: ArrayLike, twist: float, joint: float | None = None) -> Float64:
     """The (513, 3, 4) rigid maps of the cross-sections at equal steps along a curve; the first is the identity.
 
     The curve turns about the direction of `bend` more and more, and what is around it turns along: at s, by R(s),

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from dfd.common.linear_algebra import Float64
 
 # Of the largest singular value: below, weights of 24 bits no longer say which handle moves what.
 SINGULAR = 1e-5
-
-Float64 = NDArray[np.float64]
 
 
 def interpolating(function: str, handle_weights: Float64) -> Float64:

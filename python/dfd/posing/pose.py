@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 import dfd._core as _core
 from dfd.common import check, tensors, threads
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Bool, Float32, Float64
 from dfd.posing.arguments import (
     empty_like,
     handle_positions,
@@ -32,7 +33,6 @@ Overlap = Literal["add", "interpolate", "normalize", "paper"]
 KERNEL_OVERLAPS = ("add", "paper", "normalize")  # numbered as in the kernels; interpolating weights are made before
 Blend = Literal["linear", "dual_quaternion", "polar"]  # numbered as in the kernels
 
-Float64 = NDArray[np.float64]
 Out = TypeVar("Out")
 
 IDENTITY = np.eye(3, 4)
@@ -146,11 +146,8 @@ def pose(
         With `normals`, a pair: the vertices, and (V, 3) unit normals of the same type. Where torch records gradients
         for `vertices`, `weights` or `transforms`, a linear blend gives them.
 
-    Raises
-    ------
-    ValueError
-        If shapes disagree, a value is not finite, a transform is not affine, two handles at one place cannot both
-        arrive, gradients are asked for that there are none of, or `out` is not what the vertices fit in.
+    Raises ValueError if shapes disagree, a value is not finite, a transform is not affine, two handles at one place
+    cannot both arrive, gradients are asked for that there are none of, or `out` is not what the vertices fit in.
 
     Equation 1: V' = (max(1 − Σ W_k, 0) D₀ + Σ W_k D_k) V. With "add", V' = V + max(1 − Σ W_k, 0) (D₀ V − V) +
     Σ W_k (D_k V − V), which is the same where weights sum to at most 1, and leaves vertices as they are, to the bit,
@@ -249,7 +246,7 @@ class _Rule:
 
     rest: Float64  # (3, 4) D₀
     plane: tuple[tuple[float, float, float], float, float] | None
-    positive: NDArray[np.bool_] | None  # (H,) which handles stand where the plane's normal points
+    positive: Bool | None  # (H,) which handles stand where the plane's normal points
     places: Float64 | None  # (H, 3)
     mixing: Float64 | None  # (H, H) what the weights are multiplied by
     overlap: Overlap
@@ -259,7 +256,7 @@ class _Rule:
 def _rule(
     function: str,
     points: NDArray[Any],
-    weights: NDArray[np.float32],
+    weights: Float32,
     default: Any,
     symmetry: SymmetryPlane | None,
     handles: Any,
@@ -296,7 +293,7 @@ def _check_plane(function: str, plane: Any) -> None:
 def _run(
     rule: _Rule,
     points: NDArray[Any],
-    weights: NDArray[np.float32],
+    weights: Float32,
     transforms: Float64,
     posed: NDArray[Any],
     *,
@@ -323,7 +320,7 @@ def _run(
     )
 
 
-def _effective(rule: _Rule, weights: NDArray[np.float32]) -> Any:
+def _effective(rule: _Rule, weights: Float32) -> Any:
     """What gives the (V, M) weights of some handles that displacements are added by."""
     if rule.mixing is not None:
         mixing = rule.mixing

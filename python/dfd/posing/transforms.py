@@ -12,12 +12,13 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypedDict
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from dfd.common import check
 from dfd.common.described import Written
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float64
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -36,50 +37,33 @@ LARGEST_ANGLE = 1e9
 class Transform:
     """Scale, then rotation, then translation, about a pivot: p ↦ pivot + translation + R A S Aᵀ (p − pivot).
 
-    Attributes
-    ----------
-    translation
-        (3,) in mesh units.
-    rotation
-        (3,) rotation vector in degrees; given as a quaternion (x, y, z, w), it becomes one, the shorter way round.
-    scale
-        (3,) factors along `axes`; one number becomes three. 0 flattens, a negative factor mirrors.
-    pivot
-        (3,) in mesh units; None is the handle's own position, or for the default transform the center of the box.
-    axes
-        Three orthonormal vectors along which `scale` acts, the columns of A; None is the mesh's own axes.
-    along
-        What of the surface the third of `axes` runs along, "normal" or "limb"; what looks alike then goes along its
-        own. None where they are numbers and nothing else.
-    pivot_at
-        What of the held part `pivot` is, as in `Deformer.add`; None where it is numbers and nothing else.
-    bend, twist
-        What the tip of the held part turns by along its own axis before all else: (3,) a rotation vector in degrees,
-        and degrees about the axis itself.
-    joint
-        Where along the axis, in [0, 1] from base to tip, bend and twist happen; None spreads them over its length.
-    linear
-        (3, 3) read-only, R A S Aᵀ.
-
-    Raises
-    ------
-    ValueError
-        If an attribute has another shape or is not finite, a rotation is the quaternion 0 or beyond ±1e9 degrees,
-        `axes` are not orthonormal, `along` is another word or without them, `pivot_at` likewise, `joint` lies outside
-        [0, 1], or the numbers are so large that the matrix is not finite.
+    Raises ValueError if an attribute has another shape or is not finite, a rotation is the quaternion 0 or beyond ±1e9
+    degrees, `axes` are not orthonormal, `along` is another word or without them, `pivot_at` likewise, `joint` lies
+    outside [0, 1], or the numbers are so large that the matrix is not finite.
     """
 
-    translation: Vector = (0.0, 0.0, 0.0)
+    translation: Vector = (0.0, 0.0, 0.0)  # (3,) in mesh units
+    # rotation: (3,) rotation vector in degrees; given as a quaternion (x, y, z, w), it becomes one, the shorter way
+    # round
     rotation: Annotated[Vector, Written(tuple[float, ...])] = (0.0, 0.0, 0.0)
+    # scale: (3,) factors along `axes`; one number becomes three. 0 flattens, a negative factor mirrors.
     scale: Annotated[Vector, Written(float | Vector)] = (1.0, 1.0, 1.0)
+    # pivot: (3,) in mesh units; None is the handle's own position, or for the default transform the center of the box
     pivot: Vector | None = None
+    # axes: three orthonormal vectors along which `scale` acts, the columns of A; None is the mesh's own axes
     axes: Frame | None = None
+    # along: what of the surface the third of `axes` runs along, "normal" or "limb"; what looks alike then goes along
+    # its own. None where they are numbers and nothing else.
     along: Along | None = None
+    # pivot_at: what of the held part `pivot` is, as in `Deformer.add`; None where it is numbers and nothing else
     pivot_at: PivotAt | None = None
+    # bend, twist: what the tip of the held part turns by along its own axis before all else: (3,) a rotation vector in
+    # degrees, and degrees about the axis itself
     bend: Vector = (0.0, 0.0, 0.0)
     twist: float = 0.0
+    # joint: where along the axis, in [0, 1] from base to tip, bend and twist happen; None spreads them over its length
     joint: float | None = None
-    linear: NDArray[np.float64] = field(init=False, repr=False, compare=False)
+    linear: Float64 = field(init=False, repr=False, compare=False)  # (3, 3) read-only, R A S Aᵀ
 
     def __post_init__(self) -> None:
         """Check the numbers, once, and keep what every matrix of this transform shares."""
@@ -147,7 +131,7 @@ class Transform:
         """Whether it bends or twists what it holds."""
         return self.bend != (0.0, 0.0, 0.0) or self.twist != 0.0
 
-    def matrix(self, center: Vector = (0.0, 0.0, 0.0)) -> NDArray[np.float64]:
+    def matrix(self, center: Vector = (0.0, 0.0, 0.0)) -> Float64:
         """The (3, 4) affine matrix in mesh units; `center` is the pivot of a transform without one.
 
         Raises ValueError if `translation` and pivot are so large that it is not finite.
@@ -192,7 +176,7 @@ def affine(
     scale: ArrayLike = 1.0,
     pivot: ArrayLike = (0.0, 0.0, 0.0),
     axes: ArrayLike | None = None,
-) -> NDArray[np.float64]:
+) -> Float64:
     """The (3, 4) matrix, in mesh units, of the `Transform` with these parts; the pivot is the origin if left out.
 
     Raises ValueError as `Transform` does.
@@ -201,7 +185,7 @@ def affine(
     return Transform(**parts, pivot=vector("pivot", pivot)).matrix().copy()
 
 
-def rotation_matrix(rotation: ArrayLike) -> NDArray[np.float64]:
+def rotation_matrix(rotation: ArrayLike) -> Float64:
     """R, (3, 3), of a rotation vector in degrees or a quaternion (x, y, z, w).
 
     Raises ValueError if `rotation` has neither 3 nor 4 finite numbers, or is the quaternion 0.
@@ -279,9 +263,9 @@ def frame_of_normal(normal: ArrayLike) -> Frame:
     return (_triple(across), _triple(np.cross(along, across)), _triple(along))
 
 
-def _linear(rotation: Vector, scale: Vector, axes: Frame | None) -> NDArray[np.float64]:
+def _linear(rotation: Vector, scale: Vector, axes: Frame | None) -> Float64:
     """R A S Aᵀ, (3, 3), read-only."""
-    linear: NDArray[np.float64]
+    linear: Float64
     with np.errstate(over="ignore", invalid="ignore"):
         if axes is None:
             linear = rotation_matrix(rotation) * np.asarray(scale)
@@ -294,12 +278,12 @@ def _linear(rotation: Vector, scale: Vector, axes: Frame | None) -> NDArray[np.f
     return linear
 
 
-def _numbers(name: str, value: Any) -> NDArray[np.float64]:
+def _numbers(name: str, value: Any) -> Float64:
     if value is None or np.isscalar(value) or getattr(value, "ndim", 1) == 0:
         return check.array("Transform", name, value, (), dtype=np.float64).reshape(())
     return check.array("Transform", name, value, (None,), dtype=np.float64)
 
 
-def _triple(numbers: NDArray[np.float64]) -> Vector:
+def _triple(numbers: Float64) -> Vector:
     x, y, z = (float(number) for number in numbers)
     return (x, y, z)

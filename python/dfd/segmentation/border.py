@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, dijkstra, maximum_flow
 
+from dfd.common.linear_algebra import Bool, Int64
 from dfd.segmentation.patches import Patches
 
 NECK = 1.5  # in the spacing of patches: pieces that meet only within that of the border are pieces of their own
@@ -17,7 +17,7 @@ KEEP = 0.1  # what a node that changes sides costs, as a part of the border arou
 STEEPEST = 10.0  # of nodes so many times nearer to one another than patches, concavity is not scaled up further
 UNITS, MOST = 1e6, 2**28  # flows are whole numbers: what a border as long as the diagonal costs, and the most
 
-Mask = NDArray[np.bool_]
+Mask = Bool
 
 
 def snapped(patches: Patches, inside: Mask, held: int | None = None) -> Mask:
@@ -79,7 +79,7 @@ def with_what_it_carries(patches: Patches, inside: Mask) -> Mask:
     return whole if not whole.all() else inside
 
 
-def pieces_of(patches: Patches, inside: Mask) -> NDArray[np.int64]:
+def pieces_of(patches: Patches, inside: Mask) -> Int64:
     """(P,) the piece of a part `inside` (P,) that each patch is on, counted from 0; −1 beyond the part.
 
     Legs that meet in a narrow web are pieces all the same: what lies deep in the part tells them apart, and what does

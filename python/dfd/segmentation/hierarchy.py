@@ -15,6 +15,7 @@ from scipy.sparse import csr_array, diags_array
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
+from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.segmentation.border import CRUMB
 from dfd.segmentation.patches import BRIDGE, Patches
 
@@ -34,32 +35,16 @@ SHORT = 0.2  # diagonals: a border that is not much longer has to crease more, s
 LEAST_CONCAVITY = 0.02  # counts for every border: some parts end without a crease
 EVEN = 0.05  # of height: what differs by less is alike, and steps from there to the next larger branch tell nothing
 
-Float64 = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """A part with its look-alikes.
+    """A part with its look-alikes."""
 
-    Attributes
-    ----------
-    inside
-        (P,) which patches belong to it.
-    area
-        As a part of the whole surface.
-    border
-        Length of its borders, in diagonals of the box.
-    concavity
-        How much the surface creases along them.
-    step
-        How much more the next larger branch differs within itself, in [0, 1].
-    """
-
-    inside: NDArray[np.bool_]
-    area: float
-    border: float
-    concavity: float
-    step: float
+    inside: Bool  # (P,) which patches belong to it
+    area: float  # as a part of the whole surface
+    border: float  # length of its borders, in diagonals of the box
+    concavity: float  # how much the surface creases along them
+    step: float  # how much more the next larger branch differs within itself, in [0, 1]
 
     @property
     def clarity(self) -> float:
@@ -160,7 +145,7 @@ class Hierarchy:
             self._known_pieces[node] = pieces_and_borders(self._patches, self.branches[node].inside)
         return self._known_pieces[node]
 
-    def _clearest_cut(self) -> tuple[list[int], NDArray[np.bool_]]:
+    def _clearest_cut(self) -> tuple[list[int], Bool]:
         """What `cut` and `clear` are: the best cut of a node is the node itself, or those of what it joins."""
         count = self._patches.borders.count
         worth, clear = np.zeros(len(self._height)), np.zeros(len(self._height), bool)
@@ -173,10 +158,10 @@ class Hierarchy:
             cuts.append([node] if clear[node] else cuts[one] + cuts[other])
         return cuts[-1], clear
 
-    def shown(self) -> NDArray[np.int64]:
+    def shown(self) -> Int64:
         """(P,) the part of each patch in `cut`; what is too small for one goes where its border is the longest."""
         borders, area = self._patches.borders, self._patches.area
-        part: NDArray[np.int64] = np.argmax([self.branches[node].inside for node in self.cut], axis=0)
+        part: Int64 = np.argmax([self.branches[node].inside for node in self.cut], axis=0)
         for small in sorted(set(part.tolist()), key=lambda number: area[part == number].sum()):
             if area[part == small].sum() >= LEAST_SHOWN:
                 break
@@ -202,7 +187,7 @@ class Hierarchy:
         return Branch(inside, float(patches.area[inside].sum()), float(length.sum()), float(concavity), float(step))
 
 
-def pieces_and_borders(patches: Patches, inside: NDArray[np.bool_]) -> tuple[Float64, int]:
+def pieces_and_borders(patches: Patches, inside: Bool) -> tuple[Float64, int]:
     """Areas of the connected pieces of a part of patches `inside` (P,), but for crumbs, and how many borders it has."""
     one, other = patches.borders.pairs.T
     same = inside[one] == inside[other]

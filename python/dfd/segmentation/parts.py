@@ -8,12 +8,12 @@ from functools import cached_property
 from typing import Any, Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from dfd.common import check
+from dfd.common.linear_algebra import Bool, Float32, Int64
 from dfd.field.field import Field
 from dfd.geometry.topology import face_areas
 from dfd.mesh.mesh import Mesh, MeshLike, as_mesh
@@ -35,53 +35,35 @@ TRUNK, MOST_OF_LIMBS = 3.0, 1.5
 class Features(Protocol):
     """What gives features of a mesh's vertices: `field.on(mesh)`, or the rows that a session has."""
 
-    def __call__(self, vertices: NDArray[np.int64]) -> NDArray[np.float32]:
+    def __call__(self, vertices: Int64) -> Float32:
         """Features (N, D) of vertices (N,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A part of a shape.
+    """A part of a shape."""
 
-    Attributes
-    ----------
-    mask
-        (V,) which vertices belong to it.
-    share
-        Its part of the surface.
-    pieces
-        How many connected pieces it has, besides crumbs.
-    vertex
-        One that lies well in it, or the one that was asked for.
-    """
-
-    mask: NDArray[np.bool_] = field(repr=False)
-    share: float
-    pieces: int
-    vertex: int
+    mask: Bool = field(repr=False)  # (V,) which vertices belong to it
+    share: float  # its part of the surface
+    pieces: int  # how many connected pieces it has, besides crumbs
+    vertex: int  # one that lies well in it, or the one that was asked for
 
     @property
-    def vertices(self) -> NDArray[np.int64]:
+    def vertices(self) -> Int64:
         """(N,) its vertices, ascending."""
         return np.flatnonzero(self.mask)
 
 
 @dataclass(frozen=True, eq=False)
 class Grip:
-    """What is held of a shape at a place.
+    """What is held of a shape at a place."""
 
-    Attributes
-    ----------
-    weights
-        (V,) how much of the part that holds the place vertices are: 1 in it, 0 beyond it, falling smoothly over its
-        seam.
-    pieces
-        (V,) which connected piece of it each vertex is on, such as one leg of all, counted from 0; −1 for crumbs, and
-        beyond.
-    """
-
-    weights: NDArray[np.float32] = field(repr=False)
-    pieces: NDArray[np.int64] = field(repr=False)
+    # weights: (V,) how much of the part that holds the place vertices are: 1 in it, 0 beyond it, falling smoothly over
+    # its seam
+    weights: Float32 = field(repr=False)
+    # pieces: (V,) which connected piece of it each vertex is on, such as one leg of all, counted from 0; −1 for
+    # crumbs, and beyond
+    pieces: Int64 = field(repr=False)
 
 
 class Parts:
@@ -111,10 +93,7 @@ class Parts:
         alike
             Whether all that looks alike belongs to it, such as the other legs, or the one connected piece alone.
 
-        Raises
-        ------
-        ValueError
-            If `at` is neither, `level` is unknown, or the mesh has no face with an area.
+        Raises ValueError if `at` is neither, `level` is unknown, or the mesh has no face with an area.
         """
         check.choice("Parts.part", "level", level, Level)
         vertex = self._vertex(at)
@@ -192,13 +171,13 @@ class Parts:
         if self._has_surface:
             _ = self._hierarchy
 
-    def _seam(self, chosen: int, inside: NDArray[np.bool_]) -> float:
+    def _seam(self, chosen: int, inside: Bool) -> float:
         """Width of the seam around a part, in diagonals of the box."""
         pieces, borders = pieces_and_borders(self._patches, inside)
         wider = TRUNK if borders > MOST_OF_LIMBS * len(pieces) else 1.0
         return wider * min(SEAM, self._hierarchy.around(chosen) * THICKNESS)
 
-    def _snapped(self, inside: NDArray[np.bool_], vertex: int) -> NDArray[np.bool_]:
+    def _snapped(self, inside: Bool, vertex: int) -> Bool:
         """(N,) which nodes belong to the part of patches `inside` (P,) that holds a vertex."""
         return snapped(self._patches, inside, int(self._patches.twin[self._patches.nodes.of_vertex[vertex]]))
 
@@ -217,7 +196,7 @@ class Parts:
         chosen = among[clarity[among].argmax()] if len(among) else best
         return nodes[chosen]
 
-    def _carried(self, sides: Sequence[NDArray[np.bool_]]) -> NDArray[np.int64]:
+    def _carried(self, sides: Sequence[Bool]) -> Int64:
         """(V,) which of `sides`, of the nodes (N,), most of the nodes around each vertex are on."""
         shares = self._patches.nodes.shares(np.array(sides, np.float64))
         best = np.zeros(len(self._mesh.vertices), np.float32)
@@ -228,12 +207,12 @@ class Parts:
             np.maximum(best, here, out=best)
         return label
 
-    def _part(self, inside: NDArray[np.bool_], mask: NDArray[np.bool_], vertex: int) -> Part:
+    def _part(self, inside: Bool, mask: Bool, vertex: int) -> Part:
         piece, area = pieces_of(self._patches, inside)[inside], self._patches.area[inside]
         sizes = np.bincount(piece, area)
         return Part(mask, float(area.sum()), int((sizes > CRUMB * sizes.max()).sum()), vertex)
 
-    def _middle(self, inside: NDArray[np.bool_]) -> int:
+    def _middle(self, inside: Bool) -> int:
         """A vertex of the patch of `inside` (P,) that lies the farthest from where the part ends."""
         borders = self._patches.borders
         ends = np.unique(borders.pairs[np.not_equal(*inside[borders.pairs.T])])

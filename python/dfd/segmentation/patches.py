@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
+from dfd.common.linear_algebra import Float64, Int64
 from dfd.geometry.coarse import Nodes
 from dfd.geometry.topology import first_at_place
 
@@ -23,8 +24,7 @@ TURNED = 0.6  # in those distances, what a turn of the normal by 1 counts: the t
 SAMPLES = 8  # vertices of a patch that its features are the mean of
 BRIDGE = 1.0  # the concavity of a small gap between components: nothing parts them more clearly
 
-Float64 = NDArray[np.float64]
-Indices = NDArray[np.int64]
+Indices = Int64
 
 
 class Borders:
@@ -78,10 +78,7 @@ class Patches:
     node_borders
         Between nodes.
 
-    Raises
-    ------
-    ValueError
-        If no face of the mesh has an area.
+    Raises ValueError if no face of the mesh has an area.
     """
 
     def __init__(self, mesh: Mesh) -> None:

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from dfd.common.linear_algebra import Float64
 
 if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
 
-AXES: dict[str, NDArray[np.float64]] = {
+AXES: dict[str, Float64] = {
     f"{sign}{name}": float(f"{sign}1") * np.eye(3)[axis] for axis, name in enumerate("xyz") for sign in "+-"
 }
 UP_WORDS = ("auto", "file", *AXES)
@@ -22,30 +24,20 @@ LEAST_EXTENT = 1e-6  # of the longest side: a smaller extent along an axis count
 
 @dataclass(frozen=True, eq=False)
 class Up:
-    """The up direction of a mesh.
+    """The up direction of a mesh."""
 
-    Attributes
-    ----------
-    frame
-        (3, 3) rotation, rows in the mesh's coordinates: right, up, front.
-    confidence
-        Probability that this axis is upright, up or down, 0 … 1; 1 if given.
-    source
-        "said" if given; "file" for +y, the likeliest or, with a confidence of 0, the fallback; "found"; "averaged" if
-        uncertain, so that features of two directions stand side by side.
-    shared, shares
-        (K, 3, 3) the frames that have pictures, the likeliest first, and (K,) their probabilities, of sum 1; None if
-        `frame` is the only one.
-    """
-
-    frame: NDArray[np.float64]
-    confidence: float
+    frame: Float64  # (3, 3) rotation, rows in the mesh's coordinates: right, up, front
+    confidence: float  # probability that this axis is upright, up or down, 0 … 1; 1 if given
+    # source: "said" if given; "file" for +y, the likeliest or, with a confidence of 0, the fallback; "found";
+    # "averaged" if uncertain, so that features of two directions stand side by side
     source: Literal["said", "file", "found", "averaged"]
-    shared: NDArray[np.float64] | None = None
-    shares: NDArray[np.float64] | None = None
+    # shared, shares: (K, 3, 3) the frames that have pictures, the likeliest first, and (K,) their probabilities, of
+    # sum 1; None if `frame` is the only one
+    shared: Float64 | None = None
+    shares: Float64 | None = None
 
     @property
-    def frames(self) -> NDArray[np.float64]:
+    def frames(self) -> Float64:
         """(K, 3, 3) right, up and front of each set of pictures; see `dfd.views.render.render`."""
         return self.frame[None] if self.shared is None else self.shared
 
@@ -63,7 +55,7 @@ class Up:
         }
 
     @property
-    def direction(self) -> NDArray[np.float64]:
+    def direction(self) -> Float64:
         """(3,) unit, in the mesh's coordinates."""
         return self.frame[1]
 
@@ -99,7 +91,7 @@ def _named(direction: ArrayLike) -> str:
     return named or ", ".join(f"{part:.3f}" for part in np.asarray(direction))
 
 
-def axis_frames(frame: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+def axis_frames(frame: Float64) -> list[Float64]:
     """The frames, each (3, 3), in which an axis of `frame` points up, either way: +right, −right, +up, −up, …"""
     found = []
     for axis in range(3):
@@ -147,7 +139,7 @@ def explicit_up(mesh: Mesh, up: str | tuple[float, float, float]) -> Up:
     return Up(_upright_frame(direction), 1.0, "said")
 
 
-def _upright_frame(up: NDArray[np.float64]) -> NDArray[np.float64]:
+def _upright_frame(up: Float64) -> Float64:
     """The frame with `up` that rotates the file's other axes least."""
     along = np.flatnonzero(up)
     if len(along) == 1:
@@ -156,7 +148,7 @@ def _upright_frame(up: NDArray[np.float64]) -> NDArray[np.float64]:
     return frame_facing(up, right)
 
 
-def frame_facing(up: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+def frame_facing(up: Float64, right: Float64) -> Float64:
     """The frame (3, 3) with `up` and its right nearest to `right`; both (3,), unit."""
     across = right - (right @ up) * up
     if np.linalg.norm(across) < LEAST_ACROSS:

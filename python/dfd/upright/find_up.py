@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float64
 from dfd.common.progress import Stages
 from dfd.geometry.topology import face_areas
 from dfd.mesh.normalization import box_normalization
@@ -63,7 +63,7 @@ def find_up(mesh: Mesh, encoder: Encoder, *, probe: UpProbe | None = None, stage
         return look(standing, frame, around, probe)
 
 
-def _along_the_file(standing: StabilityCues, frame: NDArray[np.float64], around: ProbeCameras, probe: UpProbe) -> Up:
+def _along_the_file(standing: StabilityCues, frame: Float64, around: ProbeCameras, probe: UpProbe) -> Up:
     """Choose among the file's axes, stopping as soon as the pictures are conclusive."""
     frames = np.stack(axis_frames(frame))
     ups, evidence = frames[:, 1], np.stack([standing.evidence(each) for each in frames])
@@ -81,7 +81,7 @@ def _along_the_file(standing: StabilityCues, frame: NDArray[np.float64], around:
     return up
 
 
-def _tilted(standing: StabilityCues, frame: NDArray[np.float64], around: ProbeCameras, probe: UpProbe) -> Up:
+def _tilted(standing: StabilityCues, frame: Float64, around: ProbeCameras, probe: UpProbe) -> Up:
     """Choose the up of a shape that is aligned with no axis of the file; `frame` holds its mirror plane.
 
     Pictures along all axes give a first estimate, pictures of the likeliest candidates the final one. The file's axes
@@ -99,7 +99,7 @@ def _tilted(standing: StabilityCues, frame: NDArray[np.float64], around: ProbeCa
     return found()
 
 
-def candidates(standing: StabilityCues, frame: NDArray[np.float64], form: NDArray[np.float64]) -> NDArray[np.float64]:
+def candidates(standing: StabilityCues, frame: Float64, form: Float64) -> Float64:
     """The frames (2K, 3, 3) in which a tilted shape may be upright, each followed by the same upside down.
 
     Their ups are the file's axes, the stable poses with an upright mirror plane, and the main axes of the pictures'
@@ -115,7 +115,7 @@ def candidates(standing: StabilityCues, frame: NDArray[np.float64], form: NDArra
     return np.stack([frame_facing(sign * up, normal) for up in found for sign in (1.0, -1.0)])
 
 
-def prior(probe: UpProbe, frame: NDArray[np.float64]) -> float:
+def prior(probe: UpProbe, frame: Float64) -> float:
     """Log-odds of `frame` by the convention of files."""
     if np.allclose(frame[1], AXES["+y"]):
         return probe.file_up
@@ -124,7 +124,7 @@ def prior(probe: UpProbe, frame: NDArray[np.float64]) -> float:
     return probe.file_z if np.allclose(np.abs(frame[1]), AXES["+z"]) else 0.0
 
 
-def decide(frames: NDArray[np.float64], odds: NDArray[np.float64]) -> Up:
+def decide(frames: Float64, odds: Float64) -> Up:
     """Choose among `frames` (2K, 3, 3), each followed by the same upside down, by their log-odds (2K,)."""
     chances = np.exp(odds - odds.max())
     of_axes = chances.reshape(-1, 2).sum(axis=1) / chances.sum()

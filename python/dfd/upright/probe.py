@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float32, Float64
 from dfd.encoders.learned_file import encoder_identity, read_learned, write_learned
 from dfd.upright.probe_views import ViewTokens
 from dfd.upright.stability import EVIDENCE
@@ -53,34 +54,24 @@ FORM_TOKENS, VECTOR_TOKENS = np.array([0, 0, 0, 1, 1]), np.array([0, 0, 1])
 
 @dataclass(frozen=True, eq=False)
 class UpProbe:
-    """The learned probe, for tokens of width D.
+    """The learned probe, for tokens of width D."""
 
-    Attributes
-    ----------
-    mean
-        (D,) subtracted from a picture's mean token.
-    form, vector
-        (5, D) and (3, D), map a picture's tokens to coefficients of `FORMS` and `VECTORS`.
-    odds
-        (3, 9) log-odds per unit of each of `TERMS`: for pictures around the file's up alone, for pictures along all
-        axes of the file, and for a shape aligned with none of them.
-    file_up, file_down, file_z
-        Prior log-odds of +y, −y and ±z.
-    encoder_weights, encoder_block
-        The encoder that it was learned from.
-    """
-
-    mean: NDArray[np.float32]
-    form: NDArray[np.float32]
-    vector: NDArray[np.float32]
-    odds: NDArray[np.float64]
+    mean: Float32  # (D,) subtracted from a picture's mean token
+    # form, vector: (5, D) and (3, D), map a picture's tokens to coefficients of `FORMS` and `VECTORS`
+    form: Float32
+    vector: Float32
+    # odds: (3, 9) log-odds per unit of each of `TERMS`: for pictures around the file's up alone, for pictures along
+    # all axes of the file, and for a shape aligned with none of them
+    odds: Float64
+    # file_up, file_down, file_z: prior log-odds of +y, −y and ±z
     file_up: float
     file_down: float
     file_z: float
+    # encoder_weights, encoder_block: the encoder that it was learned from
     encoder_weights: str
     encoder_block: int
 
-    def votes(self, seen: ViewTokens) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def votes(self, seen: ViewTokens) -> tuple[Float64, Float64]:
         """The mean votes of all pictures, in the mesh's coordinates: a quadratic form (3, 3) and a vector (3,)."""
         tokens = seen.tokens - np.stack([self.mean, np.zeros_like(self.mean)])
         weights = np.einsum("njd,jd->nj", tokens[:, FORM_TOKENS], self.form)
@@ -89,7 +80,7 @@ class UpProbe:
         vector = np.einsum("nj,ja,nai->i", weights, VECTORS, seen.axes, optimize=True) / len(tokens)
         return form, vector
 
-    def terms(self, seen: ViewTokens, ups: NDArray[np.float64], evidence: NDArray[np.float64]) -> NDArray[np.float64]:
+    def terms(self, seen: ViewTokens, ups: Float64, evidence: Float64) -> Float64:
         """Return the `TERMS` (K, 9) of unit `ups` (K, 3); `evidence` (K, 7) are the `EVIDENCE` of `ups`."""
         form, vector = self.votes(seen)
         return np.column_stack([np.einsum("ka,ab,kb->k", ups, form, ups), ups @ vector, evidence])

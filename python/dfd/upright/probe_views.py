@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Bool, Float32, Float64
 from dfd.common.threads import get_num_threads
 from dfd.mesh.normalization import normalization
 from dfd.views.cameras import camera_towards
@@ -24,7 +24,7 @@ PATCHES = 16  # along a picture's side
 SHOWN = 0.3  # least part of a patch's pixels that the shape covers, for its token to count
 
 
-def _square(first: float, height: float) -> NDArray[np.float64]:
+def _square(first: float, height: float) -> Float64:
     """Four eyes (4, 3) around a shape, the first at an angle from the front, at an angle above the horizon.
 
     Quarter turns lead from one to the next, and mirror images are among them: which way a shape faces, and which of a
@@ -41,18 +41,11 @@ SIDES, CORNERS = _square(0, 20), _square(45, 15)  # of a square that the shape s
 
 @dataclass(frozen=True, eq=False)
 class ViewTokens:
-    """Tokens of N pictures.
+    """Tokens of N pictures."""
 
-    Attributes
-    ----------
-    tokens
-        (N, 2, D) for every picture the mean token of the shape, and that of its right half minus its left half.
-    axes
-        (N, 3, 3) right, up and back of every camera, in the mesh's coordinates.
-    """
-
-    tokens: NDArray[np.float32]
-    axes: NDArray[np.float64]
+    # tokens: (N, 2, D) for every picture the mean token of the shape, and that of its right half minus its left half
+    tokens: Float32
+    axes: Float64  # (N, 3, 3) right, up and back of every camera, in the mesh's coordinates
 
     def __add__(self, other: ViewTokens) -> ViewTokens:
         """The pictures of both."""
@@ -70,7 +63,7 @@ class ProbeCameras:
         self._encoder = encoder
         self._resolution = encoder.nearest_resolution(PATCHES * encoder.patch)
 
-    def seen(self, frames: NDArray[np.float64], eyes: NDArray[np.float64]) -> ViewTokens:
+    def seen(self, frames: Float64, eyes: Float64) -> ViewTokens:
         """Pictures from `eyes` (E, 3), for each of `frames` (K, 3, 3) as right, up and front: K·E of them, in turn.
 
         Raises ValueError if no ray hits the mesh.
@@ -98,7 +91,7 @@ class ProbeCameras:
         return ViewTokens(np.stack([_halves(*each) for each in zip(tokens, covered, strict=True)]), axes)
 
 
-def _halves(tokens: NDArray[np.float32], covered: NDArray[np.bool_]) -> NDArray[np.float32]:
+def _halves(tokens: Float32, covered: Bool) -> Float32:
     """The mean token and right less left (2, D), of a picture's tokens (h, w, D) and covered pixels; 0 of nothing."""
     side = len(tokens)
     within = len(covered) // side

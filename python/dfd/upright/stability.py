@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
+from dfd.common.linear_algebra import Float64, Int32
 from dfd.common.threads import get_num_threads
 from dfd.geometry.topology import face_areas
 from dfd.views.cameras import fibonacci_directions
@@ -32,7 +33,7 @@ _SHRINKING = (0.15, 0.07, 0.03, 0.015, 0.007)  # radians, steps of the search fo
 class StabilityCues:
     """Stability and symmetry of a surface of `vertices` (V, 3), in any units, and `faces` (F, 3), one with an area."""
 
-    def __init__(self, vertices: NDArray[np.floating], faces: NDArray[np.int32]) -> None:
+    def __init__(self, vertices: NDArray[np.floating], faces: Int32) -> None:
         generator = np.random.default_rng(0)
         corners = vertices[faces].astype(np.float64)
         ends = np.cumsum(face_areas(vertices, faces))
@@ -51,7 +52,7 @@ class StabilityCues:
         self._reflected = self.points[generator.permutation(POINTS)[:REFLECTED]]
         self._misses: dict[tuple[float, ...], float] = {}
 
-    def evidence(self, frame: NDArray[np.float64]) -> NDArray[np.float64]:
+    def evidence(self, frame: Float64) -> Float64:
         """Return the `EVIDENCE` (7,), unitless, for `frame` (3, 3) as right, up and front."""
         right, up, front = frame
         height = self.rim @ up
@@ -74,12 +75,12 @@ class StabilityCues:
             ]
         )
 
-    def mirror_error(self, normal: NDArray[np.float64]) -> float:
+    def mirror_error(self, normal: Float64) -> float:
         """Mean distance of mirror images to the surface, of the diagonal, across the plane through the middle."""
         self._measure([normal])
         return self._misses[_key(normal)]
 
-    def _measure(self, normals: Iterable[NDArray[np.float64]]) -> None:
+    def _measure(self, normals: Iterable[Float64]) -> None:
         """Cache `mirror_error` of `normals`, each (3,), in one parallel query."""
         new = [normal for normal in normals if _key(normal) not in self._misses]
         if not new:
@@ -93,7 +94,7 @@ class StabilityCues:
         for normal, of_images in zip(new, distances, strict=True):
             self._misses[_key(normal)] = float(of_images.mean()) / self.diagonal
 
-    def mirror_normal(self) -> NDArray[np.float64]:
+    def mirror_normal(self) -> Float64:
         """The unit normal (3,) of the plane across which the shape is most nearly its own mirror image."""
         spread = self.points - self.middle
         around = fibonacci_directions(2 * DIRECTIONS)[:DIRECTIONS]
@@ -103,7 +104,7 @@ class StabilityCues:
         ranked = sorted(candidates, key=self.mirror_error)[:3]
         return min((self._refined(normal) for normal in ranked), key=self.mirror_error)
 
-    def stable_ups(self, frame: NDArray[np.float64]) -> NDArray[np.float64]:
+    def stable_ups(self, frame: Float64) -> Float64:
         """Ups (K, 3) of stable poses, perpendicular to the first row of `frame` (3, 3), no two nearly parallel.
 
         The shape rests on the longest edges of its outline that have its center above them; if there are fewer than
@@ -111,13 +112,13 @@ class StabilityCues:
         """
         plane = frame[1:]
         holding = [up for _, up in _edges_that_hold(self.rim @ plane.T, self.middle @ plane.T)]
-        kept: list[NDArray[np.float64]] = []
+        kept: list[Float64] = []
         for up in [*holding, *np.eye(2)]:
             if len(kept) < RESTS and all(abs(up @ other) < _NEARLY for other in kept):
                 kept.append(up)
         return np.stack(kept) @ plane
 
-    def _refined(self, normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _refined(self, normal: Float64) -> Float64:
         for step in _SHRINKING:
             for _ in range(3):
                 one = _across(normal)
@@ -129,7 +130,7 @@ class StabilityCues:
                 normal = best
         return normal
 
-    def frame(self) -> NDArray[np.float64]:
+    def frame(self) -> Float64:
         """Axes (3, 3) of the shape: the file's if one of them is a mirror normal, else its own.
 
         Its own are the normal of its mirror plane and the sides of the smallest box around it in that plane.
@@ -148,14 +149,12 @@ class StabilityCues:
         return np.stack([normal, up, np.cross(normal, up)])
 
 
-def _key(normal: NDArray[np.float64]) -> tuple[float, ...]:
+def _key(normal: Float64) -> tuple[float, ...]:
     """A key of a plane, the same for either sign of its normal."""
     return tuple(np.round(normal * np.sign(normal[np.abs(normal).argmax()]), 9))
 
 
-def _edges_that_hold(
-    outline: NDArray[np.float64], middle: NDArray[np.float64]
-) -> list[tuple[float, NDArray[np.float64]]]:
+def _edges_that_hold(outline: Float64, middle: Float64) -> list[tuple[float, Float64]]:
     """Length and inward unit normal (2,) of the hull's edges, of points (N, 2), that have `middle` (2,) above them."""
     hull = _hull_of(outline)
     found = []
@@ -167,13 +166,13 @@ def _edges_that_hold(
     return sorted(found, key=lambda each: -each[0])
 
 
-def _across(normal: NDArray[np.float64]) -> NDArray[np.float64]:
+def _across(normal: Float64) -> Float64:
     """A unit vector at right angles."""
     across = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
     return across / np.linalg.norm(across)
 
 
-def _hull_of(points: NDArray[np.float64]) -> ConvexHull | None:
+def _hull_of(points: Float64) -> ConvexHull | None:
     """The convex hull of points (N, 2); None if they are collinear."""
     if len(points) < 3:
         return None
@@ -183,7 +182,7 @@ def _hull_of(points: NDArray[np.float64]) -> ConvexHull | None:
         return None
 
 
-def _hull_vertices(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _hull_vertices(points: Float64) -> Float64:
     """Those of `points` (N, 3) on their convex hull; all if they are coplanar."""
     try:
         return points[ConvexHull(points).vertices]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dfd.common import check
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64
 
 Framing = Literal["shape", "paper"]
 
@@ -26,31 +27,22 @@ _CHUNK = 1 << 12  # points that are measured together: their products stay in th
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole camera with a square picture, in normalized coordinates.
+    """A pinhole camera with a square picture, in normalized coordinates."""
 
-    Attributes
-    ----------
-    position
-        (3,) the eye.
-    right, up, back
-        (3,) orthonormal axes; it looks along −`back`. The mirror image of a camera has its `right` negated, so
-        that it sees the mirror image of what the other sees.
-    field_of_view
-        Full angle across the picture, degrees.
-    """
-
-    position: NDArray[np.float64]
-    right: NDArray[np.float64]
-    up: NDArray[np.float64]
-    back: NDArray[np.float64]
-    field_of_view: float = FIELD_OF_VIEW
+    position: Float64  # (3,) the eye
+    # right, up, back: (3,) orthonormal axes; it looks along −`back`. The mirror image of a camera has its `right`
+    # negated, so that it sees the mirror image of what the other sees.
+    right: Float64
+    up: Float64
+    back: Float64
+    field_of_view: float = FIELD_OF_VIEW  # full angle across the picture, degrees
 
     @property
     def half_width(self) -> float:
         """Half the picture's width at distance 1."""
         return float(np.tan(np.radians(self.field_of_view) / 2))
 
-    def ray_directions(self, resolution: int, pixels: NDArray[np.int64] | None = None) -> NDArray[np.float32]:
+    def ray_directions(self, resolution: int, pixels: Int64 | None = None) -> Float32:
         """Unit directions through the centers of `pixels` (N,), numbered row by row from the top left: (N, 3).
 
         None: of all pixels, (resolution², 3).
@@ -62,7 +54,7 @@ class Camera:
         local = np.stack([x, y, np.full(len(x), -1.0)]) / np.sqrt(1 + x * x + y * y)
         return np.ascontiguousarray((np.array([self.right, self.up, self.back]).T @ local).T, np.float32)
 
-    def may_show(self, vertices: NDArray[np.float32], faces: NDArray[np.int32], resolution: int) -> NDArray[np.int64]:
+    def may_show(self, vertices: Float32, faces: Int32, resolution: int) -> Int64:
         """Pixels (N,), ascending, that may show some of the `faces` (F, 3) of `vertices` (V, 3): no other one does.
 
         They are those of squares of 8 x 8 pixels that the rectangles around the faces reach. All pixels may where there
@@ -93,14 +85,12 @@ class Camera:
         shown = covered.repeat(_SQUARE, axis=0).repeat(_SQUARE, axis=1)[:resolution, :resolution]
         return np.flatnonzero(shown)
 
-    def in_mesh(self, frame: NDArray[np.float64]) -> Camera:
+    def in_mesh(self, frame: Float64) -> Camera:
         """Return this camera, whose coordinates lie along the rows of `frame` (3, 3), in the coordinates of those."""
         axes = (self.position @ frame, self.right @ frame, self.up @ frame, self.back @ frame)
         return Camera(*axes, self.field_of_view)
 
-    def project(
-        self, points: NDArray[np.floating[Any]], resolution: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def project(self, points: NDArray[np.floating[Any]], resolution: int) -> tuple[Float64, Float64]:
         """Row and column, in pixels, at which (N, 3) points appear; whole numbers are pixel centers."""
         offset = points - self.position
         depth = -(offset @ self.back) * self.half_width
@@ -109,7 +99,7 @@ class Camera:
         return row, column
 
 
-def fibonacci_directions(count: int, *, mirrored: bool = False) -> NDArray[np.float64]:
+def fibonacci_directions(count: int, *, mirrored: bool = False) -> Float64:
     """Unit directions spread evenly over the sphere, (count, 3).
 
     With `mirrored` they are a quarter and its mirror images at x = 0, at z = 0 and at both; what four do not divide
@@ -159,11 +149,7 @@ def place_cameras(
 
 
 def _place(
-    directions: NDArray[np.float64],
-    points: NDArray[np.floating[Any]],
-    framing: Framing,
-    field_of_view: float,
-    flipped: NDArray[np.bool_],
+    directions: Float64, points: NDArray[np.floating[Any]], framing: Framing, field_of_view: float, flipped: Bool
 ) -> list[Camera]:
     check.choice("place_cameras", "framing", framing, Framing)
     field_of_view = check.number("place_cameras", "field_of_view", field_of_view, minimum=1.0, maximum=170.0)
@@ -191,7 +177,7 @@ def _place(
 
 
 def _squares(
-    pixels: NDArray[np.float64],  # (V,) along an axis of the picture
+    pixels: Float64,  # (V,) along an axis of the picture
     corners: NDArray[np.intp],  # (3, F)
     side: int,
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -202,7 +188,7 @@ def _squares(
     return least.astype(np.intp), most.astype(np.intp)
 
 
-def _largest_along(normals: NDArray[np.float64], points: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
+def _largest_along(normals: Float64, points: NDArray[np.floating[Any]]) -> Float64:
     """Return the largest product of a point (N, 3) with each of `normals` (K, 3), (K,)."""
     columns = normals.T.astype(np.float32)
     largest = np.full(len(normals), -np.inf, np.float32)
@@ -212,9 +198,7 @@ def _largest_along(normals: NDArray[np.float64], points: NDArray[np.floating[Any
     return largest.astype(np.float64)
 
 
-def _basis(
-    direction: NDArray[np.float64], flipped: bool
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _basis(direction: Float64, flipped: bool) -> tuple[Float64, Float64, Float64]:
     """Right, up and back of a camera out along `direction`; upright, and looking straight down −z is up."""
     upright = np.array([0.0, 1.0, 0.0]) if abs(direction[1]) < 0.999 else np.array([0.0, 0.0, -np.sign(direction[1])])
     right = np.cross(upright, direction)
@@ -222,6 +206,6 @@ def _basis(
     return (-right if flipped else right), np.cross(direction, right), direction
 
 
-def _sphere(height: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArray[np.float64]:
+def _sphere(height: Float64, angle: Float64) -> Float64:
     ring = np.sqrt(1 - height * height)
     return np.stack([ring * np.cos(angle), height, ring * np.sin(angle)], axis=1)

@@ -10,33 +10,23 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Bool, Float32, Int32, Int64
+
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """Where rays first meet the surface: only of the rays that do.
+    """Where rays first meet the surface: only of the rays that do."""
 
-    Attributes
-    ----------
-    ray
-        (K,) index of the ray, increasing.
-    face
-        (K,) the face it meets.
-    barycentric
-        (K, 3) float32 weights of the face's corners, each at least 0, their sum 1.
-    distance
-        (K,) float32 along the ray, in lengths of its direction.
-    """
-
-    ray: NDArray[np.int64]
-    face: NDArray[np.int32]
-    barycentric: NDArray[np.float32]
-    distance: NDArray[np.float32]
+    ray: Int64  # (K,) index of the ray, increasing
+    face: Int32  # (K,) the face it meets
+    barycentric: Float32  # (K, 3) float32 weights of the face's corners, each at least 0, their sum 1
+    distance: Float32  # (K,) float32 along the ray, in lengths of its direction
 
     def where(self, chosen: NDArray[np.bool_ | np.integer]) -> Hits:
         """The chosen of them; `chosen` is (K,) bool, or their numbers in the order wanted."""
         return Hits(self.ray[chosen], self.face[chosen], self.barycentric[chosen], self.distance[chosen])
 
-    def of_rays(self, numbers: NDArray[np.int64]) -> Hits:
+    def of_rays(self, numbers: Int64) -> Hits:
         """The same, of rays that have these `numbers` (N,), ascending, among others."""
         return Hits(numbers[self.ray], self.face, self.barycentric, self.distance)
 
@@ -73,9 +63,7 @@ class Scene:
         barycentric /= (first + second + third)[:, None]
         return Hits(ray, found["primID"][ray], barycentric, found["tfar"][ray])
 
-    def hides(
-        self, eye: NDArray[np.floating[Any]], points: NDArray[np.floating[Any]], tolerance: float
-    ) -> NDArray[np.bool_]:
+    def hides(self, eye: NDArray[np.floating[Any]], points: NDArray[np.floating[Any]], tolerance: float) -> Bool:
         """Return whether the surface stands between `eye` (3,) and each of `points` (N, 3).
 
         What is met by less than a share `tolerance` of the distance before a point is the surface it lies on.

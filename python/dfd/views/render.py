@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfd.common import check
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, UInt8
 from dfd.common.progress import Stages
 from dfd.common.threads import get_num_threads
 from dfd.mesh.appearance import blend
@@ -26,51 +27,34 @@ Supervision = Literal["barycentric", "vertex"]
 LARGEST_RESOLUTION = 4096
 LARGEST_VIEWS = 32767  # what numbers them has 16 bits
 
-Seen = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]  # of one picture
+Seen = tuple[Float32, Float32, Float32, Int32]  # of one picture
 
 
 @dataclass(frozen=True, eq=False)
 class Views:
-    """Pictures of a shape, and the surface points that they show.
+    """Pictures of a shape, and the surface points that they show."""
 
-    Attributes
-    ----------
-    images
-        (n, R, R, 3) 8-bit red, green and blue as displayed, on white.
-    covered
-        (n, R, R) bool, the pixels that show the shape.
-    cameras
-        One a picture.
-    points
-        (P, 3) float32 surface points in normalized coordinates: (p − `center`) · `scale` for p in mesh units.
-    view, row, column
-        (P,) the picture that shows each point, and where in it, in pixels; whole numbers are pixel centers.
-    face
-        (P,) the face of `faces` that each point lies on; empty when the points are vertices.
-    vertices, faces
-        (V, 3) float32 normalized and (F, 3): the surface that the rays met, the mesh's own or a simplified copy's.
-    center, scale
-        The normalization: the middle of the bounding box comes to the origin, its longest side to [−1, 1].
-    frame
-        (3, 3) the directions, in the mesh's coordinates, that count as right, up and front.
-    scene
-        `vertices` and `faces`, ready for further rays; None where none are to come.
-    """
-
-    images: NDArray[np.uint8]
-    covered: NDArray[np.bool_]
-    cameras: list[Camera]
-    points: NDArray[np.float32]
+    images: UInt8  # (n, R, R, 3) 8-bit red, green and blue as displayed, on white
+    covered: Bool  # (n, R, R) bool, the pixels that show the shape
+    cameras: list[Camera]  # one a picture
+    # points: (P, 3) float32 surface points in normalized coordinates: (p − `center`) · `scale` for p in mesh units
+    points: Float32
+    # view, row, column: (P,) the picture that shows each point, and where in it, in pixels; whole numbers are pixel
+    # centers
     view: NDArray[np.int16]
-    row: NDArray[np.float32]
-    column: NDArray[np.float32]
-    face: NDArray[np.int32]
-    vertices: NDArray[np.float32]
-    faces: NDArray[np.int32]
-    center: NDArray[np.float64]
+    row: Float32
+    column: Float32
+    face: Int32  # (P,) the face of `faces` that each point lies on; empty when the points are vertices
+    # vertices, faces: (V, 3) float32 normalized and (F, 3): the surface that the rays met, the mesh's own or a
+    # simplified copy's
+    vertices: Float32
+    faces: Int32
+    # center, scale: the normalization: the middle of the bounding box comes to the origin, its longest side to [−1, 1]
+    center: Float64
     scale: float
-    frame: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
-    scene: Scene | None = None
+    # frame: (3, 3) the directions, in the mesh's coordinates, that count as right, up and front
+    frame: Float64 = field(default_factory=lambda: np.eye(3))
+    scene: Scene | None = None  # `vertices` and `faces`, ready for further rays; None where none are to come
 
 
 def render(
@@ -82,7 +66,7 @@ def render(
     mirrored: bool = False,
     simplify_to: int | None = None,
     supervision: Supervision = "barycentric",
-    frame: NDArray[np.float64] | None = None,
+    frame: Float64 | None = None,
     stages: Stages | None = None,
 ) -> Views:
     """Take pictures of `mesh` from all around.
@@ -106,10 +90,7 @@ def render(
         (3, 3) rotation: the directions, in the mesh's coordinates, that count as right, up and front when cameras are
         placed; None takes the mesh's own axes.
 
-    Raises
-    ------
-    ValueError
-        If an argument is out of its range, or no ray meets the mesh.
+    Raises ValueError if an argument is out of its range, or no ray meets the mesh.
     """
     views = check.whole("render", "views", views, minimum=1, maximum=LARGEST_VIEWS)
     resolution = check.whole("render", "resolution", resolution, minimum=1, maximum=LARGEST_RESOLUTION)
@@ -165,21 +146,21 @@ def render(
     )
 
 
-def used_vertices(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float32]:
+def used_vertices(vertices: Float32, faces: Int32) -> Float32:
     """Return the vertices that some face has."""
     used = np.zeros(len(vertices), bool)
     used[faces] = True
     return vertices if used.all() else vertices[used]
 
 
-def surface_points(vertices: NDArray[np.float32], faces: NDArray[np.int32], hits: Hits) -> NDArray[np.float32]:
+def surface_points(vertices: Float32, faces: Int32, hits: Hits) -> Float32:
     """P = B·T (Eq. 2) of all hits, (K, 3), in the units of `vertices`."""
     return blend(vertices, faces.take(hits.face, axis=0), hits.barycentric)
 
 
 def _visible_vertices(
-    scene: Scene, vertices: NDArray[np.float32], camera: Camera, resolution: int
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    scene: Scene, vertices: Float32, camera: Camera, resolution: int
+) -> tuple[Float32, Float32, Float32]:
     """Vertices that nothing hides from the camera, and the pixels that they fall on."""
     hidden = scene.hides(camera.position, vertices, 1e-3)  # by what is clearly in front of them
     row, column = camera.project(vertices, resolution)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float32, Int32, UInt8
 from dfd.mesh.appearance import GREY, blend
 from dfd.views.raycast import Hits, Scene
 
@@ -23,7 +23,7 @@ _STEP = 1e-4  # past a clear surface, in normalized coordinates
 class Shading:
     """Takes pictures of a scene."""
 
-    def __init__(self, scene: Scene, mesh: Mesh, vertices: NDArray[np.float32]) -> None:
+    def __init__(self, scene: Scene, mesh: Mesh, vertices: Float32) -> None:
         """Take `mesh`, of which `scene` holds the normalized `vertices` (V, 3)."""
         self._scene = scene
         self._vertices = vertices
@@ -31,7 +31,7 @@ class Shading:
         self._normals = mesh.normals
         self._appearance = mesh.appearance
 
-    def picture(self, camera: Camera, resolution: int) -> tuple[NDArray[np.uint8], Hits]:
+    def picture(self, camera: Camera, resolution: int) -> tuple[UInt8, Hits]:
         """Return one picture, (resolution, resolution, 3), and the first hit that is not clear of each covered pixel.
 
         `ray` of the hits is the pixel's index.
@@ -49,7 +49,7 @@ class Shading:
             image[pixels[hits.ray]] = _bytes(rgba[:, :3])
         return image.reshape(resolution, resolution, 3), hits.of_rays(pixels)
 
-    def colors(self, hits: Hits, directions: NDArray[np.float32]) -> NDArray[np.float32]:
+    def colors(self, hits: Hits, directions: Float32) -> Float32:
         """Lit color and opacity of each hit, (K, 4) in [0, 1]; `directions` are those of all rays."""
         if self._appearance is None:
             rgba = np.full((len(hits.ray), 4), GREY, np.float32)
@@ -60,9 +60,7 @@ class Shading:
         rgba[:, :3] *= np.float32(AMBIENT) + np.float32(DIFFUSE) * light[:, None]
         return rgba
 
-    def _see_through(
-        self, origin: NDArray[np.float32], directions: NDArray[np.float32], hits: Hits, rgba: NDArray[np.float32]
-    ) -> tuple[Hits, NDArray[np.float32]]:
+    def _see_through(self, origin: Float32, directions: Float32, hits: Hits, rgba: Float32) -> tuple[Hits, Float32]:
         """Blend what lies behind clear surfaces, front to back, down to the white behind everything.
 
         Returns the first hit of each ray that is at least half opaque, and the color of all N rays, (N, 3).
@@ -92,12 +90,12 @@ class Shading:
 
 
 def facing(
-    vertices: NDArray[np.float32],  # (V, 3)
-    faces: NDArray[np.int32],  # (F, 3)
-    normals: NDArray[np.float32],  # (V, 3) unit, or zero where unknown
+    vertices: Float32,  # (V, 3)
+    faces: Int32,  # (F, 3)
+    normals: Float32,  # (V, 3) unit, or zero where unknown
     hits: Hits,
-    directions: NDArray[np.float32],  # (N, 3) unit, of all rays
-) -> NDArray[np.float32]:
+    directions: Float32,  # (N, 3) unit, of all rays
+) -> Float32:
     """|n · d| of each hit, (K,): 1 where the surface faces the eye, from either side, 0 where it is seen edge on.
 
     Where faces wound either way meet, their normals cancel out, and the face's own is taken.
@@ -115,7 +113,7 @@ def facing(
     return np.minimum(towards / length, np.float32(1))
 
 
-def _bytes(color: NDArray[np.float32]) -> NDArray[np.uint8]:
+def _bytes(color: Float32) -> UInt8:
     """Colors (N, 3) in [0, 1] as pictures have them; what is outside, as its nearest end, and NaN as 0."""
     inside = np.fmin(np.fmax(color, np.float32(0)), np.float32(1))
     return (inside * np.float32(255) + np.float32(0.5)).astype(np.uint8)

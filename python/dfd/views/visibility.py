@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dfd.common import check
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int32, Int64
 from dfd.common.threads import get_num_threads
 from dfd.geometry.topology import face_areas, face_components, first_at_place, spread_in_triangle
 from dfd.mesh.appearance import blend
@@ -37,7 +37,7 @@ class Unseen:
     component_count: int  # all components that have an area
 
 
-def unseen(mesh: Mesh, *, views: int = 24, frame: NDArray[np.float64] | None = None) -> Unseen:
+def unseen(mesh: Mesh, *, views: int = 24, frame: Float64 | None = None) -> Unseen:
     """Measure which part of `mesh` is hidden from all cameras that `dfd.distill` places with its defaults.
 
     Points spread over all faces count as seen when the straight line from some camera to them meets nothing before,
@@ -74,13 +74,7 @@ def unseen(mesh: Mesh, *, views: int = 24, frame: NDArray[np.float64] | None = N
     )
 
 
-def _seen(
-    vertices: NDArray[np.float32],
-    faces: NDArray[np.int32],
-    counts: NDArray[np.int64],
-    views: int,
-    axes: NDArray[np.float64],
-) -> NDArray[np.bool_]:
+def _seen(vertices: Float32, faces: Int32, counts: Int64, views: int, axes: Float64) -> Bool:
     """Return which points are seen, face by face, `counts` (F,) of them on each."""
     scene = Scene(vertices, faces)
     placed = place_cameras(views, used_vertices(vertices, faces) @ axes.T, mirrored=True)

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeVar, get_args, overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import dfd._core as _core
 from dfd.common import check, tensors, threads
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float32, Int32
 from dfd.weights.compact import CompactFeatures
 from dfd.weights.regions import Targets, resolve_points
 
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
 Falloff = Literal["linear", "smooth", "sharp", "root", "sphere", "constant"]  # numbered as in the kernels
 
-Float32 = NDArray[np.float32]
 Out = TypeVar("Out")
 
 
@@ -91,12 +91,9 @@ def bind(
     weights
         (V, H) float32; a torch tensor if `features` is one.
 
-    Raises
-    ------
-    ValueError
-        If shapes disagree, a value is not finite, an index is out of range or repeated, a region is empty, a distance
-        or strength lies outside [0, 1], a reach is not above 0, an array is masked or requires gradients (weights
-        have none), or `out` is not what the weights fit in.
+    Raises ValueError if shapes disagree, a value is not finite, an index is out of range or repeated, a region is
+    empty, a distance or strength lies outside [0, 1], a reach is not above 0, an array is masked or requires gradients
+    (weights have none), or `out` is not what the weights fit in.
 
     Equations 4 and 5: W = f(max(1 − ‖Z_i − Z_j‖ / r, 0)), in the paper with r = 1 and f(x) = x. Then 6, in the paper
     with strength s = 1: W ← max(W − max_p s_p W_p, 0), where W_p = max(1 − ‖Z_i − Z_p‖, 0). Then 7: W ← W (1 − G)^λ.
@@ -156,7 +153,7 @@ def _strengths(strength: ArrayLike | None, held: Targets | None) -> Float32 | No
 
 def _extents(
     reach: ArrayLike, falloff: Falloff | Sequence[Falloff], handle_count: int
-) -> tuple[Float32 | None, NDArray[np.int32] | None]:
+) -> tuple[Float32 | None, Int32 | None]:
     """(H,) reaches and (H,) numbers of falloffs, or neither where they are the paper's."""
     if type(reach) is float and reach == 1.0 and falloff == "linear":
         return None, None

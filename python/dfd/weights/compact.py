@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from dfd.common import check, tensors
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.common.threads import get_num_threads, one_blas_thread
 
 BLOCK = 16  # vertices side by side, as the kernels take them
@@ -26,41 +27,24 @@ SPAN = 127  # steps to either side of 0 that a byte holds
 DIRECTION_SAMPLE, VERTEX_SAMPLE, HANDLE_SAMPLE = 16_384, 4_096, 128
 SAFETY = 0.8  # part of the tolerance that a sample may use up when the number of dimensions is chosen
 
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
 Precision = Literal["int8", "float16"]
 
 
 @dataclass(frozen=True, eq=False)
 class CompactFeatures:
-    """Features (V, D) of a shape's vertices, projected and rounded for `dfd.bind`, which takes them in their place.
+    """Features (V, D) of a shape's vertices, projected and rounded for `dfd.bind`, which takes them in their place."""
 
-    Attributes
-    ----------
-    shape
-        (V, D) of the features that these stand for.
-    precision
-        Type of the stored entries.
-    blocks
-        float16: (B, d, 16) uint16, the bits of d entries of 16 vertices side by side. int8: (B, d / 4 + 1, 16, 4)
-        uint8, entries + 128 four by four, then the squared length in steps as int32.
-    basis, mean
-        (D, d) with orthonormal columns and (D,): a row z is stored as (z − mean) @ basis.
-    step
-        What 1 stands for in an int8 entry; 1 for float16.
-    radius
-        How far, at most, a vertex of the sample lies from what is stored of it.
-    tolerance, error
-        The largest error of a weight that was asked for, and that a sample of vertices and handles has.
-    """
-
-    shape: tuple[int, int]
-    precision: Precision
+    shape: tuple[int, int]  #: (V, D) of the features that these stand for
+    precision: Precision  #: type of the stored entries
+    #: float16: (B, d, 16) uint16, the bits of d entries of 16 vertices side by side. int8: (B, d / 4 + 1, 16, 4) uint8,
+    #: entries + 128 four by four, then the squared length in steps as int32.
     blocks: NDArray[Any]
+    #: basis, mean: (D, d) with orthonormal columns and (D,): a row z is stored as (z − mean) @ basis
     basis: Float32
     mean: Float32
-    step: float
-    radius: float
+    step: float  #: what 1 stands for in an int8 entry; 1 for float16
+    radius: float  #: how far, at most, a vertex of the sample lies from what is stored of it
+    #: tolerance, error: the largest error of a weight that was asked for, and that a sample of vertices and handles has
     tolerance: float
     error: float
 
@@ -143,11 +127,8 @@ def compact(
     progress
         Called with the number of further rows that are done; below 0 when they have to be done again.
 
-    Raises
-    ------
-    ValueError
-        If `features` or `points` have the wrong shape or are not finite, there are none, or 16 bits are too few for
-        the tolerance.
+    Raises ValueError if `features` or `points` have the wrong shape or are not finite, there are none, or 16 bits are
+    too few for the tolerance.
     """
     wanted = check.number("compact", "tolerance", tolerance, minimum=0, exclusive=True)
     source = _Source(features, points)
@@ -227,7 +208,7 @@ class _Source:
             raise ArgumentError("features", "must have at least one row, got none", "compact")
         self.dimension = self.rows(np.arange(1)).shape[1]
 
-    def rows(self, which: slice | NDArray[np.int64]) -> Float32:
+    def rows(self, which: slice | Int64) -> Float32:
         rows: NDArray[Any] = self._array[which]
         if self._field is not None:
             rows = np.asarray(tensors.shared("compact", "features", self._field(rows)), np.float32)
@@ -244,7 +225,7 @@ class _Trial:
     rotated and stored.
     """
 
-    def __init__(self, features: Float64, along: Float64, handles: NDArray[np.int64]) -> None:
+    def __init__(self, features: Float64, along: Float64, handles: Int64) -> None:
         self._vertices, self._handles = along[:VERTEX_SAMPLE].copy(), along[handles]
         self._weights = _weights(features[:VERTEX_SAMPLE], features[handles])
 
@@ -272,7 +253,7 @@ def _weights(vertices: Float64, handles: Float64) -> Float64:
     return np.maximum(1.0 - np.sqrt(np.maximum(squares, 0.0)), 0.0)
 
 
-def _sample(random: np.random.Generator, count: int, size: int) -> NDArray[np.int64]:
+def _sample(random: np.random.Generator, count: int, size: int) -> Int64:
     """At most `size` distinct indices below `count`."""
     return random.choice(count, min(count, size), replace=False)
 

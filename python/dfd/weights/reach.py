@@ -31,10 +31,7 @@ def auto_reach(distances: ArrayLike) -> float:
     -------
     A number in [0.35, 0.9], or 1, the paper's reach, where no gap lies there.
 
-    Raises
-    ------
-    ValueError
-        If `distances` has another shape, or one of them is negative or not finite.
+    Raises ValueError if `distances` has another shape, or one of them is negative or not finite.
     """
     values = check.array("auto_reach", "distances", distances, ("V",), dtype=np.float64)
     if (values < 0).any():

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dfd.common import check, tensors
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float32, Int64
 from dfd.weights.compact import CompactFeatures
 
 # What a region is thinned to: what lies closer to a kept member than this changes no weight that anyone sees, and so
@@ -19,26 +20,17 @@ MERGED = 1e-3
 MOST_MEMBERS = 32
 MOST_CONSIDERED = 8_192  # of a region, spread evenly over it; more would take longer than binding
 
-Float32 = NDArray[np.float32]
 Source = Float32 | CompactFeatures
 
 
 @dataclass(frozen=True, eq=False)
 class Targets:
-    """What a kernel measures distances to.
+    """What a kernel measures distances to."""
 
-    Attributes
-    ----------
-    points
-        (N,) int64 vertices, or (N, d) float32 rows: of compact features what is stored, in steps.
-    missed
-        (N,) squared distance that stored rows miss; None for vertices and for full features.
-    members
-        (H,) uint32 how many of the points, in their order, make each handle; None where each is one.
-    """
-
-    points: NDArray[np.int64] | Float32
-    missed: Float32 | None
+    # points: (N,) int64 vertices, or (N, d) float32 rows: of compact features what is stored, in steps
+    points: Int64 | Float32
+    missed: Float32 | None  # (N,) squared distance that stored rows miss; None for vertices and for full features
+    # members: (H,) uint32 how many of the points, in their order, make each handle; None where each is one
     members: NDArray[np.uint32] | None
 
     def __len__(self) -> int:

@@ -68,10 +68,7 @@ def _adapter() -> TypeAdapter[Any]:
 
 
 def read_request(text: str) -> Request:
-    """The request in a text of the page.
-
-    Raises RequestError if it is none, in plain words.
-    """
+    """The request in a text of the page; RequestError if it is none, in plain words."""
     try:
         read: Request = _adapter().validate_json(text)
     except ValidationError as error:

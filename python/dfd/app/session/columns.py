@@ -17,6 +17,7 @@ from dfd.app.protocol.binary_messages import (
     InstancesMessage,
     pack,
 )
+from dfd.common.linear_algebra import Float32
 from dfd.editing.presets import PARTLESS_REACH, PRESETS
 from dfd.weights.bind import bind
 
@@ -190,7 +191,7 @@ def heat_message(deformer: Deformer, place: Place, *, request: int) -> bytes:
     return pack(HeatMessage, {"values": values}, id=request, vertex=place.vertex, scale=MAX_DISTANCE)
 
 
-def _probed(deformer: Deformer, place: Place) -> NDArray[np.float32]:
+def _probed(deformer: Deformer, place: Place) -> Float32:
     """(V,) distances of which the page makes, by the preset's falloff, what a new handle at a place would hold."""
     part = deformer.bound.part(place) if PRESETS[deformer.preset].reach == "part" else None
     if part is None:
@@ -200,9 +201,9 @@ def _probed(deformer: Deformer, place: Place) -> NDArray[np.float32]:
     return np.asarray(PARTLESS_REACH * (1.0 - within), np.float32)
 
 
-def feature_distances(deformer: Deformer, place: Place) -> NDArray[np.float32]:
+def feature_distances(deformer: Deformer, place: Place) -> Float32:
     """(V,) in [0, 2], the distance of each vertex from `place` in feature space."""
-    distances: NDArray[np.float32] = bind(deformer.features, deformer.bound.asked(place), reach=MAX_DISTANCE)[:, 0]
+    distances: Float32 = bind(deformer.features, deformer.bound.asked(place), reach=MAX_DISTANCE)[:, 0]
     np.subtract(1.0, distances, out=distances)
     distances *= MAX_DISTANCE
     return distances

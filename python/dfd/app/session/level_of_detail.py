@@ -11,13 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int32
+
 MOST_FACES = 16_000  # about as many as a CPU poses and draws 60 times a second
 FINEST_GRID = 256  # cubes along the longest side
 FACES_PER_CUBE = 2.0  # closed surfaces have two faces per vertex
 SAMPLES = 200_000  # vertices used to count the cubes that a grid fills
 
-Ints = NDArray[np.int32]
-Floats = NDArray[np.float32]
+Ints = Int32
+Floats = Float32
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,7 @@ class CoarseLevel:
         return CoarseLevel(self.faces[order], self.source_faces[order])
 
 
-def coarse_level(vertices: NDArray[np.float64], faces: Ints, *, max_faces: int = MOST_FACES) -> CoarseLevel | None:
+def coarse_level(vertices: Float64, faces: Ints, *, max_faces: int = MOST_FACES) -> CoarseLevel | None:
     """About `most` faces at most of a shape with vertices (V, 3) and faces (F, 3); None if that saves less than half.
 
     Every cube that contains a face of nonzero area keeps one, so that thin and small parts stay visible.
@@ -53,7 +55,7 @@ def coarse_level(vertices: NDArray[np.float64], faces: Ints, *, max_faces: int =
     return CoarseLevel(numbers[found], source_faces)
 
 
-def _within_unit_cube(points: NDArray[np.float64]) -> Floats:
+def _within_unit_cube(points: Float64) -> Floats:
     low = points.min(axis=0)
     with np.errstate(over="ignore"):
         size = float((points.max(axis=0) / 2 - low / 2).max()) * 2
@@ -142,12 +144,12 @@ def _squared(offsets: Floats) -> Floats:
     return x * x + y * y + z * z
 
 
-def _any_marked(marked: NDArray[np.bool_], ends: Ints) -> NDArray[np.bool_]:
+def _any_marked(marked: Bool, ends: Ints) -> Bool:
     """(N,) whether one of (N, 3) is marked."""
     return marked[ends[:, 0]] | marked[ends[:, 1]] | marked[ends[:, 2]]
 
 
-def _unused(count: int, ends: Ints) -> NDArray[np.bool_]:
+def _unused(count: int, ends: Ints) -> Bool:
     """(count,) which clusters are in none of `ends`."""
     lost = np.ones(count, bool)
     lost[ends] = False
@@ -165,7 +167,7 @@ def _areas(points: Floats, faces: Ints) -> Floats:
     return _squared(np.cross(b - a, c - a))
 
 
-def _largest(areas: Floats, ends: Ints, wanted: NDArray[np.bool_]) -> Ints:
+def _largest(areas: Floats, ends: Ints, wanted: Bool) -> Ints:
     """Of each wanted cluster the largest face with a corner in it; which of (N,) they are."""
     order = np.argsort(-areas, kind="stable")
     order = order[areas[order] > 0]

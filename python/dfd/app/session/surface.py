@@ -12,6 +12,7 @@ from PIL import Image
 
 from dfd.app.protocol.binary_messages import DetailMessage, Group, MaterialEntry, MeshMessage, pack
 from dfd.app.session.level_of_detail import CoarseLevel, coarse_level
+from dfd.common.linear_algebra import Float64, Int32, Int64, UInt8
 from dfd.mesh.appearance import Material
 from dfd.mesh.mesh import Mesh
 
@@ -21,7 +22,7 @@ JPEG_QUALITY = 92
 Arrays = dict[str, NDArray[Any]]
 
 
-def center_of(mesh: Mesh) -> NDArray[np.float64]:
+def center_of(mesh: Mesh) -> Float64:
     """(3,) the center of the box, mesh units: positions are sent relative to it, to keep precision in float32."""
     return mesh.bounds[0] / 2 + mesh.bounds[1] / 2
 
@@ -38,7 +39,7 @@ def mesh_messages(mesh: Mesh, *, number: int, name: str, warnings: Sequence[str]
     none = np.zeros(len(mesh.faces), np.int32)
     material_of = none if mesh.appearance is None else mesh.appearance.face_material
 
-    def message(shown: Arrays, triangles: NDArray[np.int32], material_of: NDArray[np.int32]) -> bytes:
+    def message(shown: Arrays, triangles: Int32, material_of: Int32) -> bytes:
         return pack(
             MeshMessage,
             {**shown, "triangles": triangles.astype(np.uint32), **textures},
@@ -80,7 +81,7 @@ def mesh_messages(mesh: Mesh, *, number: int, name: str, warnings: Sequence[str]
     )
 
 
-def _row_arrays(mesh: Mesh, rows: NDArray[np.int32]) -> Arrays:
+def _row_arrays(mesh: Mesh, rows: Int32) -> Arrays:
     """The per-row arrays, by the names of their buffers."""
     arrays: Arrays = {
         "positions": (mesh.vertices[rows] - center_of(mesh)).astype(np.float32),
@@ -97,9 +98,7 @@ def _row_arrays(mesh: Mesh, rows: NDArray[np.int32]) -> Arrays:
     return arrays
 
 
-def _corner_rows(
-    level: CoarseLevel, rows: NDArray[np.int32], corner_faces: NDArray[np.int32], arrays: Arrays
-) -> NDArray[np.int32]:
+def _corner_rows(level: CoarseLevel, rows: Int32, corner_faces: Int32, arrays: Arrays) -> Int32:
     """(K, 3) rows of the coarse faces' corners: of a vertex's rows, the most similar to the source face's corner."""
     vertices = level.faces.reshape(-1)
     needed = np.zeros(int(rows.max()) + 1, bool)
@@ -120,7 +119,7 @@ def _corner_rows(
     return candidates[best].reshape(-1, 3).astype(np.int32)
 
 
-def _row_distances(values: NDArray[Any], some: NDArray[np.int64], others: NDArray[np.int32]) -> NDArray[Any]:
+def _row_distances(values: NDArray[Any], some: Int64, others: Int32) -> NDArray[Any]:
     return np.linalg.norm(values[some] - values[others], axis=1)
 
 
@@ -155,7 +154,7 @@ def packed_normals(normals: NDArray[np.floating[Any]]) -> NDArray[np.int16]:
     return packed
 
 
-def _corners(mesh: Mesh) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def _corners(mesh: Mesh) -> tuple[Int32, Int32]:
     """(R,) the vertex of each row, -1 for rows without a face, and (F, 3) the rows of each face's corners."""
     if mesh.appearance is not None:
         return mesh.appearance.corners, mesh.appearance.corner_faces
@@ -164,7 +163,7 @@ def _corners(mesh: Mesh) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     return np.arange(len(mesh.vertices), dtype=np.int32), mesh.faces
 
 
-def _rows(mesh: Mesh) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def _rows(mesh: Mesh) -> tuple[Int32, Int32]:
     """As `_corners`, without the rows that have no face."""
     vertex, corner_faces = _corners(mesh)
     used = vertex >= 0
@@ -174,7 +173,7 @@ def _rows(mesh: Mesh) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     return vertex[used], number[corner_faces]
 
 
-def _row_normals(mesh: Mesh, rows: NDArray[np.int32]) -> NDArray[np.float64]:
+def _row_normals(mesh: Mesh, rows: Int32) -> Float64:
     """(R, 3) unit normals: those of the file, so that sharp edges stay sharp, else smooth ones."""
     normals = mesh.normals[rows].astype(np.float64)
     scene = mesh.scene
@@ -191,7 +190,7 @@ def _row_normals(mesh: Mesh, rows: NDArray[np.int32]) -> NDArray[np.float64]:
     return np.where(np.isfinite(file_normals).all(axis=1, keepdims=True), file_normals, normals)
 
 
-def _material_runs(material_of: NDArray[np.int32]) -> tuple[Group, ...]:
+def _material_runs(material_of: Int32) -> tuple[Group, ...]:
     """Runs of consecutive triangles with the same material."""
     starts = np.flatnonzero(np.diff(material_of, prepend=-1)).tolist()
     ends = [*starts[1:], len(material_of)]
@@ -201,7 +200,7 @@ def _material_runs(material_of: NDArray[np.int32]) -> tuple[Group, ...]:
     )
 
 
-def _encode_texture(texture: NDArray[np.uint8]) -> tuple[bytes, str]:
+def _encode_texture(texture: UInt8) -> tuple[bytes, str]:
     """A texture (rows, columns, 4) as a JPEG or PNG file, and its media type."""
     image = Image.fromarray(texture)
     if max(image.size) > LONGEST_TEXTURE:

@@ -138,10 +138,7 @@ def _listen(host: str, port: int) -> socket.socket:
 
 
 def check_built(static: Path = STATIC) -> None:
-    """Check that the page was built.
-
-    Raises FileNotFoundError if not; the message says how to build it.
-    """
+    """Check that the page was built; FileNotFoundError if not; the message says how to build it."""
     if not (static / "index.html").is_file():
         raise FileNotFoundError(
             f"the page is not built: run `npm ci && npm run build` in {static.with_name('client')} (Node 20 or newer), "
@@ -234,10 +231,7 @@ def show(deformer: Deformer, *, height: int = 640) -> Frame:
     height
         Of the frame, pixels.
 
-    Raises
-    ------
-    OSError
-        If the page was not built.
+    Raises OSError if the page was not built.
     """
     check_built()
     running = _SHOWN.get(id(deformer))

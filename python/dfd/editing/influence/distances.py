@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float32, Int64
 from dfd.editing.controls import Controls
 from dfd.editing.points import Place
 from dfd.geometry.limbs import Limb, limb_at
@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from dfd.mesh.mesh import Mesh
     from dfd.symmetry.plane import SymmetryPlane
 
-Float32 = NDArray[np.float32]
-Indices = NDArray[np.int64]
+Indices = Int64
 
 
 class Distances:

@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float32, Int64
 from dfd.editing.influence.regions import Region, distances_from, members
 from dfd.editing.points import Place
 from dfd.field.field import FieldOnMesh
@@ -24,8 +24,7 @@ MOST_EXACT = 16_384
 # A region weighs by so many of its members, those whose features differ most, chosen among so many.
 MOST_REPRESENTATIVES, MOST_CANDIDATES = 32, 2048
 
-Float32 = NDArray[np.float32]
-Indices = NDArray[np.int64]
+Indices = Int64
 
 
 class HandleFeatures:

@@ -7,9 +7,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.editing.controls import Controls
 from dfd.editing.edit import Edit, Fixed, Handle
 from dfd.editing.influence.distances import Distances
@@ -46,7 +46,6 @@ SINGULAR = 1e-4
 # The number that stands for the reach "part" is at least this, and so many times how far most of the part differs.
 LEAST_REACH, MOST_OF_PART, AROUND_PART = 0.1, 0.9, 2.0
 
-Float32 = NDArray[np.float32]
 LEAST_CAPACITY = 32  # columns
 MOST_GRIPS = 32  # that are kept
 
@@ -113,10 +112,7 @@ class HandleWeights:
     features
         (V, D) features of the vertices, in full or compact; None asks the field when they are first needed.
 
-    Raises
-    ------
-    ValueError
-        If `features` is not finite or not one row of the field's width per vertex.
+    Raises ValueError if `features` is not finite or not one row of the field's width per vertex.
     """
 
     def __init__(self, mesh: Mesh, field: Field, features: Any = None) -> None:
@@ -190,7 +186,7 @@ class HandleWeights:
         own = [(weights[:, i], column) for i, column in enumerate(columns) if column.handle == number]
         return self._limbs.of(key, handle, self.anchor(handle), own, edit.symmetry)
 
-    def bent(self, edit: Edit) -> NDArray[np.float64]:
+    def bent(self, edit: Edit) -> Float64:
         """(V, 3) the vertices that the handles of `edit` transform: the resting ones, bent and twisted where any do."""
         bending = {i: self.held_parts(edit, handle) for i, handle in enumerate(edit.handles) if handle.transform.bends}
         return self._limbs.bent(edit, bending) if bending else self.mesh.vertices
@@ -300,7 +296,7 @@ class HandleWeights:
                     "what is fixed looks just like it; lower its strength, or fix something else",
                 )
 
-    def among(self, edit: Edit, weights: Float32) -> NDArray[np.float64]:
+    def among(self, edit: Edit, weights: Float32) -> Float64:
         """(H, H) of `weights` (V, H), row j at the vertex of handle j."""
         return weights[self._anchors(edit)].astype(np.float64)
 
@@ -322,7 +318,7 @@ class HandleWeights:
                 f"{other.place} look the same and cannot both arrive",
             )
 
-    def _anchors(self, edit: Edit) -> NDArray[np.int64]:
+    def _anchors(self, edit: Edit) -> Int64:
         return np.array([self.anchor(handle) for handle in edit.handles], np.int64)
 
     def _follow(self, edit: Edit) -> None:

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dfd.common import check
 from dfd.common.errors import ArgumentError
-from dfd.common.linear_algebra import unit
+from dfd.common.linear_algebra import Float32, Float64, unit
 from dfd.editing.influence.instance_weights import Column
 from dfd.editing.influence.instances import shortest_turn
 from dfd.geometry.part_axis import PartAxes, PartAxis
@@ -32,37 +31,19 @@ TOWARDS["back"] = (0, 0, -1)
 ACROSS = 0.1  # of a part's vertices: with so many on either side of a plane, it lies across it
 UPRIGHT = 0.9  # cosine: of a limb that is nearer to upright, up says nothing about the way that it bends
 
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class HeldPart:
-    """One connected part that follows a handle.
+    """One connected part that follows a handle."""
 
-    Attributes
-    ----------
-    axis
-        From where it leaves the rest of the shape to its tip.
-    amount
-        How much of the handle's bend and twist it makes, in [0, 1].
-    carry
-        (3, 3) takes the handle's rotation vectors to those of this part: turned from one axis to the other, and
-        mirrored where the part is a mirror image.
-    handedness
-        1, or −1 for a mirror image, which twists the other way.
-    sections
-        Its vertices by where along the axis they are.
-    across
-        Whether it lies across the plane of symmetry.
-    """
-
-    axis: PartAxis
-    amount: float
+    axis: PartAxis  # from where it leaves the rest of the shape to its tip
+    amount: float  # how much of the handle's bend and twist it makes, in [0, 1]
+    # carry: (3, 3) takes the handle's rotation vectors to those of this part: turned from one axis to the other, and
+    # mirrored where the part is a mirror image
     carry: Float64
-    handedness: float
-    sections: Sections
-    across: bool
+    handedness: float  # 1, or −1 for a mirror image, which twists the other way
+    sections: Sections  # its vertices by where along the axis they are
+    across: bool  # whether it lies across the plane of symmetry
 
     def bend(self, points: Float64, transform: Transform) -> None:
         """Bend and twist what of `points` (V, 3) belongs to the part, in place, as `transform` says."""

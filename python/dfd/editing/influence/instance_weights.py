@@ -9,8 +9,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.influence.instances import LEAST_ALIKE, Instance, InstanceFinder, SurfaceAxes
 from dfd.geometry.coarse import Share
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 LEAST_LEVELED = 0.1  # of the handle's own weight: an instance that follows less is not brought to it
 
-Float32 = NDArray[np.float32]
 Portion = tuple[Instance | None, float]  # what an instance, or all, has of a handle's weights, times a gain
 
 
@@ -40,7 +39,7 @@ class Column(NamedTuple):
     instance: Instance | None  # None where the handle's transform acts as it is
     gain: float = 1.0  # the column is the handle's, times the instance's share, times this
 
-    def matrix(self, handle: Handle) -> NDArray[np.float64]:
+    def matrix(self, handle: Handle) -> Float64:
         """The (3, 4) transform of the column, mesh units: the handle's own, carried into the instance's frame."""
         if self.instance is None:
             return handle.matrix
@@ -160,7 +159,7 @@ class InstanceColumns:
         return symmetry_planes(self._field, self._mesh)
 
 
-def interpolating_columns(weights: Float32, columns: tuple[Column, ...], anchors: NDArray[np.int64]) -> Float32:
+def interpolating_columns(weights: Float32, columns: tuple[Column, ...], anchors: Int64) -> Float32:
     """(V, C) columns under which each of H handles alone decides where its vertex of `anchors` (H,) lands.
 
     What follows a handle in `weights` (V, C) is handed out to all of them, by the inverse of how much their vertices

@@ -21,6 +21,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.editing.edit import Handle
 from dfd.editing.influence.distances import Distances
 from dfd.geometry.coarse import Nodes, Share
@@ -39,35 +40,21 @@ CLEAR = 0.03  # a share below this part of the largest is none, so that an insta
 BESIDE = 0.1  # of a box's sides: what stands so near it is inside
 AS_ALIKE = 0.05  # of weight: by so much less alike, the mirror image of the handle is still preferred to a peak
 
-Float32 = NDArray[np.float32]
-Float64 = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class Instance:
-    """One place that moves with a handle.
+    """One place that moves with a handle."""
 
-    Attributes
-    ----------
-    vertex
-        Its counterpart of the handle: the vertex that looks most like it.
-    position
-        (3,) where that is, mesh units; for the handle's own instance the handle's own position, and of a region in
-        several pieces the center of one.
-    frame
-        (3, 3) orthogonal: turns directions at the handle into those at the counterpart; a reflection where a plane of
-        symmetry lies between them.
-    weight
-        How much it follows the handle, the weight at its counterpart.
-    share_of
-        Called with what indexes vertices, it works out the part of their weight that is this instance's; None stands
-        for all of it, where the handle has one instance.
-    """
-
-    vertex: int
+    vertex: int  # its counterpart of the handle: the vertex that looks most like it
+    # position: (3,) where that is, mesh units; for the handle's own instance the handle's own position, and of a
+    # region in several pieces the center of one
     position: tuple[float, float, float]
+    # frame: (3, 3) orthogonal: turns directions at the handle into those at the counterpart; a reflection where a
+    # plane of symmetry lies between them
     frame: Float64
-    weight: float
+    weight: float  # how much it follows the handle, the weight at its counterpart
+    # share_of: called with what indexes vertices, it works out the part of their weight that is this instance's; None
+    # stands for all of it, where the handle has one instance
     share_of: Share | None
 
     @property
@@ -161,7 +148,7 @@ class InstanceFinder:
         self,
         root: int,
         weights: NDArray[np.floating],
-        basin: NDArray[np.int64],
+        basin: Int64,
         found: Sequence[Instance],
         planes: Sequence[SymmetryPlane],
     ) -> tuple[int, Float64]:
@@ -184,9 +171,7 @@ class InstanceFinder:
                 frame = plane.reflection[:3, :3] @ frame
         return peak, frame
 
-    def _of_pieces(
-        self, pieces: NDArray[np.integer], weights: Float64, vertex: int
-    ) -> tuple[NDArray[np.int64], dict[int, float]]:
+    def _of_pieces(self, pieces: NDArray[np.integer], weights: Float64, vertex: int) -> tuple[Int64, dict[int, float]]:
         """What `_basins` gives, with a peak for each of `pieces` (V,), whose upper half is all of it."""
         nodes = self._nodes
         of_node = pieces[nodes.members[nodes.starts]]
@@ -203,7 +188,7 @@ class InstanceFinder:
         return basin, dict.fromkeys(peaks, -np.inf)
 
     def _join_held(
-        self, held: NDArray[np.integer], weights: Float64, basin: NDArray[np.int64], saddle: dict[int, float]
+        self, held: NDArray[np.integer], weights: Float64, basin: Int64, saddle: dict[int, float]
     ) -> dict[int, Float64]:
         """Make one of all peaks on each connected piece of the vertices `held` (N,): all of a region is held alike.
 
@@ -226,7 +211,7 @@ class InstanceFinder:
         _join(basin, saddle, {root: _last(whole_of, root) for root in whole_of})
         return centers if count > 1 else {}
 
-    def _join_inside(self, weights: Float64, basin: NDArray[np.int64], saddle: dict[int, float]) -> None:
+    def _join_inside(self, weights: Float64, basin: Int64, saddle: dict[int, float]) -> None:
         """Give peaks that stand inside what a higher one is to it: the hub of a wheel, the arch around it.
 
         Only those of another component of the surface: on one component the way along it tells what is another limb.
@@ -251,9 +236,7 @@ class InstanceFinder:
         _join(basin, saddle, whole_of)
 
     @staticmethod
-    def _cores(
-        roots: NDArray[np.int64], weights: Float64, basin: NDArray[np.int64], saddle: dict[int, float]
-    ) -> list[NDArray[np.int64]]:
+    def _cores(roots: Int64, weights: Float64, basin: Int64, saddle: dict[int, float]) -> list[Int64]:
         """The nodes of the upper half of each of the peaks `roots`."""
         half = np.full(len(weights), np.inf)
         half[roots] = [(weights[root] + saddle[root]) / 2 for root in roots.tolist()]
@@ -266,9 +249,7 @@ class InstanceFinder:
         members = self._nodes.members[self._nodes.starts[node] : self._nodes.ends[node]]
         return int(members[weights[members].argmax()])
 
-    def _shares(
-        self, weights: Float64, basin: NDArray[np.int64], saddle: dict[int, float], roots: Sequence[int]
-    ) -> list[Share]:
+    def _shares(self, weights: Float64, basin: Int64, saddle: dict[int, float], roots: Sequence[int]) -> list[Share]:
         """The K shares of the instances: 1 on the upper half of a peak, passing smoothly into each other between."""
         closeness = np.empty((len(roots), len(weights)))
         for row, core in enumerate(self._cores(np.asarray(roots), weights, basin, saddle)):
@@ -289,7 +270,7 @@ class InstanceFinder:
         return cKDTree(self._mesh.vertices)
 
 
-def _join(basin: NDArray[np.int64], saddle: dict[int, float], whole_of: dict[int, int]) -> None:
+def _join(basin: Int64, saddle: dict[int, float], whole_of: dict[int, int]) -> None:
     """Make what belongs to each peak of `whole_of` a part of what belongs to the peak that it names."""
     name = np.arange(len(basin))
     name[list(whole_of)] = list(whole_of.values())
@@ -305,7 +286,7 @@ def _last(whole_of: dict[int, int], root: int) -> int:
     return root
 
 
-def _grouped(items: NDArray[np.integer], group: NDArray[np.integer], count: int) -> list[NDArray[np.int64]]:
+def _grouped(items: NDArray[np.integer], group: NDArray[np.integer], count: int) -> list[Int64]:
     """The items of each of `count` groups, in their order."""
     order = np.argsort(group, kind="stable")
     ends = np.cumsum(np.bincount(group, minlength=count))[:-1]
@@ -324,13 +305,13 @@ class _Box:
         self._low -= margin
         self._high += margin
 
-    def holds(self, points: Float64) -> NDArray[np.bool_]:
+    def holds(self, points: Float64) -> Bool:
         """Which of points (N, 3) lie in it, (N,)."""
         along = (points - self._center) @ self._axes.T
         return ((along >= self._low) & (along <= self._high)).all(axis=1)
 
 
-def _basins(weights: Float64, graph: csr_array) -> tuple[NDArray[np.int64], dict[int, float]]:
+def _basins(weights: Float64, graph: csr_array) -> tuple[Int64, dict[int, float]]:
     """The peaks of weights (N,) over a graph, and what belongs to them.
 
     Returns

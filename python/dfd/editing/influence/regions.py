@@ -11,12 +11,12 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from dfd.common import check
 from dfd.common.described import About, Written, check_fields
 from dfd.common.errors import ArgumentError
+from dfd.common.linear_algebra import Bool, Float64, Int64
 from dfd.posing.transforms import Vector, vector
 
 if TYPE_CHECKING:
@@ -28,8 +28,8 @@ SAME_POSITION = 1e-5
 # On a finer mesh, what lies nearer to a vertex of a set than this part of their spacing belongs to the set.
 NEAR_SPACING = 0.8
 
-Indices = NDArray[np.int64]
-Mask = NDArray[np.bool_]
+Indices = Int64
+Mask = Bool
 
 
 @dataclass(frozen=True)
@@ -151,24 +151,12 @@ class VertexSet:
 
     On another mesh, those nearest to them belong to it, and on a finer one what lies between them.
 
-    Attributes
-    ----------
-    indices
-        (N,) vertex indices, once each, ascending.
-    positions
-        (N, 3) in mesh units.
-    count
-        How many vertices that shape has; None where nobody knows.
-
-    Raises
-    ------
-    ValueError
-        If there is none, one occurs twice, or there are not as many positions.
+    Raises ValueError if there is none, one occurs twice, or there are not as many positions.
     """
 
-    indices: Annotated[Indices, Written(list[int])]
-    positions: Annotated[NDArray[np.float64], Written(list[Vector])]
-    count: int | None = None
+    indices: Annotated[Indices, Written(list[int])]  # (N,) vertex indices, once each, ascending
+    positions: Annotated[Float64, Written(list[Vector])]  # (N, 3) in mesh units
+    count: int | None = None  # how many vertices that shape has; None where nobody knows
     kind: Literal["vertices"] = field(default="vertices", repr=False)
 
     def __post_init__(self) -> None:
@@ -237,17 +225,14 @@ Region = Ball | Box | Group | HalfSpace | Part | VertexSet
 
 
 def members(mesh: Mesh, region: Region) -> Indices:
-    """(N,) ascending, the vertices of `mesh` in `region`.
-
-    Raises ValueError if there is none.
-    """
+    """(N,) ascending, the vertices of `mesh` in `region`; ValueError if there is none."""
     found = np.flatnonzero(region.inside(mesh))
     if len(found) == 0:
         raise ArgumentError("region", f"must hold a vertex, but {region} holds none of the mesh's {len(mesh.vertices)}")
     return found
 
 
-def distances_from(mesh: Mesh, region: Region) -> NDArray[np.float64]:
+def distances_from(mesh: Mesh, region: Region) -> Float64:
     """(V,) how far each vertex lies outside of `region`, mesh units; of a set of vertices, from the nearest of them.
 
     Raises ValueError if it holds no vertex.
