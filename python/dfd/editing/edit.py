@@ -105,7 +105,7 @@ class Edit:
     fixed: tuple[Fixed, ...] = ()
     # symmetry: the plane across which handles act on both sides, or None; in a file also a letter
     symmetry: Annotated[SymmetryPlane | None, Written(SymmetryPlane | Literal["x", "y", "z"] | None)] = None
-    default: Transform | None = None  # d₀ of Eq. 1, what happens to what no handle holds; None is nothing.
+    default: Transform | None = None  # D₀ of Eq. 1, what happens to what no handle holds; None is nothing
     # overlap, blend, arrive, mirrored_locality, bridges: as `dfd.editing.presets.WHOLE_SHAPE` says
     overlap: Annotated[Overlap, WHOLE_SHAPE["overlap"]] = DEFAULTS.overlap
     blend: Annotated[BlendRule, WHOLE_SHAPE["blend"]] = DEFAULTS.blend
