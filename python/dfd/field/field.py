@@ -81,8 +81,11 @@ class Field:
     residuals
         How features of each component of the surface differ from those of the network; None where they do not.
 
-    Raises ValueError if a parameter is missing, unknown, of another shape or not finite, a number is out of its range,
-    or `residuals` are of another width.
+    Raises
+    ------
+    ValueError
+        If a parameter is missing, unknown, of another shape or not finite, a number is out of its range, or `residuals`
+        are of another width.
     """
 
     # Reads features of vertices; set by `dfd.field.vertex_field`, whose class derives from this one.
@@ -235,9 +238,14 @@ class Field:
         mesh
             The mesh that a `.pth`, `.npy` or `.pt` is of; unused else.
 
-        Raises OSError if `path` does not exist or cannot be read. Raises ValueError if it is not a field, is truncated,
-        of another version, lacks tensors that its header names, or gives features that are not finite; if an `.npy` or
-        `.pt` has not one row for each vertex, in the order of the vertices, or for each face.
+        Raises
+        ------
+        OSError
+            If `path` does not exist or cannot be read.
+        ValueError
+            If it is not a field, is truncated, of another version, lacks tensors that its header names, or gives
+            features that are not finite; if an `.npy` or `.pt` has not one row for each vertex, in the order of the
+            vertices, or for each face.
         """
         if not Path(path).is_file():
             raise FileNotFoundError(f"Field.load: `path` {os.fspath(path)} does not exist or is no file")

@@ -13,6 +13,7 @@ from bench.quality.parts import family_of, kind_of_part, without_few
 from bench.quality.shapes import Shape, rigs
 from bench.quality.studies import EUCLIDEAN, FAMILIES_STUDY, TURNS, Row, turned
 from bench.quality.studies import by_family as table
+from bench.training import sources
 from bench.training.learn_up import decided, least_priors, upright_shapes
 from bench.training.up_lessons import (
     FRAMES,
@@ -238,7 +239,8 @@ def test_a_tilted_shape_is_judged_by_candidates_near_its_up():
     assert 0 < choice.right.sum() <= len(choice.right) // 2
 
 
-def test_further_shapes_are_few_of_a_kind_and_have_an_up(tmp_path):
+def test_further_shapes_are_few_of_a_kind_and_have_an_up(tmp_path, monkeypatch):
+    monkeypatch.setattr(sources, "MOST_ALIKE", 1)
     (tmp_path / "meshes").mkdir()
     things = tmp_path / "lessons" / "upright"
     things.mkdir(parents=True)
