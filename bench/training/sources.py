@@ -11,7 +11,7 @@ from bench.quality.parts import family_of
 
 OF_MESHES = ("knight.glb", "kaykit_*.obj", "rigs/*.glb", "upright/*.glb")  # what is under CC0 in DFD_MESHES
 OF_LESSONS = ("people/*.glb", "rigs/*.glb", "upright/*.glb")
-MOST_ALIKE = 12  # of a family: a thirteenth jar teaches little
+MOST_ALIKE = 12  # of a family, so that a pack of many jars does not outweigh all else
 # Words in the names of things that have no up, hang on walls, or were laid down anyhow.
 WITHOUT_UP = (
     *("armor", "bone", "book_", "bouncer", "box", "cable", "can_broken", "carpet", "claymore", "club", "compass"),
