@@ -121,8 +121,8 @@ def check_output(option: str, path: Path | None, endings: Sequence[str] = ()) ->
     """
     if path is None:
         return
-    if endings and not path.name.lower().endswith(tuple(endings)):
-        raise ValueError(f"`{option}` must end in {', '.join(endings)}, got {path}")
+    if endings:
+        check.ending(None, option, path, endings)
     if path.is_dir():
         raise IsADirectoryError(f"`{option}`: {path} is a folder, not a file")
     if not path.parent.is_dir():
