@@ -136,11 +136,12 @@ function withInstances(message: InstancesMessage, payload: Payload): Map<number,
   const columns = new Map(store.get().columns);
   for (const entry of message.columns) {
     const data = columns.get(entry.column);
-    const instances = entry.instances.map(({ share, ...rest }) => ({
+    if (!data) continue;
+    const instances = entry.instances.map(({ share, ...rest }, i) => ({
       ...rest,
-      share: weightLayer(payload.get(share, "uint16")),
+      share: share === null ? data.instances[i].share : weightLayer(payload.get(share, "uint16")),
     }));
-    if (data) columns.set(entry.column, { ...data, instances });
+    columns.set(entry.column, { ...data, instances });
   }
   return columns;
 }
