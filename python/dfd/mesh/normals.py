@@ -34,7 +34,10 @@ def smooth_normals(vertices: Float64, faces: Int32) -> Float32:
 
 
 def updated_normals(normals: Float32, before: Float64, after: Float64, faces: Int32) -> Float32:
-    """Return `smooth_normals(after, faces)`, where `normals` (V, 3) are those of `before` (V, 3), by what is around those that moved."""
+    """Return `smooth_normals(after, faces)`, computed only around what moved.
+
+    `normals` (V, 3) are those of the vertices (V, 3) `before`.
+    """
     moved = (after != before).any(axis=1)
     turned = np.zeros(len(moved), bool)
     first, second, third = faces.T
