@@ -124,14 +124,16 @@ class Preparation:
     def _prepare(self, path: Path, origin: str) -> None:
         self._tell("field_progress", "prepare", "load", 0, None, None)
         from dfd.editing.deformer import Deformer
+        from dfd.editing.influence.handle_features import HandleFeatures
         from dfd.editing.presets import PRESETS
+        from dfd.field.compatibility import check_compatible
         from dfd.field.field import Field
         from dfd.symmetry.search import symmetry_planes
 
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", UserWarning)
             field = Field.load(path, mesh=self._mesh)
-            unprepared = Deformer(self._mesh, field, preset=self._options.preset)
+            check_compatible(field, self._mesh)
         messages = [str(each.message) for each in caught if issubclass(each.category, UserWarning)]
         count, done, reported = len(self._mesh.vertices), 0, 0.0
 
@@ -143,8 +145,9 @@ class Preparation:
                 self._tell("field_progress", "prepare", "features", done, count, None)
 
         def features() -> Float32 | CompactFeatures:
-            unprepared.prepare(advance)
-            return unprepared.features
+            rows = HandleFeatures(self._mesh, field)
+            rows.prepare(advance)
+            return rows.features
 
         def planes() -> dict[Preset, list[SymmetryPlane]]:
             return {
