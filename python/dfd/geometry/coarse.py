@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from weakref import WeakKeyDictionary, ref
 
 import numpy as np
 from scipy.sparse import csr_array, eye_array
@@ -57,6 +58,19 @@ class Nodes:
             return lambda some: np.asarray((blend if some == slice(None) else blend[some]) @ row / total[some])
 
         return [share(row) for row in rows]
+
+
+_NODES: WeakKeyDictionary[Mesh, ref[Nodes]] = WeakKeyDictionary()
+
+
+def nodes_of(mesh: Mesh) -> Nodes:
+    """Return the nodes of a mesh, for as long as they are in use the same: to find its parts, and to find instances."""
+    known = _NODES.get(mesh)
+    nodes = None if known is None else known()
+    if nodes is None:
+        nodes = Nodes(mesh)
+        _NODES[mesh] = ref(nodes)
+    return nodes
 
 
 def _gathered(mesh: Mesh, links: Int32) -> Int32:

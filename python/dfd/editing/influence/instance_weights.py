@@ -63,20 +63,14 @@ class InstanceColumns:
         self._field = field
         self._axes = axes
         self._grip = grip
-        self._finder = InstanceFinder(mesh)
+        self.finder = InstanceFinder(mesh)
         self._found: dict[Hashable, tuple[Instance, ...]] = {}
         self._key: Hashable = None
         self._made: tuple[Float32, tuple[Column, ...]] | None = None
 
-    @property
-    def finder(self) -> InstanceFinder:
-        """What finds instances on the mesh."""
-        return self._finder
-
-    def prepare(self, planes: Sequence[SymmetryPlane]) -> None:
-        """Have ready what the first handle would wait for; `planes` are those that `symmetry_planes` finds."""
-        self._planes = list(planes)
-        self._finder.prepare()
+    def prepare(self, planes: Sequence[SymmetryPlane], finder: InstanceFinder) -> None:
+        """Take what the first handle would wait for; `planes` are those that `symmetry_planes` finds."""
+        self._planes, self.finder = list(planes), finder
 
     def of(
         self, edit: Edit, weights: Float32, keys: Sequence[Hashable], rows: HandleFeatures
@@ -137,7 +131,7 @@ class InstanceColumns:
         planes = self._planes if symmetry is None else [symmetry]
         held = None if handle.place.region is None else rows.members(handle.place)
         vertex, pieces = rows.anchor(handle.place), None if grip is None else grip.pieces
-        return self._finder.find(looks, vertex, handle.place.position, held=held, pieces=pieces, planes=planes)
+        return self.finder.find(looks, vertex, handle.place.position, held=held, pieces=pieces, planes=planes)
 
     def _parts(
         self, handle: Handle, weights: Float32, instances: Sequence[Instance], rows: HandleFeatures

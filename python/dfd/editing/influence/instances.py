@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 from dfd.common.linear_algebra import Bool, Float32, Float64, Int64
 from dfd.editing.edit import Handle
 from dfd.editing.influence.distances import Distances
-from dfd.geometry.coarse import Nodes, Share
+from dfd.geometry.coarse import Nodes, Share, nodes_of
 from dfd.posing.transforms import Along, Frame, frame_of_normal
 
 if TYPE_CHECKING:
@@ -263,7 +263,7 @@ class InstanceFinder:
 
     @cached_property
     def _nodes(self) -> Nodes:
-        return Nodes(self._mesh)
+        return nodes_of(self._mesh)
 
     @cached_property
     def _tree(self) -> cKDTree:
