@@ -13,19 +13,25 @@ function meshFormats(endings: readonly string[]): string {
 
 /** What to begin with, while there is no shape. */
 export function Start() {
-  const { session, uploading } = useParts();
+  const { session, uploading, alone } = useParts();
   return (
     <main class="start">
       <div class="start-card">
         <h1>Take hold of a shape</h1>
         <p class="lead">Point at a mesh, drag, and everything that looks alike follows.</p>
-        <button type="button" class="drop" onClick={chooseFiles} disabled={!session || uploading !== null}>
+        <button
+          type="button"
+          class="drop"
+          onClick={chooseFiles}
+          disabled={!session || uploading !== null || alone !== null}
+        >
           <Icon name="open" />
           <strong>{uploading ? `Sending ${uploading}…` : "Drop a mesh here, or choose a file"}</strong>
           <small>
-            {session
-              ? `${meshFormats(session.formats)}, with its textures or as one ZIP, up to ${megabytes(session.upload_bytes)}. A saved session goes with its mesh.`
-              : "Waiting for the server…"}
+            {alone ??
+              (session
+                ? `${meshFormats(session.formats)}, with its textures or as one ZIP, up to ${megabytes(session.upload_bytes)}. A saved session goes with its mesh.`
+                : "Waiting for the server…")}
           </small>
         </button>
         {session && session.samples.length > 0 && (
