@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from dfd.app.protocol.answers import (
 )
 from dfd.app.session.columns import Columns
 from dfd.app.session.state import ViewState, feature_colors_message, state_message
-from dfd.app.session.surface import mesh_messages
+from dfd.app.session.surface import center_of, mesh_messages
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64
 from dfd.editing.suggestions import suggest_handles
@@ -39,24 +40,27 @@ Triple = tuple[float, float, float]
 
 
 def main(folder: Path) -> None:
-    """Write all shapes, and the session that lists them."""
-    entries = []
-    for name, make in SHAPES.items():
-        mesh = make()
-        entries.append(SampleEntry(name=name, title=name.capitalize(), faces=len(mesh.faces)))
-        write(mesh, name, folder / name)
+    """Write all shapes."""
+    meshes = {name: make() for name, make in SHAPES.items()}
+    for name, mesh in meshes.items():
+        write(mesh, dfd.distill(mesh, progress=False), name, folder / name)
         print(f"{name}: {sum(file.stat().st_size for file in (folder / name).iterdir()) / 1e6:.2f} MB", flush=True)
+    write_session(meshes, folder)
+
+
+def write_session(meshes: dict[str, dfd.Mesh], folder: Path) -> None:
+    """Write what lists the shapes."""
+    entries = [SampleEntry(name=name, title=name.capitalize(), faces=len(mesh.faces)) for name, mesh in meshes.items()]
     session = SessionMessage(
         session="0" * 32, resumed=False, dfd=version("dfd"), samples=tuple(entries), upload_bytes=0, formats=()
     )
     (folder / "session.json").write_text(session.model_dump_json(), encoding="utf-8")
 
 
-def write(mesh: dfd.Mesh, name: str, folder: Path) -> None:
+def write(mesh: dfd.Mesh, field: dfd.Field, name: str, folder: Path) -> None:
     """Write what the page needs of one shape."""
     folder.mkdir(parents=True, exist_ok=True)
-    field = dfd.distill(mesh)
-    features = stored(field, mesh)
+    features = stored(field.on(mesh))
     deformer = dfd.Deformer(mesh, field)
     planes = dfd.symmetry_planes(field, mesh)
     suggested = suggest_handles(mesh, features, count=8, planes=planes)
@@ -75,7 +79,7 @@ def write(mesh: dfd.Mesh, name: str, folder: Path) -> None:
     files = {
         "mesh.bin": shape,
         "colors.bin": feature_colors_message(deformer, request=0),
-        "features.bin": np.float32(features.step).tobytes() + features.blocks.tobytes(),
+        "features.bin": packed(features),
         "state.json": state.model_dump_json().encode(),
         "suggestions.json": SuggestionsMessage(suggestions=places).model_dump_json().encode(),
     }
@@ -83,10 +87,15 @@ def write(mesh: dfd.Mesh, name: str, folder: Path) -> None:
         (folder / file).write_bytes(data)
 
 
-def stored(field: dfd.Field, mesh: dfd.Mesh) -> CompactFeatures:
-    """The shape's features in bytes, which are all that `dfd.wasm` reads."""
+def packed(features: CompactFeatures) -> bytes:
+    """The file of compact features in bytes."""
+    return np.float32(features.step).tobytes() + features.blocks.tobytes()
+
+
+def stored(rows: Any) -> CompactFeatures:
+    """Compact features of such rows in bytes, which are all that `dfd.wasm` reads."""
     for tolerance in TOLERANCES:
-        features = dfd.compact(field.on(mesh), tolerance=tolerance)
+        features = dfd.compact(rows, tolerance=tolerance)
         if features.precision == "int8":
             return features
     raise ArgumentError("tolerance", f"must be larger for features of 8 bits, got {TOLERANCES}", "stored")
