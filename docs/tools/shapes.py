@@ -67,7 +67,7 @@ def write(mesh: dfd.Mesh, field: dfd.Field, name: str, folder: Path) -> None:
     # One handle is the page's pattern for all: it weighs by distances alone, and look-alikes are not told apart.
     reach = round(float(np.median([reach_of(deformer, each.vertex) for each in suggested])), 2)
     deformer.blend = "linear"
-    deformer.add(suggested[0].vertex, reach=reach, instances="together", level=False)
+    deformer.add(suggested[0].vertex, reach=reach, instances="shared_pivot", level=False)
     view = ViewState(FieldState(status="ready", origin="prepared"), planes={"default": planes})
     state = state_message(view, deformer, Columns(deformer), after=0)
     state = state.model_copy(update={"new_handle": NewHandle(reach=reach, falloff=state.handles[0].falloff)})

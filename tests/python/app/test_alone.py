@@ -97,7 +97,7 @@ def test_story_alone(wasm: Path, browser: str, animal: Shape, tmp_path: Path) ->
     session.blend = "linear"
     handle = told["handle"]
     controls = {name: handle[name] for name in ("reach", "falloff")}
-    session.add(handle["vertex"], translation=handle["translation"], instances="together", level=False, **controls)
+    session.add(handle["vertex"], translation=handle["translation"], instances="shared_pivot", level=False, **controls)
     moved = np.reshape(told["positions"], (-1, 3)) + shapes.center_of(mesh)
     assert np.abs(moved - mesh.vertices).max() > 0.01 * mesh.diagonal
     np.testing.assert_allclose(moved, session.vertices, atol=0.02 * np.linalg.norm(handle["translation"]))

@@ -87,7 +87,7 @@ class InstanceColumns:
         """
         if not any(_told_apart(handle) for handle in edit.handles):
             return weights, tuple(Column(i, None) for i in range(len(edit.handles)))
-        about = (edit.fixed, edit.arrive, edit.symmetry)
+        about = (edit.fixed, edit.reach_targets, edit.symmetry)
         wanted = [wanted_of(handle) for handle in edit.handles]
         key = (about, tuple(zip(keys, wanted, strict=True)))
         if self._made is None or key != self._key:
@@ -102,7 +102,7 @@ class InstanceColumns:
                     found[_asked(handle, edit.symmetry)] = instances
                     instances = self._axes.turned(handle, rows.anchor(handle.place), instances)
                 own = self._parts(handle, weights[:, i], instances, rows)
-                apart = bool(instances) and handle.controls.instances != "together"
+                apart = bool(instances) and handle.controls.instances != "shared_pivot"
                 parts += [[part] for part in own] if apart else [own]
                 columns += [Column(i, *part) for part in own] if apart else [Column(i, None)]
             made = np.zeros((len(columns), len(weights)), np.float32)
@@ -116,12 +116,12 @@ class InstanceColumns:
         return self._made
 
     def switches(self, handle: Handle, instances: Sequence[Instance], rows: HandleFeatures) -> list[bool]:
-        """Which of a handle's instances are on: off are those that have the most of a place in `without_instances`.
+        """Which of a handle's instances are on: off are those that have the most of a place in `excluded_instances`.
 
         Its own always is.
         """
         on = [True] * len(instances)
-        for place in handle.controls.without_instances:
+        for place in handle.controls.excluded_instances:
             here = rows.anchor(place)
             most = int(np.argmax([one.share_at(here) for one in instances]))
             on[most] = most == 0
@@ -189,7 +189,7 @@ def wanted_of(handle: Handle) -> Hashable:
     """What of a handle its columns depend on, besides its weights."""
     controls, transform = handle.controls, handle.transform
     axes = transform.axes if transform.along is not None else None
-    return controls.instances, controls.level, controls.without_instances, transform.along, axes
+    return controls.instances, controls.level, controls.excluded_instances, transform.along, axes
 
 
 def _asked(handle: Handle, symmetry: SymmetryPlane | None) -> Hashable:
@@ -200,7 +200,7 @@ def _asked(handle: Handle, symmetry: SymmetryPlane | None) -> Hashable:
 def _told_apart(handle: Handle) -> bool:
     """Whether a handle has use for its instances."""
     controls = handle.controls
-    return controls.instances != "together" or controls.level or controls.without_instances != ()
+    return controls.instances != "shared_pivot" or controls.level or controls.excluded_instances != ()
 
 
 def _weights_of(part: Portion, weights: Float32) -> Float32:

@@ -194,7 +194,7 @@ export function setDefault({
 /** What a request says of a transform: a pivot only where it is another one than the server has. */
 function message(handle: number, { pivotAt, pivot, axes, joint, ...rest }: Transform) {
   const known = store.get().edit?.handles.find((other) => other.handle === handle);
-  const same = known?.own_pivot && known.pivot.every((x, i) => x === pivot?.[i]);
+  const same = known?.pivot_set && known.pivot.every((x, i) => x === pivot?.[i]);
   return {
     ...rest,
     pivot: same ? null : (pivotAt ?? pivot ?? ("auto" as const)),

@@ -91,10 +91,10 @@ export function moved(handle: HandleState, given: Transform): HandleState {
 
 function pivotOf(handle: HandleState, pivot: NonNullable<Transform["pivot"]> | null): Partial<HandleState> {
   if (pivot === null) return {};
-  if (pivot === "auto") return { pivot: handle.position, own_pivot: false, pivot_at: null };
-  if (pivot === "point") return { pivot: handle.position, own_pivot: true, pivot_at: pivot };
+  if (pivot === "auto") return { pivot: handle.position, pivot_set: false, pivot_at: null };
+  if (pivot === "point") return { pivot: handle.position, pivot_set: true, pivot_at: pivot };
   if (typeof pivot === "string") throw new Unserved();
-  return { pivot, own_pivot: true, pivot_at: null };
+  return { pivot, pivot_set: true, pivot_at: null };
 }
 
 /** Where a key pose has a handle. */

@@ -14,8 +14,8 @@ const TEXTS: Partial<Record<string, (handle: HandleState, size: number) => strin
   locality: ({ locality, radius }) =>
     radius !== null ? "by radius" : locality === 0 ? "everywhere" : locality.toFixed(1),
   radius: ({ radius }, size) => (radius === null ? "no limit" : `${percent(radius / size)} of the size`),
-  within_width: ({ within_width }, size) =>
-    within_width === 0 ? "sharp" : `${percent(within_width / size)} of the size`,
+  mask_feather: ({ mask_feather }, size) =>
+    mask_feather === 0 ? "sharp" : `${percent(mask_feather / size)} of the size`,
 };
 
 /** A control of a handle as the server describes it. */

@@ -66,8 +66,8 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
         <Toggle
           label="Limit to part"
           hint="Nothing beyond the part that is held moves"
-          checked={handle.within_part}
-          onChange={(on) => change(id, { within: on ? "part" : "everywhere" })}
+          checked={handle.mask_part}
+          onChange={(on) => change(id, { mask: on ? "part" : "everywhere" })}
         />
       </Served>
       <More>
@@ -92,9 +92,9 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
           {["locality", "radius"].map(field)}
           <div class="limit" title="A region beyond which nothing follows">
             <span>Limit</span>
-            <span class="limit-text">{handle.within > 0 ? `${count.format(handle.within)} vertices` : "none"}</span>
-            {handle.within > 0 ? (
-              <Button text="Remove" style="small" onPress={() => change(id, { within: "everywhere" })} />
+            <span class="limit-text">{handle.mask > 0 ? `${count.format(handle.mask)} vertices` : "none"}</span>
+            {handle.mask > 0 ? (
+              <Button text="Remove" style="small" onPress={() => change(id, { mask: "everywhere" })} />
             ) : (
               <Button
                 text="Paint…"
@@ -104,7 +104,7 @@ export function HandlePanel({ known }: { readonly known: HandleState }) {
               />
             )}
           </div>
-          {handle.within > 0 && field("within_width")}
+          {handle.mask > 0 && field("mask_feather")}
           {field("instances")}
         </Served>
       </More>
@@ -154,7 +154,7 @@ const PIVOTS: Record<PivotAt, string> = {
 /** What it turns about: found by the session, unless it is chosen. */
 function PivotChoice({ handle, axis }: { readonly handle: HandleState; readonly axis: AxisMessage | null }) {
   const known = (axis?.handle === handle.handle ? Object.keys(axis.pivots) : ["point"]) as PivotAt[];
-  const value = handle.pivot_at ?? (handle.own_pivot ? "as set" : "auto");
+  const value = handle.pivot_at ?? (handle.pivot_set ? "as set" : "auto");
   const names: readonly string[] = ["auto", ...known, ...(value === "as set" ? [value] : [])];
   return (
     <Select

@@ -73,7 +73,7 @@ function BrushPanel() {
             text="Limit"
             disabled={!painted}
             title={`${handleName(selected)} is to act nowhere else`}
-            onPress={use((within) => send({ type: "change", handle: selected.handle, controls: { within } }))}
+            onPress={use((mask) => send({ type: "change", handle: selected.handle, controls: { mask } }))}
           />
         )}
         <Button text="Clear" disabled={!painted} onPress={() => store.set({ painted: null })} />
