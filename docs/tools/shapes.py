@@ -16,14 +16,7 @@ from typing import Any
 import numpy as np
 
 import dfd
-from dfd.app.protocol.answers import (
-    FieldState,
-    NewHandle,
-    SampleEntry,
-    SessionMessage,
-    Suggestion,
-    SuggestionsMessage,
-)
+from dfd.app.protocol.answers import FieldState, NewHandle, SampleEntry, SessionMessage, Suggestion, SuggestionsMessage
 from dfd.app.session.columns import Columns
 from dfd.app.session.state import ViewState, feature_colors_message, state_message
 from dfd.app.session.surface import center_of, mesh_messages
@@ -237,9 +230,7 @@ def hand() -> dfd.Mesh:
                 for points, radius in fingers
                 for piece in limb("finger", points, [radius, 0.92 * radius, 0.75 * radius], 0.025, False)
             ],
-            *limb(
-                "thumb", [(0, 0.30, 0.10), (0, 0.41, 0.215), (0, 0.51, 0.285)], [0.055, 0.043, 0.033], 0.04, False
-            ),
+            *limb("thumb", [(0, 0.30, 0.10), (0, 0.41, 0.215), (0, 0.51, 0.285)], [0.055, 0.043, 0.033], 0.04, False),
         ],
         (-0.15, -0.1, -0.35),
         (0.15, 1.05, 0.4),

@@ -28,7 +28,7 @@ export function toggleFixed(vertex: number): void {
  */
 export async function takePart(vertex: number, { shiftKey, ctrlKey, metaKey }: PointerEvent): Promise<void> {
   const { edit, tool, selected, alone } = store.get();
-  if (alone !== null) note(`Parts are found by the server. ${alone}`);
+  if (alone !== null) note(`To find parts takes the app: ${alone}.`);
   else if (!edit?.field.parts) note("Parts are being found: try again in a moment.");
   else if (tool === "fix") send({ type: "fix", at: { part: vertex } });
   else if (tool === "hold") {

@@ -10,7 +10,7 @@ export async function upload(files: readonly File[]): Promise<void> {
   const { session, alone } = store.get();
   if (files.length === 0) return;
   if (alone !== null) {
-    note(`This page has no server to open files. ${alone}`);
+    note(`To open files takes the app: ${alone}.`);
     return;
   }
   if (!session) {

@@ -15,7 +15,7 @@ export const NO_EDIT: Edit = { handles: [], fixed: [], symmetry: null, default: 
 /** What is done in the app alone. */
 export class Unserved extends Error {
   constructor() {
-    super("This takes the app: this page has no server.");
+    super("This takes the app, since this page has no server.");
   }
 }
 

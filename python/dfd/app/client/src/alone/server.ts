@@ -35,7 +35,7 @@ const STEPS = 65535;
 const LEAST_LEFT = 0.01;
 
 export function alone({ opened, received }: LinkEvents): Link {
-  store.set({ alone: 'In the app: pip install "dfd[app]", then dfd app' });
+  store.set({ alone: 'pip install "dfd[app]", then dfd app' });
   const server = new Server(received);
   let last = Promise.resolve();
   queueMicrotask(opened);

@@ -25,7 +25,7 @@ export function Inspector() {
       {edit && ready(state) && <SymmetryPanel known={edit} />}
       {edit && <ShapePanel known={edit} />}
       {edit && state.more && ready(state) && <DefaultPanel known={edit} />}
-      {alone && <p class="empty">What is grey takes the app. {alone}</p>}
+      {alone && <p class="empty">What is gray takes the app: {alone}.</p>}
     </aside>
   );
 }
