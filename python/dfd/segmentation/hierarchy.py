@@ -196,7 +196,7 @@ class Hierarchy:
         return sums
 
     def _crossing(self, of_border: Float64) -> Float64:
-        """(N,) sums over the borders between what is in a node and what is not: those of its patches but for inner ones."""
+        """(N,) sums over the borders of a node with what is around it: those of its patches, but for inner ones."""
         borders = self._patches.borders
         ends = borders.pairs.copy()
         apart = np.arange(len(ends))
@@ -204,8 +204,9 @@ class Hierarchy:
             lower = ends[apart].argmin(axis=1)
             ends[apart, lower] = self._parent[ends[apart, lower]]
             apart = apart[ends[apart, 0] != ends[apart, 1]]
-        inner = np.bincount(ends[:, 0], of_border, minlength=len(self._height))
-        outer = np.bincount(borders.pairs.ravel(), np.repeat(of_border, 2), minlength=borders.count)
+        outer, inner = np.zeros(borders.count), np.zeros(len(self._height))
+        np.add.at(outer, borders.pairs, of_border[:, None])
+        np.add.at(inner, ends[:, 0], of_border)
         sums = self._sums(outer) - 2 * self._sums(inner)
         return np.where(sums > ROUNDING * outer.sum(), sums, 0.0)
 
