@@ -19,7 +19,7 @@ import dfd
 from dfd.app.protocol.answers import FieldState, NewHandle, SampleEntry, SessionMessage, Suggestion, SuggestionsMessage
 from dfd.app.session.columns import Columns
 from dfd.app.session.state import ViewState, feature_colors_message, state_message
-from dfd.app.session.surface import center_of, mesh_messages
+from dfd.app.session.surface import mesh_messages
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64
 from dfd.editing.suggestions import suggest_handles
@@ -186,11 +186,11 @@ def plane() -> dfd.Mesh:
             Piece("body", capsule((0, 0.30, -0.20), (0, 0.30, 0.52), 0.085, 0.085)),
             Piece("body", capsule((0, 0.30, -0.20), (0, 0.345, -0.62), 0.085, 0.030), blend=0.04),
             Piece("body", ellipsoid((0, 0.29, 0.56), (0.075, 0.072, 0.13)), blend=0.04),
-            Piece("wing", _vane((0.05, 0.27, 0.10), (0.66, 0.33, -0.20), 0.15, 0.05, 0.018), 0, True, 0.03),
-            Piece("wing", _vane((0.66, 0.33, -0.20), (0.685, 0.41, -0.25), 0.05, 0.03, 0.012), 0, True, 0.01),
+            Piece("wing", _vane((0.05, 0.27, 0.10), (0.66, 0.33, -0.20), 0.15, 0.05, 0.024), 0, True, 0.03),
+            Piece("wing", _vane((0.66, 0.33, -0.20), (0.685, 0.41, -0.25), 0.05, 0.03, 0.018), 0, True, 0.01),
             Piece("engine", capsule((0.25, 0.225, 0.06), (0.25, 0.225, 0.20), 0.042, 0.052), 0, True, 0.012),
-            Piece("tail", _vane((0.02, 0.35, -0.54), (0.25, 0.37, -0.66), 0.08, 0.035, 0.012), 0, True, 0.02),
-            Piece("fin", _vane((0, 0.36, -0.50), (0, 0.60, -0.68), 0.10, 0.05, 0.014), blend=0.02),
+            Piece("tail", _vane((0.02, 0.35, -0.54), (0.25, 0.37, -0.66), 0.08, 0.035, 0.017), 0, True, 0.02),
+            Piece("fin", _vane((0, 0.36, -0.50), (0, 0.60, -0.68), 0.10, 0.05, 0.018), blend=0.02),
         ],
         (-0.8, 0.05, -0.85),
         (0.8, 0.75, 0.8),
