@@ -13,7 +13,7 @@ import numpy as np
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.influence.instances import LEAST_ALIKE, Instance, InstanceFinder, SurfaceAxes
-from dfd.geometry.coarse import Share
+from dfd.geometry.coarse import SliceWeights
 from dfd.posing.overlap import interpolating
 from dfd.posing.transforms import Vector
 from dfd.symmetry.search import symmetry_planes
@@ -63,20 +63,14 @@ class InstanceColumns:
         self._field = field
         self._axes = axes
         self._grip = grip
-        self._finder = InstanceFinder(mesh)
+        self.finder = InstanceFinder(mesh)
         self._found: dict[Hashable, tuple[Instance, ...]] = {}
         self._key: Hashable = None
         self._made: tuple[Float32, tuple[Column, ...]] | None = None
 
-    @property
-    def finder(self) -> InstanceFinder:
-        """What finds instances on the mesh."""
-        return self._finder
-
-    def prepare(self, planes: Sequence[SymmetryPlane]) -> None:
-        """Have ready what the first handle would wait for; `planes` are those that `symmetry_planes` finds."""
-        self._planes = list(planes)
-        self._finder.prepare()
+    def prepare(self, planes: Sequence[SymmetryPlane], finder: InstanceFinder) -> None:
+        """Take what the first handle would wait for; `planes` are those that `symmetry_planes` finds."""
+        self._planes, self.finder = list(planes), finder
 
     def of(
         self, edit: Edit, weights: Float32, keys: Sequence[Hashable], rows: HandleFeatures
@@ -145,7 +139,7 @@ class InstanceColumns:
         planes = self._planes if symmetry is None else [symmetry]
         held = None if handle.place.region is None else rows.members(handle.place)
         vertex, pieces = rows.anchor(handle.place), None if grip is None else grip.pieces
-        return self._finder.find(looks, vertex, handle.place.position, held=held, pieces=pieces, planes=planes)
+        return self.finder.find(looks, vertex, handle.place.position, held=held, pieces=pieces, planes=planes)
 
     def _parts(
         self, handle: Handle, weights: Float32, instances: Sequence[Instance], rows: HandleFeatures
@@ -235,7 +229,7 @@ def _leveled(weights: Float32, instances: Sequence[Instance]) -> tuple[list[Inst
         return list(instances), gains
     less = np.divide(most, total, out=np.ones_like(total), where=total > most)
 
-    def lessened(share_of: Share | None) -> Share:
+    def lessened(share_of: SliceWeights | None) -> SliceWeights:
         return lambda some: less[some] if share_of is None else share_of(some) * less[some]
 
     return [replace(one, share_of=lessened(one.share_of)) for one in instances], gains
