@@ -19,7 +19,7 @@ import dfd
 from dfd.app.protocol.answers import FieldState, NewHandle, SampleEntry, SessionMessage, Suggestion, SuggestionsMessage
 from dfd.app.session.columns import Columns
 from dfd.app.session.state import ViewState, feature_colors_message, state_message
-from dfd.app.session.surface import center_of, mesh_messages
+from dfd.app.session.surface import mesh_messages
 from dfd.common.errors import ArgumentError
 from dfd.common.linear_algebra import Float64
 from dfd.editing.suggestions import suggest_handles

@@ -101,7 +101,7 @@ class Key(NamedTuple):
     bridges: bool  # whether those cross small gaps
 
 
-class Share(Protocol):
+class Sharing(Protocol):
     """Gives what `make` gives, perhaps from another process, and of what it refers to the process's own `known`."""
 
     def __call__(self, make: Callable[[], Made], *, known: Sequence[object]) -> Made: ...
@@ -166,7 +166,7 @@ class HandleWeights:
         """What finds instances on the mesh."""
         return self._instances.finder
 
-    def prepare_instances(self, planes: Sequence[SymmetryPlane], share: Share | None = None) -> None:
+    def prepare_instances(self, planes: Sequence[SymmetryPlane], share: Sharing | None = None) -> None:
         """Compute what the first handle with instances would wait for, seconds for a million faces.
 
         `planes` are those that `symmetry_planes` finds. It may run on another thread than the rest. With `share`,

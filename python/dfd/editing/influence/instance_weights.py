@@ -13,7 +13,7 @@ import numpy as np
 from dfd.common.linear_algebra import Float32, Float64, Int64
 from dfd.editing.edit import Edit, Handle
 from dfd.editing.influence.instances import LEAST_ALIKE, Instance, InstanceFinder, SurfaceAxes
-from dfd.geometry.coarse import Share
+from dfd.geometry.coarse import SliceWeights
 from dfd.posing.overlap import interpolating
 from dfd.posing.transforms import Vector
 from dfd.symmetry.search import symmetry_planes
@@ -221,7 +221,7 @@ def _leveled(weights: Float32, instances: Sequence[Instance]) -> tuple[list[Inst
         return list(instances), gains
     less = np.divide(most, total, out=np.ones_like(total), where=total > most)
 
-    def lessened(share_of: Share | None) -> Share:
+    def lessened(share_of: SliceWeights | None) -> SliceWeights:
         return lambda some: less[some] if share_of is None else share_of(some) * less[some]
 
     return [replace(one, share_of=lessened(one.share_of)) for one in instances], gains
